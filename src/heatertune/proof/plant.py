@@ -100,8 +100,21 @@ class Search(NamedTuple):
 
 
 def searched_from(before: Flow, after: Flow, level: float, plant: Plant) -> Search:
-    """Return where a search begins: on the line between the ends; arguments as of `reached`."""
-    now = before.now + (level - before.y) / (after.y - before.y) * (after.now - before.now)
+    """Return where a search begins: on the parabola through both ends, as y leaves the first; arguments of `reached`.
+
+    Beside a turn, where Newton's steps from a line would halve the way again and again, it is as good as elsewhere.
+
+    Args:
+        before: as there.
+        after: likewise.
+        level: likewise.
+        plant: likewise.
+    """
+    seconds, rise, way = after.now - before.now, after.y - before.y, level - before.y
+    first = (before.x - before.y) / plant.first * seconds
+    below = first + math.copysign(math.sqrt(max(first * first + 4.0 * (rise - first) * way, 0.0)), rise)
+    share = 2.0 * way / below if below != 0.0 else 0.0
+    now = before.now + (share if 0.0 < share < 1.0 else way / rise) * seconds
     there = moved(before, now, factors(now - before.now, plant))
     return Search(before.now, after.now, there.now, there.y, there.x, False)
 
@@ -120,7 +133,7 @@ def closer(before: Flow, after: Flow, level: float, plant: Plant, search: Search
     low, high = search.low if beyond else last, last if beyond else search.high
     slope = (search.x - search.y) / plant.first
     now = low if slope == 0.0 else last - (search.y - level) / slope
-    if not low < now < high:  # Newton's step leads out: halve
+    if not low < now < high and not abs(now - last) <= _NEAR:  # Newton's step leads out: halve
         now = 0.5 * (low + high)
     there = moved(before, now, factors(now - before.now, plant))
     return Search(low, high, now, there.y, there.x, abs(now - last) <= _NEAR)

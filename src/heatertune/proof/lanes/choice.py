@@ -107,5 +107,6 @@ def _made(controller: InLoop, *, two_lags: bool) -> tuple[Callable[..., None], i
     law = rows_of((_held(controller, controller.state), asked if core.singles else asked.item()), ROWS)
     scan = bound(computed, step=core.step, measure=core.measure, law_loaded=law.loaded, law_stored=law.stored,
                  fixed=fixed(_held(controller, controller.parameters)), asked_now=bound(asked_now, stored=core.stored))
-    return bound(run_in_lanes, group=bound(group, computed=scan, quickly=two.quickly if two_lags else one.quickly, law_loaded=law.loaded,
-                                           law_stored=law.stored, restarted=core.restarted)), law.end
+    loops = bound(group, computed=scan, quickly=two.quickly if two_lags else one.quickly, law_loaded=law.loaded,
+                  law_stored=law.stored, restarted=core.restarted)
+    return bound(run_in_lanes, group=loops), law.end

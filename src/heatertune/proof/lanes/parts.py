@@ -10,12 +10,12 @@ from heatertune.proof.meter import Rest, Seen
 from heatertune.proof.plant import Flow, Plant, Search
 
 __all__ = [
-    "NEVER", "ROWS", "Counts", "End", "Extremes", "Inner", "Line", "Now", "Point", "Second", "Stretch", "Under",
-    "flow_of", "left_of", "loaded_counts", "loaded_end", "loaded_extremes", "loaded_inner", "loaded_line",
-    "loaded_point", "loaded_rest", "loaded_search", "loaded_second", "loaded_seen", "loaded_stretch",
-    "loaded_under", "other", "plant_of", "stored_counts", "stored_end", "stored_extremes", "stored_inner",
-    "stored_line", "stored_point", "stored_rest", "stored_search", "stored_second", "stored_seen", "stored_stretch",
-    "stored_under",
+    "NEVER", "ROWS", "Counts", "Edges", "End", "Extremes", "Inner", "Line", "Now", "Point", "Second", "Stretch",
+    "Under", "flow_of", "left_of", "loaded_counts", "loaded_edges", "loaded_end", "loaded_extremes", "loaded_inner",
+    "loaded_line", "loaded_point", "loaded_rest", "loaded_search", "loaded_second", "loaded_seen", "loaded_stretch",
+    "loaded_under", "other", "plant_of", "stored_counts", "stored_edges", "stored_end", "stored_extremes",
+    "stored_inner", "stored_line", "stored_point", "stored_rest", "stored_search", "stored_second", "stored_seen",
+    "stored_stretch", "stored_under",
 ]
 
 
@@ -95,6 +95,13 @@ class Under(NamedTuple):
     happened: int
 
 
+class Edges(NamedTuple):
+    """When this PWM period switches on and off; infinite: it does not [s]."""
+
+    rises: float
+    falls: float
+
+
 class Extremes(NamedTuple):
     """Largest and smallest error in this PWM period at rest, as far as `Meter` has not got them [°C]."""
 
@@ -140,6 +147,7 @@ loaded_counts, stored_counts, _end = rows_of(Counts(0.0, 0.0, 0.0), _end)
 loaded_second, stored_second, _end = rows_of(Second(0.0, 0.0, 0.0), _end)
 loaded_inner, stored_inner, _end = rows_of(Inner(0.0, 0.0), _end)
 loaded_end, stored_end, _end = rows_of(End(0.0, 0.0, 0.0), _end)
+loaded_edges, stored_edges, _end = rows_of(Edges(0.0, 0.0), _end)
 #: number of the first row of the controller's state and setpoint word
 loaded_search, stored_search, ROWS = rows_of(Search(0.0, 0.0, 0.0, 0.0, 0.0, False), _end)
 

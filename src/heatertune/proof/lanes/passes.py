@@ -10,6 +10,7 @@ from heatertune.proof.kernel import HEAT, changed
 from heatertune.proof.lanes.parts import (
     NEVER,
     Counts,
+    Edges,
     Extremes,
     Point,
     Stretch,
@@ -27,6 +28,7 @@ from heatertune.proof.lanes.parts import (
     other,
     plant_of,
     stored_counts,
+    stored_edges,
     stored_extremes,
     stored_point,
     stored_rest,
@@ -249,14 +251,13 @@ def switched(rows: Places, ring: Ring, number: int, pwm: Switches, begin: float,
         begin: of the period [s].
         end: of the run [s].
     """
-    place = begun_at(ring, number, begin)
     for lane in range(LANES):
         u = loaded_under(rows, lane)
         seconds, owed = on_time(max(u.power, 0.0), u.owed, pwm.heat)
         rises = seconds > 0.0 and not u.on
         falls = seconds < pwm.heat[0] and (u.on or rises)
-        ring.rises[place + lane] = begin if rises else NEVER
-        ring.falls[place + lane] = begin + seconds if falls else NEVER
+        stored_edges(rows, lane, Edges(begin if rises else NEVER, begin + seconds if falls else NEVER))
         times = u.times + (1.0 if rises and begin <= end else 0.0)
         stored_under(rows, lane, Under(
             u.due, u.edge, u.last, u.power, owed, (u.on or rises) and not falls, times, u.happened))
+    begun_at(rows, ring, number, begin)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from heatertune.proof.lanes.parts import NEVER, Under, loaded_line, loaded_under, stored_under
+from heatertune.proof.lanes.parts import NEVER, Under, loaded_edges, loaded_line, loaded_under, stored_under
 from heatertune.proof.lanes.rows import LANES
 from heatertune.proof.meter import Places
 
@@ -24,7 +24,7 @@ class Ring(NamedTuple):
 
     Attributes:
         begins: of the periods [s], shape (size,).
-        rises: instants at which the heaters are switched on; infinite: not [s], shape (size·`LANES`,).
+        rises: instants at which the heaters are switched on; infinite: not [s], shape (size, `LANES`).
         falls: likewise off.
     """
 
@@ -50,14 +50,24 @@ def ring_for(dead_s: float, scan_s: float, period_s: float, restarts: int) -> Ri
         restarts: how often the PLC starts up, and its PWM with it.
     """
     size = 1 << (math.ceil((dead_s + 2.0 * scan_s) / period_s) + 3 + restarts).bit_length()
-    return Ring(np.zeros(size), np.zeros(size * LANES), np.zeros(size * LANES))
+    return Ring(np.zeros(size), np.zeros((size, LANES)), np.zeros((size, LANES)))
 
 
-def begun_at(ring: Ring, number: int, begin: float) -> int:
-    """Enter the begin of a period; return where the edges of its heaters stand."""
+def begun_at(rows: Places, ring: Ring, number: int, begin: float) -> None:
+    """Enter a period and the edges that were made for it.
+
+    Args:
+        rows: places.
+        ring: of the periods.
+        number: of the period.
+        begin: of it [s].
+    """
     place = number & (len(ring.begins) - 1)
     ring.begins[place] = begin
-    return place * LANES
+    all_rises, all_falls = ring.rises[place], ring.falls[place]
+    for lane in range(LANES):  # a pass of its own: a compiler sees less where two arrays are written
+        edges = loaded_edges(rows, lane)
+        all_rises[lane], all_falls[lane] = edges.rises, edges.falls
 
 
 def opened(
@@ -94,10 +104,10 @@ def next_edges(rows: Places, ring: Ring, window: Window) -> None:
 
 def _sooner(rows: Places, ring: Ring, number: int) -> None:
     """Take the edges of a period where they come before what is the next one so far."""
-    place = (number & (len(ring.begins) - 1)) * LANES
+    place = number & (len(ring.begins) - 1)
+    all_rises, all_falls = ring.rises[place], ring.falls[place]  # so a compiler sees that they follow one another
     for lane in range(LANES):
-        u = loaded_under(rows, lane)
-        rises, falls = ring.rises[place + lane], ring.falls[place + lane]
+        u, rises, falls = loaded_under(rows, lane), all_rises[lane], all_falls[lane]
         edge = min(u.edge, rises if rises > u.last else NEVER, falls if falls > u.last else NEVER)
         stored_under(rows, lane, Under(
             edge + loaded_line(rows, lane).dead, edge, u.last, u.power, u.owed, u.on, u.times, u.happened))
@@ -107,8 +117,7 @@ def following(ring: Ring, window: Window, lane: int, last: float) -> float:
     """Return the edge of one heater that follows the one it felt last; infinite: none so far [s]."""
     edge, end = NEVER, len(ring.begins) - 1
     for number in range(window.first, window.beyond):
-        place = (number & end) * LANES + lane
-        rises, falls = ring.rises[place], ring.falls[place]
+        rises, falls = ring.rises[number & end][lane], ring.falls[number & end][lane]
         edge = min(edge, rises if rises > last else NEVER, falls if falls > last else NEVER)
     return edge
 
@@ -122,8 +131,8 @@ def cut_off(rows: Places, ring: Ring, begun: int, now: float) -> None:
         begun: how many periods have begun.
         now: instant of the scan [s].
     """
-    place = (begun - 1 & len(ring.begins) - 1) * LANES
+    all_falls = ring.falls[begun - 1 & len(ring.begins) - 1]
     for lane in range(LANES):
-        u, falls = loaded_under(rows, lane), ring.falls[place + lane]
-        ring.falls[place + lane] = now if u.on or now < falls < NEVER else falls
+        u, falls = loaded_under(rows, lane), all_falls[lane]
+        all_falls[lane] = now if u.on or now < falls < NEVER else falls
         stored_under(rows, lane, Under(u.due, u.edge, u.last, 0.0, u.owed, False, u.times, u.happened))
