@@ -35,7 +35,8 @@ from heatertune.proof.program import Program, asked_now, moves
 from heatertune.proof.switch import edge_at, heat_after, period_of, switched_off, times_on
 
 __all__ = [
-    "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Batch", "Clock", "Events", "Record", "changed", "divided",
+    "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Batch", "Clock", "Events", "Record", "apart", "changed",
+    "divided",
     "measure", "measured", "restarted", "run", "run_all", "started", "step", "ticked_on",
 ]
 
@@ -185,7 +186,7 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
         before, flow = flow, moved(flow, t, whole if quiet else factors(t - flow.now, plant))
         seen, rest = measured(meter, seen, rest, plant, before, flow)
         reading = measure(sensor, flow.y + (noise[k] if noisy else noise[0]))
-        if calls == 0 and k > 0 and program.supplied[phase] and _apart(begin, k * scan_s, period):
+        if calls == 0 and k > 0 and program.supplied[phase] and apart(begin, k * scan_s, period):
             origin, begin, tick, begun, ticked = t, t, t, 0, 0
         cycle_start = tick <= t + INSTANT_S
         ticked, tick = ticked_on(origin, ticked, tick, t, period)
@@ -279,8 +280,14 @@ def _begins_phase(kind: int) -> int:
     return int(kind in (JUMP, PHASE))
 
 
-def _apart(begin: float, starts: float, period: float) -> bool:
-    """Return whether a start-up is no instant at which a PWM period begins, the next one beginning at `begin`."""
+def apart(begin: float, starts: float, period: float) -> bool:
+    """Return whether a start-up is no instant at which a PWM period begins.
+
+    Args:
+        begin: of the next PWM period [s].
+        starts: instant of the start-up [s].
+        period: PWM period [s].
+    """
     return min(abs(begin - starts), abs(begin - starts - period)) > INSTANT_S
 
 

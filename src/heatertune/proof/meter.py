@@ -17,9 +17,9 @@ from heatertune.proof.plant import Flow, Plant, area, reached
 
 __all__ = [
     "ABSOLUTE", "COLUMNS", "FAULTS", "HIGHEST", "LAG", "LIMITED", "LOWEST", "MEAN", "NOT_LED", "REST_HIGHEST",
-    "REST_LOWEST", "SCANS", "SETTLED", "SWITCHINGS", "TOTALS", "Meter", "Places", "Rest", "Seen", "begin", "close",
-    "crossing", "faults", "in_period", "is_led", "led_to", "no_meter", "rest_begins", "rested", "rested_from",
-    "seen_from", "seen_on",
+    "REST_LOWEST", "SCANS", "SETTLED", "SWITCHINGS", "TOTALS", "Meter", "Places", "Rest", "Seen", "absolute_by",
+    "begin", "close", "crossing", "faults", "in_period", "integral", "is_led", "led_to", "no_meter", "rest_begins",
+    "rested", "rested_from", "seen_from", "seen_on", "seen_with",
 ]
 
 #: places for numbers: an array where the loop is compiled, a list in plain Python
@@ -158,13 +158,30 @@ def seen_from(
         after: at its end.
         crosses: whether limits may be crossed.
     """
-    later = after.y - setpoint
-    outside, settled = abs(later) > band, seen.settled
-    if crosses and seen.outside and not outside:
+    settled = seen.settled
+    if crosses and seen.outside and not abs(after.y - setpoint) > band:
         settled = reached(before, after, setpoint + math.copysign(band, before.y - setpoint), plant).now
-    absolute = _absolute(setpoint, plant, before, after) if crosses else abs(_integral(setpoint, plant, before, after))
-    return Seen(seen.phase, max(seen.highest, later), min(seen.lowest, later), seen.absolute + absolute, outside,
-                settled, max(seen.lag, lag))
+    absolute = _absolute(setpoint, plant, before, after) if crosses else abs(integral(setpoint, plant, before, after))
+    return seen_with(seen, setpoint, band, lag, after.y, settled, absolute)
+
+
+def seen_with(
+    seen: Seen, setpoint: float, band: float, lag: float, y: float, settled: float, absolute: float
+) -> Seen:
+    """Return the phase after a stretch of which is known what has to be searched for, see `seen_from`.
+
+    Args:
+        seen: the phase so far.
+        setpoint: of the phase [°C].
+        band: how far from it is still right [°C].
+        lag: distance from a setpoint that moves [°C].
+        y: temperature at the stretch's end [°C].
+        settled: instant from which the error stays in the band [s].
+        absolute: ∫|error| over the stretch [°C·s].
+    """
+    later = y - setpoint
+    return Seen(seen.phase, max(seen.highest, later), min(seen.lowest, later), seen.absolute + absolute,
+                abs(later) > band, settled, max(seen.lag, lag))
 
 
 def crossing(seen: Seen, setpoint: float, band: float, before: Flow, after: Flow) -> bool:
@@ -183,14 +200,34 @@ def crossing(seen: Seen, setpoint: float, band: float, before: Flow, after: Flow
 
 def _absolute(setpoint: float, plant: Plant, before: Flow, after: Flow) -> float:
     """Return ∫|error| over a stretch on which the temperature does not turn: it is split where the error is 0."""
-    whole = _integral(setpoint, plant, before, after)
     if (before.y - setpoint) * (after.y - setpoint) >= 0.0:
-        return abs(whole)
-    part = _integral(setpoint, plant, before, reached(before, after, setpoint, plant))
-    return abs(part) + abs(whole - part)
+        return abs(integral(setpoint, plant, before, after))
+    return absolute_by(setpoint, plant, before, reached(before, after, setpoint, plant), after)
 
 
-def _integral(setpoint: float, plant: Plant, before: Flow, after: Flow) -> float:
+def absolute_by(setpoint: float, plant: Plant, before: Flow, there: Flow, after: Flow) -> float:
+    """Return ∫|error| over a stretch on which the error is 0 at one instant.
+
+    Args:
+        setpoint: of the phase [°C].
+        plant: the heater.
+        before: at the stretch's begin.
+        there: where the error is 0.
+        after: at its end.
+    """
+    part = integral(setpoint, plant, before, there)
+    return abs(part) + abs(integral(setpoint, plant, before, after) - part)
+
+
+def integral(setpoint: float, plant: Plant, before: Flow, after: Flow) -> float:
+    """Return ∫error over a stretch.
+
+    Args:
+        setpoint: of the phase [°C].
+        plant: the heater.
+        before: at the stretch's begin.
+        after: at its end.
+    """
     return area(before, after, plant) - setpoint * (after.now - before.now)
 
 
@@ -248,7 +285,7 @@ def rested_from(rest: Rest, setpoint: float, plant: Plant, before: Flow, after: 
     """
     error = after.y - setpoint
     return Rest(
-        rest.lasts, rest.start, rest.integral + _integral(setpoint, plant, before, after),
+        rest.lasts, rest.start, rest.integral + integral(setpoint, plant, before, after),
         max(rest.highest, error), min(rest.lowest, error),
     )
 

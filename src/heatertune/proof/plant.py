@@ -17,10 +17,11 @@ from heatertune.heater import exact
 from heatertune.heater.elementary import decay, decayed, logarithm, logarithm_beside_1
 from heatertune.heater.exact import Factors, advanced
 
-__all__ = ["Flow", "Plant", "area", "factors", "moved", "reached", "turn"]
+__all__ = ["MOST_ROUNDS", "Flow", "Plant", "Search", "area", "closer", "factors", "moved", "reached", "searched_from",
+           "turn"]
 
 _NEAR: Final = 1e-9  # a root is followed until it moves by no more [s]
-_MOST_ROUNDS: Final = 200
+MOST_ROUNDS: Final = 200
 
 factors_of: Callable[[float, float, float], Factors] = bound(exact.factors, exp=decay, expm1=decayed)
 turning_time: Callable[..., float] = bound(exact.turning_time, log1p=logarithm_beside_1)
@@ -79,22 +80,63 @@ def reached(before: Flow, after: Flow, level: float, plant: Plant) -> Flow:
     """Return the heater where y reaches a level between two instants, the power being constant and y not turning."""
     if plant.second == 0.0:
         return _reached_by_one_lag(before, after, level, plant)
-    low, high, rises = before.now, after.now, after.y > before.y
-    now = low + (level - before.y) / (after.y - before.y) * (high - low)
-    there = moved(before, now, factors(now - before.now, plant))
-    for _ in range(_MOST_ROUNDS):
-        if (there.y > level) == rises:
-            high = now
-        else:
-            low = now
-        last, slope = now, (there.x - there.y) / plant.first
-        now = low if slope == 0.0 else last - (there.y - level) / slope
-        if not low < now < high:  # Newton's step leads out: halve
-            now = 0.5 * (low + high)
-        there = moved(before, now, factors(now - before.now, plant))
-        if abs(now - last) <= _NEAR:
+    search = searched_from(before, after, level, plant)
+    for _ in range(MOST_ROUNDS):
+        search = closer(before, after, level, plant, search)
+        if search.found:
             break
-    return there
+    return Flow(search.now, search.y, search.x, before.target, before.heat, before.load, before.mains)
+
+
+class Search(NamedTuple):
+    """Where two lags are looked for at a level: it lies within two instants [s]; the last one tried, y and x there."""
+
+    low: float
+    high: float
+    now: float
+    y: float
+    x: float
+    found: bool
+
+
+def searched_from(before: Flow, after: Flow, level: float, plant: Plant) -> Search:
+    """Return where a search begins: on the parabola through both ends, as y leaves the first; arguments of `reached`.
+
+    Beside a turn, where Newton's steps from a line would halve the way again and again, it is as good as elsewhere.
+
+    Args:
+        before: as there.
+        after: likewise.
+        level: likewise.
+        plant: likewise.
+    """
+    seconds, rise, way = after.now - before.now, after.y - before.y, level - before.y
+    first = (before.x - before.y) / plant.first * seconds
+    below = first + math.copysign(math.sqrt(max(first * first + 4.0 * (rise - first) * way, 0.0)), rise)
+    share = 2.0 * way / below if below != 0.0 else 0.0
+    now = before.now + (share if 0.0 < share < 1.0 else way / rise) * seconds
+    there = moved(before, now, factors(now - before.now, plant))
+    return Search(before.now, after.now, there.now, there.y, there.x, False)
+
+
+def closer(before: Flow, after: Flow, level: float, plant: Plant, search: Search) -> Search:
+    """Return the next step of a search, by Newton; arguments as of `reached`.
+
+    Args:
+        before: as there.
+        after: likewise.
+        level: likewise.
+        plant: likewise.
+        search: so far.
+    """
+    last, beyond = search.now, (search.y > level) == (after.y > before.y)
+    low, high = search.low if beyond else last, last if beyond else search.high
+    slope = (search.x - search.y) / plant.first
+    now = low if slope == 0.0 else last - (search.y - level) / slope
+    if not low < now < high and not abs(now - last) <= _NEAR:  # Newton's step leads out: halve
+        now = 0.5 * (low + high)
+    there = moved(before, now, factors(now - before.now, plant))
+    return Search(low, high, now, there.y, there.x, abs(now - last) <= _NEAR)
 
 
 def _reached_by_one_lag(before: Flow, after: Flow, level: float, plant: Plant) -> Flow:

@@ -221,7 +221,7 @@ def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, work
                        noise, late, sizes[part.places], side_by_side=part.side_by_side)
 
     workers = workers or os.cpu_count() or 1
-    parts = _parts(drawing, seeds, rows, side_by_side=pays(drawing.controllers[0], count * scans // workers))
+    parts = _parts(drawing, seeds, rows, count * scans // workers)
     # threads, as a compiled kernel gives up Python's lock
     with ThreadPoolExecutor(workers) as pool:
         measured = joined(list(pool.map(run, parts)))
@@ -236,17 +236,27 @@ class _Part(NamedTuple):
     side_by_side: bool
 
 
-def _parts(drawing: Drawing, seeds: Sequence[int], rows: Array, *, side_by_side: bool) -> list[_Part]:
-    """Return all samples in parts; those side by side have like dead times, so that edges come in the same scans."""
-    settings, parts = np.array([drawing.setting(seed) for seed in seeds]), list[_Part]()
+def _parts(drawing: Drawing, seeds: Sequence[int], rows: Array, scans: int) -> list[_Part]:
+    """Return all samples in parts; those side by side have like dead times, so that edges come in the same scans.
+
+    `scans` tells how much work they are to one processor.
+    """
+    settings, lags = np.array([drawing.setting(seed) for seed in seeds]), (rows[:, 2] > 0.0).astype(int)
     shaken = np.full((1, 1), drawing.spread.jitter_s)
+    worth = [pays(drawing.controllers[0], int(scans * np.mean(lags == more)), two_lags=bool(more)) for more in (0, 1)]
+    parts = list[_Part]()
     for number, controller in enumerate(drawing.controllers):
         own = np.flatnonzero(settings == number)
-        fits = fitting(controller, rows[own], drawing.scenario, drawing.actuator, shaken) & side_by_side
-        together, alone = own[fits], own[~fits]
-        for places, beside in ((together[np.argsort(rows[together, 3], kind="stable")], True), (alone, False)):
-            parts += [_Part(number, places[begin:begin + _CHUNK], beside) for begin in range(0, len(places), _CHUNK)]
+        fits = fitting(controller, rows[own], drawing.scenario, drawing.actuator, shaken) & np.array(worth)[lags[own]]
+        for more in (0, 1):
+            together = own[fits & (lags[own] == more)]
+            parts += _chunks(number, together[np.argsort(rows[together, 3], kind="stable")], side_by_side=True)
+        parts += _chunks(number, own[~fits], side_by_side=False)
     return parts
+
+
+def _chunks(setting: int, places: npt.NDArray[np.intp], *, side_by_side: bool) -> list[_Part]:
+    return [_Part(setting, places[begin:begin + _CHUNK], side_by_side) for begin in range(0, len(places), _CHUNK)]
 
 
 def _begun(seed: int) -> dict[str, Any]:

@@ -10,11 +10,14 @@ import numpy.typing as npt
 
 from heatertune.compiled import bound, compiled, worth_a_second
 from heatertune.plc.core import as_it_is, started_as_it_is
-from heatertune.plc.pwm import INSTANT_S, Actuator
+from heatertune.plc.pwm import Actuator
 from heatertune.plc.single import narrowed
 from heatertune.proof.kernel import Batch
-from heatertune.proof.lanes.parts import PERIODS, ROWS
+from heatertune.proof.lanes import passes as one
+from heatertune.proof.lanes import two_lags as two
+from heatertune.proof.lanes.parts import ROWS
 from heatertune.proof.lanes.passes import computed
+from heatertune.proof.lanes.ring import ring_for
 from heatertune.proof.lanes.rows import LANES, fixed, rows_of
 from heatertune.proof.lanes.side_by_side import group, run_in_lanes
 from heatertune.proof.loop import InLoop
@@ -32,9 +35,16 @@ _MOST_KEPT: Final = 2_000_000
 _MOST_FLAGS: Final = 8  # of which `meter.faults` counts
 
 
-def pays(controller: InLoop, scans: int) -> bool:
-    """Return whether so many scans on one processor are worth the machine code that runs loops side by side."""
-    return _has_rows(controller) and worth_a_second(scans, _made(controller)[0], most=_MOST, most_kept=_MOST_KEPT)
+def pays(controller: InLoop, scans: int, *, two_lags: bool) -> bool:
+    """Return whether so many scans on one processor are worth the machine code that runs loops side by side.
+
+    Args:
+        controller: the words, running.
+        scans: of all loops together.
+        two_lags: whether their heaters have two lags, which is machine code of its own.
+    """
+    return _has_rows(controller) and worth_a_second(
+        scans, _made(controller, two_lags=two_lags)[0], most=_MOST, most_kept=_MOST_KEPT)
 
 
 def fitting(
@@ -50,13 +60,8 @@ def fitting(
         late_s: see `Clock`.
     """
     calm = late_s.shape[1] == 1 and not late_s.any()
-    alike = all(scenario.supplied) and not any(scenario.leads[2::4]) and actuator.cooling_gain is None
-    if not (calm and alike and _has_rows(controller)):
-        return np.zeros(len(rows), dtype=np.bool_)
-    period, scan = actuator.pwm_period_s, controller.scan_s
-    in_step = abs(period / scan - round(period / scan)) < INSTANT_S  # then no period begins between two scans
-    longest = period * (PERIODS - 1) - (0.0 if in_step else scan)
-    return np.asarray((rows[:, 2] == 0.0) & (rows[:, 3] <= longest))
+    alike = not any(scenario.leads[2::4]) and actuator.cooling_gain is None
+    return np.full(len(rows), calm and alike and _has_rows(controller))
 
 
 def run_side_by_side(controller: InLoop, program: Program, batch: Batch, actuator: Actuator, meter: Meter) -> None:
@@ -65,15 +70,17 @@ def run_side_by_side(controller: InLoop, program: Program, batch: Batch, actuato
     Args:
         controller: the words, running.
         program: around the controllers.
-        batch: what differs from loop to loop.
+        batch: what differs from loop to loop; either all heaters have one lag, or all have two.
         actuator: the switch.
         meter: what is measured.
     """
-    run, end = _made(controller)
+    run, end = _made(controller, two_lags=bool(batch.plants[0, 2]))
     parameters, state = _held(controller, controller.parameters), _held(controller, controller.state)
     run_compiled = compiled(run)
+    restarts = int(np.count_nonzero(np.diff(program.supplied) > 0))
+    ring = ring_for(float(batch.plants[:, 3].max()), controller.scan_s, actuator.pwm_period_s, restarts)
     run_compiled(parameters, state, controller.sensor, controller.scan_s, _held(controller, program), batch,
-                 actuator.switches, np.zeros(end * LANES), meter)
+                 actuator.switches, np.zeros(end * LANES), ring, meter)
 
 
 def _held(controller: InLoop, value: Any) -> Any:
@@ -93,11 +100,13 @@ def _has_rows(controller: InLoop) -> bool:
     return True
 
 
-def _made(controller: InLoop) -> tuple[Callable[..., None], int]:
+def _made(controller: InLoop, *, two_lags: bool) -> tuple[Callable[..., None], int]:
     """Return the loop for a controller, and how many rows it needs."""
     core = controller.core
     asked = _held(controller, np.array(controller.asked))[0]
     law = rows_of((_held(controller, controller.state), asked if core.singles else asked.item()), ROWS)
     scan = bound(computed, step=core.step, measure=core.measure, law_loaded=law.loaded, law_stored=law.stored,
                  fixed=fixed(_held(controller, controller.parameters)), asked_now=bound(asked_now, stored=core.stored))
-    return bound(run_in_lanes, group=bound(group, computed=scan, law_stored=law.stored)), law.end
+    loops = bound(group, computed=scan, quickly=two.quickly if two_lags else one.quickly, law_loaded=law.loaded,
+                  law_stored=law.stored, restarted=core.restarted)
+    return bound(run_in_lanes, group=loops), law.end

@@ -7,27 +7,34 @@ from typing import Final, NamedTuple
 
 from heatertune.proof.lanes.rows import rows_of
 from heatertune.proof.meter import Rest, Seen
-from heatertune.proof.plant import Flow, Plant
+from heatertune.proof.plant import Flow, Plant, Search
 
 __all__ = [
-    "NEVER", "NONE", "PERIODS", "ROWS", "Counts", "Extremes", "Line", "Now", "Point", "Stretch", "Under", "felt_at",
-    "flow_of", "left_of", "loaded_counts", "loaded_extremes", "loaded_line", "loaded_point", "loaded_rest",
-    "loaded_seen", "loaded_stretch", "loaded_under", "other", "plant_of", "stored_counts", "stored_extremes",
-    "stored_line", "stored_point", "stored_rest", "stored_seen", "stored_stretch", "stored_under",
+    "NEVER", "ROWS", "Counts", "Edges", "End", "Extremes", "Inner", "Line", "Now", "Point", "Second", "Stretch",
+    "Under", "flow_of", "left_of", "loaded_counts", "loaded_edges", "loaded_end", "loaded_extremes", "loaded_inner",
+    "loaded_line", "loaded_point", "loaded_rest", "loaded_search", "loaded_second", "loaded_seen", "loaded_stretch",
+    "loaded_under", "other", "plant_of", "stored_counts", "stored_edges", "stored_end", "stored_extremes",
+    "stored_inner", "stored_line", "stored_point", "stored_rest", "stored_search", "stored_second", "stored_seen",
+    "stored_stretch", "stored_under",
 ]
-
-#: PWM periods that may be on their way to the heater
-PERIODS: Final = 4
 
 
 class Line(NamedTuple):
-    """A heater of one lag; `Plant` says what its numbers are."""
+    """A heater's larger lag; `Plant` says what its numbers are."""
 
     gain: float
     lag: float
     dead: float
     ambient: float
     whole: float  # what a whole interval leaves
+
+
+class Second(NamedTuple):
+    """A heater's smaller lag [s], 0: it has none; what a whole interval leaves of it, see `Factors`."""
+
+    lag: float
+    coupling: float
+    inner: float
 
 
 class Stretch(NamedTuple):
@@ -49,18 +56,32 @@ class Point(NamedTuple):
     busy: bool
 
 
+class Inner(NamedTuple):
+    """State of the smaller lag where a stretch begins and where it ends [°C]."""
+
+    x: float
+    at: float
+
+
+class End(NamedTuple):
+    """Where a stretch ended that now ends at the turn: instant [s], y and x [°C]."""
+
+    now: float
+    y: float
+    x: float
+
+
 class Under(NamedTuple):
-    """Switch and edges under way.
+    """Switch and the edge felt next, see `heatertune.proof.lanes.ring`.
 
     Attributes:
-        due: instant at which the next edge is felt; infinite: there is none [s].
+        due: instant at which the next edge is felt; infinite: none so far [s].
         edge: instant at which it was made [s].
         last: instant at which the edge that was felt last was made [s].
         power: asked for last [%].
         owed: by the heater [s].
         on: whether the last edge made switches on.
         times: how often was switched on until the end.
-        edges: on and off of the last periods, the last period at the end; infinite: none [s].
         happened: how many events.
     """
 
@@ -71,8 +92,14 @@ class Under(NamedTuple):
     owed: float
     on: bool
     times: float
-    edges: tuple[float, ...]
     happened: int
+
+
+class Edges(NamedTuple):
+    """When this PWM period switches on and off; infinite: it does not [s]."""
+
+    rises: float
+    falls: float
 
 
 class Extremes(NamedTuple):
@@ -109,43 +136,42 @@ class Now(NamedTuple):
 
 
 NEVER: Final = math.inf
-NONE: Final = (NEVER,) * 2 * PERIODS
 loaded_line, stored_line, _end = rows_of(Line(0.0, 0.0, 0.0, 0.0, 0.0))
 loaded_stretch, stored_stretch, _end = rows_of(Stretch(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _end)
 loaded_point, stored_point, _end = rows_of(Point(0.0, 0.0, False), _end)
-loaded_under, stored_under, _end = rows_of(Under(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0, NONE, 0), _end)
+loaded_under, stored_under, _end = rows_of(Under(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0, 0), _end)
 loaded_seen, stored_seen, _end = rows_of(Seen(0, 0.0, 0.0, 0.0, False, 0.0, 0.0), _end)
 loaded_rest, stored_rest, _end = rows_of(Rest(False, 0.0, 0.0, 0.0, 0.0), _end)
 loaded_extremes, stored_extremes, _end = rows_of(Extremes(0.0, 0.0), _end)
+loaded_counts, stored_counts, _end = rows_of(Counts(0.0, 0.0, 0.0), _end)
+loaded_second, stored_second, _end = rows_of(Second(0.0, 0.0, 0.0), _end)
+loaded_inner, stored_inner, _end = rows_of(Inner(0.0, 0.0), _end)
+loaded_end, stored_end, _end = rows_of(End(0.0, 0.0, 0.0), _end)
+loaded_edges, stored_edges, _end = rows_of(Edges(0.0, 0.0), _end)
 #: number of the first row of the controller's state and setpoint word
-loaded_counts, stored_counts, ROWS = rows_of(Counts(0.0, 0.0, 0.0), _end)
+loaded_search, stored_search, ROWS = rows_of(Search(0.0, 0.0, 0.0, 0.0, 0.0, False), _end)
 
 
-def plant_of(line: Line) -> Plant:
-    """Return the heater as the kernel has it."""
-    return Plant(line.gain, line.lag, 0.0, line.dead, line.ambient)
+def plant_of(line: Line, second: float = 0.0) -> Plant:
+    """Return the heater as the kernel has it; `second`: its smaller lag [s]."""
+    return Plant(line.gain, line.lag, second, line.dead, line.ambient)
 
 
-def flow_of(stretch: Stretch, now: float, y: float) -> Flow:
-    """Return the heater at an instant of its stretch; nobody asks for the state of a second lag."""
-    return Flow(now, y, 0.0, stretch.target, stretch.heat, stretch.load, stretch.mains)
+def flow_of(stretch: Stretch, now: float, y: float, x: float = 0.0) -> Flow:
+    """Return the heater at an instant of its stretch; with one lag nobody asks for x.
+
+    Args:
+        stretch: on which it is.
+        now: instant [s].
+        y: temperature [°C].
+        x: state of the smaller lag [°C].
+    """
+    return Flow(now, y, x, stretch.target, stretch.heat, stretch.load, stretch.mains)
 
 
 def other(heat: float) -> float:
     """Return the power after an edge: edges alternate."""
     return 0.0 if heat > 0.0 else 100.0
-
-
-def felt_at(under: Under, edge: float, dead: float) -> Under:
-    """Return what is under way after an edge that was made at an instant."""
-    e = under.edges
-    following = min(_behind(e[0], edge), _behind(e[1], edge), _behind(e[2], edge), _behind(e[3], edge),
-                    _behind(e[4], edge), _behind(e[5], edge), _behind(e[6], edge), _behind(e[7], edge))
-    return Under(following + dead, following, edge, under.power, under.owed, under.on, under.times, e, under.happened)
-
-
-def _behind(edge: float, last: float) -> float:
-    return edge if edge > last else NEVER
 
 
 def left_of(y: float, target: float, left: float) -> float:

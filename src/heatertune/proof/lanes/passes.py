@@ -10,11 +10,11 @@ from heatertune.proof.kernel import HEAT, changed
 from heatertune.proof.lanes.parts import (
     NEVER,
     Counts,
+    Edges,
     Extremes,
     Point,
     Stretch,
     Under,
-    felt_at,
     flow_of,
     left_of,
     loaded_counts,
@@ -28,6 +28,7 @@ from heatertune.proof.lanes.parts import (
     other,
     plant_of,
     stored_counts,
+    stored_edges,
     stored_extremes,
     stored_point,
     stored_rest,
@@ -35,12 +36,16 @@ from heatertune.proof.lanes.parts import (
     stored_stretch,
     stored_under,
 )
+from heatertune.proof.lanes.ring import Ring, Window, begun_at, next_edges
 from heatertune.proof.lanes.rows import LANES
 from heatertune.proof.meter import Places, crossing, faults, rested_from, seen_from
 from heatertune.proof.plant import factors
 from heatertune.proof.program import Program, asked_now, moves
 
-__all__ = ["computed", "fixed", "law_loaded", "law_stored", "measure", "quickly", "step", "switched"]
+__all__ = [
+    "computed", "due_until", "fixed", "law_loaded", "law_stored", "measure", "quickly", "settled", "step",
+    "switched", "switches",
+]
 
 
 def law_loaded(_rows: Places, _lane: int) -> Any:
@@ -76,28 +81,35 @@ def fixed(_parameters: Any) -> Any:
     raise NotImplementedError
 
 
-def quickly(rows: Places, setpoint: float, band: float, t: float, lasts: bool) -> None:
+def quickly(
+    rows: Places, ring: Ring, window: Window, setpoint: float, band: float, t: float, lasts: bool
+) -> None:
     """Bring all heaters to a scan before which nothing happens but edges.
 
     Args:
         rows: places.
+        ring: of the PWM periods.
+        window: those of which edges may be felt.
         setpoint: of the phase [°C].
         band: how far from it is still right [°C].
         t: instant of the scan [s].
         lasts: whether the rest of the phase lasts.
     """
     quiet = True
-    due = _due(rows, t)
+    due = due_until(rows, t)
     while due > 0:
         quiet = False
         _along(rows, setpoint, band, _to_edges(rows, setpoint, band, t), lasts)
-        due = _switches(rows, t)
+        switches(rows, t)
+        next_edges(rows, ring, window)
+        due = due_until(rows, t)
     crossings = _to_scan(rows, setpoint, band, t) if quiet else _on_to_scan(rows, setpoint, band, t)
     _along(rows, setpoint, band, crossings, lasts)
+    settled(rows)
 
 
-def _due(rows: Places, t: float) -> int:
-    """Return to how many heaters an edge comes until an instant."""
+def due_until(rows: Places, t: float) -> int:
+    """Return to how many heaters an edge comes until an instant [s]."""
     due = 0
     for lane in range(LANES):
         due += int(loaded_under(rows, lane).due <= t)
@@ -175,21 +187,26 @@ def _rests(rows: Places, lane: int, setpoint: float) -> None:
     stored_extremes(rows, lane, Extremes(max(extremes.high, error), min(extremes.low, error)))
 
 
-def _switches(rows: Places, t: float) -> int:
-    """Switch the heaters to which an edge came; return to how many the next one comes until an instant."""
-    due = 0
+def switches(rows: Places, t: float) -> None:
+    """Switch the heaters to which an edge came."""
     for lane in range(LANES):
         line, stretch = loaded_line(rows, lane), loaded_stretch(rows, lane)
-        point, under = loaded_point(rows, lane), loaded_under(rows, lane)
-        felt = under.due <= t
+        point, u = loaded_point(rows, lane), loaded_under(rows, lane)
+        felt = u.due <= t
         new = changed(plant_of(line), flow_of(stretch, point.now, point.y), HEAT, other(stretch.heat))
         stored_stretch(rows, lane, Stretch(
             point.now, point.y, new.target if felt else stretch.target, new.heat if felt else stretch.heat,
             stretch.load, stretch.mains))
-        under = felt_at(under, under.edge if felt else under.last, line.dead)
-        stored_under(rows, lane, under)
-        due += int(under.due <= t)
-    return due
+        stored_under(rows, lane, Under(
+            u.due, u.edge, u.edge if felt else u.last, u.power, u.owed, u.on, u.times, u.happened))
+
+
+def settled(rows: Places) -> None:
+    """Begin the next stretch where the scan is."""
+    for lane in range(LANES):
+        stretch, point = loaded_stretch(rows, lane), loaded_point(rows, lane)
+        stored_stretch(rows, lane, Stretch(
+            point.now, point.y, stretch.target, stretch.heat, stretch.load, stretch.mains))
 
 
 def computed(
@@ -214,27 +231,33 @@ def computed(
         word = asked_now(program, asked, calls == 0, due, word, reading)
         state, power, _, flags = step(parameters, state, word, reading, cycle_start)
         law_stored(rows, lane, (state, word))
-        stretch, point, under = loaded_stretch(rows, lane), loaded_point(rows, lane), loaded_under(rows, lane)
+        u = loaded_under(rows, lane)
         none, counts = math.isnan(power), loaded_counts(rows, lane)
         stored_counts(rows, lane, Counts(
             counts.noise, counts.limited + (1.0 if power <= 0.0 or power >= 100.0 else 0.0),
             counts.faults + (1.0 if none else 0.0) + faults(flags & wrong)))
-        stored_stretch(rows, lane, Stretch(
-            point.now, point.y, stretch.target, stretch.heat, stretch.load, stretch.mains))
-        stored_under(rows, lane, Under(under.due, under.edge, under.last, 0.0 if none else power, under.owed, under.on,
-                                       under.times, under.edges, under.happened))
+        stored_under(rows, lane, Under(
+            u.due, u.edge, u.last, 0.0 if none else power, u.owed, u.on, u.times, u.happened))
 
 
-def switched(rows: Places, pwm: Switches, begin: float, end: float) -> None:
-    """Switch for one period, as `switch.period_of` does."""
+def switched(rows: Places, ring: Ring, number: int, pwm: Switches, begin: float, end: float) -> None:
+    """Switch for one period, as `switch.period_of` does.
+
+    Args:
+        rows: places.
+        ring: of the PWM periods.
+        number: of the period.
+        pwm: of the heater.
+        begin: of the period [s].
+        end: of the run [s].
+    """
     for lane in range(LANES):
-        under, dead = loaded_under(rows, lane), loaded_line(rows, lane).dead
-        seconds, owed = on_time(max(under.power, 0.0), under.owed, pwm.heat)
-        rises = seconds > 0.0 and not under.on
-        falls = seconds < pwm.heat[0] and (under.on or rises)
-        new = begin if rises else NEVER, begin + seconds if falls else NEVER
-        edges = under.edges[2:] + new
-        times = under.times + (1.0 if rises and begin <= end else 0.0)
-        stored_under(rows, lane, felt_at(Under(
-            under.due, under.edge, under.last, under.power, owed, (under.on or rises) and not falls, times, edges,
-            under.happened), under.last, dead))
+        u = loaded_under(rows, lane)
+        seconds, owed = on_time(max(u.power, 0.0), u.owed, pwm.heat)
+        rises = seconds > 0.0 and not u.on
+        falls = seconds < pwm.heat[0] and (u.on or rises)
+        stored_edges(rows, lane, Edges(begin if rises else NEVER, begin + seconds if falls else NEVER))
+        times = u.times + (1.0 if rises and begin <= end else 0.0)
+        stored_under(rows, lane, Under(
+            u.due, u.edge, u.last, u.power, owed, (u.on or rises) and not falls, times, u.happened))
+    begun_at(rows, ring, number, begin)

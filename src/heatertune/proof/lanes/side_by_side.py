@@ -2,9 +2,9 @@
 
 All that a loop keeps stands in rows of one flat array (`heatertune.proof.rows`), and each part of a scan is a plain
 `for` over the loops without a call or a jump, of which a compiler makes vector instructions; the text of controller,
-switch, heater and meter is that of the kernel. Scans and PWM periods are common to all. Edges come to the heaters at
-instants of their own: passes go on until none is due. What is rare (disturbances, the time at rest) is left to the
-kernel's own functions, loop by loop.
+switch, heater and meter is that of the kernel. Scans, PWM periods and the PLC's supply are common to all. Edges come to
+the heaters at instants of their own: passes go on until none is due. What is rare (disturbances, the time at rest, a
+start-up) is left to the kernel's own functions, loop by loop.
 
 A pass without branches is one for all loops: what only some need is computed for all and chosen. So instants at which
 the temperature crosses a limit are looked for only in passes in which it does so in some loop.
@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import Any
 
 from heatertune.plc.pwm import INSTANT_S, Switches
-from heatertune.proof.kernel import Batch, ticked_on
+from heatertune.proof.kernel import Batch, apart, restarted, ticked_on
 from heatertune.proof.lanes.parts import (
     NEVER,
     Counts,
@@ -26,7 +26,8 @@ from heatertune.proof.lanes.parts import (
     loaded_under,
     stored_counts,
 )
-from heatertune.proof.lanes.passes import computed, law_stored, quickly, switched
+from heatertune.proof.lanes.passes import computed, law_loaded, law_stored, quickly, switched
+from heatertune.proof.lanes.ring import Ring, Window, cut_off, next_edges, opened
 from heatertune.proof.lanes.rows import LANES
 from heatertune.proof.lanes.slow import kept, loop_of, meter_of, number_at, slowly, started
 from heatertune.proof.meter import FAULTS, LIMITED, SCANS, SWITCHINGS, Meter, Places, close
@@ -37,7 +38,7 @@ __all__ = ["group", "run_in_lanes"]
 
 def run_in_lanes(  # noqa: PLR0913 - as `kernel.run_all`
     parameters: Any, state: Any, sensor: Any, scan_s: float, program: Program, batch: Batch, pwm: Switches,
-    rows: Places, meter: Meter,
+    rows: Places, ring: Ring, meter: Meter,
 ) -> None:
     """Run many loops, 32 at a time in the order given; arguments as of `kernel.run_all`.
 
@@ -46,21 +47,22 @@ def run_in_lanes(  # noqa: PLR0913 - as `kernel.run_all`
         state: likewise.
         sensor: likewise.
         scan_s: [s].
-        program: whose setpoint is not led and whose PLC is always supplied.
-        batch: heaters of one lag, no scan late, no more dead time than `PERIODS` allows.
+        program: whose setpoint is not led.
+        batch: heaters of one lag, no scan late.
         pwm: without a cooler.
         rows: places, `LANES` for each row.
+        ring: for the longest dead time.
         meter: that measures.
     """
     first = 0
     while first < len(batch.plants):
-        group(parameters, state, sensor, scan_s, program, batch, pwm, rows, meter, first)
+        group(parameters, state, sensor, scan_s, program, batch, pwm, rows, ring, meter, first)
         first += LANES
 
 
 def group(  # noqa: PLR0913 - as `kernel.run`
     parameters: Any, state: Any, sensor: Any, scan_s: float, program: Program, batch: Batch, pwm: Switches,
-    rows: Places, meter: Meter, first: int,
+    rows: Places, ring: Ring, meter: Meter, first: int,
 ) -> None:
     """Run 32 loops from the first one on, the last of all once more where there are fewer; see `run_in_lanes`.
 
@@ -73,37 +75,56 @@ def group(  # noqa: PLR0913 - as `kernel.run`
         batch: what differs from loop to loop.
         pwm: of the heater.
         rows: places.
+        ring: places for PWM periods.
         meter: what is measured.
         first: number of the first of the 32 loops.
     """
     period, end, noisy = pwm.heat[0], (batch.scans - 1) * scan_s, len(batch.noise[0]) > 1
-    begin, tick, begun, ticked, t = 0.0, 0.0, 0, 0, 0.0
+    begin, tick, origin, t = 0.0, 0.0, 0.0, 0.0
+    begun = ticked = number = calls = scans = 0
+    window, shortest, longest = Window(0, 0), NEVER, 0.0
     now = Now(0.0, 0, False, NEVER, 0)  # an event is due, so the first scan is no quick one
     for lane in range(LANES):
         i = loop_of(batch, first, lane)
         started(rows, lane, batch.plants[i], scan_s, meter, batch.noise[i % len(batch.noise)][0])
         law_stored(rows, lane, (state, program.asked[0]))
+        shortest, longest = min(shortest, batch.plants[i][3]), max(longest, batch.plants[i][3])
     for k in range(batch.scans):
+        window = opened(rows, ring, window, number, (k - 1) * scan_s, t, (shortest, longest))
         if now.listed <= t or number_at(meter, now.resting, t) != now.number:
-            now = slowly(rows, batch, meter, first, t, k > 0, now)
+            now = slowly(rows, ring, window, batch, meter, first, t, k > 0, now)
         else:
-            quickly(rows, meter.setpoints[now.phase], meter.band, t, now.lasts)
+            quickly(rows, ring, window, meter.setpoints[now.phase], meter.band, t, now.lasts)
         if noisy:
             for lane in range(LANES):
                 i = loop_of(batch, first, lane)
                 counts = loaded_counts(rows, lane)
                 stored_counts(rows, lane, Counts(batch.noise[i % len(batch.noise)][k], counts.limited, counts.faults))
+        supplied = program.supplied[now.phase]
+        starts_up = calls == 0 and k > 0 and supplied
+        if starts_up and apart(begin, k * scan_s, period):
+            origin, begin, tick, begun, ticked = t, t, t, 0, 0
         cycle_start = tick <= t + INSTANT_S
-        ticked, tick = ticked_on(0.0, ticked, tick, t, period)
-        computed(rows, parameters, sensor, program, program.asked[now.phase], k, cycle_start, meter.wrong)
+        ticked, tick = ticked_on(origin, ticked, tick, t, period)
+        if starts_up:
+            for lane in range(LANES):
+                before, word = law_loaded(rows, lane)
+                law_stored(rows, lane, (restarted(parameters, state, before), word))
+        if supplied:
+            computed(rows, parameters, sensor, program, program.asked[now.phase], calls, cycle_start, meter.wrong)
+            calls, scans = calls + 1, scans + 1
+        else:
+            cut_off(rows, ring, number, t)
+            next_edges(rows, ring, window)
+            calls = 0
         t = (k + 1) * scan_s
         while begin < t - INSTANT_S:
-            switched(rows, pwm, begin, end)
-            begun += 1
-            begin = begun * period
+            switched(rows, ring, number, pwm, begin, end)
+            begun, number = begun + 1, number + 1
+            begin = origin + begun * period
     for lane in range(min(LANES, len(batch.plants) - first)):
         own, counts = meter_of(meter, first + lane), loaded_counts(rows, lane)
         kept(rows, lane, own, now)
         close(own, loaded_seen(rows, lane), loaded_rest(rows, lane))
-        own.totals[SCANS], own.totals[LIMITED] = float(batch.scans), counts.limited
+        own.totals[SCANS], own.totals[LIMITED] = float(scans), counts.limited
         own.totals[FAULTS], own.totals[SWITCHINGS] = counts.faults, loaded_under(rows, lane).times

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from typing import Any
 
+from heatertune.heater.exact import Factors
 from heatertune.proof.kernel import HEAT, Batch, changed, divided, measured
 from heatertune.proof.lanes.parts import (
     NEVER,
-    NONE,
     Counts,
     Extremes,
+    Inner,
     Line,
     Now,
     Point,
+    Second,
     Stretch,
     Under,
-    felt_at,
     flow_of,
-    left_of,
     loaded_extremes,
+    loaded_inner,
     loaded_line,
     loaded_rest,
+    loaded_second,
     loaded_seen,
     loaded_stretch,
     loaded_under,
@@ -28,17 +30,20 @@ from heatertune.proof.lanes.parts import (
     plant_of,
     stored_counts,
     stored_extremes,
+    stored_inner,
     stored_line,
     stored_point,
     stored_rest,
+    stored_second,
     stored_seen,
     stored_stretch,
     stored_under,
 )
+from heatertune.proof.lanes.ring import Ring, Window, following
 from heatertune.proof.lanes.rows import LANES
 from heatertune.proof.meter import Meter, Places, Rest, in_period
 from heatertune.proof.meter import begin as seen_at
-from heatertune.proof.plant import Flow, Plant, factors, moved
+from heatertune.proof.plant import Plant, factors, moved
 
 __all__ = ["kept", "loop_of", "meter_of", "number_at", "slowly", "started"]
 
@@ -65,11 +70,14 @@ def started(rows: Places, lane: int, row: Places, scan_s: float, meter: Meter, n
         meter: what is measured.
         noise: of the first scan [°C].
     """
-    plant, y = Plant(row[0], row[1], 0.0, row[3], row[4]), row[5]
-    stored_line(rows, lane, Line(plant.gain, plant.first, plant.dead, plant.ambient, factors(scan_s, plant).outer))
+    plant, y = Plant(row[0], row[1], row[2], row[3], row[4]), row[5]
+    whole = factors(scan_s, plant)
+    stored_line(rows, lane, Line(plant.gain, plant.first, plant.dead, plant.ambient, whole.outer))
+    stored_second(rows, lane, Second(plant.second, whole.coupling, whole.inner))
+    stored_inner(rows, lane, Inner(y, y))
     stored_stretch(rows, lane, Stretch(0.0, y, plant.ambient, 0.0, 0.0, 1.0))
     stored_point(rows, lane, Point(0.0, y, False))
-    stored_under(rows, lane, Under(NEVER, NEVER, -1.0, 0.0, 0.0, False, 0.0, NONE, 0))
+    stored_under(rows, lane, Under(NEVER, NEVER, -1.0, 0.0, 0.0, False, 0.0, 0))
     stored_seen(rows, lane, seen_at(meter, 0, 0.0, y - meter.setpoints[0]))
     stored_rest(rows, lane, Rest(False, 0.0, 0.0, 0.0, 0.0))
     stored_extremes(rows, lane, Extremes(-NEVER, NEVER))
@@ -90,11 +98,15 @@ def kept(rows: Places, lane: int, own: Meter, now: Now) -> None:
     stored_extremes(rows, lane, Extremes(-NEVER, NEVER))
 
 
-def slowly(rows: Places, batch: Batch, meter: Meter, first: int, t: float, steady: bool, now: Now) -> Now:
+def slowly(  # noqa: PLR0913 - as `passes.quickly`
+    rows: Places, ring: Ring, window: Window, batch: Batch, meter: Meter, first: int, t: float, steady: bool, now: Now
+) -> Now:
     """Bring all heaters to a scan, whatever happens before it, one after the other; `steady`: not the first scan.
 
     Args:
         rows: places.
+        ring: of the PWM periods.
+        window: those of which edges may be felt.
         batch: what differs from loop to loop.
         meter: what is measured.
         first: number of the first of the 32 loops.
@@ -107,35 +119,41 @@ def slowly(rows: Places, batch: Batch, meter: Meter, first: int, t: float, stead
         i = loop_of(batch, first, lane)
         own = meter_of(meter, i)
         kept(rows, lane, own, now)
-        listed = min(listed, batch.event_time[i][_lived(rows, lane, batch, own, i, t, steady)])
+        listed = min(listed, batch.event_time[i][_lived(rows, ring, window, lane, batch, own, i, t, steady)])
     seen, rest = loaded_seen(rows, 0), loaded_rest(rows, 0)
     resting = rest.start if rest.lasts and seen.phase == 0 else NEVER
     return Now(listed, seen.phase, rest.lasts, resting, number_at(meter, resting, t))
 
 
-def _lived(rows: Places, lane: int, batch: Batch, own: Meter, i: int, t: float, steady: bool) -> Any:
+def _lived(  # noqa: PLR0913 - as `slowly`
+    rows: Places, ring: Ring, window: Window, lane: int, batch: Batch, own: Meter, i: int, t: float, steady: bool
+) -> Any:
     """Bring one heater to a scan as `kernel.run` does; return how many events there were so far."""
-    line, under, stretch = loaded_line(rows, lane), loaded_under(rows, lane), loaded_stretch(rows, lane)
-    plant, flow = plant_of(line), flow_of(stretch, stretch.now, stretch.y)
-    seen, rest, happened = loaded_seen(rows, lane), loaded_rest(rows, lane), under.happened
+    line, u, stretch = loaded_line(rows, lane), loaded_under(rows, lane), loaded_stretch(rows, lane)
+    edge_s, edge, last = u.due, u.edge, u.last
+    second = loaded_second(rows, lane)
+    plant, flow = plant_of(line, second.lag), flow_of(stretch, stretch.now, stretch.y, loaded_inner(rows, lane).x)
+    seen, rest, happened = loaded_seen(rows, lane), loaded_rest(rows, lane), u.happened
     times, kinds = batch.event_time[i], batch.event_kind[i]
-    while min(times[happened], under.due) <= t:
+    while min(times[happened], edge_s) <= t:
         steady = False
-        felt = under.due < times[happened] or (under.due == times[happened] and kinds[happened] > HEAT)
-        due, kind = (under.due, HEAT) if felt else (times[happened], kinds[happened])
+        felt = edge_s < times[happened] or (edge_s == times[happened] and kinds[happened] > HEAT)
+        due, kind = (edge_s, HEAT) if felt else (times[happened], kinds[happened])
         before = moved(flow, due, factors(due - flow.now, plant))
         seen, rest = measured(own, seen, rest, plant, flow, before)
         flow = changed(plant, before, kind, other(flow.heat) if felt else batch.event_value[i][happened])
         seen, rest = divided(own, seen, rest, flow, kind)
-        under, happened = felt_at(under, under.edge if felt else under.last, line.dead), happened + (not felt)
-    left = line.whole if steady else factors(t - flow.now, plant).outer
-    y = left_of(flow.y, flow.target, left)
-    after = Flow(t, y, 0.0, flow.target, flow.heat, flow.load, flow.mains)
+        if felt:
+            last, edge = edge, following(ring, window, lane, edge)
+            edge_s = edge + line.dead
+        happened += not felt
+    whole = Factors(line.whole, second.coupling, second.inner)
+    after = moved(flow, t, whole if steady else factors(t - flow.now, plant))
     seen, rest = measured(own, seen, rest, plant, flow, after)
     stored_seen(rows, lane, seen)
     stored_rest(rows, lane, rest)
-    stored_stretch(rows, lane, Stretch(t, y, flow.target, flow.heat, flow.load, flow.mains))
-    stored_point(rows, lane, Point(t, y, False))
-    stored_under(rows, lane, Under(under.due, under.edge, under.last, under.power, under.owed, under.on, under.times,
-                                   under.edges, happened))
+    stored_stretch(rows, lane, Stretch(t, after.y, flow.target, flow.heat, flow.load, flow.mains))
+    stored_point(rows, lane, Point(t, after.y, False))
+    stored_inner(rows, lane, Inner(after.x, after.x))
+    stored_under(rows, lane, Under(edge_s, edge, last, u.power, u.owed, u.on, u.times, happened))
     return happened
