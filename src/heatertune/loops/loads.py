@@ -19,7 +19,8 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from heatertune.log.values import Log
-from heatertune.loops.measures import thinned
+from heatertune.loops.measures import found_period_s, thinned
+from heatertune.loops.switch import Switch, phases, switched
 from heatertune.model.statistics import ar1_bic
 
 __all__ = ["Cleared", "LoadStep", "without_loads"]
@@ -47,6 +48,8 @@ _EVERY: Final = 6  # of them with loads, and the nearest without: where a loop s
 _NEAREST: Final = 3
 _STARTS: Final = 3
 _APART: Final = 1.4  # ratio of the lags of two starts
+_TICKS: Final = range(10, 101)  # of a PWM period; with more of them nobody sees them
+_SOME: Final = 0.05  # of lags and dead time, to see what changes with them
 _RATIO: Final = 0.1  # of two lags, to begin with
 
 
@@ -162,8 +165,11 @@ def without_loads(log: Log, pwm_period_s: float | None = None) -> Cleared:
         log: of a heater in its loop, with power that changes.
         pwm_period_s: of its switch; None: not known.
     """
-    tried = [_tried(log, pwm_period_s, before, rest=rest) for before, rest in _starts(log, pwm_period_s)]
-    thin, course, found = min(tried, key=_Tried.worth)
+    best = _best(log, pwm_period_s)
+    given = _switched(log, pwm_period_s, best)
+    if given is not log:
+        best = min(best, _best(given, pwm_period_s), key=_Tried.worth)
+    thin, course, found = best
     if not found.sensible:
         return Cleared(thin)
     since = thin.time_s - thin.time_s[0]
@@ -185,6 +191,53 @@ class _Tried(NamedTuple):
     def worth(self) -> tuple[bool, float]:
         """Less is better."""
         return _worth(self.found)
+
+
+def _best(log: Log, pwm_period_s: float | None) -> _Tried:
+    tried = [_tried(log, pwm_period_s, before, rest=rest) for before, rest in _starts(log, pwm_period_s)]
+    return min(tried, key=_Tried.worth)
+
+
+def _switched(log: Log, pwm_period_s: float | None, tried: _Tried) -> Log:
+    """Return a log with the power that its switch gave; itself, where no ticks and no waiting explain plainly more."""
+    if found_period_s(log) is not None:
+        return log
+    lag, ratio, delay, instants = tried.found.lag, tried.found.ratio, tried.found.delay, tried.found.instants
+    bent = _bent(tried.course, tried.found)
+
+    def left(switch: Switch) -> float:
+        other = switched(log, switch, pwm_period_s)
+        thin = thinned(other, pwm_period_s, tried.course.before)
+        course = _course(thin, tried.course.before, pwm_period_s, rest=tried.course.rest)
+        m = min(len(bent), len(course.readings))
+        basis = np.column_stack([course.basis(lag, ratio, delay, instants)[:m], bent[:m]])
+        linear = np.linalg.lstsq(basis, course.readings[:m], rcond=None)[0]
+        return ar1_bic(course.readings[:m] - basis @ linear, len(linear))
+
+    switch, moments = Switch(), phases(log, pwm_period_s)
+    least = plain = left(switch)
+    for choices in ([{"phase_s": at} for at in moments], [{"ticks": count} for count in _TICKS],
+                    [{"phase_s": at} for at in moments]):
+        for choice in choices:
+            other = replace(switch, **choice)
+            bic = left(other)
+            if bic < least:
+                least, kept = bic, other
+        switch = kept if least < plain else switch
+    print("   switch", switch, plain, least)
+    return switched(log, switch, pwm_period_s) if least < plain - _RULED_OUT else log
+
+
+def _bent(course: _Course, found: _Found) -> Array:
+    """Return what the readings change by with lags, dead time and the instants of loads, shape (m, 3 + loads)."""
+    def readings(lag: float, ratio: float, delay: float, instants: Array) -> Array:
+        return course.basis(lag, ratio, delay, instants) @ found.linear
+
+    lag, ratio, delay, at = found.lag, max(found.ratio, _SOME), found.delay, found.instants
+    some = max(_SOME * delay, course.step)
+    others = [(lag * (1.0 + _SOME), ratio, delay, at), (lag, ratio + _SOME, delay, at), (lag, ratio, delay + some, at),
+              *((lag, ratio, delay, np.where(np.arange(len(at)) == place, at + some, at)) for place in range(len(at)))]
+    return np.column_stack([readings(*other) for other in others]) - readings(lag, ratio, delay, at)[:, None]
 
 
 def _tried(log: Log, pwm_period_s: float | None, before: float, *, rest: bool) -> _Tried:
