@@ -48,6 +48,8 @@ _EVERY: Final = 6  # of them with loads, and the nearest without: where a loop s
 _NEAREST: Final = 3
 _STARTS: Final = 3
 _APART: Final = 1.4  # ratio of the lags of two starts
+_HINT: Final = 6.0  # BIC points, with which another switch is tried
+_ROUNDS: Final = 5  # of looking for a heater and for its switch
 _TICKS: Final = range(10, 101)  # of a PWM period; with more of them nobody sees them
 _SOME: Final = 0.05  # of lags and dead time, to see what changes with them
 _RATIO: Final = 0.1  # of two lags, to begin with
@@ -165,10 +167,19 @@ def without_loads(log: Log, pwm_period_s: float | None = None) -> Cleared:
         log: of a heater in its loop, with power that changes.
         pwm_period_s: of its switch; None: not known.
     """
-    best = _best(log, pwm_period_s)
-    given = _switched(log, pwm_period_s, best)
-    if given is not log:
-        best = min(best, _best(given, pwm_period_s), key=_Tried.worth)
+    best = plain = _best(log, pwm_period_s)
+    given = log
+    for _ in range(_ROUNDS):
+        other = _switched(log, pwm_period_s, best)
+        if other is log or np.array_equal(other.power_pct, given.power_pct):
+            break
+        tried = _best(other, pwm_period_s)
+        print("    ", best.found.bic, tried.found.bic)
+        if tried.worth() >= best.worth():
+            break
+        best, given = tried, other
+    if best.found.bic > plain.found.bic - _RULED_OUT:
+        best, given = plain, log
     thin, course, found = best
     if not found.sensible:
         return Cleared(thin)
@@ -216,7 +227,7 @@ def _switched(log: Log, pwm_period_s: float | None, tried: _Tried) -> Log:
 
     switch, moments = Switch(), phases(log, pwm_period_s)
     least = plain = left(switch)
-    for choices in ([{"phase_s": at} for at in moments], [{"ticks": count} for count in _TICKS],
+    for choices in ([{"phase_s": at} for at in moments], [{"ticks": count, "down": down} for count in _TICKS for down in (False, True)],
                     [{"phase_s": at} for at in moments]):
         for choice in choices:
             other = replace(switch, **choice)
@@ -225,13 +236,14 @@ def _switched(log: Log, pwm_period_s: float | None, tried: _Tried) -> Log:
                 least, kept = bic, other
         switch = kept if least < plain else switch
     print("   switch", switch, plain, least)
-    return switched(log, switch, pwm_period_s) if least < plain - _RULED_OUT else log
+    return switched(log, switch, pwm_period_s) if least < plain - _HINT else log
 
 
 def _bent(course: _Course, found: _Found) -> Array:
     """Return what the readings change by with lags, dead time and the instants of loads, shape (m, 3 + loads)."""
-    def readings(lag: float, ratio: float, delay: float, instants: Array) -> Array:
-        return course.basis(lag, ratio, delay, instants) @ found.linear
+    def readings(lag: float, ratio: float, delay: float, at: Array) -> Array:
+        loads = found.linear[len(found.linear) - len(at):]
+        return found.linear[0] * course.answer(lag, ratio, delay) + _risen(course.middle, at, lag, ratio) @ loads
 
     lag, ratio, delay, at = found.lag, max(found.ratio, _SOME), found.delay, found.instants
     some = max(_SOME * delay, course.step)

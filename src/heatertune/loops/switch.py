@@ -26,10 +26,12 @@ class Switch:
 
     Attributes:
         ticks: of a period, of which a whole number is on; None: as many as it takes.
+        down: whether a part of a tick is left out; else the nearest number counts.
         phase_s: when its first period begins, from the begin of the log on [s]; None: a duty acts at once.
     """
 
     ticks: int | None = None
+    down: bool = False
     phase_s: float | None = None
 
 
@@ -51,7 +53,8 @@ def switched(log: Log, switch: Switch, period_s: float | None) -> Log:
     assert log.power_pct is not None
     power = log.power_pct
     if switch.ticks is not None:
-        power = np.round(power * (switch.ticks / 100.0)) * (100.0 / switch.ticks)
+        asked = power * (switch.ticks / 100.0)
+        power = (np.floor(asked + 1e-9) if switch.down else np.round(asked)) * (100.0 / switch.ticks)
     if switch.phase_s is not None:
         assert period_s is not None
         first, last = float(log.time_s[0]), float(log.time_s[-1])
