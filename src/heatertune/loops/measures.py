@@ -115,7 +115,7 @@ def course_of(log: Log, pwm_period_s: float | None, changes_at_least_degC: float
 
     def mean(values: Array) -> Array:
         rows = np.interp(time, log.time_s, values)
-        summed = np.cumsum(np.concatenate([np.full(width, rows[0]), rows]))
+        summed = np.cumsum(np.concatenate([np.full(width, rows[:width].mean()), rows]))
         return np.asarray((summed[width:] - summed[:-width]) / width)
 
     held = np.maximum(np.searchsorted(log.time_s, time + 1e-9 * step, side="right") - 1, 0)
