@@ -36,7 +36,6 @@ __all__ = ["Diagnosis", "diagnosed"]
 
 _WORSE: Final = 2.5  # times the mean error that is possible: further off, other words are worth it
 _HALF_CYCLES: Final = 5  # a well-tuned loop is done after three
-_CERTAIN: Final = 9  # where the mean error is as small as it can be
 _SHARE: Final = 0.3  # of the log at a limit
 _LONGER: Final = 2.0  # a PWM period that may be so many times as long wears for nothing
 _DRIFT: Final = 0.25  # of a parameter: less is what two fits of closed loops differ by
@@ -216,8 +215,7 @@ def _error(told: Diagnosis) -> Iterator[Found]:
     swung, worse, course = told.swings, told.worse, told.course
     times = "" if worse is None else f"; mean error {worse:.2g} times what is possible"
     excess = 1.0 if worse is None else max(1.0, worse / _WORSE)
-    needed = _HALF_CYCLES if worse is None or worse > 1.0 else _CERTAIN
-    if swung.count >= needed and swung.even:
+    if swung.count >= _HALF_CYCLES and swung.even:
         yield Found(cause=Cause.OSCILLATING, excess=max(excess, swung.count / _HALF_CYCLES), told=(
             f"swings {swung.size_degC:.2g} °C peak to peak, period {swung.period_s:.3g} s, "
             f"{swung.count} half cycles in a row{times}"))

@@ -174,7 +174,6 @@ def without_loads(log: Log, pwm_period_s: float | None = None) -> Cleared:
         if other is log or np.array_equal(other.power_pct, given.power_pct):
             break
         tried = _best(other, pwm_period_s)
-        print("    ", best.found.bic, tried.found.bic)
         if tried.worth() >= best.worth():
             break
         best, given = tried, other
@@ -235,7 +234,6 @@ def _switched(log: Log, pwm_period_s: float | None, tried: _Tried) -> Log:
             if bic < least:
                 least, kept = bic, other
         switch = kept if least < plain else switch
-    print("   switch", switch, plain, least)
     return switched(log, switch, pwm_period_s) if least < plain - _HINT else log
 
 
