@@ -36,6 +36,7 @@ __all__ = ["Diagnosis", "diagnosed"]
 
 _WORSE: Final = 2.5  # times the mean error that is possible: further off, other words are worth it
 _HALF_CYCLES: Final = 5  # a well-tuned loop is done after three
+_ABOUT: Final = 0.05  # of the PWM period, as far as what is said of it is off
 _SHARE: Final = 0.3  # of the log at a limit
 _LONGER: Final = 2.0  # a PWM period that may be so many times as long wears for nothing
 _DRIFT: Final = 0.25  # of a parameter: less is what two fits of closed loops differ by
@@ -114,7 +115,9 @@ def diagnosed(log: Log, loop: Loop, before: FittedModel | None = None) -> Diagno
         log = replace(log, setpoint_degC=np.full(len(log.time_s), loop.setpoint_degC))
     if log.setpoint_degC is None:
         raise InputError(f"{log.name}: the log holds no setpoint; log it, or give setpoint_degC in the list")
-    period = loop.pwm_period_s or found_period_s(log)
+    period, own = loop.pwm_period_s, found_period_s(log)
+    if own is not None and (period is None or abs(own / period - 1.0) < _ABOUT):
+        period = own  # finer than anybody says it
     course = course_of(log, period)
     loads, fitted, why_not = _heater(log, period)
     worse, lived, possible = None, None, None

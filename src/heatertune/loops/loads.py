@@ -20,7 +20,7 @@ from scipy.signal import lfilter
 
 from heatertune.log.values import Log
 from heatertune.loops.measures import found_period_s, thinned
-from heatertune.loops.switch import Switch, phases, switched
+from heatertune.loops.switch import Switch, phases, switched, with_duty
 from heatertune.model.statistics import ar1_bic
 
 __all__ = ["Cleared", "LoadStep", "without_loads"]
@@ -167,18 +167,11 @@ def without_loads(log: Log, pwm_period_s: float | None = None) -> Cleared:
         log: of a heater in its loop, with power that changes.
         pwm_period_s: of its switch; None: not known.
     """
-    best = plain = _best(log, pwm_period_s)
-    given = log
-    for _ in range(_ROUNDS):
-        other = _switched(log, pwm_period_s, best)
-        if other is log or np.array_equal(other.power_pct, given.power_pct):
-            break
-        tried = _best(other, pwm_period_s)
-        if tried.worth() >= best.worth():
-            break
-        best, given = tried, other
-    if best.found.bic > plain.found.bic - _RULED_OUT:
-        best, given = plain, log
+    best, own = _best(log, pwm_period_s), found_period_s(log)
+    duty = log if own is None else with_duty(log, own)
+    if own is None or duty is not log:
+        other = _by_turns(duty, pwm_period_s, best if own is None else _best(duty, pwm_period_s))
+        best = other if other.found.bic < best.found.bic - _RULED_OUT else best
     thin, course, found = best
     if not found.sensible:
         return Cleared(thin)
@@ -208,10 +201,22 @@ def _best(log: Log, pwm_period_s: float | None) -> _Tried:
     return min(tried, key=_Tried.worth)
 
 
+def _by_turns(log: Log, pwm_period_s: float | None, best: _Tried) -> _Tried:
+    """Return the heater and the switch that go together, from the heater that goes with the logged duty on."""
+    given = log
+    for _ in range(_ROUNDS):
+        other = _switched(log, pwm_period_s, best)
+        if np.array_equal(other.power_pct, given.power_pct):
+            break
+        tried = _best(other, pwm_period_s)
+        if tried.worth() >= best.worth():
+            break
+        best, given = tried, other
+    return best
+
+
 def _switched(log: Log, pwm_period_s: float | None, tried: _Tried) -> Log:
     """Return a log with the power that its switch gave; itself, where no ticks and no waiting explain plainly more."""
-    if found_period_s(log) is not None:
-        return log
     lag, ratio, delay, instants = tried.found.lag, tried.found.ratio, tried.found.delay, tried.found.instants
     bent = _bent(tried.course, tried.found)
 

@@ -195,7 +195,7 @@ def at_limit(course: Course, *, high: bool) -> float:
     """Return the share of the log at full power (or none) with the setpoint out of reach that way, 0…1.
 
     Where the temperature still comes nearer, as it does in a heat-up, nothing is at its limits: it would get there
-    within the time that it has been at the limit so far.
+    within the time that it has been at the limit so far, and does not come to rest before.
     """
     if course.power_pct is None:
         return 0.0
@@ -208,10 +208,19 @@ def at_limit(course: Course, *, high: bool) -> float:
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         last = slice(end - max(2, (end - begin) // _LAST), end)
         slope = float(np.polyfit(course.time_s[last], course.temperature_degC[last], 1)[0])
-        left = float(course.error_degC[end - 1])
-        if slope * sign * (course.time_s[end - 1] - course.time_s[begin]) < sign * left:
+        comes = slope * (course.time_s[end - 1] - course.time_s[begin])
+        if sign * min(comes, _to_rest(course.temperature_degC[begin:end], comes), key=abs) < (
+                sign * course.error_degC[end - 1]):
             share += end - begin
     return share / n if share >= _STILL * n else 0.0
+
+
+def _to_rest(rows: Array, otherwise: float) -> float:
+    """Return how far rows go on where the steps between parts of their end become smaller as those of one lag do [°C]."""
+    part = max(1, len(rows) // _LAST)
+    first, second, third = (float(rows[len(rows) - (back + 1) * part:len(rows) - back * part].mean()) for back in (2, 1, 0))
+    before, now = second - first, third - second
+    return now * now / (before - now) if 0.0 < now / (before or 1.0) < 1.0 else otherwise
 
 
 def offset_degC(course: Course) -> float:
