@@ -163,9 +163,13 @@ def _half_cycles(course: Course, start_s: float, end_s: float, shortest_s: float
     none = Swings(count=0, period_s=0.0, size_degC=0.0, even=False)
     if not len(error):
         return none
-    turns = np.array(_turns(error.tolist(), max(course.turn_degC, _OF_LARGEST * float(np.max(np.abs(error))))), dtype=int)
+    least = max(course.turn_degC, _OF_LARGEST * float(np.max(np.abs(error))))
+    turns = np.array(_turns(error.tolist(), least), dtype=int)
     lengths, sizes = np.diff(time[turns]), np.abs(np.diff(error[turns]))
-    lengths, sizes = lengths[lengths >= shortest_s], sizes[lengths >= shortest_s]
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], (lengths >= shortest_s).astype(int), [0]])))
+    in_a_row = max((slice(*pair) for pair in edges.reshape(-1, 2).tolist()), key=lambda row: row.stop - row.start,
+                   default=slice(0))
+    lengths, sizes = lengths[in_a_row], sizes[in_a_row]
     if len(lengths) < 3:  # the first comes from the event itself
         return none
     median = float(np.median(lengths[1:]))
@@ -216,9 +220,9 @@ def at_limit(course: Course, *, high: bool) -> float:
 
 
 def _to_rest(rows: Array, otherwise: float) -> float:
-    """Return how far rows go on where the steps between parts of their end become smaller as those of one lag do [°C]."""
-    part = max(1, len(rows) // _LAST)
-    first, second, third = (float(rows[len(rows) - (back + 1) * part:len(rows) - back * part].mean()) for back in (2, 1, 0))
+    """Return how far rows go on where their last parts come nearer to each other, as with one lag [°C]."""
+    part, n = max(1, len(rows) // _LAST), len(rows)
+    first, second, third = (float(rows[n - (back + 1) * part:n - back * part].mean()) for back in (2, 1, 0))
     before, now = second - first, third - second
     return now * now / (before - now) if 0.0 < now / (before or 1.0) < 1.0 else otherwise
 

@@ -43,7 +43,7 @@ class Switch:
 
 
 def phases(log: Log, period_s: float | None) -> list[float]:
-    """Return instants at which the first period may begin, from the begin of the log on [s]; none where no row tells."""
+    """Return instants at which the first period may begin, from the begin of the log on [s]; none: too few rows."""
     if period_s is None or period_s < _ROWS * float(np.median(np.diff(log.time_s))):
         return []
     return [period_s * place / _PHASES for place in range(_PHASES)]
@@ -105,8 +105,8 @@ def with_duty(log: Log, period_s: float) -> Log:
     row = 100.0 * float(np.median(np.diff(time))) / period_s
     if float(np.sqrt(np.mean((told - duty)[between] ** 2))) > _OFF * row:
         return log
-    held = np.where(between, told, np.clip(duty, 0.0, 100.0))
-    return replace(log, power_pct=held[np.clip(np.searchsorted(begins, time + 1e-9 * period_s, side="right") - 1, 0, None)])
+    rows = np.maximum(np.searchsorted(begins, time + 1e-9 * period_s, side="right") - 1, 0)
+    return replace(log, power_pct=np.where(between, told, np.clip(duty, 0.0, 100.0))[rows])
 
 
 def _energy(time: Array, held: Array, at: Array) -> Array:
