@@ -14,8 +14,10 @@ import tempfile
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from heatertune.batch import in_processes
 from heatertune.batch.loops import HealthSettings, health, ranked
@@ -28,8 +30,11 @@ from tests.witness.arduino_pid import ArduinoPid
 #: what this bench calls a cause → what heatertune may call it
 RIGHT = {"good": {"well"}, "gain too high": {"oscillating"}, "TN too short": {"oscillating"}, "sluggish": {"sluggish"},
          "at its limits": {"full power"}, "relay wear": {"wear"}, "drifted": {"drifted"}}
-ILL = ("gain too high", "TN too short", "sluggish")
-NO_WORSE = 2.0  # times the mean error of the textbook's PI
+BY_TUNING = ("gain too high", "TN too short", "sluggish")
+BY_WORDS = ("good", *BY_TUNING, "relay wear", "drifted")
+NO_WORSE = 2.0  # times the mean error of the textbook's PI, and times its turns
+TURNS = 4  # after a load, that nobody minds
+PROMINENT = 0.2  # of the largest error after a load: what counts as a turn
 
 
 def examined(loops, folder, *, target=""):
@@ -108,15 +113,41 @@ def mean_error(time, temperature, asked, pwm):
     return float(np.abs(off[int(0.2 * len(off)):]).mean())
 
 
-def cures(loop, row):
-    """Return the mean errors of the ill loop, of its words, and of the textbook's PI, and whether that is a cure."""
-    words = json.loads(row["words"])
-    pwm = row["words_pwm_period_s"]
+class Behaviour(NamedTuple):
+    """How a loop holds its setpoint: mean error [°C], and turns of the error after a load, PWM averaged out."""
+
+    error: float
+    turns: int
+
+
+def behaved(loop, time, temperature, asked, pwm):
+    """Return the behaviour of a story, from the true temperature."""
+    width = max(1, round(pwm / (time[1] - time[0])))
+    off = np.convolve(temperature - asked, np.full(width, 1.0 / width), mode="valid")
+    turns = []
+    for begin, end in ((0.4, 0.7), (0.7, 1.0)):
+        part = off[int(begin * len(time)):int(end * len(time))]
+        least = max(PROMINENT * np.abs(part).max(), loop.step)
+        turns.append(sum(len(find_peaks(side * part, prominence=least)[0]) for side in (1.0, -1.0)))
+    return Behaviour(mean_error(time, temperature, asked, pwm), max(turns))
+
+
+def ill(loop, one, best):
+    """Return whether a behaviour is one that other words would better: worse than the textbook's by error or by swings."""
+    return one.error > NO_WORSE * max(best.error, loop.step) or one.turns > max(TURNS, NO_WORSE * best.turns)
+
+
+def as_found(loop):
+    """Return the behaviour of a loop, and that of the textbook's PI in its place."""
     k, tn = textbook(loop)
-    ill, right = (traced(one) for one in (loop, replace(loop, k=k, tn=tn)))
-    was, best = (mean_error(one[0], one[4], one[2], loop.pwm) for one in (ill, right))
-    now = mean_error(*lived(loop, words, pwm), pwm)
-    return was, now, best, now <= NO_WORSE * max(best, loop.step) and now < was
+    stories = [traced(one) for one in (loop, replace(loop, k=k, tn=tn))]
+    return [behaved(loop, story[0], story[4], story[2], loop.pwm) for story in stories]
+
+
+def with_words(loop, row):
+    """Return the behaviour of a loop with the words that its row proposes."""
+    pwm = row["words_pwm_period_s"]
+    return behaved(loop, *lived(loop, json.loads(row["words"]), pwm), pwm)
 
 
 class Figures:
@@ -135,18 +166,28 @@ class Figures:
         self.of[loop.cause] += 1
         if not hit:
             print(f"{loop.name}: {loop.cause}, told {row['outcome']}: {row['reason']}")
-        if self.words and loop.cause in ILL:
-            self._try(loop, row)
+        if self.words and loop.cause in BY_WORDS:
+            was, best = as_found(loop)
+            if ill(loop, was, best):
+                self._try(loop, row, was, best)
+            elif loop.cause in BY_TUNING:
+                print(f"{loop.name}: {loop.cause}, but no worse than the textbook's: {was}, {best}")
 
-    def _try(self, loop, row):
-        done = cures(loop, row) if row.get("words") else None
-        passed, cured = row.get("verdict") == "PASS", done is not None and done[-1]
+    def _try(self, loop, row, was, best):
+        now = with_words(loop, row) if row.get("words") else None
+        passed, cured = row.get("verdict") == "PASS", now is not None and not ill(loop, now, best)
         self.counts.update({
-            "ill-tuned": 1, "with words": done is not None, "proven PASS": passed, "cured": cured,
-            "cured by PASS": cured and passed, "made worse in spite of PASS": passed and done[1] >= done[0],
-            "no worse than the textbook to begin with": done is not None and done[0] <= done[2]})
+            "ill-tuned": 1, "with words": now is not None, "proven PASS": passed, "cured": cured,
+            "cured by PASS": cured and passed,
+            "ill by swings alone": was.error <= NO_WORSE * max(best.error, loop.step),
+            "of them with a mean error below the textbook's": was.error < best.error,
+            "cured with a mean error below what it was": cured and now.error < was.error,
+            "swings more in spite of PASS": passed and now.turns > max(TURNS, was.turns),
+            "larger mean error than the textbook's and than before in spite of PASS":
+                passed and now.error > max(was.error, best.error)})
         if not (cured and passed):
-            print(f"{loop.name}: {loop.cause}, {row.get('verdict')} {row.get('why')}, mean error {done}")
+            print(f"{loop.name}: {loop.cause}, {row.get('verdict')} {row.get('why')}: {was}, with words {now}, "
+                  f"textbook {best}")
 
     def tell(self):
         """Print the figures."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.loops.loads import LoadStep, without_loads
+from heatertune.loops.loads import Cleared, LoadStep, without_loads
 from heatertune.loops.measures import (
     Course,
     Swings,
@@ -36,7 +36,7 @@ __all__ = ["Diagnosis", "diagnosed"]
 
 _WORSE: Final = 2.5  # times the mean error that is possible: further off, other words are worth it
 _HALF_CYCLES: Final = 5  # a well-tuned loop is done after three
-_CERTAIN: Final = 9  # where the mean error is as small as it can be
+_ABOUT: Final = 0.05  # of the PWM period, as far as what is said of it is off
 _SHARE: Final = 0.3  # of the log at a limit
 _LONGER: Final = 2.0  # a PWM period that may be so many times as long wears for nothing
 _DRIFT: Final = 0.25  # of a parameter: less is what two fits of closed loops differ by
@@ -61,6 +61,7 @@ class Diagnosis:
         switchings_per_h: of the switch; None: not known.
         pwm_period_s: in force; None: not known.
         longer_period_s: that would do as well [s]; None: not known, or nothing wears.
+        switch_ticks: whole ones in a PWM period, that the log shows; None: it shows none.
         found: what is wrong, the cause first.
     """
 
@@ -75,6 +76,7 @@ class Diagnosis:
     switchings_per_h: float | None
     pwm_period_s: float | None
     longer_period_s: float | None
+    switch_ticks: int | None
     found: tuple[Found, ...]
 
     @property
@@ -115,9 +117,14 @@ def diagnosed(log: Log, loop: Loop, before: FittedModel | None = None) -> Diagno
         log = replace(log, setpoint_degC=np.full(len(log.time_s), loop.setpoint_degC))
     if log.setpoint_degC is None:
         raise InputError(f"{log.name}: the log holds no setpoint; log it, or give setpoint_degC in the list")
-    period = loop.pwm_period_s or found_period_s(log)
+    period, own = loop.pwm_period_s, found_period_s(log)
+    if own is not None and (period is None or abs(own / period - 1.0) < _ABOUT):
+        period = own  # finer than anybody says it
     course = course_of(log, period)
-    loads, fitted, why_not = _heater(log, period)
+    cleared = None if (why_not := _no_power(log)) else without_loads(log, period)
+    loads, fitted = () if cleared is None else cleared.loads, None
+    if cleared is not None:
+        fitted, why_not = _heater(cleared)
     worse, lived, possible = None, None, None
     if fitted is not None:
         possible = quick_tune(fitted.hypothetical)
@@ -128,27 +135,30 @@ def diagnosed(log: Log, loop: Loop, before: FittedModel | None = None) -> Diagno
     result = Diagnosis(
         course=course, loads=loads, fitted=fitted, why_not=why_not, possible=possible, lived=lived, worse=worse,
         swings=swung, switchings_per_h=switchings_per_h(log, period), pwm_period_s=period,
-        longer_period_s=_longer(loop, fitted, course, period), found=())
+        longer_period_s=_longer(loop, fitted, course, period), switch_ticks=cleared and cleared.ticks,
+        found=())
     return replace(result, found=tuple(_found(result, loop, before)))
 
 
-def _heater(log: Log, period_s: float | None) -> tuple[tuple[LoadStep, ...], FittedModel | None, str]:
-    """Return the loads of a log, its heater without them, and what is to be said against it."""
+def _no_power(log: Log) -> str:
+    """Return why a log's power says nothing of its heater; empty: it does."""
     if log.power_pct is None:
-        return (), None, "the power was not logged"
-    if float(log.power_pct.max() - log.power_pct.min()) < 1.0:
-        return (), None, "the power does not change"
-    cleared, loads, before, ambient, longest = without_loads(log, period_s)
+        return "the power was not logged"
+    return "the power does not change" if float(log.power_pct.max() - log.power_pct.min()) < 1.0 else ""
+
+
+def _heater(cleared: Cleared) -> tuple[FittedModel | None, str]:
+    """Return the heater of a log without its loads, and what is to be said against it."""
     try:
-        fitted = fit(cleared, power_before_pct=before, ambient_degC=ambient, dead_time_at_most_s=longest)
+        fitted = fit(cleared.log, power_before_pct=cleared.power_before_pct, ambient_degC=cleared.ambient_degC,
+                     dead_time_at_most_s=cleared.most_dead_time_s)
     except InputError as problem:
-        return loads, None, str(problem).removeprefix(f"{log.name}: ")
+        return None, str(problem).removeprefix(f"{cleared.log.name}: ")
     if fitted.outcome is Outcome.POOR_FIT:
-        return loads, None, "no heater explains the log well"
+        return None, "no heater explains the log well"
     if any(_open(fitted.ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s")):
-        return loads, None, "the log leaves gain or time constant open: nobody knows the power that holds the setpoint"
-    open_points = [finding.kind.short for finding in fitted.findings if finding.kind.effect == "blocks"]
-    return loads, fitted, "; ".join(open_points)
+        return None, "the log leaves gain or time constant open: nobody knows the power that holds the setpoint"
+    return fitted, "; ".join(finding.kind.short for finding in fitted.findings if finding.kind.effect == "blocks")
 
 
 def _open(interval: Interval | None) -> bool:
@@ -216,8 +226,7 @@ def _error(told: Diagnosis) -> Iterator[Found]:
     swung, worse, course = told.swings, told.worse, told.course
     times = "" if worse is None else f"; mean error {worse:.2g} times what is possible"
     excess = 1.0 if worse is None else max(1.0, worse / _WORSE)
-    needed = _HALF_CYCLES if worse is None or worse > 1.0 else _CERTAIN
-    if swung.count >= needed and swung.even:
+    if swung.count >= _HALF_CYCLES and swung.even:
         yield Found(cause=Cause.OSCILLATING, excess=max(excess, swung.count / _HALF_CYCLES), told=(
             f"swings {swung.size_degC:.2g} °C peak to peak, period {swung.period_s:.3g} s, "
             f"{swung.count} half cycles in a row{times}"))

@@ -9,25 +9,23 @@ as long as the criterion of `heatertune.model.statistics.ar1_bic` falls. The rea
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
-from scipy.signal import lfilter
 
 from heatertune.log.values import Log
-from heatertune.loops.measures import thinned
+from heatertune.loops.given import PowerCourse, power_course, risen
+from heatertune.loops.measures import found_period_s, thinned
+from heatertune.loops.switch import Switch, phases, switched, with_duty
 from heatertune.model.statistics import ar1_bic
 
 __all__ = ["Cleared", "LoadStep", "without_loads"]
 
 Array = npt.NDArray[np.float64]
 
-_ROWS: Final = 3000  # of the power's course
-_READINGS: Final = 400  # averages that are explained
 _INSTANTS: Final = 120  # tried for a load
 _EDGES: Final = (0.08, 0.97)  # of the log: what happens before is the start's, and after it nobody sees it answered
 _MOST: Final = 6
@@ -47,6 +45,10 @@ _EVERY: Final = 6  # of them with loads, and the nearest without: where a loop s
 _NEAREST: Final = 3
 _STARTS: Final = 3
 _APART: Final = 1.4  # ratio of the lags of two starts
+_HINT: Final = 6.0  # BIC points, with which another switch is tried
+_ROUNDS: Final = 5  # of looking for a heater and for its switch
+_TICKS: Final = range(10, 101)  # of a PWM period; with more of them nobody sees them
+_SOME: Final = 0.05  # of lags and dead time, to see what changes with them
 _RATIO: Final = 0.1  # of two lags, to begin with
 
 
@@ -57,68 +59,8 @@ class LoadStep(NamedTuple):
     power_pct: float
 
 
-@dataclass(slots=True)
-class _Course:
-    """What is to be explained.
-
-    Attributes:
-        time: of the rows, from 0 on [s], shape (n,); equally spaced.
-        power: held from each row to the next [%], shape (n,).
-        before: power before the first row [%].
-        readings: averages of so many rows each [°C], shape (m,).
-        middle: of the rows of each [s], shape (m,).
-        rest: whether the temperature had come to rest with that power.
-    """
-
-    time: Array
-    power: Array
-    before: float
-    readings: Array
-    middle: Array
-    rest: bool = False
-
-    @property
-    def step(self) -> float:
-        return float(self.time[1])
-
-    @property
-    def length(self) -> float:
-        return float(self.time[-1])
-
-    def mean(self, rows: Array) -> Array:
-        """Return averages of (n,) or (n, p), shape (m,) or (m, p)."""
-        m = len(self.readings)
-        each = len(self.time) // m
-        return np.asarray(rows[:m * each].reshape(m, each, *rows.shape[1:]).mean(axis=1))
-
-    def answer(self, lag: float, ratio: float, delay: float) -> Array:
-        """Return the power behind its lags and dead time [%], shape (m,)."""
-        keep = math.exp(-self.step / lag)
-        moved = lfilter([0.0, 1.0 - keep], [1.0, -keep], self.power - self.before)
-        if ratio > 0.0:
-            keep = math.exp(-self.step / (ratio * lag))
-            moved = lfilter([1.0 - keep], [1.0, -keep], moved)
-        return self.mean(np.interp(self.time - delay, self.time, moved, left=0.0))
-
-    def basis(self, lag: float, ratio: float, delay: float, loads: Sequence[float] | Array) -> Array:
-        """Return the columns of power, ambient, state at the start and loads, shape (m, …)."""
-        lags = [] if self.rest else [lag, ratio * lag] if ratio > 0.0 else [lag]
-        decays = [np.exp(-self.middle / each) for each in lags]
-        return np.column_stack([
-            self.answer(lag, ratio, delay), np.ones(len(self.readings)), *decays,
-            _risen(self.middle, np.asarray(loads), lag, ratio)])
-
-
-def _risen(time: Array, instants: Array, lag: float, ratio: float) -> Array:
-    """Return unit steps at the instants (p,) behind the lags, shape (n, p)."""
-    since = np.maximum(time[:, None] - instants[None, :], 0.0)
-    if ratio <= 0.0:
-        return np.asarray(1.0 - np.exp(-since / lag))
-    return np.asarray(1.0 - (np.exp(-since / lag) - ratio * np.exp(-since / (ratio * lag))) / (1.0 - ratio))
-
-
 class _Found(NamedTuple):
-    """Lags, dead time and loads with their criterion; `linear` as the columns of `_Course.basis`."""
+    """Lags, dead time and loads with their criterion; `linear` as the columns of `PowerCourse.basis`."""
 
     bic: float
     lag: float
@@ -146,6 +88,7 @@ class Cleared(NamedTuple):
         power_before_pct: power before the log that explains it best; None: not known.
         ambient_degC: of a loop that was off and cold when its log began; None: not known.
         most_dead_time_s: with a longer one no heater explains the whole log; None: with any.
+        ticks: whole ones that the switch counts in a PWM period; None: too many for the log to tell.
     """
 
     log: Log
@@ -153,6 +96,7 @@ class Cleared(NamedTuple):
     power_before_pct: float | None = None
     ambient_degC: float | None = None
     most_dead_time_s: float | None = None
+    ticks: int | None = None
 
 
 def without_loads(log: Log, pwm_period_s: float | None = None) -> Cleared:
@@ -162,24 +106,24 @@ def without_loads(log: Log, pwm_period_s: float | None = None) -> Cleared:
         log: of a heater in its loop, with power that changes.
         pwm_period_s: of its switch; None: not known.
     """
-    tried = [_tried(log, pwm_period_s, before, rest=rest) for before, rest in _starts(log, pwm_period_s)]
-    thin, course, found = min(tried, key=_Tried.worth)
+    best, switch = _best_with_switch(log, pwm_period_s)
+    thin, course, found = best
     if not found.sensible:
         return Cleared(thin)
     since = thin.time_s - thin.time_s[0]
-    done = _risen(since, found.instants, found.lag, found.ratio) @ (found.sizes * found.linear[0])
+    done = risen(since, found.instants, found.lag, found.ratio) @ (found.sizes * found.linear[0])
     loads = sorted(LoadStep(float(log.time_s[0] + at), float(size))
                    for at, size in zip(found.instants, found.sizes, strict=True))
     return Cleared(replace(thin, temperature_degC=thin.temperature_degC - done), tuple(loads),
                    course.before, float(found.linear[1]) if course.rest else None,
-                   _most_dead_time_s(course, found, pwm_period_s or course.step))
+                   _most_dead_time_s(course, found, pwm_period_s or course.step), switch.ticks)
 
 
 class _Tried(NamedTuple):
     """A start, and the heater that goes with it."""
 
     thin: Log
-    course: _Course
+    course: PowerCourse
     found: _Found
 
     def worth(self) -> tuple[bool, float]:
@@ -187,13 +131,73 @@ class _Tried(NamedTuple):
         return _worth(self.found)
 
 
+def _best(log: Log, pwm_period_s: float | None) -> _Tried:
+    tried = [_tried(log, pwm_period_s, before, rest=rest) for before, rest in _starts(log, pwm_period_s)]
+    return min(tried, key=_Tried.worth)
+
+
+def _best_with_switch(log: Log, pwm_period_s: float | None) -> tuple[_Tried, Switch]:
+    """Return the heater, and the switch that goes with it where that explains plainly more."""
+    plain, own = _best(log, pwm_period_s), found_period_s(log)
+    duty = log if own is None else with_duty(log, own)
+    if own is not None and duty is log:
+        return plain, Switch()
+    best, kept = plain if duty is log else _best(duty, pwm_period_s), Switch()
+    for _ in range(_ROUNDS):
+        other, switch = _switched(duty, pwm_period_s, best)
+        if switch == kept:
+            break
+        tried = _best(other, pwm_period_s)
+        if tried.worth() >= best.worth():
+            break
+        best, kept = tried, switch
+    return (best, kept) if best.found.bic < plain.found.bic - _RULED_OUT else (plain, Switch())
+
+
+def _switched(log: Log, pwm_period_s: float | None, tried: _Tried) -> tuple[Log, Switch]:
+    """Return a log with the power that its switch gave, and that switch; itself, where none explains more.
+
+    Lags, dead time and instants are not those of the right switch yet: what changes with them is free here.
+    """
+    found, bent = tried.found, _bent(tried.course, tried.found)
+
+    def left(switch: Switch) -> float:
+        thin = thinned(switched(log, switch, pwm_period_s), pwm_period_s, tried.course.before)
+        course = power_course(thin, tried.course.before, pwm_period_s, rest=tried.course.rest)
+        basis = np.column_stack([course.basis(found.lag, found.ratio, found.delay, found.instants), bent])
+        linear = np.linalg.lstsq(basis, course.readings, rcond=None)[0]
+        return ar1_bic(course.readings - basis @ linear, len(linear))
+
+    plain = least = left(Switch())
+    switch, begins = Switch(), phases(log, pwm_period_s)
+    for change in ("phase_s", "ticks", "phase_s"):
+        others = [replace(switch, ticks=count, down=down) for count in _TICKS for down in (False, True)] if (
+            change == "ticks") else [replace(switch, phase_s=begin) for begin in begins]
+        least, switch = min([(least, switch), *((left(other), other) for other in others)], key=lambda one: one[0])
+    return (switched(log, switch, pwm_period_s), switch) if least < plain - _HINT else (log, Switch())
+
+
+def _bent(course: PowerCourse, found: _Found) -> Array:
+    """Return what the readings change by with lags, dead time and the instants of loads, shape (m, 3 + loads)."""
+    def readings(lag: float, ratio: float, delay: float, at: Array) -> Array:
+        loads = found.linear[len(found.linear) - len(at):]
+        return np.asarray(
+            found.linear[0] * course.answer(lag, ratio, delay) + risen(course.middle, at, lag, ratio) @ loads)
+
+    lag, ratio, delay, at = found.lag, max(found.ratio, _SOME), found.delay, found.instants
+    some = max(_SOME * delay, course.step)
+    others = [(lag * (1.0 + _SOME), ratio, delay, at), (lag, ratio + _SOME, delay, at), (lag, ratio, delay + some, at),
+              *((lag, ratio, delay, np.where(np.arange(len(at)) == place, at + some, at)) for place in range(len(at)))]
+    return np.column_stack([readings(*other) - readings(lag, ratio, delay, at) for other in others])
+
+
 def _tried(log: Log, pwm_period_s: float | None, before: float, *, rest: bool) -> _Tried:
     thin = thinned(log, pwm_period_s, before)
-    course = _course(thin, before, pwm_period_s, rest=rest)
+    course = power_course(thin, before, pwm_period_s, rest=rest)
     return _Tried(thin, course, _searched(course))
 
 
-def _most_dead_time_s(course: _Course, found: _Found, wait_s: float) -> float | None:
+def _most_dead_time_s(course: PowerCourse, found: _Found, wait_s: float) -> float | None:
     """Return the shortest dead time tried with which one lag, its loads fitted anew, is plainly worse [s].
 
     A duty acts when the next PWM period begins, `wait_s` later at most: the log does not tell a dead time finer.
@@ -228,28 +232,13 @@ def _starts(log: Log, pwm_period_s: float | None) -> list[tuple[float, bool]]:
     return [at_work, (0.0, False)]
 
 
-def _course(log: Log, before: float, pwm_period_s: float | None, *, rest: bool) -> _Course:
-    assert log.power_pct is not None
-    since = log.time_s - log.time_s[0]
-    step = max(float(np.median(np.diff(since))), float(since[-1]) / _ROWS)
-    time = step * np.arange(int(since[-1] / step + 1e-9) + 1, dtype=np.float64)
-    held = np.concatenate([[0.0], np.cumsum(log.power_pct[:-1] * np.diff(since))])
-    energy = np.interp(np.append(time, time[-1] + step), since, held)
-    power = np.append(np.diff(energy)[:-1] / step, log.power_pct[-1])
-    # averages over less than a PWM period would not be independent
-    each = max(1, len(time) // _READINGS, math.ceil((pwm_period_s or 0.0) / step - 1e-9))
-    course = _Course(time, power, before, np.zeros(len(time) // each), np.zeros(0), rest)
-    course.middle, course.readings = course.mean(time), course.mean(np.interp(time, since, log.temperature_degC))
-    return course
-
-
-def _searched(course: _Course) -> _Found:
+def _searched(course: PowerCourse) -> _Found:
     """Return the best heater with its loads."""
     tried = np.linspace(*_EDGES, _INSTANTS) * course.length
     delays = np.append(0.0, np.geomspace(max(course.step, course.length / 600.0), course.length / 10.0, _DELAYS - 1))
     rough = []
     for lag in np.geomspace(max(3.0 * course.step, course.length / 150.0), course.length / 2.0, _LAGS).tolist():
-        steps = _risen(course.middle, tried, lag, 0.0)
+        steps = risen(course.middle, tried, lag, 0.0)
         bases = [course.basis(lag, 0.0, delay, ()) for delay in delays.tolist()]
         left = [np.linalg.norm(course.readings - q @ (q.T @ course.readings)) for q, _ in map(np.linalg.qr, bases)]
         near = {*range(0, _DELAYS, _EVERY), *np.argsort(left)[:_NEAREST].tolist()}
@@ -261,7 +250,7 @@ def _searched(course: _Course) -> _Found:
     refined = [_refined(course, lag, 0.0, delay, instants) for _, instants, lag, delay in starts[:_STARTS]]
     best = min(refined, key=_worth)
     best = min(best, _refined(course, best.lag, _RATIO, best.delay, best.instants), key=_worth)
-    steps = _risen(course.middle, tried, best.lag, best.ratio)
+    steps = risen(course.middle, tried, best.lag, best.ratio)
     _, instants = _added(
         course, course.basis(best.lag, best.ratio, best.delay, best.instants), steps, tried, best.instants)
     again = best if len(instants) == len(best.instants) else _refined(
@@ -270,7 +259,7 @@ def _searched(course: _Course) -> _Found:
 
 
 def _added(
-    course: _Course, basis: Array, steps: Array, tried: Array, instants: Array | None = None
+    course: PowerCourse, basis: Array, steps: Array, tried: Array, instants: Array | None = None
 ) -> tuple[float, Array]:
     """Return the criterion and the instants of the loads that are worth it, added one by one to those given."""
     kept = np.zeros(0) if instants is None else instants
@@ -293,7 +282,7 @@ def _added(
 
 
 def _refined(
-    course: _Course, lag: float, ratio: float, delay: float, instants: Array, *, held: bool = False
+    course: PowerCourse, lag: float, ratio: float, delay: float, instants: Array, *, held: bool = False
 ) -> _Found:
     """Return what least squares makes of a start: all that is not linear, the instants of the loads included.
 
@@ -320,7 +309,7 @@ def _refined(
     return _Found(ar1_bic(left(z), len(z) + len(linear)), *parts(z), linear)
 
 
-def _pruned(course: _Course, found: _Found) -> _Found:
+def _pruned(course: PowerCourse, found: _Found) -> _Found:
     """Return what was found without what is no load: too small, the start's, or the second of two at one instant."""
     while len(found.instants):
         order = np.argsort(found.instants)

@@ -27,7 +27,8 @@ _LEAST: Final = 0.002  # of the rise above the coldest reading: less is nobody's
 _ENDS: Final = (1.0, 99.0)  # power that counts as off and on [%]
 _REGULAR: Final = 0.15  # of a period between its quartiles: a PWM is a clock
 _EDGES: Final = 12
-_OF_LARGEST: Final = 0.05  # of the largest error of an event: smaller half cycles are its end
+_OF_LARGEST: Final = 0.2  # of the largest error of an event: a smaller way back is no half cycle
+_TURN: Final = 6.0  # standard deviations of averages: as far as these go to and fro without a loop's doing
 _EVEN: Final = 2.2  # ratio of a half cycle to the median one
 _MOSTLY: Final = 0.6  # of the half cycles are even
 _LAST: Final = 10  # part of a stretch whose slope tells where it goes
@@ -45,6 +46,7 @@ class Course:
         temperature_degC, setpoint_degC, power_pct: likewise; None: the power is not known.
         changes_s: when the setpoint changes, the begin of the log being the first [s].
         least_degC: an error that is noise, or too small for anyone to care [°C].
+        turn_degC: a way back of the averages that is noise, or too small for anyone to care [°C].
     """
 
     time_s: Array
@@ -53,6 +55,7 @@ class Course:
     power_pct: Array | None
     changes_s: tuple[float, ...]
     least_degC: float
+    turn_degC: float
 
     @property
     def error_degC(self) -> Array:
@@ -115,21 +118,28 @@ def course_of(log: Log, pwm_period_s: float | None, changes_at_least_degC: float
 
     def mean(values: Array) -> Array:
         rows = np.interp(time, log.time_s, values)
-        summed = np.cumsum(np.concatenate([np.full(width, rows[0]), rows]))
+        summed = np.cumsum(np.concatenate([np.full(width, rows[:width].mean()), rows]))
         return np.asarray((summed[width:] - summed[:-width]) / width)
 
     held = np.maximum(np.searchsorted(log.time_s, time + 1e-9 * step, side="right") - 1, 0)
     setpoint = log.setpoint_degC[held]
     readings = np.interp(time, log.time_s, log.temperature_degC)
-    bends = np.diff(readings, 2)
-    noise = 1.4826 * float(np.median(np.abs(bends - np.median(bends)))) / np.sqrt(6.0)
+    averages = mean(log.temperature_degC)
     levels = np.diff(np.unique(log.temperature_degC))
-    least = max(_NOISE * noise, float(np.min(levels)) if len(levels) else 0.0, _LEAST * float(np.ptp(readings)))
+    least = max(float(np.min(levels)) if len(levels) else 0.0, _LEAST * float(np.ptp(readings)))
+    turn, least = max(_TURN * _noise(averages, width), least), max(_NOISE * _noise(readings, 1), least)
     moved = np.flatnonzero(np.abs(np.diff(setpoint)) > max(changes_at_least_degC, least)) + 1
     return Course(
-        time_s=time, temperature_degC=mean(log.temperature_degC), setpoint_degC=setpoint,
+        time_s=time, temperature_degC=averages, setpoint_degC=setpoint,
         power_pct=None if log.power_pct is None else mean(log.power_pct),
-        changes_s=(float(time[0]), *time[moved].tolist()), least_degC=least)
+        changes_s=(float(time[0]), *time[moved].tolist()), least_degC=least,
+        turn_degC=turn)
+
+
+def _noise(rows: Array, apart: int) -> float:
+    """Return the standard deviation of what rows so far apart do not share with a line [°C]."""
+    bends = rows[2 * apart:] - 2.0 * rows[apart:-apart] + rows[:-2 * apart]
+    return 1.4826 * float(np.median(np.abs(bends - np.median(bends)))) / math.sqrt(6.0) if len(bends) else 0.0
 
 
 def swings(course: Course, events_s: Sequence[float], shortest_s: float = 0.0) -> Swings:
@@ -147,32 +157,49 @@ def swings(course: Course, events_s: Sequence[float], shortest_s: float = 0.0) -
 
 
 def _half_cycles(course: Course, start_s: float, end_s: float, shortest_s: float) -> Swings:
+    """Return the ways from one turn to the next: a loop that swings as it nears its setpoint does not cross it."""
     inside = (course.time_s >= start_s) & (course.time_s < end_s)
     error, time = course.error_degC[inside], course.time_s[inside]
     none = Swings(count=0, period_s=0.0, size_degC=0.0, even=False)
-    sides = np.where(error > course.least_degC, 1, np.where(error < -course.least_degC, -1, 0))
-    told = np.flatnonzero(sides)
-    if not len(told):
+    if not len(error):
         return none
-    turns = told[np.flatnonzero(np.diff(sides[told])) + 1]  # first row beyond the band on the other side
-    edges = [int(told[0]), *turns.tolist(), len(error)]
-    parts = [(time[end - 1] - time[begin], float(np.max(np.abs(error[begin:end])))) for begin, end in pairwise(edges)]
-    largest = max(peak for _, peak in parts)
-    parts = [part for part in parts if part[1] >= _OF_LARGEST * largest and part[0] >= shortest_s]
-    if len(parts) < 3:  # the first comes from the event itself, the last may be cut short
+    least = max(course.turn_degC, _OF_LARGEST * float(np.max(np.abs(error))))
+    turns = np.array(_turns(error.tolist(), least), dtype=int)
+    lengths, sizes = np.diff(time[turns]), np.abs(np.diff(error[turns]))
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], (lengths >= shortest_s).astype(int), [0]])))
+    in_a_row = max((slice(*pair) for pair in edges.reshape(-1, 2).tolist()), key=lambda row: row.stop - row.start,
+                   default=slice(0))
+    lengths, sizes = lengths[in_a_row], sizes[in_a_row]
+    if len(lengths) < 3:  # the first comes from the event itself
         return none
-    lengths = np.array([length for length, _ in parts[1:-1]])
-    median = float(np.median(lengths))
-    even = float(np.mean((lengths < _EVEN * median) & (lengths * _EVEN > median))) >= _MOSTLY
-    return Swings(count=len(parts), period_s=2.0 * median, even=even,
-                  size_degC=2.0 * float(np.median([peak for _, peak in parts[1:]])))
+    median = float(np.median(lengths[1:]))
+    even = float(np.mean((lengths[1:] < _EVEN * median) & (lengths[1:] * _EVEN > median))) >= _MOSTLY
+    return Swings(count=len(lengths), period_s=2.0 * median, even=even, size_degC=float(np.median(sizes)))
+
+
+def _turns(values: Sequence[float], least: float) -> list[int]:
+    """Return where values turn, by at least so much each time."""
+    found: list[int] = []
+    high = low = way = 0
+    for place, value in enumerate(values):
+        if value > values[high]:
+            high = place
+        if value < values[low]:
+            low = place
+        if way >= 0 and values[high] - value >= least:
+            found.append(high)
+            way, low = -1, place
+        elif way <= 0 and value - values[low] >= least:
+            found.append(low)
+            way, high = 1, place
+    return found
 
 
 def at_limit(course: Course, *, high: bool) -> float:
     """Return the share of the log at full power (or none) with the setpoint out of reach that way, 0…1.
 
     Where the temperature still comes nearer, as it does in a heat-up, nothing is at its limits: it would get there
-    within the time that it has been at the limit so far.
+    within the time that it has been at the limit so far, and does not come to rest before.
     """
     if course.power_pct is None:
         return 0.0
@@ -185,10 +212,19 @@ def at_limit(course: Course, *, high: bool) -> float:
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         last = slice(end - max(2, (end - begin) // _LAST), end)
         slope = float(np.polyfit(course.time_s[last], course.temperature_degC[last], 1)[0])
-        left = float(course.error_degC[end - 1])
-        if slope * sign * (course.time_s[end - 1] - course.time_s[begin]) < sign * left:
+        comes = slope * (course.time_s[end - 1] - course.time_s[begin])
+        if sign * min(comes, _to_rest(course.temperature_degC[begin:end], comes), key=abs) < (
+                sign * course.error_degC[end - 1]):
             share += end - begin
     return share / n if share >= _STILL * n else 0.0
+
+
+def _to_rest(rows: Array, otherwise: float) -> float:
+    """Return how far rows go on where their last parts come nearer to each other, as with one lag [°C]."""
+    part, n = max(1, len(rows) // _LAST), len(rows)
+    first, second, third = (float(rows[n - (back + 1) * part:n - back * part].mean()) for back in (2, 1, 0))
+    before, now = second - first, third - second
+    return now * now / (before - now) if 0.0 < now / (before or 1.0) < 1.0 else otherwise
 
 
 def offset_degC(course: Course) -> float:
