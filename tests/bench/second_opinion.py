@@ -195,8 +195,11 @@ def story(b):
     for opened in (max(2.0 * tn, b.slow), max(10.0 * tn, _takes(b, 0.95))):
         yield part("mains", 0.0, "off", takes=opened, rest=0.0, power=0.0)
         yield part("mains", 0.0, "reheat", takes=way, power=1.0)
-    # the way down to where the boost takes it back; while the circuit's dead time lasts, the reading does not fall
-    if b.boost is not None and b.boost[1] < step and (nearly := _takes(b, b.boost[1] / step) - b.dead - 2.0 * max(b.interval, b.period)) > 0.0:
+    # the way down to where full power takes it back; while the circuit's dead time lasts, the reading does not fall
+    again = b.boost[1] if b.boost else math.inf
+    if b.target == "marlin":  # its window begins at the setpoint in whole degrees, and the reading has steps
+        again = b.words["PID_FUNCTIONAL_RANGE"] - 0.5 - (b.high - b.low) / 1023.0
+    if again < step and (nearly := _takes(b, again / step) - b.dead - 2.0 * max(b.interval, b.period)) > 0.0:
         yield part("mains", 0.0, "off", takes=nearly, rest=0.0, power=0.0)
         yield part("mains", 0.0, "reheat", takes=way, power=1.0)
     low = b.setpoint - 0.2 * step if b.asked_low is None else b.asked_low

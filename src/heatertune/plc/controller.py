@@ -208,6 +208,10 @@ class Controller(Led, ABC):
         self.check(words)
         return self.design(words)
 
+    def again_degC(self, words: Words) -> float | None:
+        """Return how far below the setpoint full power takes the heater back, as a boost does [°C]; None: nowhere."""
+        return None if words.boost is None else words.boost.again_degC
+
     @final
     def limited(self, words: Words, most_pct: float) -> Words:
         """Return words that never ask for more power than that [%].

@@ -23,7 +23,7 @@ class Loop:
         settling_s, recovery_s: that heat-up and recovery may take as specified; a part lasts so long or longer [s].
         soak_settles_s: time of a soak [s] → when in it the temperature has to be right [s].
         cold_degC: how near to the ambient a heater has to be before a profile [°C].
-        again_degC: so far from the setpoint the program takes the heater back from the controller; None: nowhere [°C].
+        again_degC: so far from the setpoint full power takes the heater back from the controller; None: nowhere [°C].
         cooling_gain: full power of a cooler as a part of the heater's; 0: there is none.
     """
 

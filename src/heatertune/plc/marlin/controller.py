@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
@@ -15,6 +15,8 @@ from heatertune.plc.parallel.step import COLD, PARALLEL
 from heatertune.plc.words import Words
 
 __all__ = ["Marlin"]
+
+_ROUNDED_DEGC: Final = 0.5  # the setpoint, to whole degrees
 
 
 class Marlin(Controller, name="marlin"):
@@ -42,6 +44,10 @@ class Marlin(Controller, name="marlin"):
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     interval_s, oddities, text = staticmethod(interval_s), staticmethod(oddities), staticmethod(from_text)
     scan_all, exported = staticmethod(scan), staticmethod(exported)
+
+    def again_degC(self, words: Words) -> float | None:
+        """Return the firmware's window, less what the rounded setpoint and the reading's steps may take of it."""
+        return float(words.values["PID_FUNCTIONAL_RANGE"]) - _ROUNDED_DEGC - words.scaling.span_degC / COUNTS
 
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after power-on."""
