@@ -18,6 +18,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from heatertune import compiled
+from heatertune.chain import ahead
 from heatertune.log.values import Log
 
 sys.dont_write_bytecode = False  # for this process, which rewrites the tests' asserts, and for the commands that tests start:
@@ -103,6 +104,7 @@ def machine_code(request, run_folder):
     place = request.config.cache.mkdir(_CACHE)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compiled, "folder", lambda: place)
+        patch.setattr(ahead, "processors", lambda: 1)  # what is compiled is compiled in turn, not beside
         _compile_in_turn(patch, run_folder / "locks")
         yield
 

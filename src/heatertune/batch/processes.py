@@ -14,6 +14,7 @@ from itertools import islice
 from typing import Final
 
 from heatertune.batch.values import Chunk, Row, Task, Workers
+from heatertune.chain.ahead import processors
 from heatertune.units import check
 
 __all__ = ["in_processes"]
@@ -30,7 +31,7 @@ def in_processes(jobs: int | None = None) -> Workers:
     Raises:
         OutOfRange: fewer than one process.
     """
-    number = _processors() if jobs is None else jobs
+    number = processors() if jobs is None else jobs
     check("jobs", number, least=1)
 
     def workers(chunks: Iterator[Chunk], do: Task) -> Iterator[tuple[Chunk, list[Row] | None]]:
@@ -44,10 +45,6 @@ def in_processes(jobs: int | None = None) -> Workers:
                     yield chunk, _alone(chunk, do)
 
     return workers
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

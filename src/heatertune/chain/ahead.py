@@ -55,7 +55,8 @@ def compiling(target: str) -> Iterator[None]:
         yield
         return
     made = {name: Event() for name in missing}
-    Thread(target=_listen, args=(process.stdout, made), daemon=True).start()
+    listener = Thread(target=_listen, args=(process.stdout, made), daemon=True)
+    listener.start()
     for name, loop in missing.items():
         made_beside(loop, partial(made[name].wait, _PATIENCE_S))
     with process:
@@ -63,6 +64,7 @@ def compiling(target: str) -> Iterator[None]:
             yield
         finally:
             process.kill()
+            listener.join()
 
 
 def _loops(target: str) -> Iterator[tuple[str, Callable[..., Any]]]:

@@ -1,0 +1,110 @@
+"""The loops that a second process compiles beside a design: found, or compiled where they are needed; never left running."""
+
+import os
+import select
+import signal
+import subprocess
+import sys
+from functools import cache
+
+import pytest
+
+from heatertune import compiled as machine
+from heatertune.chain import ahead
+
+TARGET = "on-off"  # the loop that is compiled soonest; it is compared with no other
+
+
+@pytest.fixture
+def fresh(tmp_path, monkeypatch):
+    """No machine code, in memory or on disk, and a second processor."""
+    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path))  # for the second process
+    monkeypatch.setattr(machine, "folder", lambda: tmp_path)
+    for name in ("_door", "_machine"):
+        monkeypatch.setattr(machine, name, cache(getattr(machine, name).__wrapped__))
+    monkeypatch.setattr(machine, "_found", set())
+    monkeypatch.setattr(machine, "_beside", {})
+    monkeypatch.setattr(ahead, "processors", lambda: 2)
+    return tmp_path
+
+
+def begun(monkeypatch):
+    """The processes that are begun from now on."""
+    processes, begin = [], ahead._begun
+
+    def noted(targets):
+        processes.append(begin(targets))
+        return processes[-1]
+
+    monkeypatch.setattr(ahead, "_begun", noted)
+    return processes
+
+
+def door():
+    """The loop as this process calls it, after a short run."""
+    (_, loop), = ahead._loops(TARGET)
+    before = machine.decide(True)
+    try:
+        ahead._compile(TARGET)
+    finally:
+        machine.decide(before)
+    return machine.compiled(loop)
+
+
+@pytest.mark.long
+def test_what_the_second_process_compiled_is_found_and_it_ends_with_the_block(fresh, monkeypatch):
+    processes = begun(monkeypatch)
+    with ahead.compiling(TARGET):
+        found = door()
+        assert (sum(found.stats.cache_hits.values()), sum(found.stats.cache_misses.values())) == (1, 0)
+    assert processes[0].returncode is not None
+    assert not list(fresh.rglob("*.tmp.*"))
+    with ahead.compiling(TARGET):
+        assert len(processes) == 1, "what is kept needs no process"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("told", ["import nothing_of_this_name", f"print('{TARGET}')"], ids=["broken", "lies"])
+def test_whatever_ends_the_second_process_the_first_one_compiles(told, fresh, monkeypatch):
+    monkeypatch.setattr(ahead, "_begun", lambda _: subprocess.Popen(
+        [sys.executable, "-c", told], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True))
+    with ahead.compiling(TARGET):
+        own = door()
+        assert (sum(own.stats.cache_hits.values()), sum(own.stats.cache_misses.values())) == (0, 1)
+
+
+def test_where_no_process_can_be_begun_none_is_waited_for(fresh, monkeypatch):
+    monkeypatch.setattr(sys, "executable", str(fresh / "no-such-python"))
+    with ahead.compiling("s5-ob251"):
+        assert not machine._beside
+
+
+@pytest.mark.parametrize("reason", ["one processor", "no folder"])
+def test_no_process_is_begun_where_it_is_of_no_use(reason, fresh, monkeypatch):
+    processes = begun(monkeypatch)
+    if reason == "one processor":
+        monkeypatch.setattr(ahead, "processors", lambda: 1)
+    else:
+        monkeypatch.setattr(ahead, "folder", lambda: None)
+    with ahead.compiling("s5-ob251"):
+        pass
+    assert not processes
+
+
+@pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="tells when somebody else's process ends: Linux")
+def test_the_second_process_ends_when_the_first_one_is_killed(fresh):
+    code = ("from heatertune.chain import ahead\n"
+            "ahead.processors, begin = lambda: 2, ahead._begun\n"
+            "def told(targets):\n"
+            "    process = begin(targets)\n"
+            "    print(process.pid, flush=True)\n"
+            "    return process\n"
+            "ahead._begun = told\n"
+            "with ahead.compiling('s5-ob251'):\n"
+            "    input()\n")
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as first:
+        second = os.pidfd_open(int(first.stdout.readline()))
+        first.send_signal(signal.SIGKILL)
+    assert select.select([second], [], [], 60.0)[0], "still running"
+    os.close(second)
+    assert not list(fresh.rglob("*.tmp.*"))
