@@ -119,12 +119,12 @@ class Exported(Protocol):
         """Do many times what `begin` and `go_on` do, at once; None as for `calls`.
 
         Args:
-            outputs: that periods begin with.
+            outputs: that periods begin with, of shape (outputs,).
             ticks: of a period.
-            lengths: how many ticks of each are run, the first one among them.
+            lengths: how many ticks of each are run, the first one among them, of shape (outputs,).
 
         Returns:
-            How many of those ticks the heater was on, and what `counted` gives.
+            How many of those ticks the heater was on, and what `counted` gives, each of shape (outputs,).
         """
         return None
 

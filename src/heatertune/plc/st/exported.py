@@ -114,7 +114,7 @@ class ExportedProgram(Exported):
     def periods(
         self, outputs: npt.NDArray[np.float64], ticks: int, lengths: npt.NDArray[np.int64]
     ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]] | None:
-        """Run the scans of many periods in which the block is not due."""
+        """Run the scans of many periods in which the block is not due; shapes as in `Exported.periods`."""
         begins = np.concatenate(([0], np.cumsum(lengths)[:-1]))
         scans = int(lengths.sum())
         power, phase, on_ms = np.full(scans, np.nan), np.full(scans, KEEP), np.full(scans, KEEP)

@@ -173,7 +173,20 @@ def made_of(  # noqa: PLR0913 - the words, as a compiler takes them
     kp: float, ki: float, kd: float, tau: float, minimum: float, maximum: float, ts_ms: float, parallel: bool,
     reverse: bool, assume: Assumptions,
 ) -> Block:
-    """Return the same of the words one by one."""
+    """Return the same of the words one by one.
+
+    Args:
+        kp: Kp.
+        ki: Ki.
+        kd: Kd.
+        tau: TauSetPoint [s].
+        minimum: MinimumOutput [%].
+        maximum: MaximumOutput [%].
+        ts_ms: Ts [ms].
+        parallel: whether Type is the parallel form.
+        reverse: whether Action is reverse.
+        assume: of what the manual leaves open.
+    """
     ts = single(divided(ts_ms, 1000.0))
     ki_ts, kd_by_ts = single(ki * ts), single(divided(kd, ts))
     return Block(

@@ -1,48 +1,32 @@
-"""A machine that runs structured text: a unit becomes a Python function on the program's memory.
+"""A machine that runs structured text: programs, and blocks that the target brings along.
 
 REAL is single precision, rounded once by each operation; whole numbers are computed in 32 bits with a sign and kept in
 those of their variable. Numbers of one kind do not become another by themselves.
-
-REALs stand in one row of the memory, all other numbers in another; so do the text's numbers, each in a cell of its own:
-texts that differ in numbers alone are one function, which a compiler takes as it is.
 """
 
 from __future__ import annotations
 
-import hashlib
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
-from types import CodeType, FunctionType
-from typing import Any, Final, NamedTuple, cast
+from collections.abc import Callable, Mapping, Sequence
+from types import FunctionType
+from typing import Any, NamedTuple, cast
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.tape import Got, Tape, run_tape
-from heatertune.plc.cpu.iec.text import (
-    Assignment,
-    Call,
-    Expression,
-    Literal,
-    Name,
-    Statement,
-    Unit,
+from heatertune.plc.cpu.iec.text import Unit
+from heatertune.plc.cpu.iec.translation import (
+    BEYOND,
+    KIND,
+    NOTHING,
+    Block,
+    Memory,
+    Place,
+    Run,
+    Value,
+    row_of,
+    translated,
 )
-from heatertune.plc.single import divided, single
 
-__all__ = ["Firmware", "Program", "Run", "Value"]
-
-Value = bool | int | float
-#: of a unit: the rows of REALs and of other numbers, instances of firmware, and where its own begin in each
-Run = Callable[[list[Any], list[Any], list[Any], int, int, int], None]
-
-#: whole type → bits, and whether it has a sign
-_WHOLE: Final = {"BYTE": (8, False), "UINT": (16, False), "INT": (16, True), "DINT": (32, True)}
-_KIND: Final = {"REAL": "REAL", "BOOL": "BOOL", "TIME": "TIME", **dict.fromkeys(_WHOLE, "WHOLE")}
-_NOTHING: Final[Mapping[str, Value]] = {"REAL": 0.0, "BOOL": False, "WHOLE": 0, "TIME": 0}
-_COMPARED: Final = {"=": "==", "<>": "!=", "<": "<", ">": ">", "<=": "<=", ">=": ">="}
-_BEYOND: Final = 1000  # lines, more than this file has: who looks there for those of a function finds none
-_ROWS: Final = ("r", "w", "f")
-_FIRST: Final = ("a", "b", "c")
+__all__ = ["Firmware", "Program", "Value"]
 
 
 class Firmware(NamedTuple):
@@ -61,51 +45,6 @@ class Firmware(NamedTuple):
     keeps: tuple[Value, ...] = ()
 
 
-#: type of a variable, and how much of each row is before it
-_Place = tuple[str, tuple[int, int, int]]
-
-
-class _Memory(NamedTuple):
-    """Rows of a memory: REALs, other numbers, instances of firmware or what makes them."""
-
-    reals: list[Any]
-    wholes: list[Any]
-    firmware: list[Any]
-
-    @property
-    def size(self) -> tuple[int, int, int]:
-        return len(self.reals), len(self.wholes), len(self.firmware)
-
-    def grown(self, other: _Memory) -> tuple[int, int, int]:
-        """Add another's rows; return where they begin."""
-        begin = self.size
-        for mine, more in zip(self, other, strict=True):
-            mine.extend(more)
-        return begin
-
-    def with_one(self, kind: str, value: Value) -> tuple[int, int, int]:
-        """Add a number; return where it stands, in the row of its kind."""
-        begin = self.size
-        (self.reals if kind == "REAL" else self.wholes).append(value)
-        return begin
-
-
-class _Block(NamedTuple):
-    """What an instance is made of.
-
-    Attributes:
-        places: name → where it stands.
-        cold: its memory, firmware not yet made.
-        run: what a call does.
-        lines: code of the functions in it → unit, and the line of its text for each of the function's.
-    """
-
-    places: dict[str, _Place]
-    cold: _Memory
-    run: Run
-    lines: dict[CodeType, tuple[Unit, list[int]]]
-
-
 class Program:
     """The program of a text, with its memory."""
 
@@ -120,11 +59,11 @@ class Program:
         """
         known = self._known = {name.upper(): _of_firmware(block) for name, block in firmware.items()}
         for unit in (unit for unit in units if unit.kind == "FUNCTION_BLOCK"):
-            known[unit.name] = _Compiler(unit, known, time_to_real).block()
+            known[unit.name] = translated(unit, known, time_to_real)
         programs = [unit for unit in units if unit.kind == "PROGRAM"]
         if len(programs) != 1:
             raise InputError(f"{len(programs)} programs; expected one")
-        self._block = _Compiler(programs[0], known, time_to_real).block()
+        self._block = translated(programs[0], known, time_to_real)
         self._compiles = time_to_real is None and all(_is_plain(block.run) for block in firmware.values())
         self._named: dict[str, tuple[int, int]] = {}  # name as it was asked for → row and place
         self.start()
@@ -132,7 +71,7 @@ class Program:
     def start(self) -> None:
         """Give all variables their initial values."""
         reals, wholes, firmware = self._block.cold
-        self._memory = _Memory([*reals], [*wholes], [make() for make in firmware])
+        self._memory = Memory([*reals], [*wholes], [make() for make in firmware])
 
     def scan(self) -> None:
         """Run it once.
@@ -160,7 +99,7 @@ class Program:
         while trace is not None:
             if found := self._block.lines.get(trace.tb_frame.f_code):
                 unit, lines = found
-                told = unit.told(lines[trace.tb_lineno - _BEYOND])
+                told = unit.told(lines[trace.tb_lineno - BEYOND])
             trace = trace.tb_next
         return told
 
@@ -177,7 +116,7 @@ class Program:
         row, place = self._place(name)
         self._memory[row][place] = value
 
-    def _places_in(self, instance: str) -> Mapping[str, _Place]:
+    def _places_in(self, instance: str) -> Mapping[str, Place]:
         if not instance:
             return self._block.places
         type_, _ = self._block.places.get(instance, ("", None))
@@ -190,13 +129,9 @@ class Program:
             instance, _, inner = name.upper().rpartition(".")
             type_, place = self._places_in(instance)[inner]
             begin = self._block.places[instance][1] if instance else (0, 0, 0)
-            row = _row(type_)
+            row = row_of(type_)
             self._named[name] = row, begin[row] + place[row]
         return self._named[name]
-
-
-def _row(type_: str) -> int:
-    return 0 if type_ == "REAL" else 1
 
 
 def _is_plain(run: Run | None) -> bool:
@@ -204,15 +139,15 @@ def _is_plain(run: Run | None) -> bool:
     return isinstance(run, FunctionType) and run.__closure__ is None
 
 
-def _of_firmware(block: Firmware) -> _Block:
-    cold, places = _Memory([], [], [block.make] if block.make else []), dict[str, _Place]()
+def _of_firmware(block: Firmware) -> Block:
+    cold, places = Memory([], [], [block.make] if block.make else []), dict[str, Place]()
     for name, type_ in block.variables.items():
-        places[name.upper()] = type_, cold.with_one(_KIND[type_], _NOTHING[_KIND[type_]])
+        places[name.upper()] = type_, cold.with_one(KIND[type_], NOTHING[KIND[type_]])
     for value in block.keeps:
         cold.with_one("REAL" if isinstance(value, float) else "WHOLE", value)
     if block.run is not None:
-        return _Block(places, cold, block.run, {})
-    named = [(name, _row(type_), places[name.upper()][1][_row(type_)]) for name, type_ in block.variables.items()]
+        return Block(places, cold, block.run, {})
+    named = [(name, row_of(type_), places[name.upper()][1][row_of(type_)]) for name, type_ in block.variables.items()]
     put = {name: (row, place) for name, row, place in named}
 
     def run(
@@ -223,218 +158,4 @@ def _of_firmware(block: Firmware) -> _Block:
             row, place = put[name]
             rows[row][first[row] + place] = value
 
-    return _Block(places, cold, run, {})
-
-
-@lru_cache(256)
-def _function(name: str, source: str, called: tuple[tuple[str, Callable[..., Any]], ...]) -> FunctionType:
-    """Return the function of a text, which names others; the same for the same ones, so that it is compiled once."""
-    names: dict[str, Any] = {**_FUNCTIONS, **dict(called), "__name__": __name__}
-    exec(compile("\n" * _BEYOND + source, __file__, "exec"), names)
-    made: FunctionType = names["run"]
-    beside = "".join(getattr(other, "__qualname__", "") for _, other in called)
-    # by which what is kept on disk is told from that of another text
-    made.__qualname__ = f"{name}_{hashlib.sha256((source + beside).encode()).hexdigest()[:16]}"
-    return made
-
-
-class _Compiler:
-    """Translates one unit: its statements become a Python function."""
-
-    def __init__(
-        self, unit: Unit, known: Mapping[str, _Block], time_to_real: Callable[[int], float] | None
-    ) -> None:
-        self._unit, self._known, self._time_to_real = unit, known, time_to_real
-        self._cold = _Memory([], [], [])
-        self._places: dict[str, _Place] = {}
-        self._constant = {each.name for each in unit.variables if each.section.endswith("CONSTANT")}
-        self._line = 0  # of the statement that is translated
-        self._lines = [0, 0]  # of the text, for each of the function's from 0 on: there is none, and its head
-
-    def block(self) -> _Block:
-        """Return the unit translated."""
-        for variable in self._unit.variables:
-            if variable.name in self._places:
-                raise self._wrong(f"{variable.name} is declared twice")
-            if variable.type in self._known and variable.initial is None:
-                place = self._cold.grown(self._known[variable.type].cold)
-            else:
-                kind = _KIND.get(variable.type)
-                if kind is None:
-                    raise self._wrong(f"{variable.name}: {variable.type} is no type that is known here")
-                value = _NOTHING[kind] if variable.initial is None else self._initial(variable.initial, variable.type)
-                place = self._cold.with_one(kind, value)
-            self._places[variable.name] = variable.type, place
-        run, lines = self._body()
-        for other in self._known.values():
-            lines |= other.lines
-        return _Block(self._places, self._cold, run, lines)
-
-    def _wrong(self, what: str) -> InputError:
-        where = self._unit.told(self._line) if self._line else self._unit.name
-        return InputError(f"{where}; {what}")
-
-    def _initial(self, given: Literal, type_: str) -> Value:
-        if given.kind != _KIND[type_]:
-            raise self._wrong(f"{given.value} is no {type_}")
-        if given.kind == "REAL":
-            return single(given.value)
-        return _cut(int(given.value), *_WHOLE[type_]) if type_ in _WHOLE else given.value
-
-    def _body(self) -> tuple[Run, dict[CodeType, tuple[Unit, list[int]]]]:
-        """Return what runs the unit's statements, and the lines of its text."""
-        source = "\n".join([f"def run({', '.join((*_ROWS, *_FIRST))}):", *self._all(self._unit.body, " ")])
-        called: dict[str, Callable[..., Any]] = {
-            f"run_{type_}": block.run for type_, block in self._known.items() if f"run_{type_}(" in source}
-        if self._time_to_real is not None:
-            called["time_to_real"] = self._time_to_real
-        made = _function(self._unit.name, source, tuple(called.items()))
-        return made, {made.__code__: (self._unit, self._lines)}
-
-    def _all(self, statements: Iterable[Statement], indent: str) -> Iterator[str]:
-        """Return the lines that run statements, at least one."""
-        made = False
-        for statement in statements:
-            self._line = statement.line
-            for line in self._run(statement, indent):
-                made = True
-                yield line
-        if not made:
-            yield self._made(f"{indent}pass")
-
-    def _made(self, line: str) -> str:
-        self._lines.append(self._line)
-        return line
-
-    def _run(self, statement: Statement, indent: str) -> Iterator[str]:
-        if isinstance(statement, Assignment):
-            yield self._made(f"{indent}{self._assignment(statement)}")
-        elif isinstance(statement, Call):
-            yield from (self._made(f"{indent}{line}") for line in self._call(statement))
-        else:
-            for number, arm in enumerate(statement.arms):
-                self._line = arm.line
-                if arm.condition is None:
-                    head = "else:"
-                else:
-                    head = f"{'elif' if number else 'if'} {self._to(arm.condition, 'BOOL')}:"
-                yield self._made(f"{indent}{head}")
-                yield from self._all(arm.body, f"{indent} ")
-
-    def _assignment(self, statement: Assignment) -> str:
-        type_, place = self._variable(statement.target)
-        if statement.target.path[-1] in self._constant:
-            raise self._wrong(f"{statement.target.path[-1]} is a constant")
-        return f"{place} = {self._to(statement.value, type_)}"
-
-    def _call(self, statement: Call) -> Iterator[str]:
-        type_, place = self._places.get(statement.instance, ("", (0, 0, 0)))
-        block = self._known.get(type_)
-        if block is None:
-            raise self._wrong(f"{statement.instance} is no instance")
-        for name, expression in statement.inputs:
-            if name not in block.places:
-                raise self._wrong(f"{type_} has no input {name}")
-            wanted, there = block.places[name]
-            yield f"{self._cell(wanted, place, there)} = {self._to(expression, wanted)}"
-        yield f"run_{type_}({', '.join((*_ROWS, *map(self._index, _FIRST, place)))})"
-
-    def _variable(self, name: Name) -> tuple[str, str]:
-        """Return the type of a variable, or of an instance's, and where it stands in the memory."""
-        places, there, type_ = self._places, list[tuple[int, int, int]](), ""
-        for part in name.path:
-            if part not in places:
-                raise self._wrong(f"{'.'.join(name.path)} is not declared")
-            type_, place = places[part]
-            there.append(place)
-            places = self._known[type_].places if type_ in self._known else {}
-        if type_ not in _KIND:
-            raise self._wrong(f"{'.'.join(name.path)} is no number")
-        return type_, self._cell(type_, *there)
-
-    def _cell(self, type_: str, *places: tuple[int, int, int]) -> str:
-        """Return what names a number in its row."""
-        row = _row(type_)
-        return f"{_ROWS[row]}[{self._index(_FIRST[row], sum(place[row] for place in places))}]"
-
-    def _index(self, first: str, place: int) -> str:
-        return str(place) if self._unit.kind == "PROGRAM" else f"{first} + {place}"
-
-    def _to(self, expression: Expression, type_: str) -> str:
-        """Return an expression, its value as a variable of a type keeps it."""
-        kind, value = self._value(expression)
-        if _KIND.get(type_) != kind:
-            raise self._wrong(f"expected {type_}")
-        return value if kind != "WHOLE" or type_ == "DINT" else _fitted(value, type_)
-
-    def _value(self, expression: Expression) -> tuple[str, str]:
-        """Return the kind of an expression, and it."""
-        if isinstance(expression, Literal):
-            if expression.kind == "BOOL":
-                return "BOOL", repr(expression.value)
-            value = single(expression.value) if expression.kind == "REAL" else expression.value
-            return expression.kind, self._cell(expression.kind, self._cold.with_one(expression.kind, value))
-        if isinstance(expression, Name):
-            type_, place = self._variable(expression)
-            return _KIND[type_], place
-        operands = [self._value(operand) for operand in expression.operands]
-        kinds = [kind for kind, _ in operands]
-        if expression.sign == "TIME_TO_REAL" and self._time_to_real is None:
-            raise self._wrong("the unit of TIME_TO_REAL is not told")
-        if (expression.sign, *kinds) not in _MADE:
-            raise self._wrong(f"{expression.sign} does not go with {' and '.join(kinds)}")
-        kind, made = _MADE[(expression.sign, *kinds)]
-        return kind, made.format(*(value for _, value in operands))
-
-
-def _fitted(value: str, type_: str) -> str:
-    """Return an expression of a whole number, cut to the bits of a type."""
-    bits, signed = _WHOLE[type_]
-    low = 1 << bits - 1 if signed else 0
-    return f"(({value} + {low}) % {1 << bits} - {low})"
-
-
-def _cut(value: int, bits: int, signed: bool) -> int:
-    low = -(1 << bits - 1) if signed else 0
-    return (value - low) % (1 << bits) + low
-
-
-def _truncated(value: float) -> int:
-    if not -2147483649.0 < value < 2147483648.0:  # beyond DINT, or no number
-        raise OverflowError
-    return math.trunc(value)
-
-
-def _quotient(dividend: int, divisor: int) -> int:
-    """Return it cut towards zero."""
-    if divisor == 0:  # compiled, this would be a number
-        raise ZeroDivisionError
-    share = abs(dividend) // abs(divisor)
-    return share if (dividend < 0) == (divisor < 0) else -share
-
-
-def _rest(dividend: int, divisor: int) -> int:
-    return dividend - divisor * _quotient(dividend, divisor)
-
-
-#: what a unit's function calls
-_FUNCTIONS: Final[Mapping[str, Any]] = {"single": single, "divided": divided, "truncated": _truncated,
-                                        "quotient": _quotient, "rest": _rest}
-#: operation or function and the kinds of its operands → the kind of what it makes, and how
-_MADE: Final[Mapping[tuple[str, ...], tuple[str, str]]] = {
-    ("NOT", "BOOL"): ("BOOL", "(not {0})"),
-    ("AND", "BOOL", "BOOL"): ("BOOL", "({0} & {1})"),
-    ("OR", "BOOL", "BOOL"): ("BOOL", "({0} | {1})"),
-    ("ABS", "REAL"): ("REAL", "abs({0})"),
-    ("UINT_TO_REAL", "WHOLE"): ("REAL", "single({0})"),
-    ("DINT_TO_REAL", "WHOLE"): ("REAL", "single({0})"),
-    ("TIME_TO_REAL", "TIME"): ("REAL", "time_to_real({0})"),
-    ("TRUNC", "REAL"): ("WHOLE", "truncated({0})"),
-    ("/", "REAL", "REAL"): ("REAL", "divided({0}, {1})"),
-    ("/", "WHOLE", "WHOLE"): ("WHOLE", _fitted("quotient({0}, {1})", "DINT")),
-    ("MOD", "WHOLE", "WHOLE"): ("WHOLE", "rest({0}, {1})"),
-    **{(sign, "REAL", "REAL"): ("REAL", f"single({{0}} {sign} {{1}})") for sign in "+-*"},
-    **{(sign, "WHOLE", "WHOLE"): ("WHOLE", _fitted(f"({{0}} {sign} {{1}})", "DINT")) for sign in "+-*"},
-    **{(sign, kind, kind): ("BOOL", f"({{0}} {asks} {{1}})") for sign, asks in _COMPARED.items()
-       for kind in ("REAL", "WHOLE")},
-}
+    return Block(places, cold, run, {})
