@@ -43,7 +43,7 @@ from heatertune.proof.lanes.ring import Ring, Window, following
 from heatertune.proof.lanes.rows import LANES
 from heatertune.proof.meter import Meter, Places, Rest, in_period
 from heatertune.proof.meter import begin as seen_at
-from heatertune.proof.plant import Plant, factors, moved
+from heatertune.proof.plant import factors, moved, plant_from
 
 __all__ = ["kept", "loop_of", "meter_of", "number_at", "slowly", "started"]
 
@@ -70,10 +70,11 @@ def started(rows: Places, lane: int, row: Places, scan_s: float, meter: Meter, n
         meter: what is measured.
         noise: of the first scan [°C].
     """
-    plant, y = Plant(row[0], row[1], row[2], row[3], row[4]), row[5]
+    plant, y = plant_from(row[0], row[1], row[2], row[3], row[4]), row[5]
     whole = factors(scan_s, plant)
-    stored_line(rows, lane, Line(plant.gain, plant.first, plant.dead, plant.ambient, whole.outer))
-    stored_second(rows, lane, Second(plant.second, whole.coupling, whole.inner))
+    stored_line(rows, lane, Line(plant.gain, plant.first, plant.dead, plant.ambient, plant.by_first, whole.outer))
+    stored_second(rows, lane, Second(
+        plant.second, plant.by_second, plant.apart, plant.by_apart, whole.coupling, whole.inner))
     stored_inner(rows, lane, Inner(y, y))
     stored_stretch(rows, lane, Stretch(0.0, y, plant.ambient, 0.0, 0.0, 1.0))
     stored_point(rows, lane, Point(0.0, y, False))
@@ -132,7 +133,7 @@ def _lived(  # noqa: PLR0913 - as `slowly`
     line, u, stretch = loaded_line(rows, lane), loaded_under(rows, lane), loaded_stretch(rows, lane)
     edge_s, edge, last = u.due, u.edge, u.last
     second = loaded_second(rows, lane)
-    plant, flow = plant_of(line, second.lag), flow_of(stretch, stretch.now, stretch.y, loaded_inner(rows, lane).x)
+    plant, flow = plant_of(line, second), flow_of(stretch, stretch.now, stretch.y, loaded_inner(rows, lane).x)
     seen, rest, happened = loaded_seen(rows, lane), loaded_rest(rows, lane), u.happened
     times, kinds = batch.event_time[i], batch.event_kind[i]
     whole, ends = Factors(line.whole, second.coupling, second.inner), False
