@@ -15,7 +15,7 @@ from heatertune.proof.criteria import Limits
 from heatertune.proof.interlock import _BITS, INTERLOCKS, _scan
 from heatertune.proof.kernel import LOAD, Clock, Events, Record, run
 from heatertune.proof.meter import no_meter
-from heatertune.proof.plant import Plant
+from heatertune.proof.plant import plant_from
 from heatertune.proof.program import Program
 
 HEATER = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=6.5, ambient_degC=20.0)
@@ -139,7 +139,7 @@ def test_a_cut_ends_the_pulse_that_runs_and_switches_nothing_on_afterwards():
     def edges(cut):
         ring, none = [0.0] * 16, [0.0]
         never = Events([math.inf], [LOAD], [0.0])
-        heater = Plant(0.5, 150.0, 0.0, 1.0, 20.0)
+        heater = plant_from(0.5, 150.0, 0.0, 1.0, 20.0)
         half = bound(run, step=lambda *_: (None, 50.0, 50.0, 0), measure=lambda _, y: y)
         record, program = Record(False, *9 * [[]]), Program([40.0], [1], 0.0, 0, 0.0)
         switched, _ = half(None, None, None, Clock(1.0, 11, none, none), program, heater, 20.0, never, PWM.switches, cut, ring,

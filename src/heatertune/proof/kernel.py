@@ -30,7 +30,7 @@ from heatertune.proof.meter import (
     rested,
     seen_on,
 )
-from heatertune.proof.plant import Flow, Plant, factors, moved, turn
+from heatertune.proof.plant import Flow, Plant, factors, moved, plant_from, turn
 from heatertune.proof.program import Program, asked_now, moves
 from heatertune.proof.switch import edge_at, heat_after, period_of, switched_off, times_on
 
@@ -240,7 +240,7 @@ def run_all(  # noqa: PLR0913 - as `run`
         noise, late = batch.noise[i % len(batch.noise)], batch.late[i % len(batch.late)]
         counted = run(
             parameters, started(parameters, state), sensor, Clock(scan_s, batch.scans, noise, late), program,
-            Plant(row[0], row[1], row[2], row[3], row[4]), row[5],
+            plant_from(row[0], row[1], row[2], row[3], row[4]), row[5],
             Events(batch.event_time[i], batch.event_kind[i], batch.event_value[i], batch.leads), pwm, cut, edges,
             record,
             Meter(meter.measures, meter.setpoints, meter.band, meter.period, meter.wrong, meter.phases[i],

@@ -17,24 +17,31 @@ from heatertune.heater import exact
 from heatertune.heater.elementary import decay, decayed, logarithm, logarithm_beside_1
 from heatertune.heater.exact import Factors, advanced
 
-__all__ = ["MOST_ROUNDS", "Flow", "Plant", "Search", "area", "closer", "factors", "moved", "reached", "searched_from",
-           "turn"]
+__all__ = ["MOST_ROUNDS", "Flow", "Plant", "Search", "area", "closer", "factors", "moved", "plant_from",
+           "reached", "searched_from", "turn"]
 
 _NEAR: Final = 1e-9  # a root is followed until it moves by no more [s]
 MOST_ROUNDS: Final = 200
 
-factors_of: Callable[[float, float, float], Factors] = bound(exact.factors, exp=decay, expm1=decayed)
 turning_time: Callable[..., float] = bound(exact.turning_time, log1p=logarithm_beside_1)
 
 
 class Plant(NamedTuple):
-    """The heater: gain [°C/%], the larger lag, the smaller one (0: none) and dead time [s], ambient [°C]."""
+    """The heater: gain [°C/%], the larger lag, the smaller one (0: none) and dead time [s], ambient [°C].
+
+    And what is divided by again and again [1/s, s], see `plant_from`: 1/first, 1/second, their difference and 1 by that;
+    0 where there is none.
+    """
 
     gain: float
     first: float
     second: float
     dead: float
     ambient: float
+    by_first: float
+    by_second: float
+    apart: float
+    by_apart: float
 
 
 class Flow(NamedTuple):
@@ -49,9 +56,28 @@ class Flow(NamedTuple):
     mains: float = 1.0
 
 
+def plant_from(gain: float, first: float, second: float, dead: float, ambient: float) -> Plant:
+    """Return a heater; arguments as the attributes of `Plant`.
+
+    Args:
+        gain: [°C/%].
+        first: the larger lag [s].
+        second: the smaller one, 0: none [s].
+        dead: [s].
+        ambient: [°C].
+    """
+    by_first, by_second = 1.0 / first, 1.0 / second if second > 0.0 else 0.0
+    apart = by_first - by_second if second > 0.0 else 0.0
+    return Plant(gain, first, second, dead, ambient, by_first, by_second, apart, 1.0 / apart if apart != 0.0 else 0.0)
+
+
 def factors(t: float, plant: Plant) -> Factors:
-    """Return what `t` seconds of constant power leave, not negative."""
-    return factors_of(t, plant.first, plant.second)
+    """Return what `t` seconds of constant power leave, not negative: `exact.factors` without its divisions."""
+    left = decay(-t * plant.by_first)
+    if plant.second == 0.0:
+        return Factors(left, 0.0, 1.0)
+    stretch = t if plant.apart == 0.0 else decayed(plant.apart * t) * plant.by_apart
+    return Factors(left, left * stretch * plant.by_first, decay(-t * plant.by_second))
 
 
 def moved(flow: Flow, now: float, f: Factors) -> Flow:
@@ -100,9 +126,10 @@ class Search(NamedTuple):
 
 
 def searched_from(before: Flow, after: Flow, level: float, plant: Plant) -> Search:
-    """Return where a search begins: on the parabola through both ends, as y leaves the first; arguments of `reached`.
+    """Return where a search begins: on the cubic that leaves both ends as y does, from a parabola on.
 
-    Beside a turn, where Newton's steps from a line would halve the way again and again, it is as good as elsewhere.
+    It needs no exponential, and beside a turn, where Newton's steps from a line would halve the way again and again, it
+    is as good as elsewhere.
 
     Args:
         before: as there.
@@ -111,12 +138,23 @@ def searched_from(before: Flow, after: Flow, level: float, plant: Plant) -> Sear
         plant: likewise.
     """
     seconds, rise, way = after.now - before.now, after.y - before.y, level - before.y
-    first = (before.x - before.y) / plant.first * seconds
+    first = (before.x - before.y) * plant.by_first * seconds
+    last = (after.x - after.y) * plant.by_first * seconds
     below = first + math.copysign(math.sqrt(max(first * first + 4.0 * (rise - first) * way, 0.0)), rise)
     share = 2.0 * way / below if below != 0.0 else 0.0
-    now = before.now + (share if 0.0 < share < 1.0 else way / rise) * seconds
+    share = share if 0.0 < share < 1.0 else way / rise
+    share = _nearer(_nearer(share, way, rise, first, last), way, rise, first, last)
+    now = before.now + share * seconds
     there = moved(before, now, factors(now - before.now, plant))
     return Search(before.now, after.now, there.now, there.y, there.x, False)
+
+
+def _nearer(share: float, way: float, rise: float, first: float, last: float) -> float:
+    """Return Newton's next share of a stretch on the cubic that has its rise and leaves both ends as y does."""
+    rest = share * (first + share * (3.0 * rise - 2.0 * first - last + share * (first + last - 2.0 * rise))) - way
+    slope = first + share * (2.0 * (3.0 * rise - 2.0 * first - last) + share * 3.0 * (first + last - 2.0 * rise))
+    nearer = share - rest / slope if slope != 0.0 else 0.0
+    return nearer if 0.0 < nearer < 1.0 else share
 
 
 def closer(before: Flow, after: Flow, level: float, plant: Plant, search: Search) -> Search:
@@ -131,12 +169,16 @@ def closer(before: Flow, after: Flow, level: float, plant: Plant, search: Search
     """
     last, beyond = search.now, (search.y > level) == (after.y > before.y)
     low, high = search.low if beyond else last, last if beyond else search.high
-    slope = (search.x - search.y) / plant.first
+    slope = (search.x - search.y) * plant.by_first
     now = low if slope == 0.0 else last - (search.y - level) / slope
-    if not low < now < high and not abs(now - last) <= _NEAR:  # Newton's step leads out: halve
+    step = abs(now - last)
+    # so near that the next step would be nothing, by how much the slope changes
+    bend = abs(((before.target - search.x) * plant.by_second - slope) * plant.by_first)
+    found = step <= _NEAR or (low < now < high and step * step * bend <= _NEAR * abs(slope))
+    if not found and not low < now < high:  # Newton's step leads out: halve
         now = 0.5 * (low + high)
     there = moved(before, now, factors(now - before.now, plant))
-    return Search(low, high, now, there.y, there.x, abs(now - last) <= _NEAR)
+    return Search(low, high, now, there.y, there.x, found)
 
 
 def _reached_by_one_lag(before: Flow, after: Flow, level: float, plant: Plant) -> Flow:

@@ -26,13 +26,17 @@ class Line(NamedTuple):
     lag: float
     dead: float
     ambient: float
+    by_lag: float
     whole: float  # what a whole interval leaves
 
 
 class Second(NamedTuple):
-    """A heater's smaller lag [s], 0: it has none; what a whole interval leaves of it, see `Factors`."""
+    """A heater's smaller lag [s], 0: it has none, see `Plant`; what a whole interval leaves of it, see `Factors`."""
 
     lag: float
+    by_lag: float
+    apart: float
+    by_apart: float
     coupling: float
     inner: float
 
@@ -136,7 +140,8 @@ class Now(NamedTuple):
 
 
 NEVER: Final = math.inf
-loaded_line, stored_line, _end = rows_of(Line(0.0, 0.0, 0.0, 0.0, 0.0))
+_NO_SECOND: Final = Second(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+loaded_line, stored_line, _end = rows_of(Line(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 loaded_stretch, stored_stretch, _end = rows_of(Stretch(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _end)
 loaded_point, stored_point, _end = rows_of(Point(0.0, 0.0, False), _end)
 loaded_under, stored_under, _end = rows_of(Under(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0, 0), _end)
@@ -144,7 +149,7 @@ loaded_seen, stored_seen, _end = rows_of(Seen(0, 0.0, 0.0, 0.0, False, 0.0, 0.0)
 loaded_rest, stored_rest, _end = rows_of(Rest(False, 0.0, 0.0, 0.0, 0.0), _end)
 loaded_extremes, stored_extremes, _end = rows_of(Extremes(0.0, 0.0), _end)
 loaded_counts, stored_counts, _end = rows_of(Counts(0.0, 0.0, 0.0), _end)
-loaded_second, stored_second, _end = rows_of(Second(0.0, 0.0, 0.0), _end)
+loaded_second, stored_second, _end = rows_of(_NO_SECOND, _end)
 loaded_inner, stored_inner, _end = rows_of(Inner(0.0, 0.0), _end)
 loaded_end, stored_end, _end = rows_of(End(0.0, 0.0, 0.0), _end)
 loaded_edges, stored_edges, _end = rows_of(Edges(0.0, 0.0), _end)
@@ -152,9 +157,10 @@ loaded_edges, stored_edges, _end = rows_of(Edges(0.0, 0.0), _end)
 loaded_search, stored_search, ROWS = rows_of(Search(0.0, 0.0, 0.0, 0.0, 0.0, False), _end)
 
 
-def plant_of(line: Line, second: float = 0.0) -> Plant:
-    """Return the heater as the kernel has it; `second`: its smaller lag [s]."""
-    return Plant(line.gain, line.lag, second, line.dead, line.ambient)
+def plant_of(line: Line, second: Second = _NO_SECOND) -> Plant:
+    """Return the heater as the kernel has it; `second`: where it has two lags."""
+    return Plant(line.gain, line.lag, second.lag, line.dead, line.ambient, line.by_lag, second.by_lag, second.apart,
+                 second.by_apart)
 
 
 def flow_of(stretch: Stretch, now: float, y: float, x: float = 0.0) -> Flow:

@@ -43,7 +43,7 @@ from heatertune.proof.lanes.ring import Ring, Window, following
 from heatertune.proof.lanes.rows import LANES
 from heatertune.proof.meter import Meter, Places, Rest, in_period
 from heatertune.proof.meter import begin as seen_at
-from heatertune.proof.plant import Plant, factors, moved
+from heatertune.proof.plant import factors, moved, plant_from
 
 __all__ = ["kept", "loop_of", "meter_of", "number_at", "slowly", "started"]
 
@@ -70,10 +70,11 @@ def started(rows: Places, lane: int, row: Places, scan_s: float, meter: Meter, n
         meter: what is measured.
         noise: of the first scan [°C].
     """
-    plant, y = Plant(row[0], row[1], row[2], row[3], row[4]), row[5]
+    plant, y = plant_from(row[0], row[1], row[2], row[3], row[4]), row[5]
     whole = factors(scan_s, plant)
-    stored_line(rows, lane, Line(plant.gain, plant.first, plant.dead, plant.ambient, whole.outer))
-    stored_second(rows, lane, Second(plant.second, whole.coupling, whole.inner))
+    stored_line(rows, lane, Line(plant.gain, plant.first, plant.dead, plant.ambient, plant.by_first, whole.outer))
+    stored_second(rows, lane, Second(
+        plant.second, plant.by_second, plant.apart, plant.by_apart, whole.coupling, whole.inner))
     stored_inner(rows, lane, Inner(y, y))
     stored_stretch(rows, lane, Stretch(0.0, y, plant.ambient, 0.0, 0.0, 1.0))
     stored_point(rows, lane, Point(0.0, y, False))
@@ -132,28 +133,29 @@ def _lived(  # noqa: PLR0913 - as `slowly`
     line, u, stretch = loaded_line(rows, lane), loaded_under(rows, lane), loaded_stretch(rows, lane)
     edge_s, edge, last = u.due, u.edge, u.last
     second = loaded_second(rows, lane)
-    plant, flow = plant_of(line, second.lag), flow_of(stretch, stretch.now, stretch.y, loaded_inner(rows, lane).x)
+    plant, flow = plant_of(line, second), flow_of(stretch, stretch.now, stretch.y, loaded_inner(rows, lane).x)
     seen, rest, happened = loaded_seen(rows, lane), loaded_rest(rows, lane), u.happened
     times, kinds = batch.event_time[i], batch.event_kind[i]
-    while min(times[happened], edge_s) <= t:
-        steady = False
+    whole, ends = Factors(line.whole, second.coupling, second.inner), False
+    while not ends:  # the scan is the last event: so what each one needs is compiled once
+        ends = not min(times[happened], edge_s) <= t
         felt = edge_s < times[happened] or (edge_s == times[happened] and kinds[happened] > HEAT)
-        due, kind = (edge_s, HEAT) if felt else (times[happened], kinds[happened])
-        before = moved(flow, due, factors(due - flow.now, plant))
-        seen, rest = measured(own, seen, rest, plant, flow, before)
-        flow = changed(plant, before, kind, other(flow.heat) if felt else batch.event_value[i][happened])
-        seen, rest = divided(own, seen, rest, flow, kind)
-        if felt:
-            last, edge = edge, following(ring, window, lane, edge)
-            edge_s = edge + line.dead
-        happened += not felt
-    whole = Factors(line.whole, second.coupling, second.inner)
-    after = moved(flow, t, whole if steady else factors(t - flow.now, plant))
-    seen, rest = measured(own, seen, rest, plant, flow, after)
+        due = t if ends else min(times[happened], edge_s)
+        after = moved(flow, due, whole if ends and steady else factors(due - flow.now, plant))
+        seen, rest = measured(own, seen, rest, plant, flow, after)
+        flow, steady = after, False
+        if not ends:
+            kind = HEAT if felt else kinds[happened]
+            flow = changed(plant, after, kind, other(flow.heat) if felt else batch.event_value[i][happened])
+            seen, rest = divided(own, seen, rest, flow, kind)
+            happened += not felt
+            if felt:
+                last, edge = edge, following(ring, window, lane, edge)
+                edge_s = edge + line.dead
     stored_seen(rows, lane, seen)
     stored_rest(rows, lane, rest)
-    stored_stretch(rows, lane, Stretch(t, after.y, flow.target, flow.heat, flow.load, flow.mains))
-    stored_point(rows, lane, Point(t, after.y, False))
-    stored_inner(rows, lane, Inner(after.x, after.x))
+    stored_stretch(rows, lane, Stretch(t, flow.y, flow.target, flow.heat, flow.load, flow.mains))
+    stored_point(rows, lane, Point(t, flow.y, False))
+    stored_inner(rows, lane, Inner(flow.x, flow.x))
     stored_under(rows, lane, Under(edge_s, edge, last, u.power, u.owed, u.on, u.times, happened))
     return happened

@@ -83,7 +83,7 @@ def quickly(
 
 
 def _plant(rows: Places, lane: int) -> Plant:
-    return plant_of(loaded_line(rows, lane), loaded_second(rows, lane).lag)
+    return plant_of(loaded_line(rows, lane), loaded_second(rows, lane))
 
 
 def _before(rows: Places, lane: int) -> Flow:
