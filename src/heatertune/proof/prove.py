@@ -35,7 +35,7 @@ from heatertune.proof.trace import Trace
 from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, combined
 from heatertune.show import Shown
 
-__all__ = ["Proof", "RunResult", "prove_models"]
+__all__ = ["Proof", "RunResult", "after_an_open_circuit", "prove_models"]
 
 _AFTER: Final = ("reheat_overshoot", f"reheat_overshoot{IN_DEGC}")
 
@@ -191,7 +191,8 @@ def prove_models(
         OutOfRange, UnknownName: as in `simulate`.
     """
     acceptance, coverage, design = acceptance or Acceptance(), coverage or Coverage(), controller.decode(words)
-    limits = acceptance.limits
+    limits, night = acceptance.limits, night_of(scenario) if coverage.night else None
+    scenario = scenario if night is None else night.scenario
     runs = Runs.of(controller, words, models, scenario, actuator, limits, coverage, interlock=interlock)
     traced = remember(partial(runs.traced, direct=not coverage.open_points))  # a quick look waits for no listing
     judged = runs.judged()
@@ -262,6 +263,11 @@ def _with_draws(
     return {run: draws.seed}, [draws.told]
 
 
+def after_an_open_circuit(results: Sequence[RunResult]) -> RunResult:
+    """Return the run that strains the limit of overshoot most after an open circuit."""
+    return max(results, key=lambda result: max(each.strain for each in result.criteria if each.name in _AFTER))
+
+
 def _after_a_night(
     runs: Runs, results: Sequence[RunResult], models: Sequence[tuple[str, HeaterModel]], coverage: Coverage
 ) -> list[Finding]:
@@ -269,7 +275,7 @@ def _after_a_night(
     night = night_of(runs.scenario)
     if night is None:
         return []
-    hardest = max(results, key=lambda result: max(each.strain for each in result.criteria if each.name in _AFTER))
+    hardest = after_an_open_circuit(results)
     again = Runs.of(runs.controller, runs.words, models, night.scenario, runs.actuator, runs.limits,
                     replace(coverage, only=[(hardest.model, hardest.switches)], progress=str), interlock=runs.interlock)
     after = max((each for each in again.judged()[0] if each.name in _AFTER), key=lambda each: each.strain)
