@@ -4,7 +4,7 @@ Heaters are drawn and designed for; each PASS is run again under every setting b
 with the proof: the heater's circuit is open for 0.1…40 TN and as long as a boost, or Marlin's window, needs to take it
 back, while the setpoint rises, in a cold start, with a loss of the PLC's supply in it, and with a setpoint that falls
 before it is closed and rises after. Told is what breaks the limit of overshoot after an open circuit by more than a
-twentieth, or is not in the band at the end. Status 1 where something is.
+tenth, or is not in the band at the end. Status 1 where something is.
 
 Found in this way: a boost that took the heater back within the dead time, so that the proof never saw it nearly do so;
 Marlin's window, which is a boost that no word of the program tells of.
@@ -29,7 +29,7 @@ from tests.bench import second_opinion
 from tests.bench.false_passes import _limits, _log, _of_ramp
 from tests.bench.second_opinion import OWN_PULSES, TARGETS, Bench, Part, compiled, opinion
 
-SLACK = 1.05
+SLACK = 1.1
 _AGAIN = (0.8, 0.95, 0.99, 1.0, 1.01, 1.1, 1.4)  # of the time in which a boost takes the heater back
 
 

@@ -44,7 +44,7 @@ class Screen:
     Attributes:
         fitted: the heater and its candidates.
         runs: the hardest first.
-        nights: those in which a longer open circuit wound up.
+        nights: runs with a longer open circuit.
         names: of the criteria that count; None: all.
     """
 
@@ -62,8 +62,8 @@ class Screen:
         return replace(self, runs=(*new, *self.runs))
 
     def with_nights(self, proofs: Iterable[Proof]) -> Screen:
-        """Return it with the hardest run of each proof that winds up in a longer open circuit."""
-        hardest = {run.label: run for run in (after_an_open_circuit(proof.runs) for proof in proofs)}
+        """Return it with the runs that proofs make of a longer open circuit."""
+        hardest = {run.label: run for proof in proofs for run in after_an_open_circuit(proof.runs)}
         return replace(self, nights=tuple((run.model, run.switches) for run in hardest.values()))
 
     def look(self, words: Words, conditions: Conditions, *, bound: float = math.inf) -> Look:
@@ -100,12 +100,17 @@ class Screen:
         Errors as `look`.
         """
         last = 0.0
-        for some, night in ((self.runs[:1], False), (self.runs[1:], False), (self.nights, True)):
-            runs = prove(words, self.fitted, conditions, only=some, night=night).runs if some else ()
+        for some in filter(None, (self.runs[:1], self.runs[1:])):
+            runs = prove(words, self.fitted, conditions, only=some).runs
             if any(map(self._broken, runs)):
                 return None
-            last = max([last, *(each.value for run in runs for each in run.criteria if each.name == "settling_time")])
-        return last
+            last = max(last, *(each.value for run in runs for each in run.criteria if each.name == "settling_time"))
+        return None if self.wound(words, conditions) else last
+
+    def wound(self, words: Words, conditions: Conditions) -> list[RunResult]:
+        """Return the nights after which words break a limit; errors as `look`."""
+        runs = prove(words, self.fitted, conditions, only=self.nights, night=True).runs if self.nights else ()
+        return [run for run in runs if self._broken(run)]
 
     def _broken(self, proof: Proof | RunResult) -> list[Criterion]:
         return [criterion for criterion in proof.criteria

@@ -28,6 +28,8 @@ from heatertune.proof.nearest import (
     tolerance_that_passes,
 )
 from heatertune.proof.night import winds_up
+from heatertune.proof.prove import RunResult
+from heatertune.proof.screen import Screen
 
 __all__ = ["WayOn"]
 
@@ -94,7 +96,8 @@ class WayOn:
         """Return what is told where one setting of an open point would do, and its options; nothing where none does."""
         proof = self.first.proof
         settings = {name: kept[0] for name, kept in passing_settings(proof).items()}
-        settings = dict(list(settings.items())[:1]) or (suspects(proof) if self._coarse()[0] < _HOPELESS else {})
+        settings = dict(list(settings.items())[:1]) or (
+            suspects(proof, self._wound) if self._coarse()[0] < _HOPELESS else {})
         if not settings:
             return "", ()
         known = {**self.asked.conditions.switches, **settings}
@@ -106,6 +109,13 @@ class WayOn:
             return "", ()
         changes = f", {other.proof.heard.remarks[-1]}" if other.notes else ""
         return f"would pass with {' '.join(options)}{changes}: find out what this controller does", options
+
+    @property
+    def _wound(self) -> list[RunResult]:
+        """The runs of the plain design that wind up in a longer open circuit."""
+        proof = self.first.proof
+        screen = Screen(fitted=self.fitted).with_nights([proof] if winds_up(proof.heard) else ())
+        return screen.wound(proof.words, self.first.conditions)
 
     def _coarse(self) -> tuple[float, str]:
         """Return how much of the band the calmest PWM of whole half-waves takes, and what is told of it."""
