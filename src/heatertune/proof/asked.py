@@ -59,7 +59,7 @@ class Closed:
         notes: what was done to make them pass and what that costs, one sentence each.
         conditions: of the proof, with the PWM period that was proposed.
         recipe: of the words, for those who have the design alone.
-        passes_with: of a design that fails, flags and values under which no run does; none: none are known.
+        passes_with: of a design that fails or winds up, flags and values under which no run does; none: none are known.
     """
 
     wished: PidDesign

@@ -43,8 +43,9 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
     """Return the first design that keeps every limit: as asked for, or changed by as little as will do.
 
     A boost first, then other gains on the bound of Ms or a tighter one, another PWM period, another TA, at last a
-    setpoint ramp; what swings gets another PWM first. The limits are never moved, Ms is only lowered, and what the user
-    gave stays. Where nothing helps, or it is asked for, it is the plain design, its proof saying what would pass.
+    setpoint ramp; what swings gets another PWM first. Where all that passes winds up the more, the longer a circuit is
+    open, a boost with other gains. The limits are never moved, Ms is only lowered, and what the user gave stays. Where
+    nothing helps, or it is asked for, it is the plain design, or what winds up, its proof saying what would pass.
     Arguments as `plainly`.
 
     Raises:
@@ -54,7 +55,7 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
         return plainly(fitted, asked, progress=progress, stage=stage)
     still = replace(asked, setpoint_ramp=asked.setpoint_ramp or "none")
     first = plainly(fitted, still, made=made_for(fitted, asked, progress, stage), progress=progress, stage=stage)
-    if first.proof.verdict != "FAIL":
+    if first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.heard)):
         return first
     search = _Search(fitted=fitted, asked=asked, first=first, progress=progress)
     mended = search.sooner() if first.proof.design is None else search.cheapest()
@@ -104,26 +105,69 @@ class _Search:
     def cheapest(self) -> Closed | None:
         """Return the first that passes and is not dear, else the least dear; None where nothing passes.
 
-        What helps without passing stays for what follows; what winds up the longer, the more, is taken where all does.
+        What helps without passing stays for what follows.
         """
-        asked, words, dear, wound = self.asked, self.first.proof.words, list[Closed](), list[Closed]()
+        more, dear, wound = partial(price.more_iae, self.first), list[Closed](), list[Closed]()
+        for mended in (self.first,) if winds_up(self.first.proof.heard) else self._mended():
+            if winds_up(mended.proof.heard):
+                wound.append(mended)
+            else:
+                dear.append(mended)
+                if more(mended) <= _DEAR:
+                    return mended
+        if wound and not dear:
+            return self.unwound(wound) or self.way_on.unwound(min(wound, key=more))
+        best = min(dear, key=more, default=None)
+        return dear[0] if best and more(best) > _CHEAPER * more(dear[0]) else best
+
+    def _mended(self) -> Iterator[Closed]:
+        """Yield what is not FAIL of each frame."""
+        asked, words = self.asked, self.first.proof.words
         for frame in frames(
             self.first.proof, self.fitted.plants, asked.tuned, ramp_open=asked.setpoint_ramp is None,
-            boost_open=asked.boost == "auto" and asked.setpoint_ramp in (None, "none"),
+            boost_open=self._boost_open,
             period_given=asked.switch_kind is not None or asked.conditions.pwm_period_s is not None,
             interval_given=asked.tuned.sample_time_s is not None or asked.interval_by_words,
             least_interval_s=min(self.fitted.log_interval_s, words.sample_time_s),
         ):
             mended = next(filter(None, map(self._changed, self._wholes(frame))), None)
-            if mended is not None and winds_up(mended.proof.heard):
-                wound.append(mended)
-            elif mended is not None:
-                dear.append(mended)
-                if price.more_iae(self.first, mended) <= _DEAR:
-                    return mended
-        more = partial(price.more_iae, self.first)
-        best = min(dear or wound, key=more, default=None)
-        return dear[0] if best and dear and more(best) > _CHEAPER * more(dear[0]) else best
+            if mended is not None:
+                yield mended
+
+    @property
+    def _boost_open(self) -> bool:
+        """Whether there may be a boost."""
+        return self.asked.boost == "auto" and self.asked.setpoint_ramp in (None, "none")
+
+    def unwound(self, wound: Sequence[Closed]) -> Closed | None:
+        """Return a boost, with other gains, that passes where all else winds up, as `wound` does; None: none does.
+
+        It takes the heater back before much is wound up; a slower I part has less to wind up until then.
+        """
+        if not (self._boost_open and self.by_optimum and controller_for(self.asked.target).boosted):
+            return None
+        self.progress("what passes winds up in a long open circuit: trying a boost with other gains")
+        self.screen = self.screen.with_nights(each.proof for each in wound)
+        helped = Frame() if self.best is None else self.best.frame
+        for before in dict.fromkeys((Frame(), replace(helped, ramped=False))):
+            if (found := self._boosted(before.with_(Frame(boosted=True)))) is not None:
+                return found
+        return None
+
+    def _boosted(self, frame: Frame) -> Closed | None:
+        """Return the cheapest gains that pass with a boost and do not wind up; None where none do."""
+        try:
+            inside = _Within(search=self, frame=frame)
+        except HeatertuneError:
+            return None
+        for place in (inside.family.place, *inside.family.places()):
+            try:
+                mended = self.tried(frame, inside.made(place))
+            except HeatertuneError:
+                continue
+            if mended is not None and not winds_up(mended.proof.heard):
+                return mended
+        return None
 
     def sooner(self) -> Closed | None:
         """Return a control without gains that passes as it scans more often; None where it does not, or must not."""
@@ -157,6 +201,8 @@ class _Search:
 
     def hints(self, mended: Closed) -> Iterator[str]:
         """Return what is to be said beside a design that passes: which open point it is the price of."""
+        if mended.passes_with:
+            return
         hanging = settings_told(self.first.proof, "the optimum")
         yield from hanging
         if not hanging and price.more_iae(self.first, mended) > _DEAR and (told := self.way_on.by_settings()[0]):

@@ -41,7 +41,8 @@ _OF_BAND: Final = 0.5
 
 def prove(
     words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool = False,
-    only: Sequence[tuple[str, Mapping[str, str]]] | None = None, progress: Told = str, **changed: Any,
+    only: Sequence[tuple[str, Mapping[str, str]]] | None = None, night: bool = False, progress: Told = str,
+    **changed: Any,
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
 
@@ -54,6 +55,7 @@ def prove(
         conditions: what is assumed; None: the defaults.
         first_look: only the nominal model under the default settings, in the same scenario; `export` refuses it.
         only: only these runs, label of a model and settings, in the same scenario; `export` refuses it too.
+        night: with `only`: up to its longest open circuit, made longer, see `heatertune.proof.night`.
         progress: told how many runs are done.
         changed: fields of `Conditions` that are other than in `conditions`.
 
@@ -76,7 +78,8 @@ def prove(
         limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
         reading_step_degC=fitted.reading_step_degC, heard=heard)
     coverage = Coverage(
-        known=asked.switches, open_points=not first_look, only=only, draws=not first_look, progress=progress)
+        known=asked.switches, open_points=not first_look, only=only, night=night, draws=not first_look,
+        progress=progress)
     return prove_models(
         controller_for(words.target), words, models[:1] if first_look else models, course.scenario,
         actuator_for(asked, words), acceptance, coverage, interlock=_interlock(asked, words))

@@ -12,7 +12,7 @@ from heatertune.plc import Words, controller_for
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.document import LIMIT_OF
 from heatertune.proof.fitted import prove, specified
-from heatertune.proof.prove import Proof
+from heatertune.proof.prove import Proof, RunResult
 from heatertune.proof.screen import Screen
 from heatertune.proof.specification import LIMITS
 from heatertune.settings import Conditions
@@ -52,10 +52,16 @@ def settings_told(proof: Proof, what: str) -> list[str]:
             f"--switch {name}={kept[0]}." for name, kept in passing_settings(proof).items()]
 
 
-def suspects(proof: Proof) -> dict[str, str]:
-    """Return the switches of which another setting than the default makes a broken criterion worst: that default."""
+def suspects(proof: Proof, wound: Iterable[RunResult] = ()) -> dict[str, str]:
+    """Return the switches of which another setting than the default makes a broken criterion worst: that default.
+
+    Args:
+        proof: that fails, or winds up.
+        wound: of its runs those that wind up.
+    """
     runs = {run.label: run for run in proof.runs}
     worst = [runs[each.where] for each in proof.criteria if not each.ok and each.where in runs]
+    worst += wound
     return {switch.name: switch.default for switch in controller_for(proof.words.target).switches
             if any(run.switches[switch.name] != switch.default for run in worst)}
 

@@ -27,7 +27,8 @@ def gains_told(first: PidDesign, other: PidDesign) -> str:
 def told(first: Closed, found: Closed, what: str) -> str:
     """Return the sentence of a change that passes: what failed, what was changed, and its price."""
     price = ", ".join(_price(first, found))
-    return f"The optimum as asked for fails ({broken(first)}); with {what} every limit is kept; {price}."
+    why = f"fails ({broken(first)})" if broken(first) else "winds up"
+    return f"The optimum as asked for {why}; with {what} every limit is kept; {price}."
 
 
 def more_iae(first: Closed, found: Closed) -> float:

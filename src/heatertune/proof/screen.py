@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -11,7 +11,7 @@ from heatertune.model.values import FittedModel
 from heatertune.plc import Words
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.fitted import prove
-from heatertune.proof.prove import Proof, RunResult
+from heatertune.proof.prove import Proof, RunResult, after_an_open_circuit
 from heatertune.settings import Conditions
 
 __all__ = ["NOTICEABLE", "Look", "Run", "Screen"]
@@ -44,11 +44,13 @@ class Screen:
     Attributes:
         fitted: the heater and its candidates.
         runs: the hardest first.
+        nights: runs with a longer open circuit.
         names: of the criteria that count; None: all.
     """
 
     fitted: FittedModel
     runs: tuple[Run, ...] = ()
+    nights: tuple[Run, ...] = ()
     names: frozenset[str] | None = None
 
     def with_failed(self, proof: Proof) -> Screen:
@@ -58,6 +60,11 @@ class Screen:
         worst = dict.fromkeys(criterion.where for criterion in broken)
         new = [runs[label] for label in worst if label in runs and runs[label] not in self.runs]
         return replace(self, runs=(*new, *self.runs))
+
+    def with_nights(self, proofs: Iterable[Proof]) -> Screen:
+        """Return it with the runs that proofs make of a longer open circuit."""
+        hardest = {run.label: run for proof in proofs for run in after_an_open_circuit(proof.runs)}
+        return replace(self, nights=tuple((run.model, run.switches) for run in hardest.values()))
 
     def look(self, words: Words, conditions: Conditions, *, bound: float = math.inf) -> Look:
         """Return what words break in these runs.
@@ -88,14 +95,22 @@ class Screen:
         return self.look(words, conditions, bound=NOTICEABLE).badness == 0.0
 
     def settles(self, words: Words, conditions: Conditions) -> float | None:
-        """Return when the worst of these runs has settled [s], None where one breaks a limit; errors as `look`."""
+        """Return when the worst of these runs and nights has settled [s], None where one breaks a limit.
+
+        Errors as `look`.
+        """
         last = 0.0
         for some in filter(None, (self.runs[:1], self.runs[1:])):
             runs = prove(words, self.fitted, conditions, only=some).runs
             if any(map(self._broken, runs)):
                 return None
             last = max(last, *(each.value for run in runs for each in run.criteria if each.name == "settling_time"))
-        return last
+        return None if self.wound(words, conditions) else last
+
+    def wound(self, words: Words, conditions: Conditions) -> list[RunResult]:
+        """Return the nights after which words break a limit; errors as `look`."""
+        runs = prove(words, self.fitted, conditions, only=self.nights, night=True).runs if self.nights else ()
+        return [run for run in runs if self._broken(run)]
 
     def _broken(self, proof: Proof | RunResult) -> list[Criterion]:
         return [criterion for criterion in proof.criteria

@@ -27,6 +27,9 @@ from heatertune.proof.nearest import (
     suspects,
     tolerance_that_passes,
 )
+from heatertune.proof.night import winds_up
+from heatertune.proof.prove import RunResult
+from heatertune.proof.screen import Screen
 
 __all__ = ["WayOn"]
 
@@ -40,7 +43,7 @@ class WayOn:
     Attributes:
         fitted: the heater and its candidates.
         asked: what for.
-        first: the plain design, which fails.
+        first: the plain design, which fails or winds up.
         progress: told what is tried.
         close: `heatertune.proof.closing.closed`.
         sooner: a control without gains that scans more often, where it was tried.
@@ -69,6 +72,15 @@ class WayOn:
         note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
         return replace(first, proof=replace(proof, heard=heard), notes=(*first.notes, note), passes_with=options)
 
+    def unwound(self, found: Closed) -> Closed:
+        """Return a design that winds up; its proof says with which setting of an open point one passes."""
+        told, options = self.by_settings()
+        if not told:
+            return found
+        heard = replace(found.proof.heard, remarks=(*found.proof.heard.remarks, told))
+        note = f"It winds up the more, the longer the heater's circuit is open; it {told}."
+        return replace(found, proof=replace(found.proof, heard=heard), notes=(*found.notes, note), passes_with=options)
+
     def _by_repair(self) -> tuple[str, ...]:
         target = next((name for name in TARGETS if controller_for(name).faithful == self.asked.target), None)
         if target is None:
@@ -84,7 +96,8 @@ class WayOn:
         """Return what is told where one setting of an open point would do, and its options; nothing where none does."""
         proof = self.first.proof
         settings = {name: kept[0] for name, kept in passing_settings(proof).items()}
-        settings = dict(list(settings.items())[:1]) or (suspects(proof) if self._coarse()[0] < _HOPELESS else {})
+        settings = dict(list(settings.items())[:1]) or (
+            suspects(proof, self._wound) if self._coarse()[0] < _HOPELESS else {})
         if not settings:
             return "", ()
         known = {**self.asked.conditions.switches, **settings}
@@ -92,10 +105,17 @@ class WayOn:
         options = tuple(word for name, setting in settings.items() for word in ("--switch", f"{name}={setting}"))
         self.progress(f"{price.broken(self.first)} fails: trying {' '.join(options)}")
         other = self.close(self.fitted, asked, progress=self.progress)
-        if other.proof.verdict == "FAIL":
+        if other.proof.verdict == "FAIL" or winds_up(other.proof.heard):
             return "", ()
         changes = f", {other.proof.heard.remarks[-1]}" if other.notes else ""
         return f"would pass with {' '.join(options)}{changes}: find out what this controller does", options
+
+    @property
+    def _wound(self) -> list[RunResult]:
+        """The runs of the plain design that wind up in a longer open circuit."""
+        proof = self.first.proof
+        screen = Screen(fitted=self.fitted).with_nights([proof] if winds_up(proof.heard) else ())
+        return screen.wound(proof.words, self.first.conditions)
 
     def _coarse(self) -> tuple[float, str]:
         """Return how much of the band the calmest PWM of whole half-waves takes, and what is told of it."""
