@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from threading import Event, Thread
 from typing import IO, Any, Final
@@ -21,7 +22,8 @@ from heatertune.compiled import decide, is_kept, made_beside
 from heatertune.errors import HeatertuneError
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, controller_for
+from heatertune.plc import Scaling, Words, controller_for
+from heatertune.plc.controller import Controller
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.loop import in_loop, run_of, simulate
 from heatertune.proof.scenario import Scenario
@@ -72,10 +74,13 @@ def _loops(target: str) -> Iterator[tuple[str, Callable[..., Any]]]:
     for name in filter(None, (target, controller_for(target).baseline)):
         with suppress(HeatertuneError):  # one that cannot hold an ordinary PI is compiled where it is needed
             which = controller_for(name)
-            words = which.encode(_DESIGN, Scaling())
-            core = in_loop(which, words, _SCENARIO.setpoints_degC, {}, direct=True).core
+            core = in_loop(which, _words(which), _SCENARIO.setpoints_degC, {}, direct=True).core
             if core.compiles:
                 yield name, run_of(core)
+
+
+def _words(controller: Controller) -> Words:
+    return controller.encode(replace(_DESIGN, sample_time_s=controller.timer.round(_DESIGN.sample_time_s)), Scaling())
 
 
 def _begun(targets: list[str]) -> subprocess.Popen[str] | None:
@@ -105,7 +110,7 @@ def _end_with(first: IO[str]) -> None:
 def _compile(target: str) -> None:
     """Compile the proof's loop with a controller, by running it for a short time, and say so."""
     which = controller_for(target)
-    simulate(which, which.encode(_DESIGN, Scaling()), _HEATER, _SCENARIO, Actuator(pwm_period_s=10.0), direct=True)
+    simulate(which, _words(which), _HEATER, _SCENARIO, Actuator(pwm_period_s=10.0), direct=True)
     print(target, flush=True)
 
 
