@@ -59,9 +59,7 @@ def compiling(target: str) -> Iterator[None]:
     made = {name: Event() for name in missing}
     listener = Thread(target=_listen, args=(process.stdout, made), daemon=True)
     listener.start()
-    for name, loop in missing.items():
-        made_beside(loop, partial(made[name].wait, _PATIENCE_S))
-    with process:
+    with process, made_beside({loop: partial(made[name].wait, _PATIENCE_S) for name, loop in missing.items()}):
         try:
             yield
         finally:
@@ -72,7 +70,7 @@ def compiling(target: str) -> Iterator[None]:
 def _loops(target: str) -> Iterator[tuple[str, Callable[..., Any]]]:
     """Give the loops of a controller and of what it is compared with, by target."""
     for name in filter(None, (target, controller_for(target).baseline)):
-        with suppress(HeatertuneError):  # one that cannot hold an ordinary PI is compiled where it is needed
+        with suppress(HeatertuneError):  # one that cannot hold such a design is compiled where it is needed
             which = controller_for(name)
             core = in_loop(which, _words(which), _SCENARIO.setpoints_degC, {}, direct=True).core
             if core.compiles:
@@ -85,10 +83,12 @@ def _words(controller: Controller) -> Words:
 
 def _begun(targets: list[str]) -> subprocess.Popen[str] | None:
     """Begin the second process, with the modules of this one; None where that cannot be."""
+    if not sys.executable or getattr(sys, "frozen", False):  # no interpreter but a program of its own
+        return None
     with suppress(OSError):
         return subprocess.Popen(
             [sys.executable, "-P", "-m", __name__, *targets], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL, text=True, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)})
+            stderr=subprocess.DEVNULL, text=True, env=os.environ | {"PYTHONPATH": os.pathsep.join(map(str, sys.path))})
     return None
 
 
