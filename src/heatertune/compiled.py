@@ -153,12 +153,21 @@ def compiled(function: _Plain, *, allocates: bool = False) -> _Plain:
     return cast(_Plain, _door(function, allocates))
 
 
-def made_beside(function: Callable[..., Any], wait: Callable[[], object]) -> None:
-    """Take note that another process compiles a function: `wait` is called before this one looks for it on disk.
+@contextmanager
+def made_beside(waits: Mapping[Callable[..., Any], Callable[[], object]]) -> Iterator[None]:
+    """Let what the block needs of some functions wait for another process that compiles them.
 
-    Where it is not found then, this process compiles it.
+    What is not found on disk then is compiled.
+
+    Args:
+        waits: function → what returns when the other process has done with it.
     """
-    _beside[function] = wait
+    _beside.update(waits)
+    try:
+        yield
+    finally:
+        for function in waits:
+            _beside.pop(function, None)
 
 
 def machine_code(place: Path, of: str = "compiled-*") -> list[Path]:

@@ -58,6 +58,7 @@ def test_what_the_second_process_compiled_is_found_and_it_ends_with_the_block(fr
         found = door()
         assert (sum(found.stats.cache_hits.values()), sum(found.stats.cache_misses.values())) == (1, 0)
     assert processes[0].returncode is not None
+    assert not machine._beside
     assert not list(fresh.rglob("*.tmp.*"))
     with ahead.compiling(TARGET):
         assert len(processes) == 1, "what is kept needs no process"
@@ -74,9 +75,10 @@ def test_whatever_ends_the_second_process_the_first_one_compiles(told, fresh, mo
 
 
 def test_where_no_process_can_be_begun_none_is_waited_for(fresh, monkeypatch):
-    monkeypatch.setattr(sys, "executable", str(fresh / "no-such-python"))
-    with ahead.compiling("s5-ob251"):
-        assert not machine._beside
+    for name, value in (("executable", str(fresh / "no-such-python")), ("frozen", True)):
+        monkeypatch.setattr(sys, name, value, raising=False)
+        with ahead.compiling("s5-ob251"):
+            assert not machine._beside
 
 
 @pytest.mark.parametrize("reason", ["one processor", "no folder"])

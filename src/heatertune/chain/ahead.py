@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from threading import Event, Thread
 from typing import IO, Any, Final
@@ -21,7 +22,8 @@ from heatertune.compiled import decide, is_kept, made_beside
 from heatertune.errors import HeatertuneError
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, controller_for
+from heatertune.plc import Scaling, Words, controller_for
+from heatertune.plc.controller import Controller
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.loop import in_loop, run_of, simulate
 from heatertune.proof.scenario import Scenario
@@ -57,9 +59,7 @@ def compiling(target: str) -> Iterator[None]:
     made = {name: Event() for name in missing}
     listener = Thread(target=_listen, args=(process.stdout, made), daemon=True)
     listener.start()
-    for name, loop in missing.items():
-        made_beside(loop, partial(made[name].wait, _PATIENCE_S))
-    with process:
+    with process, made_beside({loop: partial(made[name].wait, _PATIENCE_S) for name, loop in missing.items()}):
         try:
             yield
         finally:
@@ -70,20 +70,25 @@ def compiling(target: str) -> Iterator[None]:
 def _loops(target: str) -> Iterator[tuple[str, Callable[..., Any]]]:
     """Give the loops of a controller and of what it is compared with, by target."""
     for name in filter(None, (target, controller_for(target).baseline)):
-        with suppress(HeatertuneError):  # one that cannot hold an ordinary PI is compiled where it is needed
+        with suppress(HeatertuneError):  # one that cannot hold such a design is compiled where it is needed
             which = controller_for(name)
-            words = which.encode(_DESIGN, Scaling())
-            core = in_loop(which, words, _SCENARIO.setpoints_degC, {}, direct=True).core
+            core = in_loop(which, _words(which), _SCENARIO.setpoints_degC, {}, direct=True).core
             if core.compiles:
                 yield name, run_of(core)
 
 
+def _words(controller: Controller) -> Words:
+    return controller.encode(replace(_DESIGN, sample_time_s=controller.timer.round(_DESIGN.sample_time_s)), Scaling())
+
+
 def _begun(targets: list[str]) -> subprocess.Popen[str] | None:
     """Begin the second process, with the modules of this one; None where that cannot be."""
+    if not sys.executable or getattr(sys, "frozen", False):  # no interpreter but a program of its own
+        return None
     with suppress(OSError):
         return subprocess.Popen(
             [sys.executable, "-P", "-m", __name__, *targets], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL, text=True, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)})
+            stderr=subprocess.DEVNULL, text=True, env=os.environ | {"PYTHONPATH": os.pathsep.join(map(str, sys.path))})
     return None
 
 
@@ -105,7 +110,7 @@ def _end_with(first: IO[str]) -> None:
 def _compile(target: str) -> None:
     """Compile the proof's loop with a controller, by running it for a short time, and say so."""
     which = controller_for(target)
-    simulate(which, which.encode(_DESIGN, Scaling()), _HEATER, _SCENARIO, Actuator(pwm_period_s=10.0), direct=True)
+    simulate(which, _words(which), _HEATER, _SCENARIO, Actuator(pwm_period_s=10.0), direct=True)
     print(target, flush=True)
 
 
