@@ -2,7 +2,7 @@
 
     python tests/bench/zones.py                 50, 100 and 200 zones on one process per processor
     python tests/bench/zones.py 1000 --jobs 2   the thousand
-    python tests/bench/zones.py 100 1000 10000 --dask    on a local Dask cluster: memory and disk, too
+    python tests/bench/zones.py 100 1000 10000 --dask    on a local Dask cluster (extra dask): memory and disk, too
 
 Each zone is a log of 240 rows, 44 minutes of a heater drawn anew, simulated here by plain Euler steps of 0.5 s;
 fitted, tuned, rounded and proven as `heatertune fleet --samples 200` does it. Processor time is that of the processes
@@ -67,7 +67,7 @@ def dask_workers(jobs):
     """Give the workers of a local Dask cluster, and say at its end what memory it took."""
     from distributed import LocalCluster  # noqa: PLC0415 - an extra
 
-    with LocalCluster(n_workers=jobs, threads_per_worker=1, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=jobs, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster:
         yield on_dask(cluster.scheduler_address)
         pids = [os.getpid(), *(nanny.pid for nanny in cluster.workers.values())]
         most = [round(_most_memory_kb(pid) / 1024) for pid in pids]
