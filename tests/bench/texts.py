@@ -132,14 +132,14 @@ def main():
             got = program.scans(tape)
             if (got is None) != (expected is None):
                 wrong += 1
-                print(f"seed {seed}: {'declined' if got is None else 'ran on'}, the plain way {'stops' if expected is None else 'does not'}")
+                print(f"seed {seed}: {'declined' if got is None else 'ran on'}, the plain way {'stops' if expected is None else 'does not'}", flush=True)
             elif expected is None:
                 stopped += 1
             elif bits(program._memory) == bits(expected):
                 ran += 1
             else:
                 wrong += 1
-                print(f"seed {seed}: other numbers at the end")
+                print(f"seed {seed}: other numbers at the end", flush=True)
     print(f"{given.programs} programs: {ran} runs of {SCANS} scans the same, {stopped} stopped in both ways, {wrong} differ")
     return 1 if wrong else 0
 

@@ -2,10 +2,12 @@
 
     python tests/bench/zones.py                 50, 100 and 200 zones on one process per processor
     python tests/bench/zones.py 1000 --jobs 2   the thousand
+    python tests/bench/zones.py 100 1000 10000 --dask    on a local Dask cluster (extra dask): memory and disk, too
 
 Each zone is a log of 240 rows, 44 minutes of a heater drawn anew, simulated here by plain Euler steps of 0.5 s;
 fitted, tuned, rounded and proven as `heatertune fleet --samples 200` does it. Processor time is that of the processes
-of the pool, start-up included; one zone before them fills the cache of machine code.
+of the pool, start-up included; one zone before them fills the cache of machine code. With --dask, the scheduler runs in
+this process, each worker in one of its own; memory is the most that each ever had.
 """
 
 import argparse
@@ -13,12 +15,14 @@ import os
 import resource
 import tempfile
 import time
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from heatertune.batch import in_processes
+from heatertune.batch.cluster import on_dask
 from heatertune.batch.fleets import ZoneSettings, fleet
 from heatertune.proof.closing import Asked
 
@@ -58,15 +62,42 @@ def write_logs(folder, zones):
         (folder / f"zone{seed:05d}.csv").write_text(log_text(seed), encoding="utf-8")
 
 
-def run(folder, zones, target, samples, jobs):
-    """Return seconds, processor seconds of the pool, and how the zones ended."""
+@contextmanager
+def dask_workers(jobs):
+    """Give the workers of a local Dask cluster, and say at its end what memory it took."""
+    from distributed import LocalCluster  # noqa: PLC0415 - an extra
+
+    with LocalCluster(n_workers=jobs, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster:
+        yield on_dask(cluster.scheduler_address)
+        pids = [os.getpid(), *(nanny.pid for nanny in cluster.workers.values())]
+        most = [round(_most_memory_kb(pid) / 1024) for pid in pids]
+        print(f"       scheduler and client {most[0]} MB, workers {', '.join(map(str, most[1:]))} MB")
+
+
+def _most_memory_kb(pid):
+    lines = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:"))
+
+
+@contextmanager
+def pool_workers(jobs):
+    """Give those of a pool of processes."""
+    yield in_processes(jobs)
+
+
+def run(folder, zones, settings, cluster=pool_workers):
+    """Return seconds, processor seconds of the workers, and how the zones ended; `settings`: of `main`."""
     write_logs(folder / f"logs{zones}", zones)
-    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    summary = fleet(folder / f"logs{zones}", ZoneSettings(asked=Asked(target=target), samples=samples),
-                    out=folder / f"fleet{zones}.parquet", workers=in_processes(jobs))
-    spent = time.perf_counter() - begun
+    before, begun, table = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter(), folder / f"{zones}.parquet"
+    with cluster(settings.jobs) as workers:
+        summary = fleet(folder / f"logs{zones}", ZoneSettings(asked=Asked(target=settings.target), samples=settings.samples),
+                        out=table, workers=workers)
+        spent = time.perf_counter() - begun
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return spent, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, summary["outcomes"]
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    if cluster is dask_workers:
+        print(f"       table {table.stat().st_size / 1024:.0f} kB")
+    return spent, cpu, summary["outcomes"]
 
 
 def main():
@@ -75,14 +106,15 @@ def main():
     asked.add_argument("--target", default="weg")
     asked.add_argument("--samples", type=int, default=200)
     asked.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
+    asked.add_argument("--dask", action="store_true", help="on a local Dask cluster")
     settings = asked.parse_args()
     print(f"{settings.jobs} processes, {settings.target}, {settings.samples} samples a zone")
     print(f"{'zones':>6} {'s':>7} {'s per zone':>11} {'CPU s per zone':>15}  outcomes; load of the machine")
     found = []
     with tempfile.TemporaryDirectory() as place:
-        run(Path(place), 1, settings.target, settings.samples, 1)
+        run(Path(place), 1, settings)
         for zones in settings.zones:
-            spent, cpu, outcomes = run(Path(place), zones, settings.target, settings.samples, settings.jobs)
+            spent, cpu, outcomes = run(Path(place), zones, settings, dask_workers if settings.dask else pool_workers)
             found.append((zones, spent, cpu))
             told = ", ".join(f"{number} {name}" for name, number in outcomes.items())
             print(f"{zones:6d} {spent:7.1f} {spent / zones:11.3f} {cpu / zones:15.3f}  {told}; "

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from heatertune.cli import common, printing
-from heatertune.cli.recorded import proving
+from heatertune.cli.recorded import Proving, proving
 
 __all__ = ["add_to"]
 
@@ -54,19 +54,42 @@ def _run(settings: argparse.Namespace) -> int:
 
 
 def _proven(settings: argparse.Namespace) -> dict[str, Any]:
-    """Return the words of a design, proven: documents and files."""
+    """Return the words of a design, proven: documents and files.
+
+    What is exported was proven then or before: the verdict on the same words, heater and conditions by the same
+    program is read where it is kept. `verify` proves anew.
+    """
+    from dataclasses import asdict  # noqa: PLC0415 - the help must not wait for it
+    from importlib.metadata import version  # noqa: PLC0415
+
+    from heatertune.cache import cached  # noqa: PLC0415
+    from heatertune.model import document as model_document  # noqa: PLC0415
+    from heatertune.proof.fitted import specified  # noqa: PLC0415
+
+    progress = printing.Progress(settings)
+    asked = proving(settings)
+    inputs = {
+        "words": repr(asked.words), "choice": repr(asked.choice), "model": model_document.to_document(asked.fitted),
+        "ramp": asked.ramp, "conditions": asdict(asked.conditions), "notes": asked.notes, "force": settings.force,
+        "specification": repr(specified(asked.conditions)),  # of files that may change
+        "libraries": [version(name) for name in ("numpy", "scipy", "numba")]}
+    kept = cached("export", inputs, lambda: _prove(asked, progress, force=settings.force), dict, progress=progress)
+    for note in kept["notes"]:
+        progress.note(note)
+    files = {name: text if isinstance(text, str) else bytes(text) for name, text in kept["files"].items()}
+    return kept | {"files": files}
+
+
+def _prove(asked: Proving, progress: Any, *, force: bool) -> dict[str, Any]:
     from heatertune import chain  # noqa: PLC0415 - words that are proven already need none of it
     from heatertune.chain.documents import words_document  # noqa: PLC0415
     from heatertune.plc.choose import search_document  # noqa: PLC0415
     from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415
 
-    progress = printing.Progress(settings)
-    asked = proving(settings)
-    proof, notes = prove_ramped(asked.words, asked.fitted, asked.ramp, asked.conditions, progress=progress)
-    notes = [*asked.notes, *notes]
-    for note in notes:
-        progress.note(note)
+    proof, told = prove_ramped(asked.words, asked.fitted, asked.ramp, asked.conditions, progress=progress)
+    notes = [*asked.notes, *told]
     search = None if asked.choice is None else search_document(asked.choice, asked.fitted, notes)
-    files = chain.export(proof.words, proof, force=settings.force)
+    files = chain.export(proof.words, proof, force=force)
     document = words_document(proof.words, proof, files, search)
-    return {"words": document, "proof": proof.to_document(), "files": files}
+    return {"words": document, "proof": proof.to_document(), "notes": notes,
+            "files": {name: text if isinstance(text, str) else list(text) for name, text in files.items()}}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Final, NamedTuple
 from xml.etree import ElementTree as Xml
 
@@ -31,6 +32,7 @@ class Project(NamedTuple):
     calls: str
 
 
+@lru_cache(4)  # as in `text`
 def project_of(text: str) -> Project:
     """Return a project's content.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
@@ -134,10 +135,15 @@ def units(text: str) -> list[Unit]:
     Raises:
         InputError: what is not known here.
     """
+    return list(_units(text))
+
+
+@lru_cache(8)  # a proof reads the same text for each of its runs
+def _units(text: str) -> tuple[Unit, ...]:
     reader, found = _Reader(text), list[Unit]()
     while reader.kind != "end":
         found.append(reader.unit())
-    return found
+    return tuple(found)
 
 
 def body_of(text: str) -> tuple[Statement, ...]:
@@ -174,11 +180,11 @@ class _Reader:
             match = _TOKEN.match(text, place)
             if match is None:
                 raise InputError(f"{_told(self._lines, line)}; {text[place]!r} is no sign that is known here")
-            kind = next(name for name in _TOKEN.groupindex if match[name] is not None)
-            word = match[0].upper()
+            kind, found = str(match.lastgroup), match[0]
             if kind != "blank":
+                word = found.upper()
                 yield _Token("sign" if word in _WORDS else kind, word, line)
-            place, line = match.end(), line + match[0].count("\n")
+            place, line = match.end(), line + found.count("\n")
         yield _Token("end", "", len(self._lines) + 1)
 
     @property
