@@ -142,8 +142,7 @@ def searched_from(before: Flow, after: Flow, level: float, plant: Plant) -> Sear
     last = (after.x - after.y) * plant.by_first * seconds
     below = first + math.copysign(math.sqrt(max(first * first + 4.0 * (rise - first) * way, 0.0)), rise)
     share = 2.0 * way / below if below != 0.0 else 0.0
-    share = share if 0.0 < share < 1.0 else way / rise
-    share = _nearer(_nearer(share, way, rise, first, last), way, rise, first, last)
+    share = _nearer(share if 0.0 < share < 1.0 else 0.5, way, rise, first, last)
     now = before.now + share * seconds
     there = moved(before, now, factors(now - before.now, plant))
     return Search(before.now, after.now, there.now, there.y, there.x, False)
