@@ -19,6 +19,8 @@ from heatertune.proof import Actuator, Limits, Load, Mains, NewSetpoint, Scenari
 from heatertune.proof.drawn import drawing_for
 from heatertune.proof.events import Led, PlcPower
 from heatertune.proof.lanes import choice
+from heatertune.proof.lanes import passes as one
+from heatertune.proof.lanes import two_lags as two
 from heatertune.proof.lanes.choice import fits
 from heatertune.proof.lanes.rows import LANES, fixed, rows_of
 from heatertune.proof.samples import Drawing, Spread, _parts, measure
@@ -145,8 +147,27 @@ def test_only_work_that_pays_for_the_compiler_is_done_side_by_side(monkeypatch):
     assert not pays(10**9)
 
 
-@pytest.mark.skipif(llvm_version_info[0] < 22 or not get_host_cpu_features().get("avx512dq"),
+VECTORS = pytest.mark.skipif(llvm_version_info[0] < 22 or not get_host_cpu_features().get("avx512dq"),
                     reason="an older compiler leaves some of it one by one, and another processor was not tried: the results are the same")
+
+
+def operations(function, *given):
+    """Return how many sums and products the compiler left alone, and how many it made vectors of."""
+    machine_code = machine._machine(function, allocates=False)  # what is kept on disk has no text
+    machine_code(*given)
+    text = next(iter(machine_code.inspect_llvm().values()))
+    return [len(re.findall(rf"= f(?:mul|add|sub|div) {kind}", text)) for kind in ("(?:float|double)", r"<\d+ x")]
+
+
+@VECTORS
+@pytest.mark.parametrize("part", [one._to_edges, two._to_edges, two._to_turns, two._searched], ids=["one lag", "edges", "turns", "search"])
+def test_what_each_heater_does_is_vector_instructions(part):
+    given = {one._to_edges: (50.0, 1.0, 1.0), two._to_turns: ()}.get(part, (1.0,))
+    alone, together = operations(part, np.zeros(choice.ROWS * LANES), *given)
+    assert alone == 0 < together
+
+
+@VECTORS
 @pytest.mark.parametrize("target", ["s5-ob251", "weg"])
 def test_the_scan_of_all_controllers_is_vector_instructions(target, monkeypatch):
     """A change that looks harmless can make a compiler give up: the results stay right, and take twice the time."""
@@ -154,14 +175,12 @@ def test_the_scan_of_all_controllers_is_vector_instructions(target, monkeypatch)
     parts = []
     monkeypatch.setattr(choice, "bound", lambda function, **given: parts.append((function, given)) or bound(function, **given))
     choice._made(controller, two_lags=False)
-    scan = machine._machine(bound(parts[1][0], **parts[1][1]), allocates=False)  # what is kept on disk has no text
+    scan = bound(parts[1][0], **parts[1][1])
     state, program, parameters = (
         choice._held(controller, each) for each in (controller.state, choice.Program(
             np.array(controller.asked), np.ones(1, dtype=np.int64), controller.ramp_step, 0, controller.ramp_hold), controller.parameters))
     end = rows_of((state, program.asked[0].item()), choice.ROWS).end
-    scan(np.zeros(end * LANES), parameters, controller.sensor, program, program.asked[0], 1, True, 3)
-    text = next(iter(scan.inspect_llvm().values()))
-    alone, together = (len(re.findall(rf"= f(?:mul|add|sub|div) {kind}", text)) for kind in ("(?:float|double)", r"<\d+ x"))
+    alone, together = operations(scan, np.zeros(end * LANES), parameters, controller.sensor, program, program.asked[0], 1, True, 3)
     assert alone <= 2 < together, "but for products of parameters, made once"
 
 

@@ -29,8 +29,8 @@ turning_time: Callable[..., float] = bound(exact.turning_time, log1p=logarithm_b
 class Plant(NamedTuple):
     """The heater: gain [°C/%], the larger lag, the smaller one (0: none) and dead time [s], ambient [°C].
 
-    And what is divided by again and again: 1/first, 1/second, their difference [1/s] and 1 by that [s]; 0 where there is
-    none, see `plant_from`.
+    And what is divided by again and again: 1/first, 1/second, their difference [1/s] and 1 by that [s]; 0 where there
+    is none, see `plant_from`.
     """
 
     gain: float

@@ -65,7 +65,7 @@ def fits(controller: InLoop, scenario: Scenario, actuator: Actuator, late_s: Arr
         controller: the words, running.
         scenario: what happens.
         actuator: the switch.
-        late_s: see `Clock`.
+        late_s: delays of the scans, shape (n, scans), or (1, 1) where all have the same.
     """
     calm = late_s.shape[1] == 1 and not late_s.any()
     alike = not any(scenario.leads[2::4]) and actuator.cooling_gain is None
