@@ -1,6 +1,7 @@
 """Loops side by side against the same loops one after the other, bit for bit; and that they are vector instructions."""
 
 import re
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -9,16 +10,21 @@ from llvmlite.binding import get_host_cpu_features, llvm_version_info
 
 from heatertune import compiled as machine
 from heatertune.compiled import bound, compiled
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.plc.core import as_it_is
 from heatertune.proof import Actuator, Limits, Load, Mains, NewSetpoint, Scenario, TemperatureStep
-from heatertune.proof.events import PlcPower
+from heatertune.proof.drawn import drawing_for
+from heatertune.proof.events import Led, PlcPower
 from heatertune.proof.lanes import choice
-from heatertune.proof.lanes.choice import fitting
+from heatertune.proof.lanes import passes as one
+from heatertune.proof.lanes import two_lags as two
+from heatertune.proof.lanes.choice import fits
 from heatertune.proof.lanes.rows import LANES, fixed, rows_of
-from heatertune.proof.samples import Drawing, Spread, measure
+from heatertune.proof.samples import Drawing, Spread, _parts, measure
+from heatertune.settings import Conditions
 
 HEATER = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.3, ambient_degC=24.0)
 TWO_LAGS = TwoLag(gain_degC_per_pct=0.5, time_constant_s=120.0, second_time_constant_s=30.0, dead_time_s=6.5, ambient_degC=20.0)
@@ -34,6 +40,7 @@ SPREAD = Spread(heater=(0.1, 0.1, 4.0))
 PWM = Actuator(pwm_period_s=10.0)
 PI = PidDesign(gain_pct_per_degC=1.4, integral_time_s=150.0, derivative_time_s=4.0, sample_time_s=2.0, structure="pid",
                method="")
+ALONE = ("s7-200", "s7-200-paper", "s7-200-pid")
 ROOMS = [name for name in TARGETS if controller_for(name).core.own is as_it_is]
 
 
@@ -47,7 +54,7 @@ def drawing_of(target, scenario=SCENARIO, heaters=(HEATER, TWO_LAGS), actuator=P
 
 def ran(drawing, monkeypatch, *, side_by_side, compile_at_once=True, count=70):
     monkeypatch.setattr(machine, "_PLAIN_SCANS", -1 if compile_at_once else 10**12)
-    monkeypatch.setattr("heatertune.proof.samples.pays", lambda *_: side_by_side)
+    monkeypatch.setattr("heatertune.proof.samples.pays", lambda *_, **__: side_by_side)
     return measure(drawing, Limits(), count, workers=1)
 
 
@@ -59,7 +66,8 @@ def same(one, other, count=None):
 @pytest.mark.long
 @pytest.mark.parametrize("target", ROOMS)
 def test_loops_side_by_side_are_those_one_after_the_other_bit_for_bit(target, monkeypatch):
-    drawing = drawing_of(target, replace(SCENARIO, noise_degC=0.0))
+    heaters = (HEATER,) if target != "weg" else (HEATER, TWO_LAGS)  # a second lag is nothing to a controller
+    drawing = drawing_of(target, replace(RESTARTS, noise_degC=0.0), heaters)
     together = ran(drawing, monkeypatch, side_by_side=True)
     same(together, ran(drawing, monkeypatch, side_by_side=False))
     same(together, ran(drawing, monkeypatch, side_by_side=False, compile_at_once=False, count=3), 3)
@@ -78,42 +86,101 @@ def test_whatever_is_measured_is_the_same(scenario, actuator, ramp, monkeypatch)
 
 
 def test_loops_that_do_not_fit_are_left_to_the_kernel():
-    drawing = drawing_of("s5-ob251")
-    rows = drawing.heaters_of(range(8))[0]
+    controller = drawing_of("s5-ob251").controllers[0]
     calm, late = np.zeros((1, 1)), np.full((1, 1), 0.1)
-    controller = drawing.controllers[0]
-    one_lag = fitting(controller, rows, SCENARIO, PWM, calm)
-    assert one_lag.tolist() == [True, False] * 4
-    assert not fitting(controller, rows, SCENARIO, PWM, late).any()
-    assert not fitting(controller, rows, SCENARIO, replace(PWM, cooling_gain=1.0), calm).any()
+    assert fits(controller, SCENARIO, PWM, calm)
+    assert not fits(controller, SCENARIO, PWM, late)
+    assert not fits(controller, SCENARIO, replace(PWM, cooling_gain=1.0), calm)
+    led = replace(SCENARIO, disturbances=(Led(time_s=9.0, from_degC=50.0, setpoint_degC=60.0, duration_s=60.0),))
+    assert not fits(controller, led, PWM, calm)
+    assert not fits(drawing_of("s7-200-paper").controllers[0], SCENARIO, PWM, calm), "its state is the PLC's memory"
+
+
+def default_drawing(target):
+    """Return what `--samples` draws around a possible heater of one lag and one of two, with the whole story."""
+    which = controller_for(target)
+    fitted = replace(model_by_hand(HEATER), candidates=(*model_by_hand(HEATER).candidates, *model_by_hand(TWO_LAGS).candidates))
+    taken = which.timer.round(PI.sample_time_s)
+    words = which.encode(replace(PI, sample_time_s=taken, integral_time_s=taken * round(150.0 / taken)), Scaling())
+    return replace(drawing_for(words, fitted, {}, Conditions(setpoint_degC=45.0)), spread=SPREAD)
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_samples_of_a_default_proof_run_side_by_side(target, monkeypatch):
+    """But for rooms whose state is a PLC's memory, or that compile not at all, and the last few of a group."""
+    monkeypatch.setattr("heatertune.proof.samples.pays", lambda *_, **__: True)
+    drawing, count = default_drawing(target), 2000
+    assert {type(event) for event in drawing.scenario.disturbances} >= {PlcPower, Mains, NewSetpoint, Load, TemperatureStep}
+    seeds = range(count)
+    parts = _parts(drawing, seeds, drawing.heaters_of(seeds)[0], 1)
+    assert sorted(np.concatenate([part.places for part in parts])) == list(seeds)
+    alone = [part for part in parts if not part.side_by_side]
+    if target in ALONE:
+        assert len(alone) == len(parts)
+    else:
+        assert all(len(part.places) < 20 for part in alone)
+        assert len(alone) <= 2 * len(drawing.controllers), "one for each setting and number of lags at most"
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_a_default_proof_finds_the_same_side_by_side(noise, monkeypatch):
+    drawing = default_drawing("s5-ob251")
+    drawing = replace(drawing, scenario=replace(drawing.scenario, noise_degC=noise), controllers=drawing.controllers[:1])
+    same(*(ran(drawing, monkeypatch, side_by_side=way, count=80) for way in (True, False)))
 
 
 def test_only_work_that_pays_for_the_compiler_is_done_side_by_side(monkeypatch):
     controller = drawing_of("s5-ob251").controllers[0]
-    assert [choice.pays(controller, scans) for scans in (10**6, 10**9)] == [False, True]
+    monkeypatch.setattr(choice, "_asked", Counter())
+    monkeypatch.setattr(machine, "_is_kept", lambda _: False)
+
+    def pays(scans):
+        return choice.pays(controller, PWM, scans, two_lags=False)
+
+    assert [pays(scans) for scans in (10**6, 10**9, 0)] == [False, True, True]
+    choice._asked.clear()
+    assert sum(not pays(10**7) for _ in range(20)) in range(3, 10), "many small works are a large one"
+    choice._asked.clear()
     monkeypatch.setattr(machine, "_is_kept", lambda _: True)
-    assert [choice.pays(controller, scans) for scans in (10**6, 3 * 10**7)] == [False, True]
+    assert [pays(scans) for scans in (10**6, 3 * 10**7)] == [False, True]
     monkeypatch.setattr(machine, "_decided", [False])
-    assert not choice.pays(controller, 10**9)
+    assert not pays(10**9)
 
 
-@pytest.mark.skipif(llvm_version_info[0] < 22 or not get_host_cpu_features().get("avx512dq"),
+VECTORS = pytest.mark.skipif(llvm_version_info[0] < 22 or not get_host_cpu_features().get("avx512dq"),
                     reason="an older compiler leaves some of it one by one, and another processor was not tried: the results are the same")
+
+
+def operations(function, *given):
+    """Return how many sums and products the compiler left alone, and how many it made vectors of."""
+    machine_code = machine._machine(function, allocates=False)  # what is kept on disk has no text
+    machine_code(*given)
+    text = next(iter(machine_code.inspect_llvm().values()))
+    return [len(re.findall(rf"= f(?:mul|add|sub|div) {kind}", text)) for kind in ("(?:float|double)", r"<\d+ x")]
+
+
+@VECTORS
+@pytest.mark.parametrize("part", [one._to_edges, two._to_edges, two._to_turns, two._searched], ids=["one lag", "edges", "turns", "search"])
+def test_what_each_heater_does_is_vector_instructions(part):
+    given = {one._to_edges: (50.0, 1.0, 1.0), two._to_turns: ()}.get(part, (1.0,))
+    alone, together = operations(part, np.zeros(choice.ROWS * LANES), *given)
+    assert alone == 0 < together
+
+
+@VECTORS
 @pytest.mark.parametrize("target", ["s5-ob251", "weg"])
 def test_the_scan_of_all_controllers_is_vector_instructions(target, monkeypatch):
     """A change that looks harmless can make a compiler give up: the results stay right, and take twice the time."""
     controller = drawing_of(target).controllers[0]
     parts = []
     monkeypatch.setattr(choice, "bound", lambda function, **given: parts.append((function, given)) or bound(function, **given))
-    choice._made(controller)
-    scan = machine._machine(bound(parts[1][0], **parts[1][1]), allocates=False)  # what is kept on disk has no text
+    choice._made(controller, two_lags=False)
+    scan = bound(parts[1][0], **parts[1][1])
     state, program, parameters = (
         choice._held(controller, each) for each in (controller.state, choice.Program(
             np.array(controller.asked), np.ones(1, dtype=np.int64), controller.ramp_step, 0, controller.ramp_hold), controller.parameters))
     end = rows_of((state, program.asked[0].item()), choice.ROWS).end
-    scan(np.zeros(end * LANES), parameters, controller.sensor, program, program.asked[0], 1, True, 3)
-    text = next(iter(scan.inspect_llvm().values()))
-    alone, together = (len(re.findall(rf"= f(?:mul|add|sub|div) {kind}", text)) for kind in ("(?:float|double)", r"<\d+ x"))
+    alone, together = operations(scan, np.zeros(end * LANES), parameters, controller.sensor, program, program.asked[0], 1, True, 3)
     assert alone <= 2 < together, "but for products of parameters, made once"
 
 

@@ -29,8 +29,8 @@ turning_time: Callable[..., float] = bound(exact.turning_time, log1p=logarithm_b
 class Plant(NamedTuple):
     """The heater: gain [°C/%], the larger lag, the smaller one (0: none) and dead time [s], ambient [°C].
 
-    And what is divided by again and again [1/s, s], see `plant_from`: 1/first, 1/second, their difference and 1 by that;
-    0 where there is none.
+    And what is divided by again and again: 1/first, 1/second, their difference [1/s] and 1 by that [s]; 0 where there
+    is none, see `plant_from`.
     """
 
     gain: float
@@ -142,8 +142,7 @@ def searched_from(before: Flow, after: Flow, level: float, plant: Plant) -> Sear
     last = (after.x - after.y) * plant.by_first * seconds
     below = first + math.copysign(math.sqrt(max(first * first + 4.0 * (rise - first) * way, 0.0)), rise)
     share = 2.0 * way / below if below != 0.0 else 0.0
-    share = share if 0.0 < share < 1.0 else way / rise
-    share = _nearer(_nearer(share, way, rise, first, last), way, rise, first, last)
+    share = _nearer(share if 0.0 < share < 1.0 else 0.5, way, rise, first, last)
     now = before.now + share * seconds
     there = moved(before, now, factors(now - before.now, plant))
     return Search(before.now, after.now, there.now, there.y, there.x, False)

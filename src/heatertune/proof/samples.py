@@ -38,7 +38,7 @@ from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Limits
-from heatertune.proof.lanes.choice import fitting, pays
+from heatertune.proof.lanes.choice import fits, pays
 from heatertune.proof.loop import InLoop, actuator_of, in_loop, plant_row, scans_of, traced
 from heatertune.proof.measured import Measured, joined, ordered
 from heatertune.proof.metered import metered
@@ -56,6 +56,7 @@ _NOT_BEGUN: Final[dict[str, Any]] = dict(np.random.Philox(key=0).state)
 
 _NORMAL: Final = 4  # uniform numbers of which those of the heater are made
 _CHUNK: Final = 32  # samples in one call: some hundred kilobytes of noise
+_LEAST: Final = 20  # samples that take as long one after the other as a full chunk side by side
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -242,21 +243,21 @@ def _parts(drawing: Drawing, seeds: Sequence[int], rows: Array, scans: int) -> l
     `scans` tells how much work they are to one processor.
     """
     settings, lags = np.array([drawing.setting(seed) for seed in seeds]), (rows[:, 2] > 0.0).astype(int)
-    shaken = np.full((1, 1), drawing.spread.jitter_s)
-    worth = [pays(drawing.controllers[0], int(scans * np.mean(lags == more)), two_lags=bool(more)) for more in (0, 1)]
-    parts = list[_Part]()
-    for number, controller in enumerate(drawing.controllers):
-        own = np.flatnonzero(settings == number)
-        fits = fitting(controller, rows[own], drawing.scenario, drawing.actuator, shaken) & np.array(worth)[lags[own]]
-        for more in (0, 1):
-            together = own[fits & (lags[own] == more)]
-            parts += _chunks(number, together[np.argsort(rows[together, 3], kind="stable")], side_by_side=True)
-        parts += _chunks(number, own[~fits], side_by_side=False)
+    shaken, parts = np.full((1, 1), drawing.spread.jitter_s), list[_Part]()
+    for more in (0, 1):
+        work = int(scans * np.mean(lags == more))
+        worth = pays(drawing.controllers[0], drawing.actuator, work, two_lags=bool(more))
+        for number, controller in enumerate(drawing.controllers):
+            own = np.flatnonzero((settings == number) & (lags == more))
+            own = own[np.argsort(rows[own, 3], kind="stable")]
+            beside = worth and fits(controller, drawing.scenario, drawing.actuator, shaken)
+            parts += _chunks(number, own, side_by_side=beside)
     return parts
 
 
 def _chunks(setting: int, places: npt.NDArray[np.intp], *, side_by_side: bool) -> list[_Part]:
-    return [_Part(setting, places[begin:begin + _CHUNK], side_by_side) for begin in range(0, len(places), _CHUNK)]
+    chunks = [places[begin:begin + _CHUNK] for begin in range(0, len(places), _CHUNK)]
+    return [_Part(setting, chunk, side_by_side and len(chunk) >= _LEAST) for chunk in chunks]
 
 
 def _begun(seed: int) -> dict[str, Any]:

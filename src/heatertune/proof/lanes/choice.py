@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -19,49 +20,56 @@ from heatertune.proof.lanes.parts import ROWS
 from heatertune.proof.lanes.passes import computed
 from heatertune.proof.lanes.ring import ring_for
 from heatertune.proof.lanes.rows import LANES, fixed, rows_of
-from heatertune.proof.lanes.side_by_side import group, run_in_lanes
+from heatertune.proof.lanes.side_by_side import group, run_in_lanes, started_up
 from heatertune.proof.loop import InLoop
 from heatertune.proof.meter import Meter
 from heatertune.proof.program import Program, asked_now
 from heatertune.proof.scenario import Scenario
 
-__all__ = ["fitting", "pays", "run_side_by_side"]
+__all__ = ["fits", "pays", "run_side_by_side"]
 
 Array = npt.NDArray[np.float64]
 
-#: scans from which on it pays to compile the loop once more (some 5 s, for some 15 ns less a scan), and to load it
-_MOST: Final = 300_000_000
-_MOST_KEPT: Final = 2_000_000
+#: scans from which on it pays to compile the loop once more: one after the other they take as long; and to load it
+_MOST: Final = 100_000_000
+_MOST_KEPT: Final = 5_000_000
+_PER_PERIOD: Final = 3.0  # a PWM period takes as long as so many scans
 _MOST_FLAGS: Final = 8  # of which `meter.faults` counts
 
+#: scans that this process asked for so far, of each loop
+_asked: Final[Counter[str]] = Counter()
 
-def pays(controller: InLoop, scans: int, *, two_lags: bool) -> bool:
-    """Return whether so many scans on one processor are worth the machine code that runs loops side by side.
+
+def pays(controller: InLoop, actuator: Actuator, scans: int, *, two_lags: bool) -> bool:
+    """Return whether a process has by now asked for so much that machine code pays which runs loops side by side.
+
+    It is compiled where one after the other takes as long, so no work takes more than twice as long for it.
 
     Args:
         controller: the words, running.
-        scans: of all loops together.
+        actuator: the switch.
+        scans: that one processor is to run now.
         two_lags: whether their heaters have two lags, which is machine code of its own.
     """
-    return _has_rows(controller) and worth_a_second(
-        scans, _made(controller, two_lags=two_lags)[0], most=_MOST, most_kept=_MOST_KEPT)
+    if not _has_rows(controller):
+        return False
+    run, _ = _made(controller, two_lags=two_lags)
+    _asked[run.__qualname__] += int(scans * (1.0 + _PER_PERIOD * controller.scan_s / actuator.pwm_period_s))
+    return worth_a_second(_asked[run.__qualname__], run, most=_MOST, most_kept=_MOST_KEPT)
 
 
-def fitting(
-    controller: InLoop, rows: Array, scenario: Scenario, actuator: Actuator, late_s: Array
-) -> npt.NDArray[np.bool_]:
-    """Return for each heater whether its loop can be one of those that run side by side, see `run_in_lanes`.
+def fits(controller: InLoop, scenario: Scenario, actuator: Actuator, late_s: Array) -> bool:
+    """Return whether loops can be among those that run side by side, see `run_in_lanes`.
 
     Args:
         controller: the words, running.
-        rows: of `Batch.plants`, shape (n, 6).
         scenario: what happens.
         actuator: the switch.
-        late_s: see `Clock`.
+        late_s: delays of the scans, shape (n, scans), or (1, 1) where all have the same.
     """
     calm = late_s.shape[1] == 1 and not late_s.any()
     alike = not any(scenario.leads[2::4]) and actuator.cooling_gain is None
-    return np.full(len(rows), calm and alike and _has_rows(controller))
+    return calm and alike and _has_rows(controller)
 
 
 def run_side_by_side(controller: InLoop, program: Program, batch: Batch, actuator: Actuator, meter: Meter) -> None:
@@ -107,6 +115,7 @@ def _made(controller: InLoop, *, two_lags: bool) -> tuple[Callable[..., None], i
     law = rows_of((_held(controller, controller.state), asked if core.singles else asked.item()), ROWS)
     scan = bound(computed, step=core.step, measure=core.measure, law_loaded=law.loaded, law_stored=law.stored,
                  fixed=fixed(_held(controller, controller.parameters)), asked_now=bound(asked_now, stored=core.stored))
-    loops = bound(group, computed=scan, quickly=two.quickly if two_lags else one.quickly, law_loaded=law.loaded,
-                  law_stored=law.stored, restarted=core.restarted)
+    again = bound(started_up, law_loaded=law.loaded, law_stored=law.stored, restarted=core.restarted)
+    loops = bound(group, computed=scan, quickly=two.quickly if two_lags else one.quickly, law_stored=law.stored,
+                  started_up=again)
     return bound(run_in_lanes, group=loops), law.end

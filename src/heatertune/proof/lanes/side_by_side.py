@@ -33,7 +33,7 @@ from heatertune.proof.lanes.slow import kept, loop_of, meter_of, number_at, slow
 from heatertune.proof.meter import FAULTS, LIMITED, SCANS, SWITCHINGS, Meter, Places, close
 from heatertune.proof.program import Program
 
-__all__ = ["group", "run_in_lanes"]
+__all__ = ["group", "run_in_lanes", "started_up"]
 
 
 def run_in_lanes(  # noqa: PLR0913 - as `kernel.run_all`
@@ -96,10 +96,7 @@ def group(  # noqa: PLR0913 - as `kernel.run`
         else:
             quickly(rows, ring, window, meter.setpoints[now.phase], meter.band, t, now.lasts)
         if noisy:
-            for lane in range(LANES):
-                i = loop_of(batch, first, lane)
-                counts = loaded_counts(rows, lane)
-                stored_counts(rows, lane, Counts(batch.noise[i % len(batch.noise)][k], counts.limited, counts.faults))
+            _heard(rows, batch, first, k)
         supplied = program.supplied[now.phase]
         starts_up = calls == 0 and k > 0 and supplied
         if starts_up and apart(begin, k * scan_s, period):
@@ -107,9 +104,7 @@ def group(  # noqa: PLR0913 - as `kernel.run`
         cycle_start = tick <= t + INSTANT_S
         ticked, tick = ticked_on(origin, ticked, tick, t, period)
         if starts_up:
-            for lane in range(LANES):
-                before, word = law_loaded(rows, lane)
-                law_stored(rows, lane, (restarted(parameters, state, before), word))
+            started_up(rows, parameters, state)
         if supplied:
             computed(rows, parameters, sensor, program, program.asked[now.phase], calls, cycle_start, meter.wrong)
             calls, scans = calls + 1, scans + 1
@@ -122,7 +117,32 @@ def group(  # noqa: PLR0913 - as `kernel.run`
             switched(rows, ring, number, pwm, begin, end)
             begun, number = begun + 1, number + 1
             begin = origin + begun * period
-    for lane in range(min(LANES, len(batch.plants) - first)):
+    _ended(rows, meter, first, min(LANES, len(batch.plants) - first), scans, now)
+
+
+def _heard(rows: Places, batch: Batch, first: int, k: int) -> None:
+    """Take the noise of a scan."""
+    for lane in range(LANES):
+        i, counts = loop_of(batch, first, lane), loaded_counts(rows, lane)
+        stored_counts(rows, lane, Counts(batch.noise[i % len(batch.noise)][k], counts.limited, counts.faults))
+
+
+def started_up(rows: Places, parameters: Any, cold: Any) -> None:
+    """Start all controllers up.
+
+    Args:
+        rows: places.
+        parameters: what `step` takes.
+        cold: state at the start.
+    """
+    for lane in range(LANES):
+        state, word = law_loaded(rows, lane)
+        law_stored(rows, lane, (restarted(parameters, cold, state), word))
+
+
+def _ended(rows: Places, meter: Meter, first: int, count: int, scans: int, now: Now) -> None:
+    """Write down what the loops amount to; `scans` are those that were run."""
+    for lane in range(count):
         own, counts = meter_of(meter, first + lane), loaded_counts(rows, lane)
         kept(rows, lane, own, now)
         close(own, loaded_seen(rows, lane), loaded_rest(rows, lane))
