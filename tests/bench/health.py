@@ -1,5 +1,7 @@
 """Is the cause right, and do the words cure? python -m tests.bench.health [-n 200] [--words].
 
+--ticks, --down and --at-once attack what `heatertune.loops.switch` finds: a switch that works in another way.
+
 Loops of `tests.bench.loops`, whose causes are known, go through `heatertune.batch.loops` as `heatertune health` runs it.
 The words that are proposed are then typed into PID_v1 as `tests.witness.arduino_pid` has it, in front of this bench's own
 plant, and judged beside the textbook PI that the loop would have had, had nobody spoilt it.
@@ -37,13 +39,13 @@ TURNS = 4  # after a load, that nobody minds
 PROMINENT = 0.2  # of the largest error after a load: what counts as a turn
 
 
-def examined(loops, folder, *, target=""):
+def examined(loops, folder, *, target="", switch=(0, False, True)):
     """Return the document of `heatertune health` on these loops' logs and their list."""
     folder = Path(folder)
     (folder / "logs").mkdir()
     entries = []
     for loop in loops:
-        write(loop, folder / "logs")
+        write(loop, folder / "logs", switch=switch)
         made_for = None
         if loop.before:
             made_for = folder / "made_for" / loop.name
@@ -207,13 +209,17 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--words", action="store_true", help="design and try the words of the ill-tuned ones, too")
     parser.add_argument("--every", type=int, default=20, help="loops between two tellings of the figures")
+    parser.add_argument("--ticks", type=int, default=0, help="of a PWM period (default: as the loops are integrated)")
+    parser.add_argument("--down", action="store_true", help="parts of a tick are left out, not rounded")
+    parser.add_argument("--at-once", action="store_true", help="a duty does not wait for the next period")
     settings = parser.parse_args()
     loops = drawn(settings.n, settings.seed)
     figures = Figures({loop.name: loop for loop in loops}, words=settings.words)
     for begin in range(0, len(loops), settings.every):
         with tempfile.TemporaryDirectory() as folder:
             document = examined(
-                loops[begin:begin + settings.every], folder, target="arduino-pid" if settings.words else "")
+                loops[begin:begin + settings.every], folder, target="arduino-pid" if settings.words else "",
+                switch=(settings.ticks, settings.down, not settings.at_once))
         for row in document["loops"] + document["left_out"]:
             figures.add(row)
         figures.tell()

@@ -49,10 +49,11 @@ class Loop:
 
 
 @numba.njit(cache=False)
-def _run(plant, pid, story, times, noise, dt):
+def _run(plant, pid, story, switch, times, noise, dt):
     gain, lag, second, dead, ambient, step = plant
     k, tn, ta, pwm, memory = pid
     start, low, setpoint, at_setpoint, load, load_on, load_off = story
+    ticks, down, latched = switch
     n = int(times[-1] / dt) + 2
     per_scan, per_pwm, delay = max(1, round(ta / dt)), max(1, round(pwm / dt)), round(dead / dt)
     ring = np.full(delay + 1, memory)
@@ -68,9 +69,11 @@ def _run(plant, pid, story, times, noise, dt):
             if not (wish > 100.0 and e > 0.0) and not (wish < 0.0 and e < 0.0) and tn < 1e9:
                 integral += k * ta / tn * e
             power = min(max(k * e + integral, 0.0), 100.0)
-        if j % per_pwm == 0:
+        if j % per_pwm == 0 or not latched:
             duty = power
-        on = 100.0 if (j % per_pwm) < round(duty / 100.0 * per_pwm) else 0.0
+        whole = duty / 100.0 * (ticks or per_pwm)
+        whole = math.floor(whole) if down else round(whole)
+        on = 100.0 if (j % per_pwm) < round(whole * per_pwm / (ticks or per_pwm)) else 0.0
         if row < len(times) and t >= times[row] - 1e-9:
             rows[row] = temperature, asked, on, power
             row += 1
@@ -85,12 +88,16 @@ def _run(plant, pid, story, times, noise, dt):
     return rows
 
 
-def traced(loop, *, k=None, tn=None, ta=None, pwm=None):
-    """Return time, temperature, setpoint, power of a loop, by its own PI or another one; (n,) each, and the duty."""
+def traced(loop, *, k=None, tn=None, ta=None, pwm=None, switch=(0, False, True)):
+    """Return time, temperature, setpoint, power of a loop, by its own PI or another one; (n,) each, and the duty.
+
+    switch: its ticks in a period, 0 for one each integration step, of which twenty make a tick where ticks are given;
+    whether a part of one is left out; and whether the duty waits for the next period.
+    """
     k, tn, ta, pwm = (own if other is None else other for own, other in (
         (loop.k, k), (loop.tn, tn), (loop.ta, ta), (loop.pwm, pwm)))
     rng = np.random.default_rng(loop.seed)
-    dt = min(pwm / 50.0, loop.interval / 2.0, ta)
+    dt = min(pwm / (20.0 * switch[0] or 50.0), loop.interval / 2.0, ta)
     times = np.arange(0.0, loop.duration, loop.interval)
     memory = 0.0 if loop.cold else min(max((loop.low - loop.ambient) / loop.gain, 0.0), 100.0)
     start = loop.ambient if loop.cold else loop.low
@@ -98,14 +105,14 @@ def traced(loop, *, k=None, tn=None, ta=None, pwm=None):
     noise = loop.noise * rng.standard_normal(int(loop.duration / min(scan, ta)) + 10)
     rows = _run((loop.gain, loop.lag, loop.second, loop.dead, loop.ambient, loop.step), (k, tn, ta, pwm, memory),
                 (start, loop.low, loop.setpoint, 0.0 if loop.cold else 0.06 * loop.duration, loop.load,
-                 0.4 * loop.duration, 0.7 * loop.duration), times, noise, dt)
+                 0.4 * loop.duration, 0.7 * loop.duration), switch, times, noise, dt)
     seen = np.round((rows[:, 0] + loop.noise * rng.standard_normal(len(times))) / loop.step) * loop.step
     return times, seen, rows[:, 1], rows[:, 3] if loop.duty else rows[:, 2], rows[:, 0]
 
 
-def write(loop, folder):
-    """Write a loop's log; return its path."""
-    times, seen, asked, power, _ = traced(loop)
+def write(loop, folder, **changed):
+    """Write a loop's log, changed as `traced` takes it; return its path."""
+    times, seen, asked, power, _ = traced(loop, **changed)
     path = Path(folder) / f"{loop.name}.csv"
     lines = ["time_s,temperature_degC,setpoint_degC,power_pct"]
     lines += [f"{t:.2f},{y:.4g},{r:.6g},{u:.4g}" if abs(y) < 10 else f"{t:.2f},{y:.6g},{r:.6g},{u:.4g}"

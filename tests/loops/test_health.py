@@ -26,6 +26,7 @@ from heatertune.loops.measures import (
     thinned,
 )
 from heatertune.loops.same_day import day, ideal, times_worse
+from heatertune.loops.switch import with_duty
 from heatertune.loops.values import Cause, Loop
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.fit import fit
@@ -92,6 +93,53 @@ def test_loads_are_found_where_and_as_large_as_they_are(cause):
     assert [round(load.instant_s / loop.duration, 1) for load in large] == [0.4, 0.7]
     assert [abs(load.power_pct) for load in large] == pytest.approx([loop.load] * 2, rel=0.25)
     assert np.ptp(cleared.time_s) == pytest.approx(loop.duration, rel=0.01)
+
+
+@pytest.mark.parametrize(("interval", "ticks"), [(None, 50), (0.1, None)], ids=["fifty", "hundreds"])
+def test_the_ticks_of_a_switch_are_found_where_they_are_coarse_and_the_dead_time_with_them(interval, ticks):
+    """Bench's PWM counts steps of its integration, 50 in a period or 388, and logs the duty that it was asked for."""
+    loop = of("sluggish", cold=False, duty=True)
+    loop = loop if interval is None else replace(loop, interval=interval)
+    cleared = without_loads(log_of(loop), loop.pwm)
+    assert cleared.ticks == ticks
+    assert [load.instant_s for load in cleared.loads] == pytest.approx(
+        [0.4 * loop.duration, 0.7 * loop.duration], abs=loop.pwm)
+
+
+def test_a_duty_is_found_finer_than_the_rows_of_its_switch():
+    """Beside the duty itself, which the bench's PI asked for; a constant part acts as a warmer room and may stay."""
+    loop = of("sluggish", cold=False, duty=False, interval=1.0)
+    log, asked = log_of(loop), log_of(replace(loop, duty=True)).power_pct
+    off = with_duty(log, found_period_s(log)).power_pct - asked
+    assert float(np.std(off[len(off) // 10:])) < 0.25 * 100.0 / loop.pwm  # a row of a second
+    random = replace(log, temperature_degC=np.random.default_rng(1).normal(50.0, 5.0, len(asked)))
+    assert with_duty(random, found_period_s(log)) is random
+
+
+def test_a_loop_that_swings_as_it_nears_its_setpoint_swings():
+    """Half cycles of 100 s on the way of an exponential, which is always below the setpoint."""
+    log = sine(200.0, 1.0)
+    near = replace(log, temperature_degC=log.temperature_degC - 1.5 - 4.0 * np.exp(-log.time_s / 500.0))
+    course = course_of(near, None)
+    assert course.error_degC.min() > 0.0
+    swung = swings(course, course.changes_s)
+    assert swung.even
+    assert swung.count >= 15
+    assert swung.period_s == pytest.approx(200.0, rel=0.05)
+
+
+def test_a_day_begins_with_the_mean_power_of_a_switch_that_is_on():
+    log = sine(200.0, 0.1)
+    switch = np.where(np.arange(2000) % 20 < 8, 100.0, 0.0)
+    assert course_of(replace(log, power_pct=switch), 20.0).power_pct[0] == pytest.approx(40.0, abs=5.0)  # a row
+
+
+@pytest.mark.parametrize(("rest", "share"), [(49.0, 1.0), (51.0, 0.0)])
+def test_a_heater_at_full_power_that_comes_to_rest_below_its_setpoint_is_at_its_limit(rest, share):
+    log = sine(200.0, 1.0)
+    rising = np.minimum(rest - 30.0 * np.exp(-log.time_s / 600.0), 49.9)
+    course = course_of(replace(log, temperature_degC=rising, power_pct=np.full(2000, 100.0)), None)
+    assert at_limit(course, high=True) == pytest.approx(share, abs=0.1)
 
 
 def test_a_heater_that_is_too_weak_is_at_its_limit_and_a_heat_up_is_not():

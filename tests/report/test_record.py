@@ -142,7 +142,7 @@ def test_what_the_plant_is_called_stands_at_the_foot_of_each_page_and_breaks_out
     said = re.search(r'@bottom-left \{ content: "([^"]*)"', styles[0])[1]
     read = re.sub(r"\\([0-9a-f]+) ", lambda each: chr(int(each[1], 16)), said)
     assert read == head(named)
-    assert 'counter(page) " of " counter(pages)' in styles[0]
+    assert 'counter(page) "\xa0of\xa0" counter(pages)' in styles[0]
 
 
 def test_a_head_stands_over_its_numbers():

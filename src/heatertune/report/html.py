@@ -17,7 +17,7 @@ __all__ = ["BLANK", "Markup", "bullets", "coded", "page", "picture", "steps", "t
 _CODE: Final = re.compile(r"`([^`]+)`")
 
 _FOOT: Final = "font: 7.5pt system-ui, sans-serif; color: #595959"
-_NUMBER: Final = f'@bottom-right {{ content: "page " counter(page) " of " counter(pages); {_FOOT} }}'
+_NUMBER: Final = f'@bottom-right {{ content: "page\u00a0" counter(page) "\u00a0of\u00a0" counter(pages); {_FOOT} }}'
 
 class Markup(str):
     """Text that is HTML already."""

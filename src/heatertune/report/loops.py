@@ -16,6 +16,7 @@ __all__ = ["loops_lines", "loops_page"]
 
 Loop = Mapping[str, Any]
 
+_TITLE: Final = "the health of your loops"
 _WIDTH: Final = 80
 _SHOWN: Final = 10  # of the worst, in a terminal
 _LEFT: Final = 4  # of those that were left out, likewise
@@ -37,7 +38,7 @@ def loops_page(document: Mapping[str, Any]) -> str:
     style = own.joinpath("loops.css").read_text(encoding="utf-8")
     program = own.joinpath("loops.js").read_text(encoding="utf-8")
     body = "\n".join([f"<style>{style}</style>", *_parts(document), f"<script>{program}</script>"])
-    return page("the health of your loops", body)
+    return page(_TITLE, body, foot=_TITLE)
 
 
 def _parts(document: Mapping[str, Any]) -> Iterator[str]:

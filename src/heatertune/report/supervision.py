@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.report.html import bullets, page, picture, table, text_of
 from heatertune.report.style import LOOK, key, new_figure
+from heatertune.units import written
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,7 +59,7 @@ def plot_fault(trace: Mapping[str, Any]) -> Figure:
 
 
 def _caption(trace: Mapping[str, Any]) -> str:
-    seen = "no alarm" if trace["alarm_s"] is None else f"the alarm comes after {trace['alarm_s']:.3g} s"
+    seen = "no alarm" if trace["alarm_s"] is None else f"the alarm comes after {written(trace['alarm_s'], 3)} s"
     return f"{trace['name'].capitalize()}, on one heater: {seen}."
 
 

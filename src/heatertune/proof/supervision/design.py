@@ -29,6 +29,7 @@ from heatertune.proof.supervision.faults import FAULTS, Kind
 from heatertune.proof.supervision.loops import Card, Fault, Ran, card_of, ran
 from heatertune.proof.supervision.monitor import RING, Numbers
 from heatertune.proof.supervision.tallies import first_alarm, tally, windows
+from heatertune.units import written
 
 __all__ = ["FRESH", "Bench", "Designed", "design", "mapped"]
 
@@ -220,10 +221,10 @@ def _limits(
 
 def _silent(still: int, moved: int, longest: int, scan: float) -> Iterator[tuple[str, str]]:
     if still > longest:
-        yield ("frozen", f"a sensor in order may read the same for {still * scan:.3g} s while the loop is at rest: "
-                         "too little noise, or too coarse a card")
+        yield ("frozen", f"a sensor in order may read the same for {written(still * scan, 3)} s while the loop is at "
+                         "rest: too little noise, or too coarse a card")
     if moved > longest:
-        yield ("frozen while the power moves", f"a sensor in order may read the same for {moved * scan:.3g} s "
+        yield ("frozen while the power moves", f"a sensor in order may read the same for {written(moved * scan, 3)} s "
                                                f"after the power has moved by {_MOVED_PCT} %")
 
 

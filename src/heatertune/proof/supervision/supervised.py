@@ -40,7 +40,7 @@ from heatertune.proof.supervision.tallies import first_alarm
 from heatertune.proof.supervision.text.one_bit import TARGET, reduced
 from heatertune.proof.supervision.text.proven import Exported, exported
 from heatertune.settings import Conditions
-from heatertune.units import check
+from heatertune.units import check, written
 
 __all__ = ["WARNING", "Drawn", "bench_of", "supervise"]
 
@@ -248,7 +248,7 @@ def _missed(kind: Kind) -> str:
         return "the loop bears it: it is slower to settle and hardly swings"
     if kind.sensor == "frozen":
         return ("a reading that stays where the setpoint is asks for the power that holds it: nothing moves, until a "
-                "load or the setpoint does")
+                "load or the setpoint does; where the process bears it, move the setpoint a little now and then")
     if kind.sensor != "right":
         return "its readings are those of another possible heater"
     return "with what is left it does what a weaker heater, a lower voltage or a load make of one in order"
@@ -271,24 +271,28 @@ def _head(words: Words, family: Family, made: Designed, card: Card) -> Iterator[
     yield "not tried in the maker's own tool or machine"
 
 
+def _seconds(time: float) -> str:
+    return f"{written(time, 3)} s"
+
+
 def _told(made: Designed, card: Card, scan: float) -> Iterator[str]:
     """Return what the numbers mean, one sentence for each rule."""
     numbers, step = made.numbers, card.step_degC
     block = numbers.block * scan
-    yield f"A block is {numbers.block} scans, {block:.3g} s."
+    yield f"A block is {numbers.block} scans, {_seconds(block)}."
     yield (f"Sensor gone: below {card.low_degC + step * numbers.low:.4g} °C or above "
            f"{card.low_degC + step * numbers.high:.4g} °C.")
     yield f"Implausible rate: more than {step * numbers.jump:.3g} °C from scan to scan."
     if numbers.still:
-        yield f"Frozen: the same reading for more than {numbers.still * scan:.3g} s."
+        yield f"Frozen: the same reading for more than {_seconds(numbers.still * scan)}."
     if numbers.still_moved:
-        yield (f"Frozen: the same reading for more than {numbers.still_moved * scan:.3g} s after the power has moved "
-               f"by {numbers.moved} % or more.")
+        yield (f"Frozen: the same reading for more than {_seconds(numbers.still_moved * scan)} after the power has "
+               f"moved by {numbers.moved} % or more.")
     if numbers.slow_blocks:
-        yield (f"Heats too slowly, falls although heated: over {numbers.slow_blocks * block:.3g} s less than the power "
-               f"of {numbers.delay_low * block:.3g}…{numbers.delay_high * block:.3g} s ago explains.")
+        yield (f"Heats too slowly, falls although heated: over {_seconds(numbers.slow_blocks * block)} less than the "
+               f"power of {written(numbers.delay_low * block, 3)}…{_seconds(numbers.delay_high * block)} ago explains.")
     if numbers.fast_blocks:
-        yield f"Too hot for its power: over {numbers.fast_blocks * block:.3g} s more than it explains."
-    yield f"Setpoint out of reach: full power for more than {numbers.full * scan:.3g} s."
+        yield f"Too hot for its power: over {_seconds(numbers.fast_blocks * block)} more than it explains."
+    yield f"Setpoint out of reach: full power for more than {_seconds(numbers.full * scan)}."
     yield (f"Swing grows: {numbers.growths + 1} swings of {step * numbers.swing / numbers.block:.3g} °C or more in a "
            "row, each larger than the one before.")
