@@ -110,8 +110,10 @@ def test_a_night_is_made_of_the_longest_circuit_that_is_closed_again():
     opened, closed = scenario.disturbances[5:7]
     night = night_of(scenario)
     assert (night.proven_s, night.open_s) == (_up(800.0), 4.0 * _up(800.0))
-    assert night.scenario.disturbances == (*scenario.disturbances[:6], replace(closed, time_s=opened.time_s + 4.0 * _up(800.0)))
-    assert len(night.scenario.rests_s) == len(night.scenario.disturbances) + 1
+    off_s = scenario.disturbances[0].time_s  # the heat-up's end
+    assert night.scenario.disturbances == (replace(opened, time_s=off_s), replace(closed, time_s=off_s + 4.0 * _up(800.0)))
+    assert night.scenario.rests_s == (scenario.rests_s[0], 0.0, scenario.rests_s[7])
+    assert night.scenario.duration_s - night.scenario.disturbances[1].time_s == pytest.approx(scenario.disturbances[7].time_s - closed.time_s)
     for never in ((opened,), (opened, Load(time_s=opened.time_s + 100.0, power_pct=-5.0))):  # a scenario of somebody's own
         assert night_of(replace(scenario, disturbances=never, rests_s=())) is None
 
