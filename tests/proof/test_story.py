@@ -105,6 +105,14 @@ def test_an_open_circuit_lasts_until_a_boost_nearly_takes_the_heater_back_whatev
     assert len(_story(fast, loop=replace(LOOP, again_degC=40.0)).scenario.disturbances) == len(_story(fast).scenario.disturbances)
 
 
+def test_marlins_window_is_a_boost_whose_setpoint_is_whole_degrees():
+    # temperature.h: beyond PID_FUNCTIONAL_RANGE the heater is full on and the sum begins anew; 255 °C in 1023 steps
+    design = PidDesign(gain_pct_per_degC=4.0, integral_time_s=60.0, derivative_time_s=0.0, sample_time_s=0.16, structure="pi", method="")
+    room = controller_for("marlin")
+    words = room.encode(design, Scaling(low_degC=0.0, high_degC=255.0))
+    assert room.again_degC(words) == pytest.approx(10.0 - 0.5 - 255.0 / 1023.0)
+
+
 def test_a_night_is_made_of_the_longest_circuit_that_is_closed_again():
     scenario = _story().scenario
     opened, closed = scenario.disturbances[5:7]
