@@ -105,13 +105,23 @@ def test_an_open_circuit_lasts_until_a_boost_nearly_takes_the_heater_back_whatev
     assert len(_story(fast, loop=replace(LOOP, again_degC=40.0)).scenario.disturbances) == len(_story(fast).scenario.disturbances)
 
 
+def test_marlins_window_is_a_boost_whose_setpoint_is_whole_degrees():
+    # temperature.h: beyond PID_FUNCTIONAL_RANGE the heater is full on and the sum begins anew; 255 °C in 1023 steps
+    design = PidDesign(gain_pct_per_degC=4.0, integral_time_s=60.0, derivative_time_s=0.0, sample_time_s=0.16, structure="pi", method="")
+    room = controller_for("marlin")
+    words = room.encode(design, Scaling(low_degC=0.0, high_degC=255.0))
+    assert room.again_degC(words) == pytest.approx(10.0 - 0.5 - 255.0 / 1023.0)
+
+
 def test_a_night_is_made_of_the_longest_circuit_that_is_closed_again():
     scenario = _story().scenario
     opened, closed = scenario.disturbances[5:7]
     night = night_of(scenario)
     assert (night.proven_s, night.open_s) == (_up(800.0), 4.0 * _up(800.0))
-    assert night.scenario.disturbances == (*scenario.disturbances[:6], replace(closed, time_s=opened.time_s + 4.0 * _up(800.0)))
-    assert len(night.scenario.rests_s) == len(night.scenario.disturbances) + 1
+    off_s = scenario.disturbances[0].time_s  # the heat-up's end
+    assert night.scenario.disturbances == (replace(opened, time_s=off_s), replace(closed, time_s=off_s + 4.0 * _up(800.0)))
+    assert night.scenario.rests_s == (scenario.rests_s[0], 0.0, scenario.rests_s[7])
+    assert night.scenario.duration_s - night.scenario.disturbances[1].time_s == pytest.approx(scenario.disturbances[7].time_s - closed.time_s)
     for never in ((opened,), (opened, Load(time_s=opened.time_s + 100.0, power_pct=-5.0))):  # a scenario of somebody's own
         assert night_of(replace(scenario, disturbances=never, rests_s=())) is None
 

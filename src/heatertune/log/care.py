@@ -29,6 +29,7 @@ _LONGEST_SPIKE: Final = 3  # readings
 _SHORTEST_STAND: Final = 5
 _FAR_VALUE: Final = "at one value that the log jumps to, as of an open sensor,"
 _SPIKE_SHARE: Final = 0.1  # of the log's span
+_LEVELS: Final = 1.5
 _SPIKE_TIMES: Final = 12.0  # the usual departure of a reading from its neighbours
 _EDGE_TIMES: Final = 2.0  # what 90 % of the log's steps stay below: one reading in twenty may be a spike
 _GAP_TIMES: Final = 5.0  # the usual interval
@@ -126,7 +127,8 @@ def _stuck(values: Array, time: Array) -> Mask:
     """Return which readings stand at the log's highest or lowest, entered and left as it moves nowhere else.
 
     An input whose sensor is open reads an end of its range. An end that a heater reaches is entered step by step, and
-    cold goods are not left by a jump. A few readings may be the heater's, and so may a jump over a pause.
+    cold goods are not left by a jump. A few readings may be the heater's, and so may a jump over a pause. At the begin
+    a heater may rest until cold goods come: what stands there is an open sensor's where the log jumps up and rises.
     """
     n = len(values)
     stuck = np.zeros(n, dtype=np.bool_)
@@ -137,9 +139,9 @@ def _stuck(values: Array, time: Array) -> Mask:
         there = values == end
         edges = np.flatnonzero(np.diff(there))  # entered, left, entered, …
         others = values[~there]
-        if there[0] or not len(edges) or len(others) < MIN_SAMPLES:
+        if not len(edges) or len(others) < MIN_SAMPLES or (there[0] and not end < others[0] < others[-1]):
             continue
-        lengths = np.diff([*edges.tolist(), n - 1])[::2]
+        lengths = np.diff([*([-1] if there[0] else []), *edges.tolist(), n - 1])[::2]
         least = max(_ALONE_TIMES * float(np.delete(steps, edges).max()), _SPIKE_SHARE * float(np.ptp(others)))
         at_once = np.all(pauses[edges] <= _PAUSE_TIMES * np.median(pauses))
         if at_once and lengths.min() >= _SHORTEST_STAND and steps[edges].min() > least:
@@ -158,7 +160,8 @@ def _spikes(values: Array) -> npt.NDArray[np.intp]:
         return np.flatnonzero(is_spike)
     usual = 1.4826 * float(np.median(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2.0)))
     span = float(np.subtract(*np.percentile(values, [98.0, 2.0])))
-    least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * span)
+    levels = np.unique(values)  # a reading one step of the card away is none
+    least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * span, _LEVELS * float(np.diff(levels).min(initial=span)))
     steps = np.abs(np.diff(values))
     steep = _EDGE_TIMES * float(np.percentile(steps, 90.0))
     for width in range(1, _LONGEST_SPIKE + 1):

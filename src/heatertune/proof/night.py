@@ -24,7 +24,7 @@ class Night(NamedTuple):
     """A longer open circuit.
 
     Attributes:
-        scenario: all until then, and the way back.
+        scenario: from the heat-up right into it, and the way back.
         proven_s: how long the circuit was open in the story [s].
         open_s: how long it is now [s].
     """
@@ -35,7 +35,7 @@ class Night(NamedTuple):
 
 
 def night_of(scenario: Scenario) -> Night | None:
-    """Return the longest open circuit of a story made longer; None: there is none that is closed again."""
+    """Return the longest open circuit of a story, longer, right after the heat-up; None: none is closed again."""
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
     opened = {number: closed.time_s - event.time_s
               for number, (event, closed) in enumerate(pairwise(scenario.disturbances))
@@ -43,12 +43,13 @@ def night_of(scenario: Scenario) -> Night | None:
     if not opened:
         return None
     number = max(opened, key=lambda one: opened[one])
-    later_s = (_TIMES - 1.0) * opened[number]
-    events = list(scenario.disturbances[:number + 2])
-    events[-1] = replace(events[-1], time_s=events[-1].time_s + later_s)
-    longer = replace(scenario, disturbances=tuple(events), rests_s=scenario.rests_s[:number + 3],
-                     duration_s=ends[number + 2] + later_s)
-    return Night(longer, opened[number], _TIMES * opened[number])
+    off_s, open_s = ends[0], _TIMES * opened[number]
+    events = [replace(event, time_s=time_s) for event, time_s in zip(
+        scenario.disturbances[number:number + 2], (off_s, off_s + open_s), strict=True)]
+    rests = scenario.rests_s
+    longer = replace(scenario, disturbances=tuple(events), rests_s=(*rests[:1], *rests[number + 1:number + 3]),
+                     duration_s=off_s + open_s + ends[number + 2] - ends[number + 1])
+    return Night(longer, opened[number], open_s)
 
 
 def wound_up(night: Night, overshoot: str) -> Finding:

@@ -1,0 +1,52 @@
+"""A block that may sum on without a limit: what passes the story with a holdback, and winds up in a longer night."""
+
+import shutil
+from dataclasses import replace
+
+import pytest
+from tests.bench.outages import SLACK, asked, broken
+from tests.bench.second_opinion import compiled
+
+from heatertune.model.by_hand import model_by_hand
+from heatertune.plc import controller_for
+from heatertune.plc.open_points import settings_to_prove
+from heatertune.proof.closing import closed
+
+HEATER, ASKED = asked(10007, "weg")  # drawn: 383 s of lag, 58 s of dead time
+SETTINGS = settings_to_prove(controller_for("weg").switches)
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    if shutil.which("cc") is None:
+        pytest.skip("needs a C compiler, cc")
+    return compiled(tmp_path_factory.mktemp("judge"))
+
+
+@pytest.mark.long
+def test_a_night_is_tried_under_every_setting_and_the_way_on_names_the_one_that_passes(library):
+    held = closed(model_by_hand(HEATER), replace(ASKED, boost="none"))
+    assert held.proof.hold_degC is not None
+    # in the story no setting shows: the setpoint is held, and the run that overshoots most is of another switch
+    strains = {run.label: run.criteria[[each.name for each in run.criteria].index("reheat_overshoot")].strain
+               for run in held.proof.runs}
+    assert "anti_windup = none" not in max(strains, key=strains.get)
+    assert [finding.name for finding in held.proof.heard.findings] == ["winds-up"]
+    # the judge in C, which has the circuit open for up to 40 TN, sees it under that setting alone
+    wound = [setting["anti_windup"] for setting in SETTINGS if broken(library, HEATER, held, setting, 0)]
+    assert set(wound) == {"none"}
+    assert held.passes_with == ("--switch", "anti_windup=clamp")
+    assert "would pass with --switch anti_windup=clamp" in held.proof.heard.remarks[-1]
+    known = replace(ASKED.conditions, switches={"anti_windup": "clamp"})
+    assert closed(model_by_hand(HEATER), replace(ASKED, boost="none", conditions=known)).proof.verdict == "PASS"
+
+
+@pytest.mark.long
+def test_a_boost_with_other_gains_mends_what_winds_up(library):
+    found = closed(model_by_hand(HEATER), ASKED)
+    assert found.proof.verdict == "PASS"
+    assert found.proof.words.boost is not None
+    assert found.wished.integral_time_s > 1.1 * closed(model_by_hand(HEATER), replace(ASKED, as_is=True)).wished.integral_time_s
+    assert "TN times" in found.proof.heard.remarks[-1]
+    told = [case for setting in SETTINGS for case in broken(library, HEATER, found, setting, 0)]
+    assert not told, f"{told} is beyond the limit by more than {SLACK}"
