@@ -115,13 +115,24 @@ def reached(before: Flow, after: Flow, level: float, plant: Plant) -> Flow:
 
 
 class Search(NamedTuple):
-    """Where two lags are looked for at a level: it lies within two instants [s]; the last one tried, y and x there."""
+    """Where two lags are looked for at a level: it lies within two instants [s].
+
+    Attributes:
+        low: the first one.
+        high: the last one.
+        now: instant to look at next, or the one found [s].
+        y: of the instant looked at last [°C].
+        x: likewise.
+        last: whether nothing better follows `now`.
+        found: whether y and x are those of `now`.
+    """
 
     low: float
     high: float
     now: float
     y: float
     x: float
+    last: bool
     found: bool
 
 
@@ -143,9 +154,7 @@ def searched_from(before: Flow, after: Flow, level: float, plant: Plant) -> Sear
     below = first + math.copysign(math.sqrt(max(first * first + 4.0 * (rise - first) * way, 0.0)), rise)
     share = 2.0 * way / below if below != 0.0 else 0.0
     share = _nearer(share if 0.0 < share < 1.0 else 0.5, way, rise, first, last)
-    now = before.now + share * seconds
-    there = moved(before, now, factors(now - before.now, plant))
-    return Search(before.now, after.now, there.now, there.y, there.x, False)
+    return Search(before.now, after.now, before.now + share * seconds, before.y, before.x, False, False)
 
 
 def _nearer(share: float, way: float, rise: float, first: float, last: float) -> float:
@@ -166,18 +175,19 @@ def closer(before: Flow, after: Flow, level: float, plant: Plant, search: Search
         plant: likewise.
         search: so far.
     """
-    last, beyond = search.now, (search.y > level) == (after.y > before.y)
-    low, high = search.low if beyond else last, last if beyond else search.high
-    slope = (search.x - search.y) * plant.by_first
-    now = low if slope == 0.0 else last - (search.y - level) / slope
-    step = abs(now - last)
+    there = moved(before, search.now, factors(search.now - before.now, plant))
+    beyond = (there.y > level) == (after.y > before.y)
+    low, high = search.low if beyond else there.now, there.now if beyond else search.high
+    slope = (there.x - there.y) * plant.by_first
+    now = low if slope == 0.0 else there.now - (there.y - level) / slope
+    step = abs(now - there.now)
     # so near that the next step would be nothing, by how much the slope changes
-    bend = abs(((before.target - search.x) * plant.by_second - slope) * plant.by_first)
-    found = step <= _NEAR or (low < now < high and step * step * bend <= _NEAR * abs(slope))
-    if not found and not low < now < high:  # Newton's step leads out: halve
+    bend = abs(((before.target - there.x) * plant.by_second - slope) * plant.by_first)
+    last = step <= _NEAR or (low < now < high and step * step * bend <= _NEAR * abs(slope))
+    if not last and not low < now < high:  # Newton's step leads out: halve
         now = 0.5 * (low + high)
-    there = moved(before, now, factors(now - before.now, plant))
-    return Search(low, high, now, there.y, there.x, found)
+        last = high - low <= _NEAR
+    return Search(low, high, search.now if search.last else now, there.y, there.x, last, search.last)
 
 
 def _reached_by_one_lag(before: Flow, after: Flow, level: float, plant: Plant) -> Flow:

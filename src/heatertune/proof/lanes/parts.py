@@ -154,7 +154,7 @@ loaded_inner, stored_inner, _end = rows_of(Inner(0.0, 0.0), _end)
 loaded_end, stored_end, _end = rows_of(End(0.0, 0.0, 0.0), _end)
 loaded_edges, stored_edges, _end = rows_of(Edges(0.0, 0.0), _end)
 #: number of the first row of the controller's state and setpoint word
-loaded_search, stored_search, ROWS = rows_of(Search(0.0, 0.0, 0.0, 0.0, 0.0, False), _end)
+loaded_search, stored_search, ROWS = rows_of(Search(0.0, 0.0, 0.0, 0.0, 0.0, False, False), _end)
 
 
 def plant_of(line: Line, second: Second = _NO_SECOND) -> Plant:

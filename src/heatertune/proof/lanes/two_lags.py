@@ -210,7 +210,7 @@ def _searched(rows: Places, setpoint: float) -> None:
     for lane in range(LANES):
         before, after = _before(rows, lane), _after(rows, lane)
         s = searched_from(before, after, setpoint, _plant(rows, lane))
-        stored_search(rows, lane, Search(s.low, s.high, s.now, s.y, s.x, not _through(before, after, setpoint)))
+        stored_search(rows, lane, Search(s.low, s.high, s.now, s.y, s.x, False, not _through(before, after, setpoint)))
     rounds, missing = 0, 1
     while missing > 0 and rounds < MOST_ROUNDS:
         rounds, missing = rounds + 1, 0
@@ -219,7 +219,7 @@ def _searched(rows: Places, setpoint: float) -> None:
             n = closer(_before(rows, lane), _after(rows, lane), setpoint, _plant(rows, lane), s)
             stored_search(rows, lane, Search(
                 s.low if s.found else n.low, s.high if s.found else n.high, s.now if s.found else n.now,
-                s.y if s.found else n.y, s.x if s.found else n.x, s.found or n.found))
+                s.y if s.found else n.y, s.x if s.found else n.x, n.last, s.found or n.found))
             missing += int(not (s.found or n.found))
 
 
