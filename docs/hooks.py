@@ -26,11 +26,10 @@ SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
 COMMON = "common"
 #: the folders in plc, which have a page of their own
 FOLDERS = "controllers"
-SUPERVISION = "supervision"
-ROOMS = ("chain", "log", "heater", "model", "pid", "plc", FOLDERS, "proof", SUPERVISION, "report", "batch", "loops",
-         "live", COMMON)
+ROOMS = ("chain", "log", "heater", "model", "pid", "plc", FOLDERS, "proof", "lanes", "supervision", "report", "batch",
+         "loops", "live", COMMON)
 #: room → its folder, where that has another name
-_FOLDERS = {FOLDERS: "plc", SUPERVISION: "proof/supervision"}
+_FOLDERS = {FOLDERS: "plc", "lanes": "proof/lanes", "supervision": "proof/supervision"}
 #: what is no folder of its own → what it is for
 _TOLD = {COMMON: "What all rooms may use: settings, options, units, terms, errors.",
          FOLDERS: "The folder of each controller, and the machines that run what is exported."}
@@ -146,9 +145,10 @@ def modules(room: str) -> list[str]:
         return ["settings", "options", "units", "terms", "errors"]
     found, folder = [], SOURCE / _folder(room)
     of_room = {"plc": folder.glob("*.py"), FOLDERS: folder.glob("*/**/*.py")}
-    apart = SOURCE / _FOLDERS[SUPERVISION] if room == "proof" else None
+    apart = {SOURCE / each for each in _FOLDERS.values() if each.startswith(f"{room}/")}
     for path in sorted(of_room.get(room, folder.rglob("*.py"))):
-        if path.name != "__init__.py" and apart not in path.parents and "__all__" in path.read_text(encoding="utf-8"):
+        offers = path.name != "__init__.py" and "__all__" in path.read_text(encoding="utf-8")
+        if offers and apart.isdisjoint(path.parents):
             found.append(".".join(path.relative_to(SOURCE).with_suffix("").parts))
     return found
 
