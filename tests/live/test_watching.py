@@ -1,18 +1,29 @@
 """The watch: a loop in order is told nothing of; a fault that the virtual PLC has on its timetable is told as what it is."""
 
 import json
+import math
+import random
 from contextlib import nullcontext
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.bench.second_monitor import NAMES, Monitors
 from tests.live.test_client import way
 
 from heatertune import virtual_plc
 from heatertune.cli import main
+from heatertune.errors import InputError
 from heatertune.live.change.proven import read_proven
 from heatertune.live.looking import Look
+from heatertune.live.monitored import Monitored
 from heatertune.live.watching import Beside
 from heatertune.model.intervals import Interval
+from heatertune.proof.supervision.document import read_supervision
+from heatertune.proof.supervision.supervised import Drawn, bench_of
+from heatertune.settings import Conditions
 
 FAST = {"step": False, "rate": 1500.0, "intervals": 4000}
 
@@ -88,3 +99,94 @@ def test_who_has_seen_nothing_says_so_and_is_not_well(folder, tmp_path, capsys, 
     with virtual_plc(folder, **FAST) as plc:
         status = main(["watch", way(plc, "s7").text, "--design", str(folder), "-o", str(tmp_path / "log.csv"), "--quiet"])
     assert (status, "nothing was seen" in capsys.readouterr().out) == (1, True)
+
+
+@pytest.fixture(scope="session")
+def monitor(folder):
+    """The monitor of these words; how good it is, is tested where it is made."""
+    assert main(["supervise", str(folder / "pid.json"), "--target", "s5-ob251", "--setpoint", "50", "--samples", "20",
+                 "--broken", "1", "-o", str(folder / "monitor"), "--quiet"]) == 0
+    return folder / "monitor" / "supervision.json"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("faults", "alarms"), [
+    ([], set()), (["t=600 heater-open"], {"falls although heated", "heats too slowly"}), (["t=600 sensor-off"], {"sensor gone"})])
+def test_a_monitor_beside_the_watch_sees_a_fault_and_trips_for_nothing_else(folder, monitor, tmp_path, capsys, faults, alarms):
+    # the virtual PLC at 200 times its speed: a scan of 3.1 s each 16 ms, so that nearly each is looked at
+    with virtual_plc(folder, faults=faults, step=False, rate=200.0, intervals=4000) as plc:
+        status = main(["watch", way(plc, "s7").text, "--design", str(folder), "--monitor", str(monitor), "--for", "900",
+                       "-o", str(tmp_path / "log.csv"), "--quiet", "--json"])
+    seen = json.loads(capsys.readouterr().out)["monitor"]
+    assert seen["scans"] + seen["missed"] > 200, seen
+    told = {each["name"] for each in seen["alarms"]}
+    assert told & alarms or told == alarms, seen
+    assert all(600.0 <= each["from_s"] for each in seen["alarms"]), seen
+    assert not faults or seen["alarms"][0]["from_s"] < 760.0, seen
+    assert status == (1 if faults else 0)
+
+
+@pytest.fixture(scope="session")
+def days(folder, monitor):
+    """What two drawn heaters in order live through, with outages: looks, scan by scan."""
+    proven, view = read_proven(folder), read_supervision(monitor)
+    bench = bench_of(proven.words, proven.fitted, Conditions(setpoint_degC=50.0), Drawn())
+    stories = [bench.story(bench.family.member(10**6 + number)) for number in range(2)]
+    return [looked(view, story.counts, story.power) for story in stories]
+
+
+def looked(view, counts, powers):
+    """The looks that a client has of counts of the card and powers; none without supply."""
+    card = view.card
+    return [Look(k * view.scan_s, {"temperature": card.zero_degC + card.step_degC * count, "power": power, "setpoint": 50.0})
+            for k, (count, power) in enumerate(zip(counts, powers, strict=True)) if power >= 0]
+
+
+@given(st.integers(0, 10**6))
+def test_looks_give_the_alarms_of_a_second_monitor_scan_by_scan(folder, monitor, seed):
+    view, chance = read_supervision(monitor), random.Random(seed)
+    level, counts, powers = 900.0, [], []
+    for _ in range(200):
+        level += chance.gauss(0.0, 20.0)
+        counts.append(round(level))
+        powers.append(chance.choice((0, 35, 100)))
+    second, here = Monitors(view.numbers, 1), Monitored(view, read_proven(folder).words)
+    for look, count, power in zip(looked(view, counts, powers), counts, powers, strict=True):
+        before = {name: each.scans for name, each in here.alarms.items()}
+        here.see(look)
+        told = [name for name, each in here.alarms.items() if each.scans > before.get(name, 0)]
+        assert (told or ["none"]) == [NAMES[second.feed(np.array([count]), np.array([power]))[0]]]
+
+
+@given(st.integers(0, 10**6))
+@pytest.mark.long
+def test_scans_that_were_missed_are_no_fault_of_the_loop(folder, monitor, days, seed):
+    """Of a loop in order, run by the proof's kernel, any looks at all give no alarm: gaps are filled or begin anew."""
+    view, chance = read_supervision(monitor), random.Random(seed)
+    share = chance.choice((0.02, 0.09, 0.3, 0.9))
+    here = Monitored(view, read_proven(folder).words)
+    seen = [each for each in chance.choice(days) if chance.random() >= share]
+    for each in seen:
+        here.see(each)
+    assert here.told() == ()
+    assert here.scans == len(seen)
+    assert here.missed <= 0.1 * here.scans
+
+
+def test_a_monitor_of_other_words_and_one_without_the_power_are_refused(folder, monitor, tmp_path, capsys):
+    document = json.loads(monitor.read_text())
+    document["words"]["K"] += 1
+    other = tmp_path / "supervision.json"
+    other.write_text(json.dumps(document))
+    assert main(["watch", "s7://127.0.0.1:1/0/2/db30", "--design", str(folder), "--monitor", str(other)]) == 2
+    assert f"--monitor {other}: the monitor was made for other words" in capsys.readouterr().err
+    with pytest.raises(InputError, match="which power was asked for"):
+        Monitored(read_supervision(monitor), read_proven(folder).words).see(Look(0.0, {"temperature": 20.0}))
+
+
+def test_no_number_is_no_sensor_and_a_setpoint_beyond_the_monitors_is_told(folder, monitor):
+    here = Monitored(read_supervision(monitor), read_proven(folder).words)
+    for k, (degC, asked) in enumerate([(40.0, 50.0), (math.nan, 50.0), (40.0, 55.0)]):
+        here.see(Look(k * here.view.scan_s, {"temperature": degC, "power": 30.0, "setpoint": asked}))
+    assert next(iter(here.alarms)) == "sensor gone"
+    assert here.told()[-1] == "monitor: made for setpoints up to 50 °C, and 55 °C was asked for"

@@ -16,6 +16,7 @@ from heatertune.errors import InputError
 
 if TYPE_CHECKING:
     from heatertune.live.change.proven import Proven
+    from heatertune.live.monitored import Monitored
     from heatertune.live.recorder import Recorded
     from heatertune.live.watching import Beside
 
@@ -38,6 +39,8 @@ def add_to(commands: Any) -> None:
     command.add_argument("--for", dest="for_s", type=float, metavar="S", help="end after so long (default: never)")
     command.add_argument("--append", action="store_true", help="continue a log that is there")
     command.add_argument("--refit", action="store_true", help="identify the heater from what was seen, at the end")
+    command.add_argument("--monitor", metavar="FILE", help=(
+        "supervision.json by heatertune supervise: its monitor runs beside; it replaces no thermal cut-out"))
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
@@ -54,30 +57,51 @@ def _run(settings: argparse.Namespace) -> int:
     if places is None:
         raise InputError(f"{settings.design}: where {proven.words.target} shows its temperature is not known here")
     log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
-    beside = Beside(proven)
+    beside, monitored = Beside(proven), _monitored(settings.monitor, proven)
     with asked_to_end() as asked:
-        so_far = record(address, log, places, Recording(for_s=settings.for_s, append=settings.append),
-                        shown=_shown(settings, beside), ended=lambda: bool(asked))
+        so_far = record(address, log, places, Recording(
+            every_s=None if monitored is None else min(1.0, 0.5 * monitored.view.scan_s), for_s=settings.for_s,
+            append=settings.append), shown=_shown(settings, beside, monitored), ended=lambda: bool(asked))
     LINE.end()
     well = beside.seen.readings > 0 and beside.seen.well  # who has seen nothing knows nothing
+    well = well and (monitored is None or not monitored.told())
     document = {"schema": "heatertune/watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
                 "gaps": so_far.gaps, "well": well, **beside.seen.to_document(),
+                "monitor": None if monitored is None else monitored.to_document(),
                 "refit": _refitted(log, proven) if settings.refit else None}
     printing.output(settings, document, lambda: _lines(document))
     return 0 if well else 1
 
 
-def _shown(settings: argparse.Namespace, beside: Beside) -> Callable[[Recorded], object]:
+def _monitored(path: str | None, proven: Proven) -> Monitored | None:
+    from heatertune.live.monitored import Monitored  # noqa: PLC0415 - only where it is asked for
+    from heatertune.proof.supervision.document import read_supervision  # noqa: PLC0415
+
+    if path is None:
+        return None
+    view = read_supervision(path)
+    try:
+        return Monitored(view, proven.words)
+    except InputError as problem:
+        raise InputError(f"--monitor {path}: {problem}") from None
+
+
+def _shown(
+    settings: argparse.Namespace, beside: Beside, monitored: Monitored | None
+) -> Callable[[Recorded], object]:
     begun, last = time.monotonic(), [0]
 
     def shown(so_far: Recorded) -> None:
         if so_far.last is not None and so_far.rows > last[0]:
             last[0] = so_far.rows
             beside.see(so_far.last)
+            if monitored is not None:
+                monitored.see(so_far.last)
         if not settings.quiet:
             seen = beside.seen
             band = "" if seen.band is None else f"; proven {seen.band[0]:.4g}…{seen.band[1]:.4g} °C"
-            found = "" if seen.well else f" NOT WELL: {seen.told()[-1]}"
+            told = (*seen.told(), *(() if monitored is None else monitored.told()))
+            found = f" NOT WELL: {told[-1]}" if told else ""
             LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}{band}{found}"[:118])
 
     return shown
@@ -111,6 +135,10 @@ def _lines(document: Mapping[str, Any]) -> str:
     lines = [head, *(f"- {each}" for each in document["told"][:_SHOWN])]
     if len(document["told"]) > _SHOWN:
         lines.append(f"- and {len(document['told']) - _SHOWN} more: --json")
+    monitor = document["monitor"]
+    if monitor is not None:
+        missed = f"{monitor['missed']} missed, begun anew {monitor['begun_anew']} times"
+        lines += [*monitor["told"], f"monitor: {monitor['scans']} scans, {missed}; it replaces no thermal cut-out"]
     refit = document["refit"]
     if refit is not None:
         lines.append(f"refit: {refit['told']}")

@@ -18,8 +18,8 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 __all__ = [
-    "ALARMS", "RING", "STATE", "Numbers", "alarms", "cold", "counted", "is_full", "restart", "scan", "watch",
-    "windowed",
+    "ALARMS", "RING", "STATE", "Numbers", "alarms", "cold", "counted", "is_full", "restart", "scan", "unseen",
+    "watch", "windowed",
 ]
 
 #: alarm → what it says; 0 is none
@@ -146,6 +146,15 @@ def scan(numbers: Numbers, state: Any, reading: int, power: int) -> int:
         state[_BLOCKS] = blocks + 1 if blocks + 1 < 2 * RING else RING
         told = _of_block(numbers, state)
         alarm = alarm if alarm != 0 else told
+    return alarm
+
+
+def unseen(numbers: Numbers, state: Any, reading: int, power: int) -> int:
+    """Run a scan that nobody saw, as `scan` does; it does not count for a reading or a power that stays the same."""
+    before = state[_STILL], state[_MOVED_FOR], state[_FULL_FOR]
+    alarm = scan(numbers, state, reading, power)
+    for place, counted_before in zip((_STILL, _MOVED_FOR, _FULL_FOR), before, strict=True):
+        state[place] = min(state[place], counted_before)
     return alarm
 
 
