@@ -132,7 +132,7 @@ def test_a_default_proof_finds_the_same_side_by_side(noise, monkeypatch):
 def test_only_work_that_pays_for_the_compiler_is_done_side_by_side(monkeypatch):
     controller = drawing_of("s5-ob251").controllers[0]
     monkeypatch.setattr(choice, "_asked", Counter())
-    monkeypatch.setattr(machine, "_is_kept", lambda _: False)
+    monkeypatch.setattr(machine, "is_kept", lambda _: False)
 
     def pays(scans):
         return choice.pays(controller, PWM, scans, two_lags=False)
@@ -141,7 +141,7 @@ def test_only_work_that_pays_for_the_compiler_is_done_side_by_side(monkeypatch):
     choice._asked.clear()
     assert sum(not pays(10**7) for _ in range(20)) in range(3, 10), "many small works are a large one"
     choice._asked.clear()
-    monkeypatch.setattr(machine, "_is_kept", lambda _: True)
+    monkeypatch.setattr(machine, "is_kept", lambda _: True)
     assert [pays(scans) for scans in (10**6, 3 * 10**7)] == [False, True]
     monkeypatch.setattr(machine, "_decided", [False])
     assert not pays(10**9)

@@ -99,7 +99,7 @@ def test_what_it_compiles_is_all_that_a_look_and_a_proof_run_and_it_gives_the_sa
 
     monkeypatch.setattr(loop, "run_compiled", spied)
     warm.compile_all(["s5-ob251", "s7-200-paper"])
-    machine_code = {core: loop.compiled(loop._run_of(core)) for core in cores}
+    machine_code = {core: loop.compiled(loop.run_of(core)) for core in cores}
     before = {core: list(made.signatures) for core, made in machine_code.items()}
     assert len(before) == 3, "the words' loop, the wish's, and the paper's program without its listing, for the proof"
     looked = []

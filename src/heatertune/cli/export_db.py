@@ -83,13 +83,19 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
 def _prove(asked: Proving, progress: Any, *, force: bool) -> dict[str, Any]:
     from heatertune import chain  # noqa: PLC0415 - words that are proven already need none of it
     from heatertune.chain.documents import words_document  # noqa: PLC0415
+    from heatertune.errors import ExportRefused  # noqa: PLC0415
     from heatertune.plc.choose import search_document  # noqa: PLC0415
     from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415
 
     proof, told = prove_ramped(asked.words, asked.fitted, asked.ramp, asked.conditions, progress=progress)
     notes = [*asked.notes, *told]
     search = None if asked.choice is None else search_document(asked.choice, asked.fitted, notes)
-    files = chain.export(proof.words, proof, force=force)
+    try:
+        files = chain.export(proof.words, proof, force=force)
+    except ExportRefused:  # nothing is kept; the way on is among the notes
+        for note in notes:
+            progress.note(note)
+        raise
     document = words_document(proof.words, proof, files, search)
     return {"words": document, "proof": proof.to_document(), "notes": notes,
             "files": {name: text if isinstance(text, str) else list(text) for name, text in files.items()}}
