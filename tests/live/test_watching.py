@@ -184,9 +184,25 @@ def test_a_monitor_of_other_words_and_one_without_the_power_are_refused(folder, 
         Monitored(read_supervision(monitor), read_proven(folder).words).see(Look(0.0, {"temperature": 20.0}))
 
 
+@pytest.mark.parametrize(("place", "value", "told"), [
+    (("card", "step_degC"), 0.0, "card: step_degC: 0; expected more than 0"), (("scan_s",), 0.0, "scan_s: 0; expected more than 0"),
+    (("numbers", "block"), 0, "numbers: block 0"), (("numbers", "slow_blocks"), 500, "blocks back; expected less than 64")])
+def test_a_damaged_monitor_is_told_before_anybody_is_looked_at(folder, monitor, tmp_path, capsys, place, value, told):
+    document = json.loads(monitor.read_text())
+    inner = document
+    for name in place[:-1]:
+        inner = inner[name]
+    inner[place[-1]] = value
+    damaged = tmp_path / "supervision.json"
+    damaged.write_text(json.dumps(document))
+    assert main(["watch", "s7://127.0.0.1:1/0/2/db30", "--design", str(folder), "--monitor", str(damaged)]) == 2
+    assert told in capsys.readouterr().err
+
+
 def test_no_number_is_no_sensor_and_a_setpoint_beyond_the_monitors_is_told(folder, monitor):
     here = Monitored(read_supervision(monitor), read_proven(folder).words)
     for k, (degC, asked) in enumerate([(40.0, 50.0), (math.nan, 50.0), (40.0, 55.0)]):
-        here.see(Look(k * here.view.scan_s, {"temperature": degC, "power": 30.0, "setpoint": asked}))
+        power = (30.0, math.nan, 1e300)[k]
+        here.see(Look(k * here.view.scan_s, {"temperature": degC, "power": power, "setpoint": asked}))
     assert next(iter(here.alarms)) == "sensor gone"
     assert here.told()[-1] == "monitor: made for setpoints up to 50 °C, and 55 °C was asked for"

@@ -16,12 +16,14 @@ from heatertune.errors import InputError
 from heatertune.live.looking import Look
 from heatertune.plc import Words
 from heatertune.proof.supervision.document import SupervisionView
+from heatertune.proof.supervision.loops import whole_pct
 from heatertune.proof.supervision.monitor import ALARMS, Numbers, cold, restart, scan, unseen
 
 __all__ = ["Alarm", "Monitored"]
 
 _IN_A_ROW: Final = 3  # scans that may be missed
 _SEEN: Final = 10  # scans for each that is
+_FAR_PCT: Final = 1000.0  # beyond all that a controller asks for
 
 
 @dataclass(slots=True)
@@ -121,5 +123,6 @@ class Monitored:
 
 
 def _whole(power_pct: float) -> int:
-    # halves up, in single precision, as the exported programs have it
-    return math.floor(np.float32(power_pct) + np.float32(0.5)) if math.isfinite(power_pct) else 0
+    """Return a power as the monitor takes it; what is no number is none."""
+    known = min(max(power_pct, -_FAR_PCT), _FAR_PCT) if math.isfinite(power_pct) else 0.0
+    return int(whole_pct(np.array(known)))

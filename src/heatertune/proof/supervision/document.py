@@ -10,7 +10,7 @@ from typing import Final
 from heatertune.codec import decode, registered
 from heatertune.documents import read_document
 from heatertune.errors import DocumentError
-from heatertune.proof.supervision.monitor import Numbers
+from heatertune.proof.supervision.monitor import RING, Numbers
 from heatertune.proof.supervision.text.proven import Exported
 
 __all__ = [
@@ -64,6 +64,10 @@ class CardView:
 
     zero_degC: float
     step_degC: float
+
+    def __post_init__(self) -> None:
+        if not self.step_degC > 0.0:
+            raise DocumentError(f"step_degC: {self.step_degC:g}; expected more than 0")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,6 +145,15 @@ class SupervisionView:
     def __post_init__(self) -> None:
         if tuple(self.numbers) != Numbers._fields:
             raise DocumentError(f"numbers: {', '.join(self.numbers)}; expected {', '.join(Numbers._fields)}")
+        if not self.scan_s > 0.0:
+            raise DocumentError(f"scan_s: {self.scan_s:g}; expected more than 0")
+        numbers = Numbers(**self.numbers)
+        if numbers.block < 1 or not 0 <= numbers.delay_low <= numbers.delay_high:
+            raise DocumentError(f"numbers: block {numbers.block}, delay_low {numbers.delay_low}, delay_high "
+                                f"{numbers.delay_high}; expected 1 or more, and 0 or more, and no less than delay_low")
+        reach = numbers.delay_high + max(numbers.slow_blocks, numbers.fast_blocks)
+        if reach >= RING:
+            raise DocumentError(f"numbers: windows and delay_high reach {reach} blocks back; expected less than {RING}")
 
 
 def read_supervision(path: str | Path) -> SupervisionView:

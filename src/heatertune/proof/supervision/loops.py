@@ -21,7 +21,7 @@ from heatertune.proof.loop import InLoop, program_of, pulses_of, ring_size, run_
 from heatertune.proof.meter import Places, no_meter
 from heatertune.proof.scenario import Scenario
 
-__all__ = ["SENSOR_FAULTS", "Card", "Fault", "Ran", "card_of", "loosened", "ran"]
+__all__ = ["SENSOR_FAULTS", "Card", "Fault", "Ran", "card_of", "loosened", "ran", "whole_pct"]
 
 Array = npt.NDArray[np.float64]
 
@@ -173,9 +173,13 @@ def _counts(loop: InLoop, reading: Array) -> npt.NDArray[np.int32]:
     return np.rint((loop.zero_degC - card.low_degC + loop.unit_degC * reading) / card.step_degC).astype(np.int32)
 
 
+def whole_pct(power: Array) -> Any:
+    """Return powers of any shape as the monitor takes them [%]: halves up, in single precision, as programs do."""
+    return np.floor(power.astype(np.float32) + np.float32(0.5))
+
+
 def _power(power: Array, scenario: Scenario, scan_s: float) -> npt.NDArray[np.int16]:
-    # halves up, in single precision, as the exported programs have it
-    asked: npt.NDArray[np.int16] = np.floor(np.nan_to_num(power).astype(np.float32) + np.float32(0.5)).astype(np.int16)
+    asked: npt.NDArray[np.int16] = whole_pct(np.nan_to_num(power)).astype(np.int16)
     ends = [*(event.time_s for event in scenario.disturbances), math.inf]
     for begin, end, supplied in zip([0.0, *ends], ends, scenario.supplied, strict=False):
         if not supplied:
