@@ -158,8 +158,15 @@ class PowerProblem:
         return residuals
 
     def cost(self, z: Array, records: Array, fixed: Fixed | None = None) -> Array:
-        """Return the sums of squares (n,), infinite for what is no model; arguments as `solve`."""
-        return np.asarray(np.sum(self.solve(z, records, fixed)[0] ** 2, axis=1))
+        """Return the sums of squares (n,), infinite for what is no model.
+
+        Arguments as `solve`, but one record, shape (1, m), and one row of what is fixed may serve all vectors, which
+        are quickest with those of the same lags in a row.
+        """
+        given = self.nothing_more(1) if fixed is None else fixed
+        cost, left, linear = np.empty(len(z)), np.empty((1, records.shape[1])), np.zeros((1, self._width))
+        compiled(project, allocates=True)(*self._asked(records, given), z, left, linear, cost)
+        return cost
 
     def nothing_more(self, rows: int) -> Fixed:
         """Return what the problem itself knows, for so many rows."""

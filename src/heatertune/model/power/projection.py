@@ -11,7 +11,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.heater.exact import Factors, advanced, factors
+from heatertune.heater.exact import factors
 
 __all__ = [
     "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "Held", "columns", "descend", "project",
@@ -28,44 +28,16 @@ Held = tuple[Array, Array, Array, Array, float, Array, Array]
 #: whether the gain is given as gain per time constant, and its sign, see `PowerProblem`: with another sign the sum of
 #: squares is infinite
 Record = tuple[Held, Array, Array, tuple[bool, float]]
-#: basis, normal matrix, right side, places of the free unknowns
-Space = tuple[Array, Array, Array, npt.NDArray[np.int64]]
+#: basis, first lag and lag ratio of its columns, normal matrix, right side, places of the free unknowns
+Space = tuple[Array, Array, Array, Array, npt.NDArray[np.int64]]
 
 #: columns of the linear part; one more for each load step, then two states for each restart
 GAIN, AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE, COLUMNS = 0, 1, 2, 3, 4, 5
 
 DIFFERENCE = 1e-4  # finite-difference step as a share of the parameter's range
 REST = 3  # poor steps in a row, then a row rests
+ALIKE = 1e-10  # share of a step of the time by which another may differ and have its factors
 ROUNDING = 1e-13  # share of a column's square that rounding may leave of it
-
-
-def _advance(
-    state: Array, kept: Array, edges: Array, levels: Array, dead: float, first: float, second: float, target: float
-) -> float:
-    """Move state = now, first and second lag's output, acting power, next edge, to the instant; return ∫power.
-
-    `kept` are the last time's length and factors: readings are often evenly spaced.
-    """
-    area = 0.0
-    while True:
-        j = int(state[4])
-        edge = edges[j] + dead if j < len(edges) else math.inf
-        t = min(target, edge) - state[0]
-        if t > 0.0:
-            acting = state[3]
-            if t != kept[0]:
-                kept[0] = t
-                kept[1], kept[2], kept[3] = factors(t, second, first) if second > 0.0 else factors(t, first, 0.0)
-            if second > 0.0:
-                state[2], state[1] = advanced(state[2], state[1], acting, Factors(kept[1], kept[2], kept[3]))
-            else:
-                state[1] = acting + kept[1] * (state[1] - acting)
-            state[0] += t
-            area += acting * t
-        if edge > target:
-            return area
-        state[3] = levels[j]
-        state[4] += 1.0
 
 
 def _forced(
@@ -76,29 +48,59 @@ def _forced(
 
     A reading is the mean over its time ± half. The mean is exact: a lag's own equation gives the integral of what
     leaves it, ∫out = ∫in − lag·(out at the end − out at the start). The answer starts as if `before` had
-    been the power for ever; the free initial state corrects it.
+    been the power for ever; the free initial state corrects it. `x` and `y` are how far the lags' outputs are from the
+    power: one product takes them over a step.
     """
     first, second = lags
-    state = np.array([time[0] - half[0], before, before, before, 0.0])
-    last = 2 if second > 0.0 else 1
-    between, within = np.zeros(4), np.zeros(4)
+    now, acting, x, y, j = time[0] - half[0], before, 0.0, 0.0, 0
+    edge = edges[0] + dead if len(edges) else math.inf
+    length, kept = np.zeros(2), np.ones((2, 3))  # of the last steps between and within blocks: often all alike
     for i in range(len(time)):
-        _advance(state, between, edges, levels, dead, first, second, time[i] - half[i])
-        out[i] = state[last]
-        if half[i] > 0.0:
-            begun, x, y = state[0], state[1], state[2]
-            area = _advance(state, within, edges, levels, dead, first, second, time[i] + half[i])
-            area -= first * (state[1] - x) + second * (state[2] - y)
-            if state[0] > begun:  # irregular runs may overlap so far that nothing is left of one
-                out[i] = area / (state[0] - begun)
+        for part in range(2 if half[i] > 0.0 else 1):
+            target = time[i] + half[i] if part else time[i] - half[i]
+            begun, x_begun, y_begun, area = now, acting + x, acting + y, 0.0
+            while True:
+                end = min(target, edge)
+                t = end - now
+                if t > 0.0:
+                    if abs(t - length[part]) > ALIKE * t:
+                        length[part] = t
+                        f = factors(t, second, first) if second > 0.0 else factors(t, first, 0.0)
+                        kept[part, 0], kept[part, 1], kept[part, 2] = f.outer, f.coupling, f.inner
+                    if second > 0.0:
+                        y = kept[part, 0] * y + kept[part, 1] * x
+                        x *= kept[part, 2]
+                    else:
+                        x *= kept[part, 0]
+                    now = end
+                    area += acting * t
+                if edge > target:
+                    break
+                x, y, acting = x + (acting - levels[j]), y + (acting - levels[j]), levels[j]
+                j += 1
+                edge = edges[j] + dead if j < len(edges) else math.inf
+        out[i] = acting + (y if second > 0.0 else x)
+        if half[i] > 0.0 and now > begun:  # irregular runs may overlap so far that nothing is left of one
+            out[i] = (area - first * (acting + x - x_begun) - second * (acting + y - y_begun)) / (now - begun)
 
 
 def _decay(time: Array, half: Array, begun: float, lag: float, out: Array) -> None:
+    step, factor, left, width, mean = 0.0, 1.0, 0.0, 0.0, 1.0
     for i in range(len(time)):
-        out[i] = math.exp((begun - time[i]) / lag) if time[i] >= begun else 0.0
-        share = half[i] / lag
-        if share > 1e-4:  # below, the mean over the block is its middle
-            out[i] *= math.sinh(share) / share
+        if time[i] < begun:
+            out[i] = 0.0
+            continue
+        if i == 0 or time[i - 1] < begun:
+            left = math.exp((begun - time[i]) / lag)
+        else:
+            if abs(time[i] - time[i - 1] - step) > ALIKE * step:
+                step = time[i] - time[i - 1]
+                factor = math.exp(-step / lag)
+            left *= factor
+        if half[i] != width:
+            width, share = half[i], half[i] / lag
+            mean = math.sinh(share) / share if share > 1e-4 else 1.0  # below, the mean over the block is its middle
+        out[i] = left * mean
 
 
 def _states(time: Array, half: Array, begun: float, first: float, second: float, out: Array) -> None:
@@ -118,10 +120,20 @@ def columns(log: Held, lags: tuple[float, float], dead: float, basis: Array) -> 
         dead: dead time [s].
         basis: the columns, as named above, shape (5 + s + 2·r, m).
     """
-    time, half, edges, levels, before, loads, restarts = log
+    _of_lags(log, lags, basis)
+    _of_power(log, lags, dead, basis)
+
+
+def _of_power(log: Held, lags: tuple[float, float], dead: float, basis: Array) -> None:
+    """Fill the answer to the power, the one column in which the dead time is. Arguments as above."""
+    _forced(log[0], log[1], log[2], log[3], log[4], lags, dead, basis[GAIN])
+
+
+def _of_lags(log: Held, lags: tuple[float, float], basis: Array) -> None:
+    """Fill all other columns. Arguments as above."""
+    time, half, _, _, _, loads, restarts = log
     first, second = lags
     m = len(time)
-    _forced(time, half, edges, levels, before, lags, dead, basis[GAIN])
     _states(time, half, time[0], first, second, basis[FIRST_STATE:COLUMNS])
     for i in range(m):
         basis[AMBIENT, i] = 1.0
@@ -159,10 +171,21 @@ def _solve(matrix: Array, right: Array, size: int) -> None:
 
 
 def _dot(first: Array, second: Array) -> float:
-    total = 0.0
-    for i in range(len(first)):  # a loop: array expressions take seconds to compile
-        total += first[i] * second[i]
-    return total
+    """Return the sum of products: by eight sums, so that none waits for the one before, of an order that stays."""
+    whole = len(first) // 8 * 8
+    a = b = c = d = e = f = g = h = 0.0
+    for i in range(0, whole, 8):  # a loop: array expressions take seconds to compile
+        a += first[i] * second[i]
+        b += first[i + 1] * second[i + 1]
+        c += first[i + 2] * second[i + 2]
+        d += first[i + 3] * second[i + 3]
+        e += first[i + 4] * second[i + 4]
+        f += first[i + 5] * second[i + 5]
+        g += first[i + 6] * second[i + 6]
+        h += first[i + 7] * second[i + 7]
+    for i in range(whole, len(first)):
+        a += first[i] * second[i]
+    return ((a + e) + (b + f)) + ((c + g) + (d + h))
 
 
 def _add(weight: float, column: Array, out: Array) -> None:
@@ -173,7 +196,8 @@ def _add(weight: float, column: Array, out: Array) -> None:
 
 def _space(width: int, m: int) -> Space:
     """Return working space for `_residuals`."""
-    return np.empty((width, m)), np.empty((width, width)), np.empty(width), np.empty(width, dtype=np.int64)
+    of_lags = np.full(2, math.nan)  # of none yet
+    return np.empty((width, m)), of_lags, np.empty((width, width)), np.empty(width), np.empty(width, dtype=np.int64)
 
 
 def _residuals(record: Record, z: Array, space: Space, out: Array, linear: Array) -> float:
@@ -187,14 +211,18 @@ def _residuals(record: Record, z: Array, space: Space, out: Array, linear: Array
         linear: linear part.
     """
     lag = math.exp(z[0])
-    columns(record[0], (lag, z[2] * lag), z[1], space[0])
+    lags, basis, of_lags = (lag, z[2] * lag), space[0], space[1]
+    if of_lags[0] != z[0] or of_lags[1] != z[2]:
+        _of_lags(record[0], lags, basis)
+        of_lags[0], of_lags[1] = z[0], z[2]
+    _of_power(record[0], lags, z[1], basis)
     return _left_by(record, lag, space, out, linear)
 
 
 def _left_by(record: Record, lag: float, space: Space, out: Array, linear: Array) -> float:
     """Fill what the columns in `space` leave, and their weights; return the sum of squares. Arguments as above."""
     _, temperatures, fixed, (per_lag, sign) = record
-    basis, normal, right, free = space
+    basis, _, normal, right, free = space
     size = 0
     for i in range(len(out)):
         out[i] = -temperatures[i]
@@ -227,17 +255,19 @@ def project(
 
     Args:
         log: see `Held`.
-        records: temperatures, shape (n, m) [°C].
-        fixed: linear unknowns that are given, nan where free, shape (n, columns).
+        records: temperatures, shape (n, m), or (1, m) where they are one and the same [°C].
+        fixed: linear unknowns that are given, nan where free, shape (n, columns) or (1, columns).
         law: see `Record`.
-        vectors: ln first lag, dead time, lag ratio, shape (n, 3).
-        residuals: shape (n, m) [°C].
-        linear: linear parts, shape (n, columns).
+        vectors: ln first lag, dead time, lag ratio, shape (n, 3); quickest with those of the same lags in a row.
+        residuals: shape (n, m), or (1, m) where nobody asks for them [°C].
+        linear: linear parts, shape (n, columns) or (1, columns) likewise.
         cost: sums of squares, shape (n,) [°C²].
     """
     space = _space(fixed.shape[1], records.shape[1])
     for i in range(len(vectors)):
-        cost[i] = _residuals((log, records[i], fixed[i], law), vectors[i], space, residuals[i], linear[i])
+        record = (log, records[min(i, len(records) - 1)], fixed[min(i, len(fixed) - 1)], law)
+        k = min(i, len(residuals) - 1)
+        cost[i] = _residuals(record, vectors[i], space, residuals[k], linear[k])
 
 
 def try_loads(
