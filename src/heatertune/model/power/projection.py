@@ -11,11 +11,11 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.heater.exact import factors
+from heatertune.heater.exact import Factors, factors
 
 __all__ = [
-    "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "Held", "columns", "descend", "project",
-    "try_loads",
+    "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "Held", "Space", "columns", "descend", "paths",
+    "project", "space", "try_loads",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -28,13 +28,15 @@ Held = tuple[Array, Array, Array, Array, float, Array, Array]
 #: whether the gain is given as gain per time constant, and its sign, see `PowerProblem`: with another sign the sum of
 #: squares is infinite
 Record = tuple[Held, Array, Array, tuple[bool, float]]
-#: basis, first lag and lag ratio of its columns, normal matrix, right side, places of the free unknowns
-Space = tuple[Array, Array, Array, Array, npt.NDArray[np.int64]]
+#: basis, first lag and lag ratio of its columns, normal matrix, right side, what elimination needs, places of the free
+#: unknowns, and the number 1
+Space = tuple[Array, Array, Array, Array, Array, npt.NDArray[np.int64], Array]
 
 #: columns of the linear part; one more for each load step, then two states for each restart
 GAIN, AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE, COLUMNS = 0, 1, 2, 3, 4, 5
 
 DIFFERENCE = 1e-4  # finite-difference step as a share of the parameter's range
+LEAST_DAMPING = 1e-8
 REST = 3  # poor steps in a row, then a row rests
 ALIKE = 1e-10  # share of a step of the time by which another may differ and have its factors
 ROUNDING = 1e-13  # share of a column's square that rounding may leave of it
@@ -49,39 +51,40 @@ def _forced(
     A reading is the mean over its time ± half. The mean is exact: a lag's own equation gives the integral of what
     leaves it, ∫out = ∫in − lag·(out at the end − out at the start). The answer starts as if `before` had
     been the power for ever; the free initial state corrects it. `x` and `y` are how far the lags' outputs are from the
-    power: one product takes them over a step.
+    power: under constant power one product takes each to the next reading.
     """
-    first, second = lags
+    inner, outer = lags if lags[1] > 0.0 else (0.0, lags[0])
     now, acting, x, y, j = time[0] - half[0], before, 0.0, 0.0, 0
     edge = edges[0] + dead if len(edges) else math.inf
-    length, kept = np.zeros(2), np.ones((2, 3))  # of the last steps between and within blocks: often all alike
+    length, f = 0.0, Factors(1.0, 0.0, 1.0)  # of the last step: readings are often evenly spaced
     for i in range(len(time)):
-        for part in range(2 if half[i] > 0.0 else 1):
+        if half[i] == 0.0 and time[i] < edge and abs(time[i] - now - length) <= ALIKE * length:
+            y = f.outer * y if inner == 0.0 else f.outer * y + f.coupling * x
+            x *= f.inner
+            now = time[i]
+            out[i] = acting + y
+            continue
+        begun, x_begun, y_begun, area = now, 0.0, 0.0, 0.0
+        for part in range(2):  # to the begin of the reading, then over it
             target = time[i] + half[i] if part else time[i] - half[i]
             begun, x_begun, y_begun, area = now, acting + x, acting + y, 0.0
-            while True:
+            while now < target or edge <= target:
                 end = min(target, edge)
                 t = end - now
                 if t > 0.0:
-                    if abs(t - length[part]) > ALIKE * t:
-                        length[part] = t
-                        f = factors(t, second, first) if second > 0.0 else factors(t, first, 0.0)
-                        kept[part, 0], kept[part, 1], kept[part, 2] = f.outer, f.coupling, f.inner
-                    if second > 0.0:
-                        y = kept[part, 0] * y + kept[part, 1] * x
-                        x *= kept[part, 2]
-                    else:
-                        x *= kept[part, 0]
+                    if abs(t - length) > ALIKE * t:
+                        length, f = t, factors(t, outer, inner)
+                    y = f.outer * y + f.coupling * x
+                    x *= f.inner
                     now = end
                     area += acting * t
-                if edge > target:
-                    break
-                x, y, acting = x + (acting - levels[j]), y + (acting - levels[j]), levels[j]
-                j += 1
-                edge = edges[j] + dead if j < len(edges) else math.inf
-        out[i] = acting + (y if second > 0.0 else x)
-        if half[i] > 0.0 and now > begun:  # irregular runs may overlap so far that nothing is left of one
-            out[i] = (area - first * (acting + x - x_begun) - second * (acting + y - y_begun)) / (now - begun)
+                if edge <= target:
+                    x, y, acting = x + (acting - levels[j]), y + (acting - levels[j]), levels[j]
+                    j += 1
+                    edge = edges[j] + dead if j < len(edges) else math.inf
+        out[i] = acting + y
+        if now > begun:  # irregular runs may overlap so far that nothing is left of one
+            out[i] = (area - inner * (acting + x - x_begun) - outer * (acting + y - y_begun)) / (now - begun)
 
 
 def _decay(time: Array, half: Array, begun: float, lag: float, out: Array) -> None:
@@ -111,16 +114,17 @@ def _states(time: Array, half: Array, begun: float, first: float, second: float,
         _decay(time, half, begun, second, out[1])
 
 
-def columns(log: Held, lags: tuple[float, float], dead: float, basis: Array) -> None:
+def columns(log: Held, lags: tuple[float, float], dead: float, one: Array, basis: Array) -> None:
     """Fill basis for the lags and the dead time.
 
     Args:
         log: see `Held`.
         lags: the second is 0 where there is one alone [s].
         dead: dead time [s].
+        one: the number 1, shape (1,): the level of a load.
         basis: the columns, as named above, shape (5 + s + 2·r, m).
     """
-    _of_lags(log, lags, basis)
+    _of_lags(log, lags, one, basis)
     _of_power(log, lags, dead, basis)
 
 
@@ -129,7 +133,7 @@ def _of_power(log: Held, lags: tuple[float, float], dead: float, basis: Array) -
     _forced(log[0], log[1], log[2], log[3], log[4], lags, dead, basis[GAIN])
 
 
-def _of_lags(log: Held, lags: tuple[float, float], basis: Array) -> None:
+def _of_lags(log: Held, lags: tuple[float, float], one: Array, basis: Array) -> None:
     """Fill all other columns. Arguments as above."""
     time, half, _, _, _, loads, restarts = log
     first, second = lags
@@ -138,7 +142,6 @@ def _of_lags(log: Held, lags: tuple[float, float], basis: Array) -> None:
     for i in range(m):
         basis[AMBIENT, i] = 1.0
         basis[DRIFT, i] = time[i] - time[0]
-    one = np.ones(1)
     for k in range(len(loads)):
         _forced(time, half, loads[k : k + 1], one, 0.0, lags, 0.0, basis[COLUMNS + k])
     for k in range(len(restarts)):
@@ -146,12 +149,11 @@ def _of_lags(log: Held, lags: tuple[float, float], basis: Array) -> None:
         _states(time, half, restarts[k], first, second, basis[place : place + 2])
 
 
-def _solve(matrix: Array, right: Array, size: int) -> None:
-    """Solve a small symmetric system in place by elimination.
+def _solve(matrix: Array, right: Array, left: Array, size: int) -> None:
+    """Solve a small symmetric system in place by elimination; `left`, of that size, is working space.
 
     An unknown whose column the ones before it make up, but for rounding, is 0: they explain as much without it.
     """
-    left = np.empty(size)
     for c in range(size):
         left[c] = ROUNDING * matrix[c, c]
     for c in range(size):
@@ -194,10 +196,11 @@ def _add(weight: float, column: Array, out: Array) -> None:
             out[i] += weight * column[i]
 
 
-def _space(width: int, m: int) -> Space:
-    """Return working space for `_residuals`."""
+def space(width: int, m: int) -> Space:
+    """Return working space for so many columns and readings: what is compiled makes no arrays, and is quick for it."""
     of_lags = np.full(2, math.nan)  # of none yet
-    return np.empty((width, m)), of_lags, np.empty((width, width)), np.empty(width), np.empty(width, dtype=np.int64)
+    normal, right, left, free = np.empty((width, width)), np.empty(width), np.empty(width), np.empty(width, np.int64)
+    return np.empty((width, m)), of_lags, normal, right, left, free, np.ones(1)
 
 
 def _residuals(record: Record, z: Array, space: Space, out: Array, linear: Array) -> float:
@@ -206,14 +209,14 @@ def _residuals(record: Record, z: Array, space: Space, out: Array, linear: Array
     Args:
         record: see `Record`.
         z: ln first lag, dead time, lag ratio.
-        space: see `_space`.
+        space: see `space`.
         out: residuals.
         linear: linear part.
     """
     lag = math.exp(z[0])
     lags, basis, of_lags = (lag, z[2] * lag), space[0], space[1]
     if of_lags[0] != z[0] or of_lags[1] != z[2]:
-        _of_lags(record[0], lags, basis)
+        _of_lags(record[0], lags, space[-1], basis)
         of_lags[0], of_lags[1] = z[0], z[2]
     _of_power(record[0], lags, z[1], basis)
     return _left_by(record, lag, space, out, linear)
@@ -222,7 +225,7 @@ def _residuals(record: Record, z: Array, space: Space, out: Array, linear: Array
 def _left_by(record: Record, lag: float, space: Space, out: Array, linear: Array) -> float:
     """Fill what the columns in `space` leave, and their weights; return the sum of squares. Arguments as above."""
     _, temperatures, fixed, (per_lag, sign) = record
-    basis, _, normal, right, free = space
+    basis, _, normal, right, left, free, _ = space
     size = 0
     for i in range(len(out)):
         out[i] = -temperatures[i]
@@ -238,7 +241,7 @@ def _left_by(record: Record, lag: float, space: Space, out: Array, linear: Array
         for b in range(a + 1):
             normal[a, b] = normal[b, a] = _dot(basis[free[a]], basis[free[b]])
         normal[a, a] += 1e-12 * (normal[a, a] + 1e-12)  # a column of zeros stays solvable
-    _solve(normal, right, size)
+    _solve(normal, right, left, size)
     for a in range(size):
         linear[free[a]] = right[a]
         _add(right[a], basis[free[a]], out)
@@ -249,7 +252,7 @@ def _left_by(record: Record, lag: float, space: Space, out: Array, linear: Array
 
 def project(
     log: Held, records: Array, fixed: Array, law: tuple[bool, float], vectors: Array, residuals: Array, linear: Array,
-    cost: Array,
+    cost: Array, space: Space,
 ) -> None:
     """Fill residuals, linear parts and sums of squares of vectors.
 
@@ -262,8 +265,8 @@ def project(
         residuals: shape (n, m), or (1, m) where nobody asks for them [°C].
         linear: linear parts, shape (n, columns) or (1, columns) likewise.
         cost: sums of squares, shape (n,) [°C²].
+        space: see `space`.
     """
-    space = _space(fixed.shape[1], records.shape[1])
     for i in range(len(vectors)):
         record = (log, records[min(i, len(records) - 1)], fixed[min(i, len(fixed) - 1)], law)
         k = min(i, len(residuals) - 1)
@@ -272,6 +275,7 @@ def project(
 
 def try_loads(
     log: Held, records: Array, fixed: Array, law: tuple[bool, float], vector: Array, instants: Array, residuals: Array,
+    linear: Array, space: Space,
 ) -> None:
     """Fill the residuals with the last load step at other instants; all other columns are made once.
 
@@ -283,26 +287,32 @@ def try_loads(
         vector: ln first lag, dead time, lag ratio.
         instants: at which the last load begins to act, shape (n,) [s].
         residuals: shape (n, m) [°C]; infinite for what is no model.
+        linear: of the last instant, shape (columns,).
+        space: see `space`.
     """
-    width, m = fixed.shape[1], records.shape[1]
-    space, linear, record = _space(width, m), np.empty(width), (log, records[0], fixed[0], law)
-    lag = math.exp(vector[0])
-    lags, one, last = (lag, vector[2] * lag), np.ones(1), COLUMNS + len(log[5]) - 1
-    columns(log, lags, vector[1], space[0])
+    record, lag, one = (log, records[0], fixed[0], law), math.exp(vector[0]), space[-1]
+    lags, last = (lag, vector[2] * lag), COLUMNS + len(log[5]) - 1
+    columns(log, lags, vector[1], one, space[0])
     for i in range(len(instants)):
         _forced(log[0], log[1], instants[i : i + 1], one, 0.0, lags, 0.0, space[0][last])
         if math.isinf(_left_by(record, lag, space, residuals[i], linear)):
             residuals[i] = math.inf
 
 
+def paths(width: int, m: int) -> tuple[Array, Array, Array]:
+    """Return what `descend` needs beside `space`, for so many columns and readings."""
+    return np.empty((5, m)), np.empty((10, 3)), np.empty(width)
+
+
 def _slopes(
     record: Record, z: Array, bounds: tuple[Array, Array], r: Array, space: Space, moved: Array, linear: Array,
-    jacobian: Array,
+    jacobian: Array, shifted: Array,
 ) -> None:
     """Fill the residuals' change (3, m) over the range of each parameter; 0 for one that is held."""
     low, high = bounds
-    shifted = z.copy()
     for k in range(3):
+        shifted[k] = z[k]
+    for k in (1, 0, 2):  # the dead time first: the columns are of these lags
         jacobian[k] = 0.0
         if high[k] > low[k]:
             change = DIFFERENCE * (high[k] - low[k])
@@ -314,38 +324,53 @@ def _slopes(
             shifted[k] = z[k]
 
 
-def _stepped(
-    jacobian: Array, r: Array, z: Array, bounds: tuple[Array, Array], damping: float, matrix: Array, step: Array,
-    trial: Array,
-) -> None:
-    """Write z after the damped Gauss–Newton step, projected onto the bounds, into trial."""
-    low, high = bounds
+def _normal(jacobian: Array, r: Array, normal: Array, downhill: Array) -> None:
+    """Fill normal (3, 3) and downhill (3,) with J·Jᵀ and −J·r."""
     for a in range(3):
-        step[a] = -_dot(jacobian[a], r)
+        downhill[a] = -_dot(jacobian[a], r)
         for b in range(a + 1):
-            matrix[a, b] = matrix[b, a] = _dot(jacobian[a], jacobian[b])
-    most = max(matrix[0, 0], matrix[1, 1], matrix[2, 2])
+            normal[a, b] = normal[b, a] = _dot(jacobian[a], jacobian[b])
+
+
+def _stepped(
+    normal: Array, downhill: Array, z: Array, bounds: tuple[Array, Array], damping: float, matrix: Array, step: Array,
+    left: Array, trial: Array,
+) -> float:
+    """Write z after the damped Gauss–Newton step, projected onto the bounds, into trial.
+
+    Return how far the sum of squares would fall at most if the residuals were linear.
+    """
+    low, high = bounds
+    most = max(normal[0, 0], normal[1, 1], normal[2, 2])
+    for a in range(3):
+        step[a] = downhill[a]
+        for b in range(3):
+            matrix[a, b] = normal[a, b]
+        matrix[a, a] += damping * max(normal[a, a], 1e-9 * most + 1e-12)
     for a in range(3):
         outward = (z[a] <= low[a] and step[a] < 0.0) or (z[a] >= high[a] and step[a] > 0.0)
-        matrix[a, a] += damping * max(matrix[a, a], 1e-9 * most + 1e-12)
         if outward or high[a] == low[a]:
             step[a] = 0.0
             for b in range(3):
                 matrix[a, b] = matrix[b, a] = 1.0 if a == b else 0.0
-    _solve(matrix, step, 3)
+    _solve(matrix, step, left, 3)
+    fall = 0.0
     for a in range(3):
+        fall += 2.0 * step[a] * downhill[a]
         wanted = z[a] + step[a] * (high[a] - low[a])
         trial[a] = min(max(wanted, low[a]), high[a]) if high[a] > low[a] else z[a]
+    return fall
 
 
 def descend(
-    log: Held, records: Array, fixed: Array, law: tuple[bool, float], vectors: Array,
-    bounds: tuple[Array, Array], iterations: int, tolerance: float,
+    log: Held, records: Array, fixed: Array, law: tuple[bool, float], vectors: Array, bounds: tuple[Array, Array],
+    iterations: int, tolerance: float, space: Space, work: tuple[Array, Array, Array],
 ) -> None:
     """Move each vector (n, 3) to the local minimum that it leads to; one record per row.
 
     The step is Levenberg's and Marquardt's, as in `least_squares.minimise`. A parameter whose bounds are equal keeps
-    its start. A row rests after three steps that gain no more than `tolerance`.
+    its start. A row rests where not even the whole Gauss–Newton step promises to gain more than `tolerance`, or the one
+    that is left after others gained nothing; or after three steps that gain no more.
 
     Args:
         log: as `project`.
@@ -356,30 +381,38 @@ def descend(
         bounds: lower and upper bounds of a vector, each of shape (3,).
         iterations: most steps tried.
         tolerance: relative decrease of the sum of squares that counts as none.
+        space: see `space`.
+        work: see `paths`.
     """
-    (low, high), m, width = bounds, records.shape[1], fixed.shape[1]
-    space = _space(width, m)
-    r, tried, jacobian, linear = np.empty(m), np.empty(m), np.empty((3, m)), np.empty(width)
-    matrix, step, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    (low, high), (lines, small, linear) = bounds, work
+    r, tried, jacobian = lines[0], lines[1], lines[2:]
+    normal, matrix, downhill, step, trial = small[:3], small[3:6], small[6], small[7], small[8]
     for row in range(len(vectors)):
-        z, record = vectors[row], (log, records[row], fixed[row], law)
+        z, record = vectors[row], (log, records[min(row, len(records) - 1)], fixed[min(row, len(fixed) - 1)], law)
         for k in range(3):
             z[k] = min(max(z[k], low[k]), high[k]) if high[k] > low[k] else z[k]
         cost = _residuals(record, z, space, r, linear)
         damping, resting, better = 1e-2, 0, True
         for _ in range(iterations if math.isfinite(cost) else 0):
+            least = damping
             if better:
-                _slopes(record, z, bounds, r, space, tried, linear, jacobian)
-            _stepped(jacobian, r, z, bounds, damping, matrix, step, trial)
+                _slopes(record, z, bounds, r, space, tried, linear, jacobian, small[9])
+                _normal(jacobian, r, normal, downhill)
+                least = LEAST_DAMPING
+            if _stepped(normal, downhill, z, bounds, least, matrix, step, space[4], trial) <= tolerance * cost:
+                break
+            if least < damping:
+                _stepped(normal, downhill, z, bounds, damping, matrix, step, space[4], trial)
             trial_cost = _residuals(record, trial, space, tried, linear)
             better = trial_cost < cost
             if not better or cost - trial_cost <= tolerance * cost:
                 resting += 1 if better or damping > 1e3 else 0
             else:
                 resting = 0
-            damping = max(damping / 3.0, 1e-8) if better else min(damping * 4.0, 1e8)
+            damping = max(damping / 3.0, LEAST_DAMPING) if better else min(damping * 4.0, 1e8)
             if better:
-                z[:] = trial
+                for k in range(3):
+                    z[k] = trial[k]
                 r, tried, cost = tried, r, trial_cost
             if resting == REST:
                 break

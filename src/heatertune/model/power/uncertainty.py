@@ -282,7 +282,7 @@ def _held(
         vectors, cost = fits_of_period(problem, values)
         return vectors, None, cost
     z = np.tile(fit.vector, (len(values), 1))
-    records = np.tile(problem.readings.temperature_degC, (len(values), 1))
+    records = problem.readings.temperature_degC[None, :]
     held = {"time_constant_s": 0, "dead_time_s": 1}.get(name)
     if held is not None:
         z[:, held] = np.log(values) if held == 0 else values
