@@ -22,6 +22,7 @@ from heatertune.model.power.projection import (
     FIRST_STATE,
     GAIN,
     SECOND_STATE,
+    Asked,
     Held,
     Space,
     columns,
@@ -148,7 +149,7 @@ class PowerProblem:
         """
         given = self.nothing_more(len(z)) if fixed is None else fixed
         residuals, linear, cost = np.empty((len(z), records.shape[1])), np.zeros(given.values.shape), np.empty(len(z))
-        compiled(project)(*self._asked(records, given), z, residuals, linear, cost, self._space)
+        compiled(project)(self._asked(records, given), z, residuals, linear, cost, self._space)
         residuals[np.isinf(cost)] = np.inf
         return residuals, linear
 
@@ -156,8 +157,8 @@ class PowerProblem:
         """Return the residuals, shape (n, m), with the last load step at other instants (n,) [s]."""
         record = self.readings.temperature_degC[None, :]
         residuals = np.empty((len(instants), record.shape[1]))
-        compiled(try_loads)(*self._asked(record, self.nothing_more(1)), _writable(vector), _writable(instants), residuals,
-                            np.empty(self._width), self._space)
+        compiled(try_loads)(self._asked(record, self.nothing_more(1)), _writable(vector), _writable(instants),
+                            residuals, np.empty(self._width), self._space)
         return residuals
 
     def cost(self, z: Array, records: Array, fixed: Fixed | None = None) -> Array:
@@ -168,14 +169,14 @@ class PowerProblem:
         """
         given = self.nothing_more(1) if fixed is None else fixed
         cost, left, linear = np.empty(len(z)), np.empty((1, records.shape[1])), np.zeros((1, self._width))
-        compiled(project)(*self._asked(records, given), z, left, linear, cost, self._space)
+        compiled(project)(self._asked(records, given), z, left, linear, cost, self._space)
         return cost
 
     def nothing_more(self, rows: int) -> Fixed:
         """Return what the problem itself knows, for so many rows."""
         return Fixed(values=np.tile(self.fixed, (rows, 1)))
 
-    def _asked(self, records: Array, fixed: Fixed) -> tuple[Held, Array, Array, tuple[bool, float]]:
+    def _asked(self, records: Array, fixed: Fixed) -> Asked:
         """Return log, records, known and law as the compiled code takes them."""
         return self._log, _writable(records), fixed.values, (fixed.gain_per_lag, self.sign)
 
@@ -212,7 +213,7 @@ class PowerProblem:
         given = self.nothing_more(1) if fixed is None else fixed
         z = starts.copy()
         work = paths(self._width, len(self.readings.time_s))
-        compiled(descend)(*self._asked(records, given), z, (self.low, high), iterations, tolerance, self._space, work)
+        compiled(descend)(self._asked(records, given), z, (self.low, high), iterations, tolerance, self._space, work)
         return z
 
     def fit(self) -> PowerFit:

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from heatertune.heater.exact import Factors, factors
 
 __all__ = [
-    "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "Held", "Space", "columns", "descend", "paths",
-    "project", "space", "try_loads",
+    "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "Asked", "Held", "Space", "columns",
+    "descend", "paths", "project", "space", "try_loads",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -24,13 +24,20 @@ Array = npt.NDArray[np.float64]
 #: before the first [%]; loads: instants at which they begin to act, shape (s,) [s]; restarts: instants at which the
 #: state begins anew, shape (r,) [s]
 Held = tuple[Array, Array, Array, Array, float, Array, Array]
-#: log; temperatures, shape (m,) [°C]; linear unknowns that are given, nan where free, shape (columns,); and the law:
-#: whether the gain is given as gain per time constant, and its sign, see `PowerProblem`: with another sign the sum of
-#: squares is infinite
+#: log; temperatures, shape (n, m), or (1, m) where they are one and the same [°C]; linear unknowns that are given, nan
+#: where free, shape (n, columns) or (1, columns); and the law: see `Record`
+Asked = tuple[Held, Array, Array, tuple[bool, float]]
+#: the same of one vector: log; temperatures, shape (m,); linear unknowns, shape (columns,); and the law: whether the
+#: gain is given as gain per time constant, and its sign, see `PowerProblem`: with another sign the sum of squares is
+#: infinite
 Record = tuple[Held, Array, Array, tuple[bool, float]]
 #: basis, first lag and lag ratio of its columns, normal matrix, right side, what elimination needs, places of the free
 #: unknowns, and the number 1
 Space = tuple[Array, Array, Array, Array, Array, npt.NDArray[np.int64], Array]
+
+#: residuals, those tried and their slopes, shape (5, m); normal matrix, that of a step, −slopes·residuals, the step,
+#: where it leads and what is moved for a slope, shape (10, 3); and a linear part
+Paths = tuple[Array, Array, Array]
 
 #: columns of the linear part; one more for each load step, then two states for each restart
 GAIN, AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE, COLUMNS = 0, 1, 2, 3, 4, 5
@@ -250,17 +257,11 @@ def _left_by(record: Record, lag: float, space: Space, out: Array, linear: Array
     return math.inf if no_model or not math.isfinite(total) else total
 
 
-def project(
-    log: Held, records: Array, fixed: Array, law: tuple[bool, float], vectors: Array, residuals: Array, linear: Array,
-    cost: Array, space: Space,
-) -> None:
+def project(asked: Asked, vectors: Array, residuals: Array, linear: Array, cost: Array, space: Space) -> None:
     """Fill residuals, linear parts and sums of squares of vectors.
 
     Args:
-        log: see `Held`.
-        records: temperatures, shape (n, m), or (1, m) where they are one and the same [°C].
-        fixed: linear unknowns that are given, nan where free, shape (n, columns) or (1, columns).
-        law: see `Record`.
+        asked: see `Asked`.
         vectors: ln first lag, dead time, lag ratio, shape (n, 3); quickest with those of the same lags in a row.
         residuals: shape (n, m), or (1, m) where nobody asks for them [°C].
         linear: linear parts, shape (n, columns) or (1, columns) likewise.
@@ -268,48 +269,49 @@ def project(
         space: see `space`.
     """
     for i in range(len(vectors)):
-        record = (log, records[min(i, len(records) - 1)], fixed[min(i, len(fixed) - 1)], law)
         k = min(i, len(residuals) - 1)
-        cost[i] = _residuals(record, vectors[i], space, residuals[k], linear[k])
+        cost[i] = _residuals(_record(asked, i), vectors[i], space, residuals[k], linear[k])
+
+
+def _record(asked: Asked, i: int) -> Record:
+    """Return what is asked of a vector."""
+    log, records, fixed, law = asked
+    return log, records[min(i, len(records) - 1)], fixed[min(i, len(fixed) - 1)], law
 
 
 def try_loads(
-    log: Held, records: Array, fixed: Array, law: tuple[bool, float], vector: Array, instants: Array, residuals: Array,
-    linear: Array, space: Space,
+    asked: Asked, vector: Array, instants: Array, residuals: Array, linear: Array, space: Space
 ) -> None:
     """Fill the residuals with the last load step at other instants; all other columns are made once.
 
     Args:
-        log: see `Held`.
-        records: one, shape (1, m) [°C].
-        fixed: its linear unknowns that are given, shape (1, columns).
-        law: see `Record`.
+        asked: see `Asked`, of one record.
         vector: ln first lag, dead time, lag ratio.
         instants: at which the last load begins to act, shape (n,) [s].
         residuals: shape (n, m) [°C]; infinite for what is no model.
         linear: of the last instant, shape (columns,).
         space: see `space`.
     """
-    record, lag, one = (log, records[0], fixed[0], law), math.exp(vector[0]), space[-1]
+    log, lag, one = asked[0], math.exp(vector[0]), space[-1]
     lags, last = (lag, vector[2] * lag), COLUMNS + len(log[5]) - 1
     columns(log, lags, vector[1], one, space[0])
     for i in range(len(instants)):
         _forced(log[0], log[1], instants[i : i + 1], one, 0.0, lags, 0.0, space[0][last])
-        if math.isinf(_left_by(record, lag, space, residuals[i], linear)):
+        if math.isinf(_left_by(_record(asked, 0), lag, space, residuals[i], linear)):
             residuals[i] = math.inf
 
 
-def paths(width: int, m: int) -> tuple[Array, Array, Array]:
+def paths(width: int, m: int) -> Paths:
     """Return what `descend` needs beside `space`, for so many columns and readings."""
     return np.empty((5, m)), np.empty((10, 3)), np.empty(width)
 
 
 def _slopes(
-    record: Record, z: Array, bounds: tuple[Array, Array], r: Array, space: Space, moved: Array, linear: Array,
-    jacobian: Array, shifted: Array,
+    record: Record, z: Array, bounds: tuple[Array, Array], r: Array, space: Space, moved: Array, work: Paths
 ) -> None:
-    """Fill the residuals' change (3, m) over the range of each parameter; 0 for one that is held."""
-    low, high = bounds
+    """Fill the residuals' change over the range of each parameter, 0 for one that is held, and the normal equations."""
+    (low, high), (lines, small, linear) = bounds, work
+    jacobian, normal, downhill, shifted = lines[2:], small[:3], small[6], small[9]
     for k in range(3):
         shifted[k] = z[k]
     for k in (1, 0, 2):  # the dead time first: the columns are of these lags
@@ -322,25 +324,19 @@ def _slopes(
                 for i in range(len(r)):
                     jacobian[k, i] = (moved[i] - r[i]) * share
             shifted[k] = z[k]
-
-
-def _normal(jacobian: Array, r: Array, normal: Array, downhill: Array) -> None:
-    """Fill normal (3, 3) and downhill (3,) with J·Jᵀ and −J·r."""
     for a in range(3):
         downhill[a] = -_dot(jacobian[a], r)
         for b in range(a + 1):
             normal[a, b] = normal[b, a] = _dot(jacobian[a], jacobian[b])
 
 
-def _stepped(
-    normal: Array, downhill: Array, z: Array, bounds: tuple[Array, Array], damping: float, matrix: Array, step: Array,
-    left: Array, trial: Array,
-) -> float:
-    """Write z after the damped Gauss–Newton step, projected onto the bounds, into trial.
+def _stepped(z: Array, bounds: tuple[Array, Array], damping: float, small: Array, left: Array) -> float:
+    """Write z after the damped Gauss–Newton step, projected onto the bounds, into its row of `small`.
 
     Return how far the sum of squares would fall at most if the residuals were linear.
     """
     low, high = bounds
+    normal, matrix, downhill, step, trial = small[:3], small[3:6], small[6], small[7], small[8]
     most = max(normal[0, 0], normal[1, 1], normal[2, 2])
     for a in range(3):
         step[a] = downhill[a]
@@ -357,26 +353,31 @@ def _stepped(
     fall = 0.0
     for a in range(3):
         fall += 2.0 * step[a] * downhill[a]
-        wanted = z[a] + step[a] * (high[a] - low[a])
-        trial[a] = min(max(wanted, low[a]), high[a]) if high[a] > low[a] else z[a]
+        trial[a] = z[a] + step[a] * (high[a] - low[a])
+    _keep_inside(trial, bounds)
     return fall
 
 
+def _keep_inside(z: Array, bounds: tuple[Array, Array]) -> None:
+    """Put a vector onto the bounds; a parameter whose bounds are equal is held where it is."""
+    low, high = bounds
+    for k in range(3):
+        if high[k] > low[k]:
+            z[k] = min(max(z[k], low[k]), high[k])
+
+
 def descend(
-    log: Held, records: Array, fixed: Array, law: tuple[bool, float], vectors: Array, bounds: tuple[Array, Array],
-    iterations: int, tolerance: float, space: Space, work: tuple[Array, Array, Array],
+    asked: Asked, vectors: Array, bounds: tuple[Array, Array], iterations: int, tolerance: float, space: Space,
+    work: Paths,
 ) -> None:
-    """Move each vector (n, 3) to the local minimum that it leads to; one record per row.
+    """Move each vector (n, 3) to the local minimum that it leads to.
 
     The step is Levenberg's and Marquardt's, as in `least_squares.minimise`. A parameter whose bounds are equal keeps
     its start. A row rests where not even the whole Gauss–Newton step promises to gain more than `tolerance`, or the one
     that is left after others gained nothing; or after three steps that gain no more.
 
     Args:
-        log: as `project`.
-        records: as `project`.
-        fixed: as `project`.
-        law: as `project`.
+        asked: see `Asked`.
         vectors: starts, shape (n, 3), moved in place.
         bounds: lower and upper bounds of a vector, each of shape (3,).
         iterations: most steps tried.
@@ -384,25 +385,21 @@ def descend(
         space: see `space`.
         work: see `paths`.
     """
-    (low, high), (lines, small, linear) = bounds, work
-    r, tried, jacobian = lines[0], lines[1], lines[2:]
-    normal, matrix, downhill, step, trial = small[:3], small[3:6], small[6], small[7], small[8]
+    lines, small, linear = work
+    r, tried, trial = lines[0], lines[1], small[8]
     for row in range(len(vectors)):
-        z, record = vectors[row], (log, records[min(row, len(records) - 1)], fixed[min(row, len(fixed) - 1)], law)
-        for k in range(3):
-            z[k] = min(max(z[k], low[k]), high[k]) if high[k] > low[k] else z[k]
+        z, record = vectors[row], _record(asked, row)
+        _keep_inside(z, bounds)
         cost = _residuals(record, z, space, r, linear)
         damping, resting, better = 1e-2, 0, True
         for _ in range(iterations if math.isfinite(cost) else 0):
-            least = damping
             if better:
-                _slopes(record, z, bounds, r, space, tried, linear, jacobian, small[9])
-                _normal(jacobian, r, normal, downhill)
-                least = LEAST_DAMPING
-            if _stepped(normal, downhill, z, bounds, least, matrix, step, space[4], trial) <= tolerance * cost:
+                _slopes(record, z, bounds, r, space, tried, work)
+            promised = _stepped(z, bounds, LEAST_DAMPING if better else damping, small, space[4])
+            if promised <= tolerance * cost:
                 break
-            if least < damping:
-                _stepped(normal, downhill, z, bounds, damping, matrix, step, space[4], trial)
+            if better:
+                _stepped(z, bounds, damping, small, space[4])
             trial_cost = _residuals(record, trial, space, tried, linear)
             better = trial_cost < cost
             if not better or cost - trial_cost <= tolerance * cost:

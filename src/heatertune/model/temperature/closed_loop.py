@@ -86,8 +86,7 @@ class Segment:
 
         `own`: place of the segment's first unknown in a vector.
         """
-        logarithmic = np.array([float(constant.logarithmic) for constant in self.law.constants])
-        simulate_many(self.law.step, self.law.form, z, own, logarithmic, self.interval_s, self.readings, out, at)
+        simulate_many(self.law, z, own, self.interval_s, self.readings, out, at)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from heatertune.compiled import bound, compiled
 from heatertune.heater.exact import advanced, factors
-from heatertune.model.temperature.law import Step
+from heatertune.model.temperature.law import ControllerLaw
 
 __all__ = ["CONSTANTS", "OWN", "PLANT", "simulate_many"]
 
@@ -34,33 +34,32 @@ def _step(form: int, constants: Array, memory: Array, error: float, h: float) ->
     raise NotImplementedError
 
 
-def simulate_many(
-    step: Step, form: int, z: Array, own: int, logarithmic: Array, h: float, readings: Whole, out: Array, at: int
-) -> None:
+def simulate_many(law: ControllerLaw, z: Array, own: int, h: float, readings: Whole, out: Array, at: int) -> None:
     """Write the temperature of n loops at the readings into the columns of out (n, m) from `at` on [°C].
 
     Args:
-        step: see `model.temperature.law.ControllerLaw`.
-        form: likewise.
+        law: of the controller.
         z: vectors, shape (n, p): `PLANT`, and from the place `own` on `OWN` and the law's constants.
         own: that place.
-        logarithmic: 1 for each constant of the law that is given by its logarithm, else 0.
         h: interval between scans [s].
         readings: scans before which the temperature was read, in order, shape (k,).
         out: of row after row, in C's order.
         at: column of the first reading.
     """
-    run = compiled(bound(_simulate_many, _step=step))
-    scans = int(readings[-1]) + 1
-    run(form, np.ascontiguousarray(z), own, logarithmic, float(h), readings, np.empty(4), np.zeros(CONSTANTS),
-        np.empty(scans), out, at)
+    run = compiled(bound(_simulate_many, _step=law.step))
+    logarithmic = np.array([float(constant.logarithmic) for constant in law.constants])
+    run(law.form, np.ascontiguousarray(z), own, logarithmic, float(h), readings, np.empty(4), np.zeros(CONSTANTS),
+        np.empty(int(readings[-1]) + 1), out, at)
 
 
 def _simulate_many(  # noqa: PLR0913 - compiled for the types of each
     form: int, z: Array, own: int, logarithmic: Array, h: float, readings: Whole, memory: Array, constants: Array,
     power: Array, out: Array, at: int,
 ) -> None:
-    """Fill out, arguments as above; memory (4,), constants (4,) and power (scans,) are working space."""
+    """Fill out, arguments as above; `logarithmic`: 1 for each of the law's constants that is so given, else 0.
+
+    Memory (4,), constants (4,) and power (scans,) are working space.
+    """
     scans = len(power)
     for i in range(out.shape[0]):
         gain, first, ratio, dead = math.exp(z[i, 0]), math.exp(z[i, 1]), z[i, 2], z[i, 3]
