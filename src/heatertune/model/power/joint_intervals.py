@@ -14,8 +14,8 @@ import numpy.typing as npt
 from heatertune.model.intervals import RATIO as PER_LAG
 from heatertune.model.intervals import Interval, envelope, hull, interval
 from heatertune.model.least_squares import Minima, minimise
+from heatertune.model.power.columns import AMBIENT, GAIN
 from heatertune.model.power.joint import DEAD, FIRST_AMBIENT, LAG, POWER, JointFit, JointProblem
-from heatertune.model.power.projection import AMBIENT, GAIN
 from heatertune.model.power.uncertainty import LEAST_FREEDOM, READINGS, STEPS, colour, crossing
 from heatertune.model.statistics import ar1_weighted, block_resamples, student_t
 

@@ -15,23 +15,17 @@ import numpy.typing as npt
 
 from heatertune.compiled import compiled
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC
-from heatertune.model.power.projection import (
+from heatertune.model.power.columns import (
     AMBIENT,
     COLUMNS,
     DRIFT,
     FIRST_STATE,
     GAIN,
     SECOND_STATE,
-    Asked,
     Held,
-    Space,
     columns,
-    descend,
-    paths,
-    project,
-    space,
-    try_loads,
 )
+from heatertune.model.power.projection import Asked, Space, descend, paths, project, space, try_loads
 from heatertune.model.power.readings import Readings
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 

@@ -1,4 +1,4 @@
-"""The answer to held power, and the linear unknowns solved inside (variable projection).
+"""The linear unknowns of a fit solved inside (variable projection), lags and dead time searched.
 
 G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413–432: for given lags and dead time the temperature is
 linear in everything else, so only lags and dead time are searched.
@@ -11,19 +11,11 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.heater.exact import Factors, factors
+from heatertune.model.power.columns import COLUMNS, GAIN, Held, columns, forced, of_lags, of_power
 
-__all__ = [
-    "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "Asked", "Held", "Space", "columns",
-    "descend", "paths", "project", "space", "try_loads",
-]
+__all__ = ["Asked", "Space", "descend", "paths", "project", "space", "try_loads"]
 
 Array = npt.NDArray[np.float64]
-#: time: middle of each reading, shape (m,) [s]; half: half the time that it is the mean of, shape (m,) [s];
-#: edges: instants from which a power is held, shape (e,) [s]; levels: the powers, shape (e,) [%]; before: the power
-#: before the first [%]; loads: instants at which they begin to act, shape (s,) [s]; restarts: instants at which the
-#: state begins anew, shape (r,) [s]
-Held = tuple[Array, Array, Array, Array, float, Array, Array]
 #: log; temperatures, shape (n, m), or (1, m) where they are one and the same [°C]; linear unknowns that are given, nan
 #: where free, shape (n, columns) or (1, columns); and the law: see `Record`
 Asked = tuple[Held, Array, Array, tuple[bool, float]]
@@ -39,121 +31,10 @@ Space = tuple[Array, Array, Array, Array, Array, npt.NDArray[np.int64], Array]
 #: where it leads and what is moved for a slope, shape (10, 3); and a linear part
 Paths = tuple[Array, Array, Array]
 
-#: columns of the linear part; one more for each load step, then two states for each restart
-GAIN, AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE, COLUMNS = 0, 1, 2, 3, 4, 5
-
 DIFFERENCE = 1e-4  # finite-difference step as a share of the parameter's range
 LEAST_DAMPING = 1e-8
 REST = 3  # poor steps in a row, then a row rests
-ALIKE = 1e-10  # share of a step of the time by which another may differ and have its factors
 ROUNDING = 1e-13  # share of a column's square that rounding may leave of it
-
-
-def _forced(
-    time: Array, half: Array, edges: Array, levels: Array, before: float, lags: tuple[float, float], dead: float,
-    out: Array,
-) -> None:
-    """Write the answer of a unit gain to the held power into out (n,); second lag = 0: one lag.
-
-    A reading is the mean over its time ± half. The mean is exact: a lag's own equation gives the integral of what
-    leaves it, ∫out = ∫in − lag·(out at the end − out at the start). The answer starts as if `before` had
-    been the power for ever; the free initial state corrects it. `x` and `y` are how far the lags' outputs are from the
-    power: under constant power one product takes each to the next reading.
-    """
-    inner, outer = lags if lags[1] > 0.0 else (0.0, lags[0])
-    now, acting, x, y, j = time[0] - half[0], before, 0.0, 0.0, 0
-    edge = edges[0] + dead if len(edges) else math.inf
-    length, f = 0.0, Factors(1.0, 0.0, 1.0)  # of the last step: readings are often evenly spaced
-    for i in range(len(time)):
-        if half[i] == 0.0 and time[i] < edge and abs(time[i] - now - length) <= ALIKE * length:
-            y = f.outer * y if inner == 0.0 else f.outer * y + f.coupling * x
-            x *= f.inner
-            now = time[i]
-            out[i] = acting + y
-            continue
-        begun, x_begun, y_begun, area = now, 0.0, 0.0, 0.0
-        for part in range(2):  # to the begin of the reading, then over it
-            target = time[i] + half[i] if part else time[i] - half[i]
-            begun, x_begun, y_begun, area = now, acting + x, acting + y, 0.0
-            while now < target or edge <= target:
-                end = min(target, edge)
-                t = end - now
-                if t > 0.0:
-                    if abs(t - length) > ALIKE * t:
-                        length, f = t, factors(t, outer, inner)
-                    y = f.outer * y + f.coupling * x
-                    x *= f.inner
-                    now = end
-                    area += acting * t
-                if edge <= target:
-                    x, y, acting = x + (acting - levels[j]), y + (acting - levels[j]), levels[j]
-                    j += 1
-                    edge = edges[j] + dead if j < len(edges) else math.inf
-        out[i] = acting + y
-        if now > begun:  # irregular runs may overlap so far that nothing is left of one
-            out[i] = (area - inner * (acting + x - x_begun) - outer * (acting + y - y_begun)) / (now - begun)
-
-
-def _decay(time: Array, half: Array, begun: float, lag: float, out: Array) -> None:
-    step, factor, left, width, mean = 0.0, 1.0, 0.0, 0.0, 1.0
-    for i in range(len(time)):
-        if time[i] < begun:
-            out[i] = 0.0
-            continue
-        if i == 0 or time[i - 1] < begun:
-            left = math.exp((begun - time[i]) / lag)
-        else:
-            if abs(time[i] - time[i - 1] - step) > ALIKE * step:
-                step = time[i] - time[i - 1]
-                factor = math.exp(-step / lag)
-            left *= factor
-        if half[i] != width:
-            width, share = half[i], half[i] / lag
-            mean = math.sinh(share) / share if share > 1e-4 else 1.0  # below, the mean over the block is its middle
-        out[i] = left * mean
-
-
-def _states(time: Array, half: Array, begun: float, first: float, second: float, out: Array) -> None:
-    """Write what free states at an instant add from there on into out (2, n); second = 0: one lag."""
-    _decay(time, half, begun, first, out[0])
-    out[1] = 0.0
-    if second > 0.0:
-        _decay(time, half, begun, second, out[1])
-
-
-def columns(log: Held, lags: tuple[float, float], dead: float, one: Array, basis: Array) -> None:
-    """Fill basis for the lags and the dead time.
-
-    Args:
-        log: see `Held`.
-        lags: the second is 0 where there is one alone [s].
-        dead: dead time [s].
-        one: the number 1, shape (1,): the level of a load.
-        basis: the columns, as named above, shape (5 + s + 2·r, m).
-    """
-    _of_lags(log, lags, one, basis)
-    _of_power(log, lags, dead, basis)
-
-
-def _of_power(log: Held, lags: tuple[float, float], dead: float, basis: Array) -> None:
-    """Fill the answer to the power, the one column in which the dead time is. Arguments as above."""
-    _forced(log[0], log[1], log[2], log[3], log[4], lags, dead, basis[GAIN])
-
-
-def _of_lags(log: Held, lags: tuple[float, float], one: Array, basis: Array) -> None:
-    """Fill all other columns. Arguments as above."""
-    time, half, _, _, _, loads, restarts = log
-    first, second = lags
-    m = len(time)
-    _states(time, half, time[0], first, second, basis[FIRST_STATE:COLUMNS])
-    for i in range(m):
-        basis[AMBIENT, i] = 1.0
-        basis[DRIFT, i] = time[i] - time[0]
-    for k in range(len(loads)):
-        _forced(time, half, loads[k : k + 1], one, 0.0, lags, 0.0, basis[COLUMNS + k])
-    for k in range(len(restarts)):
-        place = COLUMNS + len(loads) + 2 * k
-        _states(time, half, restarts[k], first, second, basis[place : place + 2])
 
 
 def _solve(matrix: Array, right: Array, left: Array, size: int) -> None:
@@ -205,9 +86,9 @@ def _add(weight: float, column: Array, out: Array) -> None:
 
 def space(width: int, m: int) -> Space:
     """Return working space for so many columns and readings: what is compiled makes no arrays, and is quick for it."""
-    of_lags = np.full(2, math.nan)  # of none yet
+    made_of = np.full(2, math.nan)  # of none yet
     normal, right, left, free = np.empty((width, width)), np.empty(width), np.empty(width), np.empty(width, np.int64)
-    return np.empty((width, m)), of_lags, normal, right, left, free, np.ones(1)
+    return np.empty((width, m)), made_of, normal, right, left, free, np.ones(1)
 
 
 def _residuals(record: Record, z: Array, space: Space, out: Array, linear: Array) -> float:
@@ -221,11 +102,11 @@ def _residuals(record: Record, z: Array, space: Space, out: Array, linear: Array
         linear: linear part.
     """
     lag = math.exp(z[0])
-    lags, basis, of_lags = (lag, z[2] * lag), space[0], space[1]
-    if of_lags[0] != z[0] or of_lags[1] != z[2]:
-        _of_lags(record[0], lags, space[-1], basis)
-        of_lags[0], of_lags[1] = z[0], z[2]
-    _of_power(record[0], lags, z[1], basis)
+    lags, basis, made_of = (lag, z[2] * lag), space[0], space[1]
+    if made_of[0] != z[0] or made_of[1] != z[2]:
+        of_lags(record[0], lags, space[-1], basis)
+        made_of[0], made_of[1] = z[0], z[2]
+    of_power(record[0], lags, z[1], basis)
     return _left_by(record, lag, space, out, linear)
 
 
@@ -296,7 +177,7 @@ def try_loads(
     lags, last = (lag, vector[2] * lag), COLUMNS + len(log[5]) - 1
     columns(log, lags, vector[1], one, space[0])
     for i in range(len(instants)):
-        _forced(log[0], log[1], instants[i : i + 1], one, 0.0, lags, 0.0, space[0][last])
+        forced(log[0], log[1], instants[i : i + 1], one, 0.0, lags, 0.0, space[0][last])
         if math.isinf(_left_by(_record(asked, 0), lag, space, residuals[i], linear)):
             residuals[i] = math.inf
 

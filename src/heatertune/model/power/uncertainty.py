@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.intervals import PERIOD, RATIO, Interval, envelope, hull, interval
+from heatertune.model.power.columns import AMBIENT, GAIN
 from heatertune.model.power.open_loop import FAR, Fixed, PowerFit, PowerProblem
-from heatertune.model.power.projection import AMBIENT, GAIN
 from heatertune.model.power.ultimate import fits_of_period, periods_of
 from heatertune.model.statistics import ar1_weighted, autocorrelation, block_resamples, student_t
 
