@@ -215,9 +215,8 @@ class PowerProblem:
         coarse = self.thinned(_COARSE)
         grid = self._grid()
         record = coarse.readings.temperature_degC[None, :]
-        starts = grid[np.argsort(coarse.cost(grid, record))[:8]]
-        starts = coarse.minimum(starts, record, iterations=30)
-        return self.refined(starts[np.argsort(coarse.cost(starts, record))[:3]])
+        starts = coarse.minimum(_best(grid, coarse.cost(grid, record), 8), record, iterations=30)
+        return self.refined(_best(starts, coarse.cost(starts, record), 3))
 
     def roughly(self) -> tuple[float, Array]:
         """Return the least sum of squares on a grid over lags and dead time, by a few readings, and its place (3,)."""
@@ -231,7 +230,7 @@ class PowerProblem:
         """Return the best fit that the starts (n, 3) lead to."""
         records = self.readings.temperature_degC[None, :]
         z = self.minimum(starts, records, iterations=60, tolerance=1e-9)
-        return self.at(z[np.argmin(self.cost(z, records))])
+        return self.at(_best(z, self.cost(z, records), 1)[0])
 
     def far(self) -> PowerFit:
         """Return the best fit whose time constant is the longest searched: the heater as an integrator."""
@@ -287,6 +286,14 @@ def touching(vector: Array, low: Array, high: Array) -> tuple[str, ...]:
     touched = (high > low) & ((vector <= low + margin) | above)
     names = ("time_constant_s", "dead_time_s", "second_time_constant_s")
     return tuple(name for name, touches in zip(names, touched, strict=True) if touches)
+
+
+def _best(vectors: Array, cost: Array, count: int) -> Array:
+    """Return so many vectors of least cost, best first; of those alike but for rounding, that of the least dead time.
+
+    Where the power does not move within the readings, every dead time explains them as well.
+    """
+    return vectors[np.lexsort((vectors[:, 1], cost.astype(np.float32)))[:count]]
 
 
 @lru_cache(maxsize=8)
