@@ -1,4 +1,5 @@
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -6,6 +7,17 @@ from scipy.integrate import solve_ivp
 
 from heatertune.model.temperature.kernel import simulate_many
 from heatertune.plc.s7_200_paper.laws import LAWS
+
+
+def _loop(law, plant, constants, setpoints, h, readings, event_s=np.inf, at=0, columns=None):
+    """Return the temperature before scans, of a plant (gain, lag, ratio, dead time, ambient, start, inner start)."""
+    gain, lag, *others = plant
+    low, high = setpoints
+    searched = [np.log(v) if c.logarithmic else v for v, c in zip(constants, law.constants, strict=True)]
+    out = np.full((1, columns or len(readings)), np.nan)
+    z = np.array([[np.log(gain), np.log(lag), *others, low, high - low, event_s, *searched]])
+    simulate_many(law, z, 4, h, readings, out, at)
+    return out[0]
 
 
 def _bang(form, constants, memory, error, h):
@@ -39,23 +51,30 @@ def _integrated(plant, power, h, n):
 @pytest.mark.parametrize("dead", [0.0, 6.5], ids=["no dead time", "fractional dead time"])
 @pytest.mark.long
 def test_the_loop_agrees_with_an_ode_solver(ratio, dead):
-    plant = np.array([[0.5, 90.0, ratio, dead, 20.0, 25.0, 30.0]])
+    plant = (0.5, 90.0, ratio, dead, 20.0, 25.0, 30.0)
     h, n = 2.0, 60
-    ours = simulate_many(_bang, 0, plant, np.zeros((1, 4)), np.array([[40.0, 40.0]]), h, n, np.array([n]))[0]
+    ours = _loop(SimpleNamespace(step=_bang, form=0, constants=()), plant, (), (40.0, 40.0), h, np.arange(n))
     power = np.where(40.0 - ours > 0.0, 100.0, 0.0)
     assert power.min() == 0.0, "the loop has to switch, or half of it is not tested"
-    assert ours == pytest.approx(_integrated(plant[0], power, h, n), abs=1e-6)
+    assert ours == pytest.approx(_integrated(plant, power, h, n), abs=1e-6)
 
 
 def test_the_setpoint_steps_at_its_event():
     law = next(law for law in LAWS if law.name == "positional P")
-    plant = np.array([[0.5, 50.0, 0.0, 0.0, 20.0, 20.0, 20.0]])
-    out = simulate_many(
-        law.step, law.form, plant, np.array([[2.0, 0, 0, 0]]), np.array([[30.0, 40.0]]), 1.0, 1000, np.array([500])
-    )
+    plant = (0.5, 50.0, 0.0, 0.0, 20.0, 20.0, 20.0)
+    out = _loop(law, plant, (2.0,), (30.0, 40.0), 1.0, np.arange(1000), 500.0)
     # a P loop rests at ambient + kK/(1 + kK)·(setpoint − ambient) with kK = 1: half way
-    assert out[0, 499] == pytest.approx(25.0, abs=1e-3)
-    assert out[0, 999] == pytest.approx(30.0, abs=1e-3)
+    assert out[499] == pytest.approx(25.0, abs=1e-3)
+    assert out[999] == pytest.approx(30.0, abs=1e-3)
+
+
+def test_what_is_read_in_columns_is_what_every_scan_shows():
+    law = next(law for law in LAWS if law.name == "PI with anti-windup")
+    given = law, (0.5, 50.0, 0.3, 7.3, 20.0, 20.0, 22.0), (4.0, 80.0, 30.0), (40.0, 40.0), 2.0
+    readings = np.array([0, 3, 3, 99])  # two readings between the same scans
+    out = _loop(*given, readings, at=2, columns=7)
+    assert np.array_equal(out[2:6], _loop(*given, np.arange(100))[readings])
+    assert np.isnan(out[[0, 1, 6]]).all()
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)

@@ -20,7 +20,7 @@ from heatertune.model.values import Fopdt
 def test_columns_that_say_the_same_explain_what_they_can(columns):
     basis, record = np.array(columns, dtype=np.float64).T, np.array([1.0, 5.0, 2.0, 7.0])
     found = basis.T @ record
-    _solve(basis.T @ basis, found, basis.shape[1])
+    _solve(basis.T @ basis, found, np.empty(basis.shape[1]), basis.shape[1])
     best = basis @ np.linalg.lstsq(basis, record, rcond=None)[0]
     assert basis @ found == pytest.approx(best, rel=1e-9)
 

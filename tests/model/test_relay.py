@@ -1,4 +1,5 @@
 import math
+from types import SimpleNamespace
 
 import control
 import numpy as np
@@ -9,6 +10,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.model.relay.relay import Relay, _Course, _State, oscillation, simulate_relay
 from heatertune.model.response import rise, rows_of
 from heatertune.model.temperature.kernel import simulate_many
+from heatertune.model.temperature.law import Constant
 from heatertune.model.values import Fopdt, TwoLag
 
 ONE = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=20.0, ambient_degC=20.0)
@@ -87,15 +89,16 @@ def _relay_law(form, constants, memory, error, h):
 @pytest.mark.parametrize("sample", [1.0, 3.0])
 def test_a_sampled_relay_is_the_one_of_the_compiled_loop(model, ratio, sample):
     # the closed loop that runs inside the fits, itself held against an ODE solver, with the same relay as its law
-    plant = np.array([[0.5, 150.0, ratio, model.dead_time_s, 20.0, 20.0, 20.0]])
     n = int(1500 / sample)
-    law = np.array([[80.0, 5.0, 0.5, 0.0]])
-    loop = simulate_many(_relay_law, 0, plant, law, np.full((1, 2), 38.0), sample, n, np.array([n]))[0]
+    plant, own = (math.log(0.5), math.log(150.0), ratio, model.dead_time_s), (20.0, 20.0, 20.0, 38.0, 0.0, np.inf)
+    law = SimpleNamespace(step=_relay_law, form=0, constants=[Constant(name=name, low=0.0, high=0.0) for name in "abc"])
+    loop = np.empty((1, n))
+    simulate_many(law, np.array([[*plant, *own, 80.0, 5.0, 0.5]]), len(plant), sample, np.arange(n), loop, 0)
     schedule = simulate_relay(model, SKEW, 1500.0, sample_time_s=sample)
     assert len(schedule.time_s) > 12
     assert np.all(np.rint(schedule.time_s / sample) * sample == pytest.approx(schedule.time_s))
     ours = 20.0 + rise(rows_of([model]), schedule, np.arange(n) * sample)[0]
-    assert ours == pytest.approx(loop, abs=1e-6)
+    assert ours == pytest.approx(loop[0], abs=1e-6)
 
 
 def test_a_crossing_is_seen_though_the_temperature_turns_back_at_once():

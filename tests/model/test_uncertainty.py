@@ -6,6 +6,7 @@ from heatertune.log.values import Log
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.readings import Readings
 from heatertune.model.power.uncertainty import _profile, crossing, noise_of
+from heatertune.model.statistics import ar1_weighted
 from heatertune.model.values import Fopdt
 
 PLANT = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=20.0)
@@ -32,3 +33,10 @@ def test_a_profile_that_never_rises_to_the_limit_leaves_the_end_open():
     assert crossing(values, np.array([0.0, 0.5, 0.9, 0.9]), 1.0) is None
     # a parabola rise = (x - 1)² meets 2.25 at 2.5, and its root is a straight line: exact
     assert crossing(values, (values - 1.0) ** 2, 2.25) == pytest.approx(2.5, rel=1e-12)
+
+
+def test_coloured_noise_by_shifts_is_the_product_with_its_whole_matrix():
+    rows, rhos = np.random.default_rng(3).normal(size=(4, 37)), np.array([0.0, 0.5, 0.99])
+    lags = np.abs(np.subtract.outer(np.arange(37), np.arange(37)))
+    whole = np.array([rows @ rho**lags for rho in rhos])
+    assert ar1_weighted(rows, rhos[:, None, None]) == pytest.approx(whole, rel=1e-12, abs=1e-12)

@@ -11,6 +11,7 @@ with their version and with the processor.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -62,11 +63,16 @@ def minimise(
     r, cost = _evaluate(residuals, z, rows)
     damping = np.full(len(z), 1e-2)
     resting = np.zeros(len(z), dtype=np.int64)
+    moved = np.ones(len(z), dtype=np.bool_)  # since its slopes were taken
+    gradient, normal = np.empty((len(z), len(free))), np.empty((len(z), len(free), len(free)))
     for _ in range(iterations):
         live = np.flatnonzero((resting < _POOR_STEPS) & np.isfinite(cost))
         if not len(live):
             break
-        step = _step(residuals, z[live], r[live], rows[live], free, low, high, damping[live])
+        new = live[moved[live]]
+        if len(new):
+            gradient[new], normal[new] = _slopes(residuals, z[new], r[new], rows[new], free, low, high)
+        step = _step(z[live], gradient[live], normal[live], free, low, high, damping[live])
         trial = z[live].copy()
         trial[:, free] = np.clip(trial[:, free] + step * width, low[free], high[free])
         r_new, cost_new = _evaluate(residuals, trial, rows[live])
@@ -74,6 +80,7 @@ def minimise(
         gained = np.where(better, (cost[live] - cost_new) / np.maximum(cost[live], 1e-300), 0.0)
         resting[live] = np.where(gained > tolerance, 0, resting[live] + (better | (damping[live] > 1e3)))
         damping[live] = np.clip(np.where(better, damping[live] / 3.0, damping[live] * 4.0), *_DAMPING)
+        moved[live] = better
         taken = live[better]
         z[taken], r[taken], cost[taken] = trial[better], r_new[better], cost_new[better]
     return Minima(z, cost)
@@ -86,28 +93,34 @@ def _evaluate(residuals: Residuals, z: Array, rows: npt.NDArray[np.intp]) -> tup
     return r, np.where(np.isfinite(cost), cost, np.inf)
 
 
-def _step(
+def _slopes(
     residuals: Residuals, z: Array, r: Array, rows: npt.NDArray[np.intp], free: npt.NDArray[np.intp],
-    low: Array, high: Array, damping: Array,
-) -> Array:
-    """Return the damped Gauss–Newton step of the free parameters, as shares of their ranges, shape (n, q)."""
+    low: Array, high: Array,
+) -> tuple[Array, Array]:
+    """Return gradient (n, q) and normal matrix (n, q, q) by the free parameters, as shares of their ranges."""
     n, q = len(z), len(free)
     width = (high - low)[free]
     sign = np.where(z[:, free] + _DIFFERENCE * width > high[free], -1.0, 1.0)
     moved = np.repeat(z[:, None, :], q, axis=1)
     moved[:, np.arange(q), free] += sign * _DIFFERENCE * width
-    shifted = residuals(moved.reshape(n * q, -1), np.repeat(rows, q)).reshape(n, q, -1)
-    shifted = np.where(np.isfinite(shifted), shifted, r[:, None, :])  # beside a row that is no model: slope unknown
-    # in C's order whatever the residuals' was: one kernel to compile
-    jacobian = np.ascontiguousarray((shifted - r[:, None, :]) / (sign * _DIFFERENCE)[:, :, None])
+    shifted = residuals(moved.reshape(n * q, -1), np.repeat(rows, q))
     gradient, normal = np.empty((n, q)), np.empty((n, q, q))
-    compiled(_normal_equations)(jacobian, r, gradient, normal)
+    # in C's order whatever the residuals' was: one kernel to compile
+    jacobian = np.array(shifted, order="C").reshape(n, q, -1)
+    compiled(_normal_equations)(jacobian, r, sign * _DIFFERENCE, gradient, normal)
+    return gradient, normal
+
+
+def _step(
+    z: Array, gradient: Array, normal: Array, free: npt.NDArray[np.intp], low: Array, high: Array, damping: Array
+) -> Array:
+    """Return the damped Gauss–Newton step of the free parameters, as shares of their ranges, shape (n, q)."""
     held = ((z[:, free] <= low[free]) & (gradient > 0)) | ((z[:, free] >= high[free]) & (gradient < 0))
     diagonal = np.diagonal(normal, axis1=1, axis2=2)
     floor = 1e-9 * diagonal.max(axis=1, keepdims=True) + 1e-12
-    damped = normal + (damping[:, None] * np.maximum(diagonal, floor))[:, :, None] * np.eye(q)
-    moving = ~held[:, :, None] & ~held[:, None, :]
-    damped = np.where(moving, damped, np.eye(q))
+    unit = np.eye(len(free))
+    damped = normal + (damping[:, None] * np.maximum(diagonal, floor))[:, :, None] * unit
+    damped = np.where(~held[:, :, None] & ~held[:, None, :], damped, unit)
     step = np.where(held, 0.0, -gradient)
     compiled(_solve)(damped, step)
     return step
@@ -122,9 +135,17 @@ def _sum_squares(r: Array, cost: Array) -> None:
         cost[i] = total
 
 
-def _normal_equations(jacobian: Array, r: Array, gradient: Array, normal: Array) -> None:
-    """Fill gradient (n, q) and normal (n, q, q) with J·r and J·Jᵀ of jacobian (n, q, m) and r (n, m)."""
+def _normal_equations(jacobian: Array, r: Array, steps: Array, gradient: Array, normal: Array) -> None:
+    """Fill gradient (n, q) and normal (n, q, q) with J·r and J·Jᵀ.
+
+    `jacobian` (n, q, m) comes as residuals after the steps (n, q), r (n, m) are those before. Beside a row that is no
+    model the slope is unknown: 0.
+    """
     for i in range(jacobian.shape[0]):
+        for a in range(jacobian.shape[1]):
+            for k in range(jacobian.shape[2]):
+                change = jacobian[i, a, k] - r[i, k]
+                jacobian[i, a, k] = change / steps[i, a] if math.isfinite(change) else 0.0
         for a in range(jacobian.shape[1]):
             total = 0.0
             for k in range(jacobian.shape[2]):

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["ar1_bic", "autocorrelation", "block_resamples", "fit_pct", "percentile_interval", "student_t"]
+__all__ = [
+    "ar1_bic", "ar1_weighted", "autocorrelation", "block_resamples", "fit_pct", "percentile_interval", "student_t",
+]
 
 Array = npt.NDArray[np.float64]
 
@@ -35,6 +37,23 @@ def ar1_bic(residuals: Array, unknowns: int) -> float:
     innovations = residuals[1:] - rho * residuals[:-1]
     variance = max(float(innovations @ innovations) / n, 1e-12)
     return n * float(np.log(variance)) + (unknowns + 1) * float(np.log(n))
+
+
+def ar1_weighted(rows: Array, rho: Array | float) -> Array:
+    """Return Σⱼ ρ^|i−j|·rowⱼ, the rows (…, m) times the correlation of first-order autoregressive noise.
+
+    Each way the sum over k of ρᵏ and a shift by k is Π (1 + ρ^(2ⁿ) and a shift by 2ⁿ): a few passes, and no matrix.
+    `rho` is a number below 1 or broadcasts with the rows.
+    """
+
+    def one_way(values: Array) -> Array:
+        total, weight, shift = values + 0.0 * rho, np.asarray(rho, dtype=np.float64), 1
+        while shift < total.shape[-1]:
+            total[..., shift:] += weight * total[..., :-shift]
+            weight, shift = weight**2, 2 * shift
+        return np.asarray(total)
+
+    return np.asarray(one_way(rows) + one_way(rows[..., ::-1])[..., ::-1] - rows)
 
 
 def block_resamples(residuals: Array, n: int, rng: np.random.Generator) -> Array:

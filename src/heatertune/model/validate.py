@@ -18,10 +18,10 @@ from heatertune.log.values import Log
 from heatertune.model.judgement import InputCorrelation
 from heatertune.model.mirrored import cools, middle_degC, mirrored, mirrored_log, mirrored_model
 from heatertune.model.outliers import tamed
+from heatertune.model.power.columns import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE
 from heatertune.model.power.feedback import feedback_notes
 from heatertune.model.power.input_correlation import input_correlation
 from heatertune.model.power.open_loop import Fixed, PowerProblem
-from heatertune.model.power.projection import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE
 from heatertune.model.power.readings import Readings
 from heatertune.model.statistics import fit_pct
 from heatertune.model.validation import ljung_box

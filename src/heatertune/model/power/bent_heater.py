@@ -16,8 +16,8 @@ import numpy.typing as npt
 from heatertune.compiled import compiled
 from heatertune.heater.exact import advanced, factors
 from heatertune.model.least_squares import minimise
+from heatertune.model.power.columns import AMBIENT, DRIFT, GAIN
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
-from heatertune.model.power.projection import AMBIENT, DRIFT, GAIN
 
 __all__ = ["BEND", "CEILING", "COOLING", "LOSS", "BentHeater", "fit_bent_heater"]
 

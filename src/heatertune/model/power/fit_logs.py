@@ -14,6 +14,7 @@ from heatertune.model.intervals import RATIO, Interval, identified_parts
 from heatertune.model.power.agreement import agreement_remarks, disagreements
 from heatertune.model.power.alias import alias_remarks
 from heatertune.model.power.candidates import second_is_seen
+from heatertune.model.power.columns import AMBIENT, DRIFT, GAIN
 from heatertune.model.power.diagnosis import limit_notes, log_notes, longest_hold_s, rival_notes
 from heatertune.model.power.ends import AtEnd, ends_of, told_apart
 from heatertune.model.power.explained import Explained
@@ -23,7 +24,6 @@ from heatertune.model.power.joint import LAG, JointFit, JointProblem
 from heatertune.model.power.joint_intervals import joint_held_at, joint_intervals
 from heatertune.model.power.loads import bic_of
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
-from heatertune.model.power.projection import AMBIENT, DRIFT, GAIN
 from heatertune.model.power.rivals import lies_inside, widened
 from heatertune.model.statistics import autocorrelation, fit_pct
 from heatertune.model.values import Candidate, FittedModel, Fopdt, OneLog, Residuals

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.least_squares import minimise
+from heatertune.model.power.columns import AMBIENT, DRIFT, FIRST_STATE, GAIN, SECOND_STATE
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
-from heatertune.model.power.projection import AMBIENT, DRIFT, FIRST_STATE, GAIN, SECOND_STATE
 
 __all__ = ["InputCurve", "fit_input_curve", "knots_of"]
 

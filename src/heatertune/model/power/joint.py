@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.least_squares import Residuals, minimise
+from heatertune.model.power.columns import AMBIENT, GAIN
 from heatertune.model.power.open_loop import Fixed, PowerFit, PowerProblem, touching
-from heatertune.model.power.projection import AMBIENT, GAIN
 from heatertune.model.statistics import ar1_bic, autocorrelation
 
 __all__ = ["DEAD", "FIRST_AMBIENT", "LAG", "POWER", "JointFit", "JointProblem"]

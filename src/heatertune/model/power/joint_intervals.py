@@ -14,10 +14,10 @@ import numpy.typing as npt
 from heatertune.model.intervals import RATIO as PER_LAG
 from heatertune.model.intervals import Interval, envelope, hull, interval
 from heatertune.model.least_squares import Minima, minimise
+from heatertune.model.power.columns import AMBIENT, GAIN
 from heatertune.model.power.joint import DEAD, FIRST_AMBIENT, LAG, POWER, JointFit, JointProblem
-from heatertune.model.power.projection import AMBIENT, GAIN
 from heatertune.model.power.uncertainty import LEAST_FREEDOM, READINGS, STEPS, colour, crossing
-from heatertune.model.statistics import block_resamples, student_t
+from heatertune.model.statistics import ar1_weighted, block_resamples, student_t
 
 __all__ = ["joint_held_at", "joint_intervals"]
 
@@ -99,8 +99,7 @@ def _linear(
         own[AMBIENT] &= i > 0 or len(best) <= FIRST_AMBIENT
         columns = np.vstack([part.basis(part_fit.vector)[own], slope[np.any(slope != 0.0, axis=1)]])
         rho, variance = colour(left, np.linalg.qr(columns.T)[0])
-        lags = np.abs(np.subtract.outer(np.arange(len(left)), np.arange(len(left))))
-        middle += weight**2 * variance * slope @ rho**lags @ slope.T
+        middle += weight**2 * variance * ar1_weighted(slope, rho) @ slope.T
         freedom += len(left) * (1.0 - rho) / (1.0 + rho) - np.count_nonzero(own)
     coloured = inverse @ middle @ inverse
     quantile = student_t(max(freedom, LEAST_FREEDOM))

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.outliers import tamed
+from heatertune.model.power.columns import AMBIENT, GAIN
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
-from heatertune.model.power.projection import AMBIENT, GAIN
 from heatertune.model.statistics import ar1_bic
 
 __all__ = ["bic_of", "coincides", "is_sensible", "left_over", "lowest_degC", "with_loads"]

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from heatertune.compiled import compiled
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC
-from heatertune.model.power.projection import (
+from heatertune.model.power.columns import (
     AMBIENT,
     COLUMNS,
     DRIFT,
@@ -24,10 +24,8 @@ from heatertune.model.power.projection import (
     SECOND_STATE,
     Held,
     columns,
-    descend,
-    project,
-    try_loads,
 )
+from heatertune.model.power.projection import Asked, Space, descend, paths, project, space, try_loads
 from heatertune.model.power.readings import Readings
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
@@ -145,7 +143,7 @@ class PowerProblem:
         """
         given = self.nothing_more(len(z)) if fixed is None else fixed
         residuals, linear, cost = np.empty((len(z), records.shape[1])), np.zeros(given.values.shape), np.empty(len(z))
-        compiled(project, allocates=True)(*self._asked(records, given), z, residuals, linear, cost)
+        compiled(project)(self._asked(records, given), z, residuals, linear, cost, self._space)
         residuals[np.isinf(cost)] = np.inf
         return residuals, linear
 
@@ -153,21 +151,32 @@ class PowerProblem:
         """Return the residuals, shape (n, m), with the last load step at other instants (n,) [s]."""
         record = self.readings.temperature_degC[None, :]
         residuals = np.empty((len(instants), record.shape[1]))
-        compiled(try_loads, allocates=True)(
-            *self._asked(record, self.nothing_more(1)), _writable(vector), _writable(instants), residuals)
+        compiled(try_loads)(self._asked(record, self.nothing_more(1)), _writable(vector), _writable(instants),
+                            residuals, np.empty(self._width), self._space)
         return residuals
 
     def cost(self, z: Array, records: Array, fixed: Fixed | None = None) -> Array:
-        """Return the sums of squares (n,), infinite for what is no model; arguments as `solve`."""
-        return np.asarray(np.sum(self.solve(z, records, fixed)[0] ** 2, axis=1))
+        """Return the sums of squares (n,), infinite for what is no model.
+
+        Arguments as `solve`, but one record, shape (1, m), and one row of what is fixed may serve all vectors, which
+        are quickest with those of the same lags in a row.
+        """
+        given = self.nothing_more(1) if fixed is None else fixed
+        cost, left, linear = np.empty(len(z)), np.empty((1, records.shape[1])), np.zeros((1, self._width))
+        compiled(project)(self._asked(records, given), z, left, linear, cost, self._space)
+        return cost
 
     def nothing_more(self, rows: int) -> Fixed:
         """Return what the problem itself knows, for so many rows."""
         return Fixed(values=np.tile(self.fixed, (rows, 1)))
 
-    def _asked(self, records: Array, fixed: Fixed) -> tuple[Held, Array, Array, tuple[bool, float]]:
+    def _asked(self, records: Array, fixed: Fixed) -> Asked:
         """Return log, records, known and law as the compiled code takes them."""
         return self._log, _writable(records), fixed.values, (fixed.gain_per_lag, self.sign)
+
+    @property
+    def _space(self) -> Space:
+        return space(self._width, len(self.readings.time_s))
 
     @property
     def _log(self) -> Held:
@@ -177,7 +186,7 @@ class PowerProblem:
         """Return the columns whose sum, weighted by the linear part, is the temperature, shape (columns, m)."""
         basis = np.empty((self._width, len(self.readings.time_s)))
         lag = math.exp(z[0])
-        compiled(columns, allocates=True)(self._log, (lag, lag * z[2]), z[1], basis)
+        compiled(columns)(self._log, (lag, lag * z[2]), z[1], np.ones(1), basis)
         return basis
 
     def minimum(
@@ -188,45 +197,45 @@ class PowerProblem:
 
         Args:
             starts: shape (n, 3).
-            records: shape (n, m).
-            fixed: by default what the problem knows.
+            records: shape (n, m), or (1, m) where they are one and the same.
+            fixed: by default what the problem knows; one row or n.
             held: place in the vector that keeps its start.
             iterations: most steps tried.
             tolerance: relative decrease of the sum of squares below which a row rests.
         """
         high = self.high if held is None else np.where(np.arange(len(self.high)) == held, self.low, self.high)
-        given = self.nothing_more(len(starts)) if fixed is None else fixed
+        given = self.nothing_more(1) if fixed is None else fixed
         z = starts.copy()
-        compiled(descend, allocates=True)(*self._asked(records, given), z, (self.low, high), iterations, tolerance)
+        work = paths(self._width, len(self.readings.time_s))
+        compiled(descend)(self._asked(records, given), z, (self.low, high), iterations, tolerance, self._space, work)
         return z
 
     def fit(self) -> PowerFit:
         """Return the best fit from a grid of starts over lags and dead time."""
         coarse = self.thinned(_COARSE)
         grid = self._grid()
-        record = np.tile(coarse.readings.temperature_degC, (len(grid), 1))
-        starts = grid[np.argsort(coarse.cost(grid, record))[:8]]
-        starts = coarse.minimum(starts, record, iterations=30)
-        return self.refined(starts[np.argsort(coarse.cost(starts, record))[:3]])
+        record = coarse.readings.temperature_degC[None, :]
+        starts = coarse.minimum(_best(grid, coarse.cost(grid, record), 8), record, iterations=30)
+        return self.refined(_best(starts, coarse.cost(starts, record), 3))
 
     def roughly(self) -> tuple[float, Array]:
         """Return the least sum of squares on a grid over lags and dead time, by a few readings, and its place (3,)."""
         coarse = self.thinned(_ROUGH_READINGS)
         grid = self._grid()[::_ROUGH].copy()  # rows side by side: of others `project` would be compiled once more
-        cost = coarse.cost(grid, np.tile(coarse.readings.temperature_degC, (len(grid), 1)))
+        cost = coarse.cost(grid, coarse.readings.temperature_degC[None, :])
         place = int(np.argmin(cost))
         return float(cost[place]) / len(coarse.readings.time_s), grid[place]
 
     def refined(self, starts: Array) -> PowerFit:
         """Return the best fit that the starts (n, 3) lead to."""
-        records = np.tile(self.readings.temperature_degC, (len(starts), 1))
+        records = self.readings.temperature_degC[None, :]
         z = self.minimum(starts, records, iterations=60, tolerance=1e-9)
-        return self.at(z[np.argmin(self.cost(z, records))])
+        return self.at(_best(z, self.cost(z, records), 1)[0])
 
     def far(self) -> PowerFit:
         """Return the best fit whose time constant is the longest searched: the heater as an integrator."""
         starts = np.column_stack([np.full(9, self.high[0]), np.linspace(self.low[1], self.high[1], 9), np.zeros(9)])
-        records = np.tile(self.readings.temperature_degC, (9, 1))
+        records = self.readings.temperature_degC[None, :]
         z = self.minimum(starts, records, held=0, iterations=30)
         return self.at(z[np.argmin(self.cost(z, records))])
 
@@ -250,7 +259,9 @@ class PowerProblem:
         lags = np.linspace(self.low[0], self.high[0], 25)
         dead = self.low[1] + np.linspace(0.0, 1.0, 17) ** 2 * (self.high[1] - self.low[1])
         ratios = np.array([0.05, 0.2, 0.5, 0.9]) if self.two_lags else np.zeros(1)
-        return np.array(np.meshgrid(lags, dead, ratios)).reshape(3, -1).T.copy()
+        # those of the same lags in a row: their columns are made once
+        lag, ratio, late = np.meshgrid(lags, ratios, dead, indexing="ij")
+        return np.column_stack([lag.ravel(), late.ravel(), ratio.ravel()])
 
     def at(self, z: Array, fixed: Fixed | None = None) -> PowerFit:
         """Return the fit with lags and dead time (3,) given, and of the linear unknowns what is known (one row)."""
@@ -275,6 +286,14 @@ def touching(vector: Array, low: Array, high: Array) -> tuple[str, ...]:
     touched = (high > low) & ((vector <= low + margin) | above)
     names = ("time_constant_s", "dead_time_s", "second_time_constant_s")
     return tuple(name for name, touches in zip(names, touched, strict=True) if touches)
+
+
+def _best(vectors: Array, cost: Array, count: int) -> Array:
+    """Return so many vectors of least cost, best first; of those alike but for rounding, that of the least dead time.
+
+    Where the power does not move within the readings, every dead time explains them as well.
+    """
+    return vectors[np.lexsort((vectors[:, 1], cost.astype(np.float32)))[:count]]
 
 
 @lru_cache(maxsize=8)

@@ -1,4 +1,4 @@
-"""The answer to held power, and the linear unknowns solved inside (variable projection).
+"""The linear unknowns of a fit solved inside (variable projection), lags and dead time searched.
 
 G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413–432: for given lags and dead time the temperature is
 linear in everything else, so only lags and dead time are searched.
@@ -11,135 +11,37 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.heater.exact import Factors, advanced, factors
+from heatertune.model.power.columns import COLUMNS, GAIN, Held, columns, forced, of_lags, of_power
 
-__all__ = [
-    "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "Held", "columns", "descend", "project",
-    "try_loads",
-]
+__all__ = ["Asked", "Space", "descend", "paths", "project", "space", "try_loads"]
 
 Array = npt.NDArray[np.float64]
-#: time: middle of each reading, shape (m,) [s]; half: half the time that it is the mean of, shape (m,) [s];
-#: edges: instants from which a power is held, shape (e,) [s]; levels: the powers, shape (e,) [%]; before: the power
-#: before the first [%]; loads: instants at which they begin to act, shape (s,) [s]; restarts: instants at which the
-#: state begins anew, shape (r,) [s]
-Held = tuple[Array, Array, Array, Array, float, Array, Array]
-#: log; temperatures, shape (m,) [°C]; linear unknowns that are given, nan where free, shape (columns,); and the law:
-#: whether the gain is given as gain per time constant, and its sign, see `PowerProblem`: with another sign the sum of
-#: squares is infinite
+#: log; temperatures, shape (n, m), or (1, m) where they are one and the same [°C]; linear unknowns that are given, nan
+#: where free, shape (n, columns) or (1, columns); and the law: see `Record`
+Asked = tuple[Held, Array, Array, tuple[bool, float]]
+#: the same of one vector: log; temperatures, shape (m,); linear unknowns, shape (columns,); and the law: whether the
+#: gain is given as gain per time constant, and its sign, see `PowerProblem`: with another sign the sum of squares is
+#: infinite
 Record = tuple[Held, Array, Array, tuple[bool, float]]
-#: basis, normal matrix, right side, places of the free unknowns
-Space = tuple[Array, Array, Array, npt.NDArray[np.int64]]
+#: basis, first lag and lag ratio of its columns, normal matrix, right side, what elimination needs, places of the free
+#: unknowns, and the number 1
+Space = tuple[Array, Array, Array, Array, Array, npt.NDArray[np.int64], Array]
 
-#: columns of the linear part; one more for each load step, then two states for each restart
-GAIN, AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE, COLUMNS = 0, 1, 2, 3, 4, 5
+#: residuals, those tried and their slopes, shape (5, m); normal matrix, that of a step, −slopes·residuals, the step,
+#: where it leads and what is moved for a slope, shape (10, 3); and a linear part
+Paths = tuple[Array, Array, Array]
 
 DIFFERENCE = 1e-4  # finite-difference step as a share of the parameter's range
+LEAST_DAMPING = 1e-8
 REST = 3  # poor steps in a row, then a row rests
 ROUNDING = 1e-13  # share of a column's square that rounding may leave of it
 
 
-def _advance(
-    state: Array, kept: Array, edges: Array, levels: Array, dead: float, first: float, second: float, target: float
-) -> float:
-    """Move state = now, first and second lag's output, acting power, next edge, to the instant; return ∫power.
-
-    `kept` are the last time's length and factors: readings are often evenly spaced.
-    """
-    area = 0.0
-    while True:
-        j = int(state[4])
-        edge = edges[j] + dead if j < len(edges) else math.inf
-        t = min(target, edge) - state[0]
-        if t > 0.0:
-            acting = state[3]
-            if t != kept[0]:
-                kept[0] = t
-                kept[1], kept[2], kept[3] = factors(t, second, first) if second > 0.0 else factors(t, first, 0.0)
-            if second > 0.0:
-                state[2], state[1] = advanced(state[2], state[1], acting, Factors(kept[1], kept[2], kept[3]))
-            else:
-                state[1] = acting + kept[1] * (state[1] - acting)
-            state[0] += t
-            area += acting * t
-        if edge > target:
-            return area
-        state[3] = levels[j]
-        state[4] += 1.0
-
-
-def _forced(
-    time: Array, half: Array, edges: Array, levels: Array, before: float, lags: tuple[float, float], dead: float,
-    out: Array,
-) -> None:
-    """Write the answer of a unit gain to the held power into out (n,); second lag = 0: one lag.
-
-    A reading is the mean over its time ± half. The mean is exact: a lag's own equation gives the integral of what
-    leaves it, ∫out = ∫in − lag·(out at the end − out at the start). The answer starts as if `before` had
-    been the power for ever; the free initial state corrects it.
-    """
-    first, second = lags
-    state = np.array([time[0] - half[0], before, before, before, 0.0])
-    last = 2 if second > 0.0 else 1
-    between, within = np.zeros(4), np.zeros(4)
-    for i in range(len(time)):
-        _advance(state, between, edges, levels, dead, first, second, time[i] - half[i])
-        out[i] = state[last]
-        if half[i] > 0.0:
-            begun, x, y = state[0], state[1], state[2]
-            area = _advance(state, within, edges, levels, dead, first, second, time[i] + half[i])
-            area -= first * (state[1] - x) + second * (state[2] - y)
-            if state[0] > begun:  # irregular runs may overlap so far that nothing is left of one
-                out[i] = area / (state[0] - begun)
-
-
-def _decay(time: Array, half: Array, begun: float, lag: float, out: Array) -> None:
-    for i in range(len(time)):
-        out[i] = math.exp((begun - time[i]) / lag) if time[i] >= begun else 0.0
-        share = half[i] / lag
-        if share > 1e-4:  # below, the mean over the block is its middle
-            out[i] *= math.sinh(share) / share
-
-
-def _states(time: Array, half: Array, begun: float, first: float, second: float, out: Array) -> None:
-    """Write what free states at an instant add from there on into out (2, n); second = 0: one lag."""
-    _decay(time, half, begun, first, out[0])
-    out[1] = 0.0
-    if second > 0.0:
-        _decay(time, half, begun, second, out[1])
-
-
-def columns(log: Held, lags: tuple[float, float], dead: float, basis: Array) -> None:
-    """Fill basis for the lags and the dead time.
-
-    Args:
-        log: see `Held`.
-        lags: the second is 0 where there is one alone [s].
-        dead: dead time [s].
-        basis: the columns, as named above, shape (5 + s + 2·r, m).
-    """
-    time, half, edges, levels, before, loads, restarts = log
-    first, second = lags
-    m = len(time)
-    _forced(time, half, edges, levels, before, lags, dead, basis[GAIN])
-    _states(time, half, time[0], first, second, basis[FIRST_STATE:COLUMNS])
-    for i in range(m):
-        basis[AMBIENT, i] = 1.0
-        basis[DRIFT, i] = time[i] - time[0]
-    one = np.ones(1)
-    for k in range(len(loads)):
-        _forced(time, half, loads[k : k + 1], one, 0.0, lags, 0.0, basis[COLUMNS + k])
-    for k in range(len(restarts)):
-        place = COLUMNS + len(loads) + 2 * k
-        _states(time, half, restarts[k], first, second, basis[place : place + 2])
-
-
-def _solve(matrix: Array, right: Array, size: int) -> None:
-    """Solve a small symmetric system in place by elimination.
+def _solve(matrix: Array, right: Array, left: Array, size: int) -> None:
+    """Solve a small symmetric system in place by elimination; `left`, of that size, is working space.
 
     An unknown whose column the ones before it make up, but for rounding, is 0: they explain as much without it.
     """
-    left = np.empty(size)
     for c in range(size):
         left[c] = ROUNDING * matrix[c, c]
     for c in range(size):
@@ -159,10 +61,21 @@ def _solve(matrix: Array, right: Array, size: int) -> None:
 
 
 def _dot(first: Array, second: Array) -> float:
-    total = 0.0
-    for i in range(len(first)):  # a loop: array expressions take seconds to compile
-        total += first[i] * second[i]
-    return total
+    """Return the sum of products: by eight sums, so that none waits for the one before, of an order that stays."""
+    whole = len(first) // 8 * 8
+    a = b = c = d = e = f = g = h = 0.0
+    for i in range(0, whole, 8):  # a loop: array expressions take seconds to compile
+        a += first[i] * second[i]
+        b += first[i + 1] * second[i + 1]
+        c += first[i + 2] * second[i + 2]
+        d += first[i + 3] * second[i + 3]
+        e += first[i + 4] * second[i + 4]
+        f += first[i + 5] * second[i + 5]
+        g += first[i + 6] * second[i + 6]
+        h += first[i + 7] * second[i + 7]
+    for i in range(whole, len(first)):
+        a += first[i] * second[i]
+    return ((a + e) + (b + f)) + ((c + g) + (d + h))
 
 
 def _add(weight: float, column: Array, out: Array) -> None:
@@ -171,9 +84,11 @@ def _add(weight: float, column: Array, out: Array) -> None:
             out[i] += weight * column[i]
 
 
-def _space(width: int, m: int) -> Space:
-    """Return working space for `_residuals`."""
-    return np.empty((width, m)), np.empty((width, width)), np.empty(width), np.empty(width, dtype=np.int64)
+def space(width: int, m: int) -> Space:
+    """Return working space for so many columns and readings: what is compiled makes no arrays, and is quick for it."""
+    made_of = np.full(2, math.nan)  # of none yet
+    normal, right, left, free = np.empty((width, width)), np.empty(width), np.empty(width), np.empty(width, np.int64)
+    return np.empty((width, m)), made_of, normal, right, left, free, np.ones(1)
 
 
 def _residuals(record: Record, z: Array, space: Space, out: Array, linear: Array) -> float:
@@ -182,19 +97,23 @@ def _residuals(record: Record, z: Array, space: Space, out: Array, linear: Array
     Args:
         record: see `Record`.
         z: ln first lag, dead time, lag ratio.
-        space: see `_space`.
+        space: see `space`.
         out: residuals.
         linear: linear part.
     """
     lag = math.exp(z[0])
-    columns(record[0], (lag, z[2] * lag), z[1], space[0])
+    lags, basis, made_of = (lag, z[2] * lag), space[0], space[1]
+    if made_of[0] != z[0] or made_of[1] != z[2]:
+        of_lags(record[0], lags, space[-1], basis)
+        made_of[0], made_of[1] = z[0], z[2]
+    of_power(record[0], lags, z[1], basis)
     return _left_by(record, lag, space, out, linear)
 
 
 def _left_by(record: Record, lag: float, space: Space, out: Array, linear: Array) -> float:
     """Fill what the columns in `space` leave, and their weights; return the sum of squares. Arguments as above."""
     _, temperatures, fixed, (per_lag, sign) = record
-    basis, normal, right, free = space
+    basis, _, normal, right, left, free, _ = space
     size = 0
     for i in range(len(out)):
         out[i] = -temperatures[i]
@@ -210,7 +129,7 @@ def _left_by(record: Record, lag: float, space: Space, out: Array, linear: Array
         for b in range(a + 1):
             normal[a, b] = normal[b, a] = _dot(basis[free[a]], basis[free[b]])
         normal[a, a] += 1e-12 * (normal[a, a] + 1e-12)  # a column of zeros stays solvable
-    _solve(normal, right, size)
+    _solve(normal, right, left, size)
     for a in range(size):
         linear[free[a]] = right[a]
         _add(right[a], basis[free[a]], out)
@@ -219,60 +138,64 @@ def _left_by(record: Record, lag: float, space: Space, out: Array, linear: Array
     return math.inf if no_model or not math.isfinite(total) else total
 
 
-def project(
-    log: Held, records: Array, fixed: Array, law: tuple[bool, float], vectors: Array, residuals: Array, linear: Array,
-    cost: Array,
-) -> None:
+def project(asked: Asked, vectors: Array, residuals: Array, linear: Array, cost: Array, space: Space) -> None:
     """Fill residuals, linear parts and sums of squares of vectors.
 
     Args:
-        log: see `Held`.
-        records: temperatures, shape (n, m) [°C].
-        fixed: linear unknowns that are given, nan where free, shape (n, columns).
-        law: see `Record`.
-        vectors: ln first lag, dead time, lag ratio, shape (n, 3).
-        residuals: shape (n, m) [°C].
-        linear: linear parts, shape (n, columns).
+        asked: see `Asked`.
+        vectors: ln first lag, dead time, lag ratio, shape (n, 3); quickest with those of the same lags in a row.
+        residuals: shape (n, m), or (1, m) where nobody asks for them [°C].
+        linear: linear parts, shape (n, columns) or (1, columns) likewise.
         cost: sums of squares, shape (n,) [°C²].
+        space: see `space`.
     """
-    space = _space(fixed.shape[1], records.shape[1])
     for i in range(len(vectors)):
-        cost[i] = _residuals((log, records[i], fixed[i], law), vectors[i], space, residuals[i], linear[i])
+        k = min(i, len(residuals) - 1)
+        cost[i] = _residuals(_record(asked, i), vectors[i], space, residuals[k], linear[k])
+
+
+def _record(asked: Asked, i: int) -> Record:
+    """Return what is asked of a vector."""
+    log, records, fixed, law = asked
+    return log, records[min(i, len(records) - 1)], fixed[min(i, len(fixed) - 1)], law
 
 
 def try_loads(
-    log: Held, records: Array, fixed: Array, law: tuple[bool, float], vector: Array, instants: Array, residuals: Array,
+    asked: Asked, vector: Array, instants: Array, residuals: Array, linear: Array, space: Space
 ) -> None:
     """Fill the residuals with the last load step at other instants; all other columns are made once.
 
     Args:
-        log: see `Held`.
-        records: one, shape (1, m) [°C].
-        fixed: its linear unknowns that are given, shape (1, columns).
-        law: see `Record`.
+        asked: see `Asked`, of one record.
         vector: ln first lag, dead time, lag ratio.
         instants: at which the last load begins to act, shape (n,) [s].
         residuals: shape (n, m) [°C]; infinite for what is no model.
+        linear: of the last instant, shape (columns,).
+        space: see `space`.
     """
-    width, m = fixed.shape[1], records.shape[1]
-    space, linear, record = _space(width, m), np.empty(width), (log, records[0], fixed[0], law)
-    lag = math.exp(vector[0])
-    lags, one, last = (lag, vector[2] * lag), np.ones(1), COLUMNS + len(log[5]) - 1
-    columns(log, lags, vector[1], space[0])
+    log, lag, one = asked[0], math.exp(vector[0]), space[-1]
+    lags, last = (lag, vector[2] * lag), COLUMNS + len(log[5]) - 1
+    columns(log, lags, vector[1], one, space[0])
     for i in range(len(instants)):
-        _forced(log[0], log[1], instants[i : i + 1], one, 0.0, lags, 0.0, space[0][last])
-        if math.isinf(_left_by(record, lag, space, residuals[i], linear)):
+        forced(log[0], log[1], instants[i : i + 1], one, 0.0, lags, 0.0, space[0][last])
+        if math.isinf(_left_by(_record(asked, 0), lag, space, residuals[i], linear)):
             residuals[i] = math.inf
 
 
+def paths(width: int, m: int) -> Paths:
+    """Return what `descend` needs beside `space`, for so many columns and readings."""
+    return np.empty((5, m)), np.empty((10, 3)), np.empty(width)
+
+
 def _slopes(
-    record: Record, z: Array, bounds: tuple[Array, Array], r: Array, space: Space, moved: Array, linear: Array,
-    jacobian: Array,
+    record: Record, z: Array, bounds: tuple[Array, Array], r: Array, space: Space, moved: Array, work: Paths
 ) -> None:
-    """Fill the residuals' change (3, m) over the range of each parameter; 0 for one that is held."""
-    low, high = bounds
-    shifted = z.copy()
+    """Fill the residuals' change over the range of each parameter, 0 for one that is held, and the normal equations."""
+    (low, high), (lines, small, linear) = bounds, work
+    jacobian, normal, downhill, shifted = lines[2:], small[:3], small[6], small[9]
     for k in range(3):
+        shifted[k] = z[k]
+    for k in (1, 0, 2):  # the dead time first: the columns are of these lags
         jacobian[k] = 0.0
         if high[k] > low[k]:
             change = DIFFERENCE * (high[k] - low[k])
@@ -282,74 +205,92 @@ def _slopes(
                 for i in range(len(r)):
                     jacobian[k, i] = (moved[i] - r[i]) * share
             shifted[k] = z[k]
-
-
-def _stepped(
-    jacobian: Array, r: Array, z: Array, bounds: tuple[Array, Array], damping: float, matrix: Array, step: Array,
-    trial: Array,
-) -> None:
-    """Write z after the damped Gauss–Newton step, projected onto the bounds, into trial."""
-    low, high = bounds
     for a in range(3):
-        step[a] = -_dot(jacobian[a], r)
+        downhill[a] = -_dot(jacobian[a], r)
         for b in range(a + 1):
-            matrix[a, b] = matrix[b, a] = _dot(jacobian[a], jacobian[b])
-    most = max(matrix[0, 0], matrix[1, 1], matrix[2, 2])
+            normal[a, b] = normal[b, a] = _dot(jacobian[a], jacobian[b])
+
+
+def _stepped(z: Array, bounds: tuple[Array, Array], damping: float, small: Array, left: Array) -> float:
+    """Write z after the damped Gauss–Newton step, projected onto the bounds, into its row of `small`.
+
+    Return how far the sum of squares would fall at most if the residuals were linear.
+    """
+    low, high = bounds
+    normal, matrix, downhill, step, trial = small[:3], small[3:6], small[6], small[7], small[8]
+    most = max(normal[0, 0], normal[1, 1], normal[2, 2])
+    for a in range(3):
+        step[a] = downhill[a]
+        for b in range(3):
+            matrix[a, b] = normal[a, b]
+        matrix[a, a] += damping * max(normal[a, a], 1e-9 * most + 1e-12)
     for a in range(3):
         outward = (z[a] <= low[a] and step[a] < 0.0) or (z[a] >= high[a] and step[a] > 0.0)
-        matrix[a, a] += damping * max(matrix[a, a], 1e-9 * most + 1e-12)
         if outward or high[a] == low[a]:
             step[a] = 0.0
             for b in range(3):
                 matrix[a, b] = matrix[b, a] = 1.0 if a == b else 0.0
-    _solve(matrix, step, 3)
+    _solve(matrix, step, left, 3)
+    fall = 0.0
     for a in range(3):
-        wanted = z[a] + step[a] * (high[a] - low[a])
-        trial[a] = min(max(wanted, low[a]), high[a]) if high[a] > low[a] else z[a]
+        fall += 2.0 * step[a] * downhill[a]
+        trial[a] = z[a] + step[a] * (high[a] - low[a])
+    _keep_inside(trial, bounds)
+    return fall
+
+
+def _keep_inside(z: Array, bounds: tuple[Array, Array]) -> None:
+    """Put a vector onto the bounds; a parameter whose bounds are equal is held where it is."""
+    low, high = bounds
+    for k in range(3):
+        if high[k] > low[k]:
+            z[k] = min(max(z[k], low[k]), high[k])
 
 
 def descend(
-    log: Held, records: Array, fixed: Array, law: tuple[bool, float], vectors: Array,
-    bounds: tuple[Array, Array], iterations: int, tolerance: float,
+    asked: Asked, vectors: Array, bounds: tuple[Array, Array], iterations: int, tolerance: float, space: Space,
+    work: Paths,
 ) -> None:
-    """Move each vector (n, 3) to the local minimum that it leads to; one record per row.
+    """Move each vector (n, 3) to the local minimum that it leads to.
 
     The step is Levenberg's and Marquardt's, as in `least_squares.minimise`. A parameter whose bounds are equal keeps
-    its start. A row rests after three steps that gain no more than `tolerance`.
+    its start. A row rests where not even the whole Gauss–Newton step promises to gain more than `tolerance`, or the one
+    that is left after others gained nothing; or after three steps that gain no more.
 
     Args:
-        log: as `project`.
-        records: as `project`.
-        fixed: as `project`.
-        law: as `project`.
+        asked: see `Asked`.
         vectors: starts, shape (n, 3), moved in place.
         bounds: lower and upper bounds of a vector, each of shape (3,).
         iterations: most steps tried.
         tolerance: relative decrease of the sum of squares that counts as none.
+        space: see `space`.
+        work: see `paths`.
     """
-    (low, high), m, width = bounds, records.shape[1], fixed.shape[1]
-    space = _space(width, m)
-    r, tried, jacobian, linear = np.empty(m), np.empty(m), np.empty((3, m)), np.empty(width)
-    matrix, step, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    lines, small, linear = work
+    r, tried, trial = lines[0], lines[1], small[8]
     for row in range(len(vectors)):
-        z, record = vectors[row], (log, records[row], fixed[row], law)
-        for k in range(3):
-            z[k] = min(max(z[k], low[k]), high[k]) if high[k] > low[k] else z[k]
+        z, record = vectors[row], _record(asked, row)
+        _keep_inside(z, bounds)
         cost = _residuals(record, z, space, r, linear)
         damping, resting, better = 1e-2, 0, True
         for _ in range(iterations if math.isfinite(cost) else 0):
             if better:
-                _slopes(record, z, bounds, r, space, tried, linear, jacobian)
-            _stepped(jacobian, r, z, bounds, damping, matrix, step, trial)
+                _slopes(record, z, bounds, r, space, tried, work)
+            promised = _stepped(z, bounds, LEAST_DAMPING if better else damping, small, space[4])
+            if promised <= tolerance * cost:
+                break
+            if better:
+                _stepped(z, bounds, damping, small, space[4])
             trial_cost = _residuals(record, trial, space, tried, linear)
             better = trial_cost < cost
             if not better or cost - trial_cost <= tolerance * cost:
                 resting += 1 if better or damping > 1e3 else 0
             else:
                 resting = 0
-            damping = max(damping / 3.0, 1e-8) if better else min(damping * 4.0, 1e8)
+            damping = max(damping / 3.0, LEAST_DAMPING) if better else min(damping * 4.0, 1e8)
             if better:
-                z[:] = trial
+                for k in range(3):
+                    z[k] = trial[k]
                 r, tried, cost = tried, r, trial_cost
             if resting == REST:
                 break

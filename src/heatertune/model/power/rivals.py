@@ -13,11 +13,11 @@ import numpy.typing as npt
 from heatertune.log.values import Log
 from heatertune.model.intervals import Interval, envelope, holds
 from heatertune.model.judgement import HeldOut
+from heatertune.model.power.columns import AMBIENT
 from heatertune.model.power.feedback import is_feedback
 from heatertune.model.power.judge import unseen
 from heatertune.model.power.loads import bic_of, is_sensible, lowest_degC
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
-from heatertune.model.power.projection import AMBIENT
 from heatertune.model.power.readings import GAP, Readings
 from heatertune.model.power.sanity import follows_temperature
 from heatertune.model.power.start import is_plain_rest, starts

@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
+from heatertune.model.power.columns import AMBIENT, GAIN
 from heatertune.model.power.loads import bic_of, with_loads
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
-from heatertune.model.power.projection import AMBIENT, GAIN
 from heatertune.model.statistics import ar1_bic
 
 __all__ = ["demand_cause", "follows_temperature"]

@@ -44,30 +44,33 @@ def fits_of_period(problem: PowerProblem, periods: Array) -> tuple[Array, Array]
     Lags are tried on a grid, then finer around the best; they and the period give the dead time. What the bounds of
     the search do not allow is no fit; a period without one costs infinitely. The periods are of shape (n,).
     """
-    first = np.array(_RATIOS) if problem.two_lags else np.zeros(1)
-    best, cost = np.full((len(periods), 3), np.nan), np.full(len(periods), np.inf)
-    for i, period in enumerate(periods.tolist()):
-        lags, ratios = np.linspace(problem.low[0], problem.high[0], _LAGS), first
-        step, wide = float(lags[1] - lags[0]), 1.0
-        for _ in range(_ZOOMS):
-            z = _vectors(problem, period, lags, ratios)
-            costs = problem.cost(z, np.tile(problem.readings.temperature_degC, (len(z), 1)))
-            if not len(costs) or not np.isfinite(costs).any():
-                break
-            place = int(np.argmin(costs))
-            best[i], cost[i] = z[place], costs[place]
-            lags = best[i, 0] + step * np.linspace(-1.0, 1.0, 9)
-            near = best[i, 2] * np.exp(wide * np.linspace(-1.0, 1.0, 5))
-            ratios = np.unique(np.clip(near, *problem.low[2:], *problem.high[2:]))
-            step, wide = step / 4.0, wide / 3.0
+    count = len(periods)
+    best, cost = np.full((count, 3), np.nan), np.full(count, np.inf)
+    lags = np.repeat(np.linspace(problem.low[0], problem.high[0], _LAGS)[:, None], count, axis=1)
+    ratios = np.repeat((np.array(_RATIOS) if problem.two_lags else np.zeros(1))[:, None], count, axis=1)
+    step, wide = float(lags[1, 0] - lags[0, 0]), 1.0
+    for _ in range(_ZOOMS):
+        z, inside = _vectors(problem, periods, lags, ratios)
+        costs = np.full(inside.shape, np.inf)
+        if inside.any():
+            costs[inside] = problem.cost(z[inside], problem.readings.temperature_degC[None, :])
+        place = np.argmin(costs, axis=0), np.arange(count)
+        best, cost = np.where(np.isfinite(costs[place])[:, None], z[place], np.nan), costs[place]
+        lags = best[:, 0] + step * np.linspace(-1.0, 1.0, 9)[:, None]
+        near = np.linspace(-1.0, 1.0, 5 if problem.two_lags else 1)[:, None]
+        ratios = np.clip(best[:, 2] * np.exp(wide * near), *problem.low[2:], *problem.high[2:])
+        step, wide = step / 4.0, wide / 3.0
     return best, cost
 
 
-def _vectors(problem: PowerProblem, period: float, lags: Array, ratios: Array) -> Array:
-    """Return the vectors with this period and these lags (natural logarithms) whose dead time the bounds allow."""
-    lag, ratio = (grid.ravel() for grid in np.meshgrid(lags, ratios))
-    omega = 2.0 * np.pi / max(period, 1e-300)
+def _vectors(problem: PowerProblem, periods: Array, lags: Array, ratios: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Return the vectors with these periods (n,) and lags (natural logarithms), and whether the bounds allow them.
+
+    Lags (a, n) and ratios (b, n) are each period's own; vectors (a·b, n, 3), and (a·b, n): those of the same lags are
+    side by side.
+    """
+    lag, ratio = (np.reshape(grid, (-1, len(periods))) for grid in np.broadcast_arrays(lags[:, None], ratios[None]))
+    omega = 2.0 * np.pi / np.maximum(periods, 1e-300)
     turned = np.arctan(omega * np.exp(lag)) + np.arctan(omega * np.exp(lag) * ratio)
-    z = np.column_stack([lag, (np.pi - turned) / omega, ratio])
-    inside = np.all((z >= problem.low - 1e-12) & (z <= problem.high + 1e-12), axis=1)
-    return np.ascontiguousarray(z[inside])
+    z = np.stack([lag, (np.pi - turned) / omega, ratio], axis=-1)
+    return z, np.all((z >= problem.low - 1e-12) & (z <= problem.high + 1e-12), axis=-1)

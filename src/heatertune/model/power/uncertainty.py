@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.intervals import PERIOD, RATIO, Interval, envelope, hull, interval
+from heatertune.model.power.columns import AMBIENT, GAIN
 from heatertune.model.power.open_loop import FAR, Fixed, PowerFit, PowerProblem
-from heatertune.model.power.projection import AMBIENT, GAIN
 from heatertune.model.power.ultimate import fits_of_period, periods_of
-from heatertune.model.statistics import autocorrelation, block_resamples, student_t
+from heatertune.model.statistics import ar1_weighted, autocorrelation, block_resamples, student_t
 
 __all__ = [
     "LEAST_FREEDOM", "READINGS", "STEPS", "Noise", "bounds_of", "colour", "crossing", "held_at", "held_squares",
@@ -38,6 +38,7 @@ _SINGULAR = 1e-9  # of the largest singular value: rounding
 LEAST_FREEDOM = 4.0
 #: of a profile: standard deviations from the best
 STEPS = np.array([0.6, 1.2, 1.7, 2.2, 3.0, 4.5, 8.0, 25.0])
+_NEAR_STEPS = 4  # of them, that are tried first
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,9 @@ def intervals_by(
         by_profile = _profile(problem, fit, name, noise, times)
         return envelope(hull(by_draws, by_profile), [value_of(reported, name)])
 
-    wide = [{name: interval_of(name, times.get(name, 1.0)) for name in drawn} for times in factors]
+    wanted = {(name, times.get(name, 1.0)) for times in factors for name in drawn}
+    known = {each: interval_of(*each) for each in wanted}
+    wide = [{name: known[name, times.get(name, 1.0)] for name in drawn} for times in factors]
     return [_capped(_beyond(intervals, reported), problem) for intervals in wide]
 
 
@@ -145,8 +148,7 @@ def noise_of(problem: PowerProblem, fit: PowerFit) -> Noise:
     base, triangle = np.linalg.qr(jacobian)
     rho, variance = colour(residuals, base)
     inverse = np.linalg.pinv(triangle)
-    lags = np.abs(np.subtract.outer(np.arange(len(residuals)), np.arange(len(residuals))))
-    white, coloured = inverse @ inverse.T, inverse @ (base.T @ rho**lags @ base) @ inverse.T
+    white, coloured = inverse @ inverse.T, inverse @ (ar1_weighted(base.T, rho) @ base) @ inverse.T
     freedom = len(residuals) * (1.0 - rho) / (1.0 + rho) - jacobian.shape[1]
     weights = {name: np.eye(len(names))[names.index(name)] for name in _NAMES if name in names}
     gain, lag = value_of(fit, "gain_degC_per_pct"), value_of(fit, "time_constant_s")
@@ -205,15 +207,12 @@ def colour(residuals: Array, base: Array) -> tuple[float, float]:
     """
     m = len(residuals)
     seen = float(np.clip(autocorrelation(residuals, 1)[0], 0.0, 0.99))
-    lags = np.abs(np.subtract.outer(np.arange(m), np.arange(m)))
     tried = np.array([0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.99])
-    looks, left = np.empty(len(tried)), np.empty(len(tried))
-    for i, rho in enumerate(tried):
-        mixed = base.T @ (rho**lags)  # (p, m)
-        inner = mixed @ base
-        left[i] = m - np.trace(inner)
-        beside = (m - 1) * rho - np.sum(base[:-1].T * mixed[:, 1:]) - np.sum(base[1:].T * mixed[:, :-1])
-        looks[i] = (beside + np.sum((base[:-1] @ inner) * base[1:])) / left[i]
+    mixed = ar1_weighted(base.T, tried[:, None, None])  # (tried, p, m)
+    inner = mixed @ base
+    left = m - np.trace(inner, axis1=1, axis2=2)
+    beside = (m - 1) * tried - np.sum(base[:-1].T * mixed[:, :, 1:] + base[1:].T * mixed[:, :, :-1], axis=(1, 2))
+    looks = (beside + np.sum(inner * (base[:-1].T @ base[1:]), axis=(1, 2))) / left
     rho = float(np.interp(seen, np.maximum.accumulate(looks), tried))
     return rho, float(residuals @ residuals) / float(np.interp(rho, tried, left))
 
@@ -227,8 +226,12 @@ def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: Noise, time
     ends = []
     for side in (-1.0, 1.0):
         values = np.clip(best + side * times * noise.deviation[name] * STEPS, low, high)
-        rise = np.array([0.0, *np.maximum(held_squares(problem, fit, name, values) - least, 0.0)])
-        ends.append(crossing(np.array([best, *values]), rise, limit))
+        rise = np.zeros(1)
+        for part in np.split(values, [_NEAR_STEPS]):  # most profiles pass the limit within the first
+            rise = np.append(rise, np.maximum(held_squares(problem, fit, name, part) - least, 0.0))
+            if not (rise < limit).all():
+                break
+        ends.append(crossing(np.array([best, *values])[: len(rise)], rise, limit))
     return Interval(low=ends[0], high=ends[1])
 
 
@@ -282,7 +285,7 @@ def _held(
         vectors, cost = fits_of_period(problem, values)
         return vectors, None, cost
     z = np.tile(fit.vector, (len(values), 1))
-    records = np.tile(problem.readings.temperature_degC, (len(values), 1))
+    records = problem.readings.temperature_degC[None, :]
     held = {"time_constant_s": 0, "dead_time_s": 1}.get(name)
     if held is not None:
         z[:, held] = np.log(values) if held == 0 else values

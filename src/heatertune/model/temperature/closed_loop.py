@@ -27,7 +27,6 @@ Bounds = tuple[float, float]
 _SCANS_PER_SAMPLE = 5  # the controller's interval is unknown; a fifth of the log's is short for every lag searched
 _GAIN = (0.1, 4.0)  # °C/%: full power warms by 10 to 400 °C
 _LAG_RATIO = (0.02, 0.995)
-_LAW_SLOTS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,20 +81,12 @@ class Segment:
             return np.full(n, np.inf)
         return np.asarray(rng.uniform(0.2 * length, 0.9 * length, n))
 
-    def simulate(self, plant: Array, own: Array) -> Array:
-        """Return the temperature at the log's instants, shape (n, len(log)), for rows of unknowns."""
-        start, inner = own[:, 1], np.where(plant[:, 2] > 0, own[:, 2], own[:, 1])
-        plants = np.column_stack([plant, own[:, 0], start, inner])
-        setpoints = np.column_stack([own[:, 3], own[:, 3] + own[:, 4]])
-        laws = np.zeros((len(own), _LAW_SLOTS))
-        for i, constant in enumerate(self.law.constants):
-            laws[:, i] = _exp(own[:, 6 + i]) if constant.logarithmic else own[:, 6 + i]
-        events = np.minimum(own[:, 5] / self.interval_s, self.scans).astype(np.int64)
-        return np.asarray(
-            simulate_many(self.law.step, self.law.form, plants, laws, setpoints, self.interval_s, self.scans, events)[
-                :, self.readings
-            ]
-        )
+    def simulate(self, z: Array, own: int, out: Array, at: int) -> None:
+        """Write the temperature at the log's instants into the columns of out (n, m) from `at` on, for vectors (n, p).
+
+        `own`: place of the segment's first unknown in a vector.
+        """
+        simulate_many(self.law, z, own, self.interval_s, self.readings, out, at)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -205,11 +196,11 @@ class Hypothesis:
 
     def simulate(self, z: Array) -> Array:
         """Return all simulated readings, shape (n, m), for vectors (n, p)."""
-        plant = np.column_stack([_exp(z[:, :2]), z[:, 2:4]])
-        parts = []
-        for segment, first in zip(self.segments, self._offsets(), strict=True):
-            parts.append(segment.simulate(plant, z[:, first : first + self._width(segment)]))
-        return np.concatenate(parts, axis=1)
+        rows = [len(segment.readings) for segment in self.segments]
+        out = np.empty((len(z), sum(rows)))
+        for segment, first, at in zip(self.segments, self._offsets(), np.cumsum([0, *rows]).tolist(), strict=False):
+            segment.simulate(z, first, out, at)
+        return out
 
     def plant(self, z: Array, segment: int = 0) -> HeaterModel:
         """Return the heater of one vector (p,), with the ambient of a segment."""
@@ -249,8 +240,3 @@ class Hypothesis:
     def _offsets(self) -> list[int]:
         widths = [self._width(s) for s in self.segments]
         return [4 + sum(widths[:i]) for i in range(len(widths))]
-
-
-def _exp(values: Array) -> Array:
-    """Return e^values; NumPy's own differs in its last digit between versions, and descents go astray by it."""
-    return np.array([math.exp(value) for value in values.flat]).reshape(values.shape)
