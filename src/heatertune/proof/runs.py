@@ -152,7 +152,8 @@ class Runs:
         for loop, own in placed:
             if own:
                 parts.append(metered(
-                    loop, rows[own], self.scenario, self.actuator, self.limits, noise, np.zeros((1, 1))))
+                    loop, rows[own], self.scenario, self.actuator, self.limits, noise, np.zeros((1, 1)),
+                    ahead=len(runs) - len(done) - len(own)))
                 done += own
                 tell(len(done))
         back = np.argsort(done)
