@@ -315,21 +315,33 @@ def _machine(function: Callable[..., Any], *, allocates: bool, cache: bool = Fal
     options |= {"forceinline": called and not allocates, "no_cpython_wrapper": called, "no_cfunc_wrapper": called}
     machine = njit(**options)(_copy(plain, inside))
     if cache:
-        machine._cache.load_overload = partial(_loaded, machine._cache.load_overload)
+        kept = machine._cache
+        kept.load_overload = partial(_loaded, kept, kept.load_overload)
+        kept.save_overload = partial(_saved, kept.save_overload)
     if called:
         machine.get_call_template = partial(_of_types_alone, machine.get_call_template)
     return machine
 
 
-def _loaded(load: Callable[..., Any], signature: Any, target: Any) -> Any:
+def _loaded(kept: Any, load: Callable[..., Any], signature: Any, target: Any) -> Any:
     """Load machine code that is kept, without all that the compiler would have to know first: it takes 0.2 s."""
     from numba.core.runtime import rtsys  # noqa: PLC0415 - with the compiler
 
     target.refresh = partial(rtsys.initialize, target)  # who compiles refreshes the target himself, beside it
     try:
         return load(signature, target)
+    except Exception:
+        with suppress(OSError):
+            kept.flush()
+        return None
     finally:
         del target.refresh
+
+
+def _saved(save: Callable[..., Any], signature: Any, made: Any) -> None:
+    """Keep machine code where that can be: the disk may be full, and the folder gone by now."""
+    with suppress(OSError):
+        save(signature, made)
 
 
 def _of_types_alone(template: Callable[..., Any], args: Sequence[Any], named: Mapping[str, Any]) -> Any:
