@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import shutil
 import sys
 import time
 from collections import Counter
@@ -107,6 +108,24 @@ def test_where_no_folder_can_be_made_it_is_compiled_all_the_same(tmp_path, monke
     monkeypatch.setattr(machine, "folder", lambda: tmp_path / "file" / "cache")
     assert compiled(_started_anew(tmp_path).outer)(3.0) == 8.0
     assert not list(tmp_path.rglob("*.nbi"))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+def test_what_was_torn_on_disk_is_compiled_anew_and_kept(ending, share, tmp_path, place):
+    compiled(_started_anew(tmp_path).outer)(3.0)
+    for path in place.rglob(f"*.{ending}"):
+        path.write_bytes(path.read_bytes()[:int(share * path.stat().st_size)])
+    for again in range(2):
+        door = compiled(_started_anew(tmp_path).outer)
+        assert door(3.0) == 8.0
+        assert _hits(door) == again
+
+
+def test_a_folder_that_is_gone_by_now_keeps_nothing(tmp_path, place):
+    door = compiled(_started_anew(tmp_path).outer)
+    shutil.rmtree(place)
+    assert door(3.0) == 8.0
 
 
 def test_what_is_kept_on_disk_is_loaded_for_less_work(tmp_path, place, monkeypatch):

@@ -86,13 +86,14 @@ def decide(compile_all: bool | Literal["kept"] | None) -> bool | Literal["kept"]
 
 
 def worth_compiling(
-    scans: int, work: str = "loop", most_plain: int | None = None, function: Callable[..., Any] | None = None
+    scans: int, work: str = "loop", most_plain: int | None = None, function: Callable[..., Any] | None = None, *,
+    ahead: int = 0,
 ) -> bool:
     """Return whether a process has by now asked for so many scans that the compiler's start pays, or decided so.
 
     Each work counts its own: what is compiled for one does not help another. `most_plain` is how many plain scans take
     as long as this start, by default of the proof's loop; where machine code of `function` is kept, fewer do, and fewer
-    still where the compiler is there already.
+    still where the compiler is there already. `ahead` are scans that are sure to be asked for next.
 
     So the short runs of one command never load the compiler, and long work takes at most twice as long as if it had
     been known from the start. Both ways give the same, bit for bit.
@@ -103,13 +104,14 @@ def worth_compiling(
     if decided is not None:
         return decided
     _scans_asked[work] += scans
+    asked = _scans_asked[work] + ahead
     most = _PLAIN_SCANS if most_plain is None else most_plain
     kept = _PLAIN_SCANS_READY if "numba" in sys.modules else _PLAIN_SCANS_KEPT
-    if kept < _scans_asked[work] <= most and function is not None and work not in _looked_for:
+    if kept < asked <= most and function is not None and work not in _looked_for:
         _looked_for.add(work)
         if is_kept(function):
-            _scans_asked[work] = most + 1
-    return _scans_asked[work] > most
+            _scans_asked[work] = asked = most + 1
+    return asked > most
 
 
 def worth_a_second(scans: int, function: Callable[..., Any], *, most: int, most_kept: int) -> bool:
@@ -312,9 +314,34 @@ def _machine(function: Callable[..., Any], *, allocates: bool, cache: bool = Fal
     options = {"nogil": True, "cache": cache, "_nrt": allocates, "error_model": "numpy"}
     options |= {"forceinline": called and not allocates, "no_cpython_wrapper": called, "no_cfunc_wrapper": called}
     machine = njit(**options)(_copy(plain, inside))
+    if cache:
+        kept = machine._cache
+        kept.load_overload = partial(_loaded, kept, kept.load_overload)
+        kept.save_overload = partial(_saved, kept.save_overload)
     if called:
         machine.get_call_template = partial(_of_types_alone, machine.get_call_template)
     return machine
+
+
+def _loaded(kept: Any, load: Callable[..., Any], signature: Any, target: Any) -> Any:
+    """Load machine code that is kept, without all that the compiler would have to know first: it takes 0.2 s."""
+    from numba.core.runtime import rtsys  # noqa: PLC0415 - with the compiler
+
+    target.refresh = partial(rtsys.initialize, target)  # who compiles refreshes the target himself, beside it
+    try:
+        return load(signature, target)
+    except Exception:
+        with suppress(OSError):
+            kept.flush()
+        return None
+    finally:
+        del target.refresh
+
+
+def _saved(save: Callable[..., Any], signature: Any, made: Any) -> None:
+    """Keep machine code where that can be: the disk may be full, and the folder gone by now."""
+    with suppress(OSError):
+        save(signature, made)
 
 
 def _of_types_alone(template: Callable[..., Any], args: Sequence[Any], named: Mapping[str, Any]) -> Any:

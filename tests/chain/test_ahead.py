@@ -1,5 +1,6 @@
-"""The loops that a second process compiles beside a design: found, or compiled where they are needed; never left running."""
+"""What a second process does beside a design: found, or done where it is needed; never left running."""
 
+import json
 import os
 import select
 import signal
@@ -11,6 +12,7 @@ import pytest
 
 from heatertune import compiled as machine
 from heatertune.chain import ahead
+from heatertune.report import sections
 
 TARGET = "on-off"  # the loop that is compiled soonest; it is compared with no other
 
@@ -25,6 +27,7 @@ def fresh(tmp_path, monkeypatch):
     monkeypatch.setattr(machine, "_found", set())
     monkeypatch.setattr(machine, "_beside", {})
     monkeypatch.setattr(ahead, "processors", lambda: 2)
+    monkeypatch.setattr(ahead, "_has_drawn", lambda: True)  # no pictures, unless a test wants them
     return tmp_path
 
 
@@ -54,22 +57,22 @@ def door():
 @pytest.mark.long
 def test_what_the_second_process_compiled_is_found_and_it_ends_with_the_block(fresh, monkeypatch):
     processes = begun(monkeypatch)
-    with ahead.compiling(TARGET):
+    with ahead.beside(TARGET):
         found = door()
         assert (sum(found.stats.cache_hits.values()), sum(found.stats.cache_misses.values())) == (1, 0)
     assert processes[0].returncode is not None
     assert not machine._beside
     assert not list(fresh.rglob("*.tmp.*"))
-    with ahead.compiling(TARGET):
+    with ahead.beside(TARGET):
         assert len(processes) == 1, "what is kept needs no process"
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("told", ["import nothing_of_this_name", f"print('{TARGET}')"], ids=["broken", "lies"])
+@pytest.mark.parametrize("told", ["import nothing_of_this_name", f"print({json.dumps(TARGET)!r})"], ids=["broken", "lies"])
 def test_whatever_ends_the_second_process_the_first_one_compiles(told, fresh, monkeypatch):
     monkeypatch.setattr(ahead, "_begun", lambda _: subprocess.Popen(
-        [sys.executable, "-c", told], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True))
-    with ahead.compiling(TARGET):
+        [sys.executable, "-c", told], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL))
+    with ahead.beside(TARGET):
         own = door()
         assert (sum(own.stats.cache_hits.values()), sum(own.stats.cache_misses.values())) == (0, 1)
 
@@ -77,7 +80,7 @@ def test_whatever_ends_the_second_process_the_first_one_compiles(told, fresh, mo
 def test_where_no_process_can_be_begun_none_is_waited_for(fresh, monkeypatch):
     for name, value in (("executable", str(fresh / "no-such-python")), ("frozen", True)):
         monkeypatch.setattr(sys, name, value, raising=False)
-        with ahead.compiling("s5-ob251"):
+        with ahead.beside("s5-ob251"):
             assert not machine._beside
 
 
@@ -88,9 +91,40 @@ def test_no_process_is_begun_where_it_is_of_no_use(reason, fresh, monkeypatch):
         monkeypatch.setattr(ahead, "processors", lambda: 1)
     else:
         monkeypatch.setattr(ahead, "folder", lambda: None)
-    with ahead.compiling("s5-ob251"):
+    with ahead.beside("s5-ob251"):
         pass
     assert not processes
+
+
+#: of a log's section alone: nothing else is looked at
+DOCUMENTS = {"log": {"name": "a log", "source": "made up", "repairs": [], "doubts": [], "time_s": [0.0, 1.0],
+                     "temperature_degC": [20.0, 21.0], "power_pct": [0.0, 50.0], "setpoint_degC": None},
+             "model": {"residuals": {"time_s": [0.0, 1.0], "measured_degC": [20.0, 21.0],
+                                   "simulated_degC": [20.0, 20.5]}}}
+
+
+@pytest.mark.long
+def test_what_the_second_process_drew_is_what_the_first_one_draws(fresh, monkeypatch):
+    monkeypatch.setattr(ahead, "_loops", lambda _: iter(()))
+    monkeypatch.setattr(ahead, "_has_drawn", lambda: False)
+    with ahead.beside(TARGET) as second:
+        second.draw(DOCUMENTS, "log")
+        assert second.sections() == sections(DOCUMENTS, ["log"])
+    assert second.sections() == sections(DOCUMENTS, ["log"]), "kept when it has ended"
+
+
+GARBAGE = ["[1, {}]", "null", '{"proof": 1}', "\0", "{"]
+
+
+@pytest.mark.parametrize("told", ["import nothing_of_this_name", "input()", f"print(*{GARBAGE!r}, sep='\\n')"],
+                         ids=["broken", "ends", "garbage"])
+def test_whatever_ends_the_second_process_the_first_one_draws(told, fresh, monkeypatch):
+    monkeypatch.setattr(ahead, "_has_drawn", lambda: False)
+    monkeypatch.setattr(ahead, "_begun", lambda _: subprocess.Popen(
+        [sys.executable, "-c", told], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL))
+    with ahead.beside(TARGET) as second:
+        second.draw(DOCUMENTS | {"long": {"text": "x" * 1_000_000}}, "log")
+        assert second.sections() == {}
 
 
 @pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="tells when somebody else's process ends: Linux")
@@ -102,7 +136,7 @@ def test_the_second_process_ends_when_the_first_one_is_killed(fresh):
             "    print(process.pid, flush=True)\n"
             "    return process\n"
             "ahead._begun = told\n"
-            "with ahead.compiling('s5-ob251'):\n"
+            "with ahead.beside('s5-ob251'):\n"
             "    input()\n")
     with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as first:
         second = os.pidfd_open(int(first.stdout.readline()))

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune import cache
-from heatertune.chain.ahead import compiling
-from heatertune.chain.as_left import as_left_in, beside, files_of
+from heatertune.chain.ahead import Beside, beside
+from heatertune.chain.as_left import as_left_in, files_of
+from heatertune.chain.as_left import beside as documents_beside
 from heatertune.chain.documents import log_document, read_documents, words_document
 from heatertune.chain.stages import export, fit
 from heatertune.codec import decode, encode
@@ -87,7 +88,7 @@ def design(
         HeatertuneError: as the stages; nothing is written then.
     """
     controller_for(asked.target)  # an unknown target is refused before the long part
-    with compiling(asked.target):
+    with beside(asked.target) as second:
         log = source if isinstance(source, Log) else read_log(source, read, errata=True)
         progress(_told("fit"))
         fitted = fit(log, fitted_with, companions=True, progress=progress)
@@ -96,8 +97,9 @@ def design(
         files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
         progress(_told("report"))
         documents = dossier(log, fitted, result.wished, proof, files,
-                            search=search_document(result.choice, fitted, result.notes), recipe=result.recipe)
-        _write(documents, files, out)
+                            search=search_document(result.choice, fitted, result.notes), recipe=result.recipe,
+                            second=second)
+        _write(documents, files, out, second)
         return ChainResult(log=log, fitted=fitted, closed=result, files=files, documents=documents)
 
 
@@ -124,7 +126,7 @@ def write_report(
 
 def dossier(
     log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
-    search: Mapping[str, Any] | None = None, recipe: Recipe | None = None,
+    search: Mapping[str, Any] | None = None, recipe: Recipe | None = None, second: Beside | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Return the documents of all stages, as JSON holds them: a report drawn now is one drawn later from the files.
 
@@ -136,6 +138,7 @@ def dossier(
         files: that were exported, name → content; none where the words may not leave.
         search: how the words were found, see `heatertune.plc.choose.search_document`; None: not told.
         recipe: how the design became these words; None: not told.
+        second: draws the pictures from here on; None: they are drawn later.
     """
     documents: dict[str, dict[str, Any]] = {
         "log": log_document(log),
@@ -145,11 +148,15 @@ def dossier(
         "proof": proof.to_document(),
         "pictures": pictures(wished, fitted, proof),
     }
+    if second is not None:
+        second.draw(documents, "proof", "design", "log")
     inputs = {name: documents[name] for name in ("model", "pid", "words", "proof")} | {"same_heater": log.same_heater}
     documents["comparison"] = cache.cached("comparison", inputs, lambda: encode(ComparisonView(
         price=price_of_doubt(fitted, wished), rivals=rivals(fitted, wished, proof),
         paper=paper_runs(fitted) if log.same_heater else None,
     )), lambda kept: encode(decode(ComparisonView, kept, "comparison")))
+    if second is not None:
+        second.draw(documents, "comparison")
     return documents
 
 
@@ -172,7 +179,7 @@ def redraw(
         InputError: the directory cannot be written; as `heatertune.proof.as_left.as_left`.
     """
     documents = read_documents(directory)
-    documents |= beside(directory, documents["proof"])
+    documents |= documents_beside(directory, documents["proof"])
     if record is not None and record != RecordSettings():
         own = {name: text for name, text in encode(record).items() if text is not None}
         documents["record"] = encode(RecordSettings()) | documents.get("record", {}) | own
@@ -185,13 +192,17 @@ def redraw(
     return documents
 
 
-def _write(documents: Mapping[str, Mapping[str, Any]], files: Mapping[str, str | bytes], out: str | Path) -> list[Path]:
+def _write(
+    documents: Mapping[str, Mapping[str, Any]], files: Mapping[str, str | bytes], out: str | Path,
+    second: Beside | None = None,
+) -> list[Path]:
     written = {f"{name}.json": to_json(document) for name, document in documents.items()}
     moved = {f"{DATA}/{name}": content for name, content in written.items()}
-    return write_files(out, {**files, "report.html": _page(documents), **moved}, gone=written)
+    drawn = None if second is None else second.sections()
+    return write_files(out, {**files, "report.html": _page(documents, drawn), **moved}, gone=written)
 
 
-def _page(documents: Mapping[str, Mapping[str, Any]]) -> str:
+def _page(documents: Mapping[str, Mapping[str, Any]], drawn: Mapping[str, str] | None = None) -> str:
     from heatertune.report import render  # noqa: PLC0415 - matplotlib only where pictures are drawn
 
-    return render(documents)
+    return render(documents, drawn)

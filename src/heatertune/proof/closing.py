@@ -24,6 +24,7 @@ from heatertune.proof.frames import OF_WINDUP, WAVE_S, Frame, frames, unwinds
 from heatertune.proof.gains import Family, Place
 from heatertune.proof.nearest import broken_names, settings_told
 from heatertune.proof.night import winds_up
+from heatertune.proof.runs import judged_once
 from heatertune.proof.screen import NOTICEABLE, Look, Screen
 from heatertune.proof.setpoint_ramp import BY_RAMP
 from heatertune.proof.way_on import WayOn
@@ -57,11 +58,12 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
     first = plainly(fitted, still, made=made_for(fitted, asked, progress, stage), progress=progress, stage=stage)
     if first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.heard)):
         return first
-    search = _Search(fitted=fitted, asked=asked, first=first, progress=progress)
-    mended = search.sooner() if first.proof.design is None else search.cheapest()
-    if mended is None:
-        return search.way_on.told()
-    return replace(mended, notes=(*mended.notes, *search.hints(mended)))
+    with judged_once():
+        search = _Search(fitted=fitted, asked=asked, first=first, progress=progress)
+        mended = search.sooner() if first.proof.design is None else search.cheapest()
+        if mended is None:
+            return search.way_on.told()
+        return replace(mended, notes=(*mended.notes, *search.hints(mended)))
 
 
 @dataclass(slots=True, kw_only=True)

@@ -218,15 +218,15 @@ def traced(
     )
 
 
-def run_with(controller: InLoop, given: tuple[Any, ...], scans: int) -> tuple[int, int]:
+def run_with(controller: InLoop, given: tuple[Any, ...], scans: int, *, ahead: int = 0) -> tuple[int, int]:
     """Run the kernel with a controller, compiled where that pays; `given` is what `run_all` takes from the program on.
 
-    `scans` tells how much work it is.
+    `scans` tells how much work it is, `ahead` how much more of it is sure to follow.
     """
     core = controller.core
     given = (controller.parameters, core.own(controller.state), controller.sensor, controller.scan_s, *given)
     name = f"{core.step.__module__}.{core.step.__qualname__}"
-    if core.compiles and worth_compiling(scans, name, function=run_of(core)):
+    if core.compiles and worth_compiling(scans, name, function=run_of(core), ahead=ahead):
         return run_compiled(core, given)
     return run_plainly(core, given)
 

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 
 def metered(  # noqa: PLR0913 - what differs from loop to loop stands in arrays of its own
     controller: InLoop, rows: Array, scenario: Scenario, actuator: Actuator, limits: Limits, noise_degC: Array,
-    late_s: Array, sizes: Array | None = None, *, side_by_side: bool = False,
+    late_s: Array, sizes: Array | None = None, *, side_by_side: bool = False, ahead: int = 0,
 ) -> Measured:
     """Run a controller on heaters and return what the kernel's meter found.
 
@@ -36,6 +36,7 @@ def metered(  # noqa: PLR0913 - what differs from loop to loop stands in arrays 
         late_s: of the scans, likewise.
         sizes: by what each disturbance is multiplied, a row for each heater; None: by nothing.
         side_by_side: whether they run so, all of them fitting (`heatertune.proof.lanes`); it changes no bit.
+        ahead: how many such loops are sure to follow.
     """
     scans, period, count = scans_of(controller, scenario), actuator.pwm_period_s, len(rows)
     phases = phases_measured(scenario, limits, (scans - 1) * controller.scan_s, period)
@@ -57,7 +58,7 @@ def metered(  # noqa: PLR0913 - what differs from loop to loop stands in arrays 
         none = np.empty(0)
         record = Record(False, none, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
         given = (program, batch, actuator.switches, np.inf, edges, record, meter)
-        run_with(controller, given, 2 * count * scans)  # plain, a measured scan takes as long as two
+        run_with(controller, given, 2 * count * scans, ahead=2 * ahead * scans)  # plain, a measured scan takes two
     ripple = _medians(np.where(high >= low, high - low, np.nan))
     return Measured(
         scenario=scenario, period_s=period, band_degC=band, phases=phases, rows=rows,

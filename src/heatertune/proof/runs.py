@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -24,7 +26,22 @@ from heatertune.proof.metered import metered
 from heatertune.proof.scenario import Scenario, conditions, delayed
 from heatertune.proof.trace import Trace
 
-__all__ = ["Runs"]
+__all__ = ["Runs", "judged_once"]
+
+_Judged = tuple[Criterion, ...]
+
+#: of the search that goes on: all that decides a run → what was judged of it; None: nothing is kept
+_judged: ContextVar[dict[Hashable, _Judged] | None] = ContextVar("judged", default=None)
+
+
+@contextmanager
+def judged_once() -> Iterator[None]:
+    """Judge no run twice within the block: a search comes back to words that it had in its hands before."""
+    mark = _judged.set({} if (around := _judged.get()) is None else around)
+    try:
+        yield
+    finally:
+        _judged.reset(mark)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +130,7 @@ class Runs:
         return simulate(
             self.controller, self.words, model, scenario, self.actuator, setting, self.interlock, direct=direct)
 
-    def judged(self) -> list[tuple[Criterion, ...]]:
+    def judged(self) -> list[_Judged]:
         """Return the criteria of each run."""
         if self.interlock is None:
             return self._metered(range(len(self.cases)), tell=self._tell)
@@ -123,7 +140,7 @@ class Runs:
             self._tell(len(judged))
         return judged
 
-    def judged_with(self, seeds: Sequence[int], run: int) -> list[tuple[Criterion, ...]]:
+    def judged_with(self, seeds: Sequence[int], run: int) -> list[_Judged]:
         """Return the criteria of one run with noise of other seeds."""
         if self.interlock is None:
             return self._metered([run] * len(seeds), seeds)
@@ -135,7 +152,24 @@ class Runs:
 
     def _metered(
         self, runs: Sequence[int], seeds: Sequence[int] = (), tell: Callable[[int], object] = int,
-    ) -> list[tuple[Criterion, ...]]:
+    ) -> list[_Judged]:
+        """Return the criteria of some runs, those of a search from where they are kept; arguments as `_measured`."""
+        kept = _judged.get()
+        if kept is None:
+            return self._measured(runs, seeds, tell)
+        same = repr(self.words), self.scenario, self.actuator, self.limits
+        keys = [(*same, self.label(run), tuple(self.cases[run][2].items()), self.cases[run][1], seed)
+                for run, seed in zip(runs, seeds or [self.scenario.seed] * len(runs), strict=True)]
+        new = [place for place, key in enumerate(keys) if key not in kept]
+        if new:
+            found = self._measured([runs[place] for place in new], [seeds[place] for place in new] if seeds else (),
+                                   lambda done: tell(len(runs) - len(new) + done))
+            kept |= zip([keys[place] for place in new], found, strict=True)
+        return [kept[key] for key in keys]
+
+    def _measured(
+        self, runs: Sequence[int], seeds: Sequence[int] = (), tell: Callable[[int], object] = int,
+    ) -> list[_Judged]:
         """Return the criteria of some runs, and no trace: many times as fast.
 
         Args:
@@ -152,7 +186,8 @@ class Runs:
         for loop, own in placed:
             if own:
                 parts.append(metered(
-                    loop, rows[own], self.scenario, self.actuator, self.limits, noise, np.zeros((1, 1))))
+                    loop, rows[own], self.scenario, self.actuator, self.limits, noise, np.zeros((1, 1)),
+                    ahead=len(runs) - len(done) - len(own)))
                 done += own
                 tell(len(done))
         back = np.argsort(done)

@@ -21,28 +21,38 @@ from heatertune.report.text import (
     model_rows,
 )
 
-__all__ = ["render"]
+__all__ = ["render", "sections"]
 
 Document = Mapping[str, Any]
 Documents = Mapping[str, Document]
 
 
-def render(documents: Documents) -> str:
+def render(documents: Documents, drawn: Mapping[str, str] | None = None) -> str:
     """Return the page.
 
     Args:
         documents: "log", "model", "pid", "words", "proof", "pictures" and "comparison".
+        drawn: of these documents what `sections` gave; None: nothing yet.
     """
     words = documents["words"]
     title = f"Commissioning record: {documents['log']['name']} → {words['target']}"
     proven = [words["target"], words["words"], words["sample_time_s"]]
     mark = hashlib.sha256(json.dumps(proven, sort_keys=True).encode()).hexdigest()[:16]
     signed = record(documents)
-    found = "\n".join(f"<section>{part}</section>" for section in _APPENDIX if (part := section(documents)))
+    found = "\n".join(f"<section>{part}</section>" for name, section in _APPENDIX.items()
+                      if (part := (drawn or {}).get(name) or section(documents)))
     terms = f"<section>{glossary(signed + found)}</section>"
     appendix = f'<div class="appendix"><h1>Appendix: how it was found</h1>\n{found}\n{terms}</div>'
     body = f'<div class="record">{signed}</div>\n{appendix}'
     return page(title, body, mark=mark, foot=head(documents))
+
+
+def sections(documents: Documents, names: Sequence[str]) -> dict[str, str]:
+    """Return some of the appendix's sections, of which "log", "design", "proof" and "comparison" have pictures.
+
+    Only the last one needs the comparison.
+    """
+    return {name: _APPENDIX[name](documents) for name in names}
 
 
 def _log(documents: Documents) -> str:
@@ -213,6 +223,7 @@ def _comparison(documents: Documents) -> str:
     return text
 
 
-_APPENDIX: Sequence[Callable[[Documents], str]] = (
-    specification, _proof, limits, remedies, _design, _model, _log, assumed, _comparison,
-)
+_APPENDIX: Mapping[str, Callable[[Documents], str]] = {
+    "specification": specification, "proof": _proof, "limits": limits, "remedies": remedies, "design": _design,
+    "model": _model, "log": _log, "assumed": assumed, "comparison": _comparison,
+}
