@@ -24,6 +24,7 @@ from heatertune.proof.lanes import two_lags as two
 from heatertune.proof.lanes.choice import fits
 from heatertune.proof.lanes.rows import LANES, fixed, rows_of
 from heatertune.proof.samples import Drawing, Spread, _parts, measure
+from heatertune.proof.scan_noise import _drawn
 from heatertune.settings import Conditions
 
 HEATER = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.3, ambient_degC=24.0)
@@ -164,6 +165,12 @@ def operations(function, *given):
 def test_what_each_heater_does_is_vector_instructions(part):
     given = {one._to_edges: (50.0, 1.0, 1.0), two._to_turns: ()}.get(part, (1.0,))
     alone, together = operations(part, np.zeros(choice.ROWS * LANES), *given)
+    assert alone == 0 < together
+
+
+@VECTORS
+def test_noise_is_drawn_by_vector_instructions():
+    alone, together = operations(_drawn, np.zeros(128), 0, 1, 2, 3, 4)
     assert alone == 0 < together
 
 
