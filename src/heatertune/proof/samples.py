@@ -38,6 +38,7 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Limits
 from heatertune.proof.lanes.choice import fits, pays
+from heatertune.proof.lanes.rows import STEP
 from heatertune.proof.loop import InLoop, actuator_of, in_loop, plant_row, scans_of, traced
 from heatertune.proof.measured import Measured, joined, ordered
 from heatertune.proof.metered import metered
@@ -54,7 +55,7 @@ Array = npt.NDArray[np.float64]
 _LATE: Final = 2  # stream of the delays, beside that of the heaters, 0, and that of the noise
 _NORMAL: Final = 4  # uniform numbers of which those of the heater are made
 _CHUNK: Final = 32  # samples in one call: some hundred kilobytes of noise
-_LEAST: Final = 20  # samples that take as long one after the other as a full chunk side by side
+_LEAST: Final = 5  # samples that take as long one after the other as a step side by side
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -246,8 +247,11 @@ def _parts(drawing: Drawing, seeds: Sequence[int], rows: Array, scans: int) -> l
 
 
 def _chunks(setting: int, places: npt.NDArray[np.intp], *, side_by_side: bool) -> list[_Part]:
-    chunks = [places[begin:begin + _CHUNK] for begin in range(0, len(places), _CHUNK)]
-    return [_Part(setting, chunk, side_by_side and len(chunk) >= _LEAST) for chunk in chunks]
+    rest = len(places) % STEP
+    beside = len(places) - (rest if rest < _LEAST else 0) if side_by_side else 0
+    return [_Part(setting, own[begin:begin + _CHUNK], way)
+            for own, way in ((places[:beside], True), (places[beside:], False))
+            for begin in range(0, len(own), _CHUNK)]
 
 
 def replay(drawing: Drawing, seed: int) -> Trace:

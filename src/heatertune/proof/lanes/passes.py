@@ -37,7 +37,7 @@ from heatertune.proof.lanes.parts import (
     stored_under,
 )
 from heatertune.proof.lanes.ring import Ring, Window, begun_at, next_edges
-from heatertune.proof.lanes.rows import LANES
+from heatertune.proof.lanes.rows import lanes_of
 from heatertune.proof.meter import Places, crossing, faults, rested_from, seen_from
 from heatertune.proof.plant import factors
 from heatertune.proof.program import Program, asked_now, moves
@@ -111,7 +111,7 @@ def quickly(
 def due_until(rows: Places, t: float) -> int:
     """Return to how many heaters an edge comes until an instant [s]."""
     due = 0
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         due += int(loaded_under(rows, lane).due <= t)
     return due
 
@@ -119,7 +119,7 @@ def due_until(rows: Places, t: float) -> int:
 def _to_edges(rows: Places, setpoint: float, band: float, t: float) -> int:
     """Bring the heaters to which one comes until an instant to their next edge; return how many cross a limit."""
     crossings = 0
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         line, stretch, due = loaded_line(rows, lane), loaded_stretch(rows, lane), loaded_under(rows, lane).due
         moves = due <= t
         now = due if moves else stretch.now
@@ -133,7 +133,7 @@ def _to_edges(rows: Places, setpoint: float, band: float, t: float) -> int:
 def _to_scan(rows: Places, setpoint: float, band: float, t: float) -> int:
     """Bring all heaters from one scan to the next; return how many cross a limit."""
     crossings = 0
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         stretch = loaded_stretch(rows, lane)
         y = left_of(stretch.y, stretch.target, loaded_line(rows, lane).whole)
         stored_point(rows, lane, Point(t, y, False))
@@ -144,7 +144,7 @@ def _to_scan(rows: Places, setpoint: float, band: float, t: float) -> int:
 def _on_to_scan(rows: Places, setpoint: float, band: float, t: float) -> int:
     """Bring all heaters to a scan before which an edge came to some; return how many cross a limit."""
     crossings = 0
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         line, stretch = loaded_line(rows, lane), loaded_stretch(rows, lane)
         left = factors(t - stretch.now, plant_of(line)).outer
         y = left_of(stretch.y, stretch.target, left if loaded_point(rows, lane).busy else line.whole)
@@ -161,13 +161,13 @@ def _crosses(rows: Places, lane: int, stretch: Stretch, now: float, y: float, se
 def _along(rows: Places, setpoint: float, band: float, crossings: int, lasts: bool) -> None:
     """Measure the stretches of all loops."""
     if crossings > 0:
-        for lane in range(LANES):
+        for lane in range(lanes_of(rows)):
             _seen(rows, lane, setpoint, band, True)
     else:
-        for lane in range(LANES):
+        for lane in range(lanes_of(rows)):
             _seen(rows, lane, setpoint, band, False)
     if lasts:
-        for lane in range(LANES):
+        for lane in range(lanes_of(rows)):
             _rests(rows, lane, setpoint)
 
 
@@ -189,7 +189,7 @@ def _rests(rows: Places, lane: int, setpoint: float) -> None:
 
 def switches(rows: Places, t: float) -> None:
     """Switch the heaters to which an edge came."""
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         line, stretch = loaded_line(rows, lane), loaded_stretch(rows, lane)
         point, u = loaded_point(rows, lane), loaded_under(rows, lane)
         felt = u.due <= t
@@ -203,7 +203,7 @@ def switches(rows: Places, t: float) -> None:
 
 def settled(rows: Places) -> None:
     """Begin the next stretch where the scan is."""
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         stretch, point = loaded_stretch(rows, lane), loaded_point(rows, lane)
         stored_stretch(rows, lane, Stretch(
             point.now, point.y, stretch.target, stretch.heat, stretch.load, stretch.mains))
@@ -225,7 +225,7 @@ def computed(
         wrong: see `Meter`.
     """
     due, parameters = moves(program, calls), fixed(parameters)
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         state, word = law_loaded(rows, lane)
         reading = measure(sensor, loaded_point(rows, lane).y + loaded_counts(rows, lane).noise)
         word = asked_now(program, asked, calls == 0, due, word, reading)
@@ -251,7 +251,7 @@ def switched(rows: Places, ring: Ring, number: int, pwm: Switches, begin: float,
         begin: of the period [s].
         end: of the run [s].
     """
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         u = loaded_under(rows, lane)
         seconds, owed = on_time(max(u.power, 0.0), u.owed, pwm.heat)
         rises = seconds > 0.0 and not u.on

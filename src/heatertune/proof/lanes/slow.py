@@ -40,7 +40,7 @@ from heatertune.proof.lanes.parts import (
     stored_under,
 )
 from heatertune.proof.lanes.ring import Ring, Window, following
-from heatertune.proof.lanes.rows import LANES
+from heatertune.proof.lanes.rows import lanes_of
 from heatertune.proof.meter import Meter, Places, Rest, in_period
 from heatertune.proof.meter import begin as seen_at
 from heatertune.proof.plant import factors, moved, plant_from
@@ -116,7 +116,7 @@ def slowly(  # noqa: PLR0913 - as `passes.quickly`
         now: what is common to the loops.
     """
     listed = NEVER
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         i = loop_of(batch, first, lane)
         own = meter_of(meter, i)
         kept(rows, lane, own, now)

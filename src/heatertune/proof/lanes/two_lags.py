@@ -37,7 +37,7 @@ from heatertune.proof.lanes.parts import (
 )
 from heatertune.proof.lanes.passes import due_until, settled, switches
 from heatertune.proof.lanes.ring import Ring, Window, next_edges
-from heatertune.proof.lanes.rows import LANES
+from heatertune.proof.lanes.rows import lanes_of
 from heatertune.proof.meter import Places, absolute_by, crossing, integral, rested_from, seen_from, seen_with
 from heatertune.proof.plant import (
     MOST_ROUNDS,
@@ -106,7 +106,7 @@ def _arrived(rows: Places, lane: int, before: Flow, after: Flow, busy: bool) -> 
 def _to_edges(rows: Places, t: float) -> int:
     """Bring the heaters to which one comes until an instant to their next edge; return how many may turn."""
     turns = 0
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         before, due = _before(rows, lane), loaded_under(rows, lane).due
         moves = due <= t
         now = due if moves else before.now
@@ -120,7 +120,7 @@ def _to_edges(rows: Places, t: float) -> int:
 def _to_scan(rows: Places, t: float) -> int:
     """Bring all heaters from one scan to the next; return how many may turn."""
     turns = 0
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         before, second = _before(rows, lane), loaded_second(rows, lane)
         whole = Factors(loaded_line(rows, lane).whole, second.coupling, second.inner)
         turns += _arrived(rows, lane, before, moved(before, t, whole), False)
@@ -130,7 +130,7 @@ def _to_scan(rows: Places, t: float) -> int:
 def _on_to_scan(rows: Places, t: float) -> int:
     """Bring all heaters to a scan before which an edge came to some; return how many may turn."""
     turns = 0
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         before, second, busy = _before(rows, lane), loaded_second(rows, lane), loaded_point(rows, lane).busy
         part = factors(t - before.now, _plant(rows, lane))
         left = Factors(part.outer if busy else loaded_line(rows, lane).whole,
@@ -141,7 +141,7 @@ def _on_to_scan(rows: Places, t: float) -> int:
 
 def _settled(rows: Places) -> None:
     """Begin the next stretch where the last one ended."""
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         x = loaded_inner(rows, lane).at
         stored_inner(rows, lane, Inner(x, x))
 
@@ -157,7 +157,7 @@ def _along(rows: Places, setpoint: float, band: float, turns: int, lasts: bool) 
 
 def _to_turns(rows: Places) -> None:
     """Let the stretches end where the heaters turn, or where they begin; keep where they ended."""
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         before, after, plant = _before(rows, lane), _after(rows, lane), _plant(rows, lane)
         now = turn(before, after, plant)
         turns = before.now < now < after.now
@@ -170,7 +170,7 @@ def _to_turns(rows: Places) -> None:
 
 def _from_turns(rows: Places) -> None:
     """Let the stretches begin where they ended, and end where they did before."""
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         stretch, point, end = loaded_stretch(rows, lane), loaded_point(rows, lane), loaded_end(rows, lane)
         stored_stretch(rows, lane, Stretch(
             point.now, point.y, stretch.target, stretch.heat, stretch.load, stretch.mains))
@@ -181,22 +181,22 @@ def _from_turns(rows: Places) -> None:
 def _measured(rows: Places, setpoint: float, band: float, lasts: bool) -> None:
     """Measure stretches on which no heater turns."""
     crossings = settles = 0
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         seen, after = loaded_seen(rows, lane), _after(rows, lane)
         crossings += int(crossing(seen, setpoint, band, _before(rows, lane), after))
         settles += int(seen.outside and not abs(after.y - setpoint) > band)
     if settles > 0:
-        for lane in range(LANES):
+        for lane in range(lanes_of(rows)):
             _seen(rows, lane, setpoint, band, True)
     elif crossings > 0:
         _searched(rows, setpoint)
-        for lane in range(LANES):
+        for lane in range(lanes_of(rows)):
             _split(rows, lane, setpoint, band)
     else:
-        for lane in range(LANES):
+        for lane in range(lanes_of(rows)):
             _seen(rows, lane, setpoint, band, False)
     if lasts:
-        for lane in range(LANES):
+        for lane in range(lanes_of(rows)):
             _rests(rows, lane, setpoint)
 
 
@@ -207,14 +207,14 @@ def _seen(rows: Places, lane: int, setpoint: float, band: float, crosses: bool) 
 
 def _searched(rows: Places, setpoint: float) -> None:
     """Search for the instants at which heaters cross the setpoint."""
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         before, after = _before(rows, lane), _after(rows, lane)
         s = searched_from(before, after, setpoint, _plant(rows, lane))
         stored_search(rows, lane, Search(s.low, s.high, s.now, s.y, s.x, False, not _through(before, after, setpoint)))
     rounds, missing = 0, 1
     while missing > 0 and rounds < MOST_ROUNDS:
         rounds, missing = rounds + 1, 0
-        for lane in range(LANES):
+        for lane in range(lanes_of(rows)):
             s = loaded_search(rows, lane)
             n = closer(_before(rows, lane), _after(rows, lane), setpoint, _plant(rows, lane), s)
             stored_search(rows, lane, Search(
