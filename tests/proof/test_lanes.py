@@ -22,6 +22,7 @@ from heatertune.proof.lanes import choice
 from heatertune.proof.lanes import passes as one
 from heatertune.proof.lanes import two_lags as two
 from heatertune.proof.lanes.choice import fits
+from heatertune.proof.lanes.parts import Held
 from heatertune.proof.lanes.rows import LANES, fixed, rows_of
 from heatertune.proof.samples import Drawing, Spread, _parts, measure
 from heatertune.proof.scan_noise import _drawn
@@ -171,7 +172,8 @@ def operations(function, *given):
 @VECTORS
 @pytest.mark.parametrize("part", [one._to_edges, two._to_edges, two._to_turns, two._searched], ids=["one lag", "edges", "turns", "search"])
 def test_what_each_heater_does_is_vector_instructions(part):
-    given = {one._to_edges: (50.0, 1.0, 1.0), two._to_turns: ()}.get(part, (1.0,))
+    held = Held(50.0, 1.0, False, 0.0, 1.0, np.zeros((1, 1)), np.zeros((1, 1)), 0)
+    given = {one._to_edges: (held, 1.0), two._to_turns: ()}.get(part, (1.0,))
     alone, together = operations(part, np.zeros(choice.ROWS * LANES), *given)
     assert alone == 0 < together
 

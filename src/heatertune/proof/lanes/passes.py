@@ -11,14 +11,13 @@ from heatertune.proof.lanes.parts import (
     NEVER,
     Counts,
     Edges,
-    Extremes,
+    Held,
     Point,
     Stretch,
     Under,
     flow_of,
     left_of,
     loaded_counts,
-    loaded_extremes,
     loaded_line,
     loaded_point,
     loaded_rest,
@@ -29,7 +28,6 @@ from heatertune.proof.lanes.parts import (
     plant_of,
     stored_counts,
     stored_edges,
-    stored_extremes,
     stored_point,
     stored_rest,
     stored_seen,
@@ -38,12 +36,12 @@ from heatertune.proof.lanes.parts import (
 )
 from heatertune.proof.lanes.ring import Ring, Window, begun_at, next_edges
 from heatertune.proof.lanes.rows import lanes_of
-from heatertune.proof.meter import Places, crossing, faults, rested_from, seen_from
+from heatertune.proof.meter import Places, faults, in_period, rested_from, seen_from, settling, through
 from heatertune.proof.plant import factors
 from heatertune.proof.program import Program, asked_now, moves
 
 __all__ = [
-    "computed", "due_until", "fixed", "law_loaded", "law_stored", "measure", "quickly", "settled", "step",
+    "computed", "due_until", "fixed", "law_loaded", "law_stored", "measure", "quickly", "rippled", "settled", "step",
     "switched", "switches",
 ]
 
@@ -81,30 +79,25 @@ def fixed(_parameters: Any) -> Any:
     raise NotImplementedError
 
 
-def quickly(
-    rows: Places, ring: Ring, window: Window, setpoint: float, band: float, t: float, lasts: bool
-) -> None:
+def quickly(rows: Places, ring: Ring, window: Window, held: Held, t: float) -> None:
     """Bring all heaters to a scan before which nothing happens but edges.
 
     Args:
         rows: places.
         ring: of the PWM periods.
         window: those of which edges may be felt.
-        setpoint: of the phase [°C].
-        band: how far from it is still right [°C].
+        held: what they are held against.
         t: instant of the scan [s].
-        lasts: whether the rest of the phase lasts.
     """
     quiet = True
     due = due_until(rows, t)
     while due > 0:
         quiet = False
-        _along(rows, setpoint, band, _to_edges(rows, setpoint, band, t), lasts)
+        _along(rows, held, _to_edges(rows, held, t))
         switches(rows, t)
         next_edges(rows, ring, window)
         due = due_until(rows, t)
-    crossings = _to_scan(rows, setpoint, band, t) if quiet else _on_to_scan(rows, setpoint, band, t)
-    _along(rows, setpoint, band, crossings, lasts)
+    _along(rows, held, _to_scan(rows, held, t) if quiet else _on_to_scan(rows, held, t))
     settled(rows)
 
 
@@ -116,9 +109,9 @@ def due_until(rows: Places, t: float) -> int:
     return due
 
 
-def _to_edges(rows: Places, setpoint: float, band: float, t: float) -> int:
-    """Bring the heaters to which one comes until an instant to their next edge; return how many cross a limit."""
-    crossings = 0
+def _to_edges(rows: Places, held: Held, t: float) -> tuple[int, int]:
+    """Bring the heaters to which one comes until an instant to their next edge; return as `_to_scan`."""
+    crossings = settles = 0
     for lane in range(lanes_of(rows)):
         line, stretch, due = loaded_line(rows, lane), loaded_stretch(rows, lane), loaded_under(rows, lane).due
         moves = due <= t
@@ -126,65 +119,83 @@ def _to_edges(rows: Places, setpoint: float, band: float, t: float) -> int:
         left = factors(now - stretch.now, plant_of(line)).outer
         y = left_of(stretch.y, stretch.target, left) if moves else stretch.y
         stored_point(rows, lane, Point(now, y, moves or loaded_point(rows, lane).busy))
-        crossings += _crosses(rows, lane, stretch, now, y, setpoint, band)
-    return crossings
+        through_it, into_it = _limits(rows, lane, stretch, now, y, held)
+        crossings, settles = crossings + through_it, settles + into_it
+    return crossings, settles
 
 
-def _to_scan(rows: Places, setpoint: float, band: float, t: float) -> int:
-    """Bring all heaters from one scan to the next; return how many cross a limit."""
-    crossings = 0
+def _to_scan(rows: Places, held: Held, t: float) -> tuple[int, int]:
+    """Bring all heaters from one scan to the next; return how many meet which limit, see `_limits`."""
+    crossings = settles = 0
     for lane in range(lanes_of(rows)):
         stretch = loaded_stretch(rows, lane)
         y = left_of(stretch.y, stretch.target, loaded_line(rows, lane).whole)
         stored_point(rows, lane, Point(t, y, False))
-        crossings += _crosses(rows, lane, stretch, t, y, setpoint, band)
-    return crossings
+        through_it, into_it = _limits(rows, lane, stretch, t, y, held)
+        crossings, settles = crossings + through_it, settles + into_it
+    return crossings, settles
 
 
-def _on_to_scan(rows: Places, setpoint: float, band: float, t: float) -> int:
-    """Bring all heaters to a scan before which an edge came to some; return how many cross a limit."""
-    crossings = 0
+def _on_to_scan(rows: Places, held: Held, t: float) -> tuple[int, int]:
+    """Bring all heaters to a scan before which an edge came to some; return as `_to_scan`."""
+    crossings = settles = 0
     for lane in range(lanes_of(rows)):
         line, stretch = loaded_line(rows, lane), loaded_stretch(rows, lane)
         left = factors(t - stretch.now, plant_of(line)).outer
         y = left_of(stretch.y, stretch.target, left if loaded_point(rows, lane).busy else line.whole)
         stored_point(rows, lane, Point(t, y, False))
-        crossings += _crosses(rows, lane, stretch, t, y, setpoint, band)
-    return crossings
+        through_it, into_it = _limits(rows, lane, stretch, t, y, held)
+        crossings, settles = crossings + through_it, settles + into_it
+    return crossings, settles
 
 
-def _crosses(rows: Places, lane: int, stretch: Stretch, now: float, y: float, setpoint: float, band: float) -> int:
-    return int(crossing(loaded_seen(rows, lane), setpoint, band, flow_of(stretch, stretch.now, stretch.y),
-                        flow_of(stretch, now, y)))
+def _limits(rows: Places, lane: int, stretch: Stretch, now: float, y: float, held: Held) -> tuple[int, int]:
+    """Return, as 1 or 0, whether a heater comes through the setpoint, and whether into the band."""
+    before, after = flow_of(stretch, stretch.now, stretch.y), flow_of(stretch, now, y)
+    return (int(through(held.setpoint, before, after)),
+            int(settling(loaded_seen(rows, lane), held.setpoint, held.band, after)))
 
 
-def _along(rows: Places, setpoint: float, band: float, crossings: int, lasts: bool) -> None:
-    """Measure the stretches of all loops."""
-    if crossings > 0:
+def _along(rows: Places, held: Held, limits: tuple[int, int]) -> None:
+    """Measure the stretches of all loops, of which so many come through the setpoint, and into the band."""
+    crossings, settles = limits
+    if settles > 0:
         for lane in range(lanes_of(rows)):
-            _seen(rows, lane, setpoint, band, True)
+            _seen(rows, lane, held, True, True)
+    elif crossings > 0:
+        for lane in range(lanes_of(rows)):
+            _seen(rows, lane, held, True, False)
     else:
         for lane in range(lanes_of(rows)):
-            _seen(rows, lane, setpoint, band, False)
-    if lasts:
+            _seen(rows, lane, held, False, False)
+    if held.lasts:
         for lane in range(lanes_of(rows)):
-            _rests(rows, lane, setpoint)
+            _rests(rows, lane, held.setpoint)
+    if held.resting < NEVER:
+        rippled(rows, held)
 
 
-def _seen(rows: Places, lane: int, setpoint: float, band: float, crosses: bool) -> None:
+def _seen(rows: Places, lane: int, held: Held, crosses: bool, settles: bool) -> None:
     stretch, point = loaded_stretch(rows, lane), loaded_point(rows, lane)
     stored_seen(rows, lane, seen_from(
-        loaded_seen(rows, lane), setpoint, band, 0.0, plant_of(loaded_line(rows, lane)),
-        flow_of(stretch, stretch.now, stretch.y), flow_of(stretch, point.now, point.y), crosses))
+        loaded_seen(rows, lane), held.setpoint, held.band, 0.0, plant_of(loaded_line(rows, lane)),
+        flow_of(stretch, stretch.now, stretch.y), flow_of(stretch, point.now, point.y), crosses, settles))
 
 
 def _rests(rows: Places, lane: int, setpoint: float) -> None:
-    stretch, point, extremes = loaded_stretch(rows, lane), loaded_point(rows, lane), loaded_extremes(rows, lane)
+    stretch, point = loaded_stretch(rows, lane), loaded_point(rows, lane)
     stored_rest(rows, lane, rested_from(
         loaded_rest(rows, lane), setpoint, plant_of(loaded_line(rows, lane)), flow_of(stretch, stretch.now, stretch.y),
         flow_of(stretch, point.now, point.y)))
-    error = point.y - setpoint
-    stored_extremes(rows, lane, Extremes(max(extremes.high, error), min(extremes.low, error)))
+
+
+def rippled(rows: Places, held: Held) -> None:
+    """Enter where the stretches end in the PWM periods at rest, each loop in its own."""
+    for lane in range(lanes_of(rows)):
+        point, i = loaded_point(rows, lane), min(held.first + lane, len(held.high) - 1)
+        error, high, low = point.y - held.setpoint, held.high[i], held.low[i]
+        number = in_period(held.resting, point.now, held.period, len(high))
+        high[number], low[number] = max(high[number], error), min(low[number], error)
 
 
 def switches(rows: Places, t: float) -> None:

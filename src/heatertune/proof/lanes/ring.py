@@ -86,7 +86,7 @@ def opened(
     """
     first, beyond, last = window.first, window.beyond, len(ring.begins) - 1
     while beyond < begun and ring.begins[beyond & last] + dead[0] <= t:
-        _sooner(rows, ring, beyond)
+        _sooner(rows, ring, beyond, False)
         beyond += 1
     while first + 1 < beyond and ring.begins[first + 1 & last] + dead[1] <= before:
         first += 1
@@ -95,20 +95,21 @@ def opened(
 
 def next_edges(rows: Places, ring: Ring, window: Window) -> None:
     """Look for the next edge of each heater, behind the one it felt last."""
-    for lane in range(lanes_of(rows)):
-        u = loaded_under(rows, lane)
-        stored_under(rows, lane, Under(NEVER, NEVER, u.last, u.power, u.owed, u.on, u.times, u.happened))
+    if window.first == window.beyond:
+        for lane in range(lanes_of(rows)):
+            u = loaded_under(rows, lane)
+            stored_under(rows, lane, Under(NEVER, NEVER, u.last, u.power, u.owed, u.on, u.times, u.happened))
     for number in range(window.first, window.beyond):
-        _sooner(rows, ring, number)
+        _sooner(rows, ring, number, number == window.first)
 
 
-def _sooner(rows: Places, ring: Ring, number: int) -> None:
-    """Take the edges of a period where they come before what is the next one so far."""
+def _sooner(rows: Places, ring: Ring, number: int, anew: bool) -> None:
+    """Take the edges of a period where they come before what is the next one so far; `anew`: none is."""
     place = number & (len(ring.begins) - 1)
     all_rises, all_falls = ring.rises[place], ring.falls[place]  # so a compiler sees that they follow one another
     for lane in range(lanes_of(rows)):
         u, rises, falls = loaded_under(rows, lane), all_rises[lane], all_falls[lane]
-        edge = min(u.edge, rises if rises > u.last else NEVER, falls if falls > u.last else NEVER)
+        edge = min(NEVER if anew else u.edge, rises if rises > u.last else NEVER, falls if falls > u.last else NEVER)
         stored_under(rows, lane, Under(
             edge + loaded_line(rows, lane).dead, edge, u.last, u.power, u.owed, u.on, u.times, u.happened))
 
