@@ -5,7 +5,7 @@ import pytest
 
 from heatertune import compiled as machine
 from heatertune.proof.philox import normal, uniform, words
-from heatertune.proof.scan_noise import STREAM, normals
+from heatertune.proof.scan_noise import BLOCK, STREAM, block_of, normals
 
 # Random123 (J. K. Salmon et al., SC11), file kat_vectors, lines "philox4x32 10": counter, key, answer
 KNOWN = [
@@ -35,6 +35,7 @@ def test_noise_is_box_and_mullers_of_the_words_compiled_and_plain(seed, monkeypa
         monkeypatch.setattr(machine, "_decided", [way])
         found.append(normals([seed + 1, seed], 300)[1])
     assert np.array_equal(*found)
+    assert found[0][BLOCK:2 * BLOCK].tolist() == block_of(seed, 1), "as a served PLC takes it"
     assert found[0] == pytest.approx(expected.ravel()[:300], abs=1e-12)
 
 

@@ -20,13 +20,15 @@ from heatertune.heater.elementary import logarithm
 from heatertune.proof.meter import Places
 from heatertune.proof.philox import parts, words
 
-__all__ = ["STREAM", "normals"]
+__all__ = ["BLOCK", "STREAM", "block_of", "normals"]
 
 #: of Philox, see `heatertune.proof.philox.uniform`
 STREAM: Final = 1
 
 _CALLS: Final = 32  # of a block: their first numbers, their second ones and so on stand together
-_BLOCK: Final = 4 * _CALLS
+#: scans whose numbers are drawn together
+BLOCK: Final = 4 * _CALLS
+
 _MOST_PLAIN: Final = 200_000  # numbers that take as long in plain Python as the compiler
 _QUARTER: Final = 2**30  # a word's two highest bits tell the quarter of the circle
 _ALL: Final = 0.5 * math.pi / _QUARTER
@@ -34,7 +36,7 @@ _ALL: Final = 0.5 * math.pi / _QUARTER
 
 def normals(seeds: Sequence[int], count: int) -> npt.NDArray[np.float64]:
     """Return so many numbers for each seed, shape (seeds, count)."""
-    places = np.empty((len(seeds), -(-count // _BLOCK), _BLOCK))
+    places = np.empty((len(seeds), -(-count // BLOCK), BLOCK))
     if worth_compiling(places.size, "noise", _MOST_PLAIN, _all_drawn):
         compiled(_all_drawn)(places, parts(seeds))
     else:
@@ -42,6 +44,13 @@ def normals(seeds: Sequence[int], count: int) -> npt.NDArray[np.float64]:
         _all_drawn(plain, parts(seeds).tolist())
         places[:] = plain
     return np.ascontiguousarray(places.reshape(len(seeds), -1)[:, :count])
+
+
+def block_of(seed: int, number: int) -> list[float]:
+    """Return a seed's numbers of one block of scans, in plain Python: who asks scan by scan waits for no compiler."""
+    places = [0.0] * BLOCK
+    _drawn(places, number * _CALLS, *parts([seed])[0].tolist())
+    return places
 
 
 def _all_drawn(places: Places, keys: Places) -> None:
