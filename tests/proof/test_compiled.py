@@ -198,17 +198,16 @@ def test_a_sample_depends_on_its_seed_alone():
 
 
 @pytest.mark.parametrize("seed", [0, 7, 2**64 + 5])
-def test_noise_is_of_a_philox_generator_of_the_seeds_key_whatever_was_drawn_before(seed):
+def test_noise_and_delays_of_a_sample_are_those_of_its_seed(seed):
     which = controller_for("s5-ob251")
     noisy = replace(SCENARIO, noise_degC=0.1, disturbances=())
     drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], noisy, Spread(jitter_s=0.1), PWM)
-    generator = np.random.Generator(np.random.Philox(key=seed))  # drawn from in the order that samples.py tells
-    used = np.random.Generator(np.random.Philox(key=3))
-    used.integers(2**32, dtype=np.uint32)  # leaves half a number in its buffer
-    noise, late = drawing.scans_of([seed + 1, seed], 9, used)
-    assert np.array_equal(noise[1], generator.normal(0.0, 0.1, 9))
-    assert np.array_equal(late[1], generator.uniform(0.0, 0.1, 9))
-    assert np.array_equal(drawing.scans_of([seed], 9)[0], noise[1:])
+    noise, late = drawing.scans_of([seed + 1, seed], 300)
+    assert np.array_equal(drawing.scans_of([seed], 9)[0], noise[1:, :9])
+    assert np.array_equal(drawing.scans_of([seed], 9)[1], late[1:, :9])
+    assert np.std(noise) == pytest.approx(0.1, rel=0.1)
+    assert [late.min(), late.max()] == pytest.approx([0.0, 0.1], abs=0.002)
+    assert np.abs(np.corrcoef(noise[1], late[1])[0, 1]) < 0.2
 
 
 def test_a_heater_is_drawn_alike_alone_and_among_others():

@@ -22,8 +22,10 @@ from heatertune.proof.lanes import choice
 from heatertune.proof.lanes import passes as one
 from heatertune.proof.lanes import two_lags as two
 from heatertune.proof.lanes.choice import fits
+from heatertune.proof.lanes.parts import Held
 from heatertune.proof.lanes.rows import LANES, fixed, rows_of
 from heatertune.proof.samples import Drawing, Spread, _parts, measure
+from heatertune.proof.scan_noise import _drawn
 from heatertune.settings import Conditions
 
 HEATER = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.3, ambient_degC=24.0)
@@ -118,8 +120,16 @@ def test_samples_of_a_default_proof_run_side_by_side(target, monkeypatch):
     if target in ALONE:
         assert len(alone) == len(parts)
     else:
-        assert all(len(part.places) < 20 for part in alone)
+        assert all(len(part.places) < 5 for part in alone)
         assert len(alone) <= 2 * len(drawing.controllers), "one for each setting and number of lags at most"
+
+
+@pytest.mark.parametrize("count", [1, 7, 8, 9, 23, 33])
+def test_few_loops_side_by_side_are_the_same(count, monkeypatch):
+    """They are run in steps of eight, the last one again where there are fewer."""
+    drawing = drawing_of("s5-ob251", replace(RESTARTS, noise_degC=0.1), (TWO_LAGS,))
+    monkeypatch.setattr("heatertune.proof.samples._LEAST", 1)
+    same(*(ran(drawing, monkeypatch, side_by_side=way, count=count) for way in (True, False)))
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.1])
@@ -142,7 +152,7 @@ def test_only_work_that_pays_for_the_compiler_is_done_side_by_side(monkeypatch):
     assert sum(not pays(10**7) for _ in range(20)) in range(3, 10), "many small works are a large one"
     choice._asked.clear()
     monkeypatch.setattr(machine, "is_kept", lambda _: True)
-    assert [pays(scans) for scans in (10**6, 3 * 10**7)] == [False, True]
+    assert [pays(scans) for scans in (10**5, 10**6)] == [False, True], "what is kept need only be loaded"
     monkeypatch.setattr(machine, "_decided", [False])
     assert not pays(10**9)
 
@@ -162,8 +172,15 @@ def operations(function, *given):
 @VECTORS
 @pytest.mark.parametrize("part", [one._to_edges, two._to_edges, two._to_turns, two._searched], ids=["one lag", "edges", "turns", "search"])
 def test_what_each_heater_does_is_vector_instructions(part):
-    given = {one._to_edges: (50.0, 1.0, 1.0), two._to_turns: ()}.get(part, (1.0,))
+    held = Held(50.0, 1.0, False, 0.0, 1.0, np.zeros((1, 1)), np.zeros((1, 1)), 0)
+    given = {one._to_edges: (held, 1.0), two._to_turns: ()}.get(part, (1.0,))
     alone, together = operations(part, np.zeros(choice.ROWS * LANES), *given)
+    assert alone == 0 < together
+
+
+@VECTORS
+def test_noise_is_drawn_by_vector_instructions():
+    alone, together = operations(_drawn, np.zeros(128), 0, 1, 2, 3, 4)
     assert alone == 0 < together
 
 

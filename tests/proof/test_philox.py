@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from heatertune import compiled as machine
 from heatertune.proof.philox import normal, uniform, words
+from heatertune.proof.scan_noise import BLOCK, STREAM, block_of, normals
 
 # Random123 (J. K. Salmon et al., SC11), file kat_vectors, lines "philox4x32 10": counter, key, answer
 KNOWN = [
@@ -13,13 +15,38 @@ KNOWN = [
 ]
 
 
-def _words(text):
-    return [np.array([int(word, 16)], dtype=np.uint64) for word in text.split()]
-
-
 @pytest.mark.parametrize(("counter", "key", "answer"), KNOWN)
 def test_words_are_those_its_authors_know(counter, key, answer):
-    assert [f"{int(word[0]):08x}" for word in words(_words(counter), _words(key))] == answer.split()
+    for kind in (int, lambda word: np.array([word])):
+        given = [tuple(kind(int(word, 16)) for word in text.split()) for text in (counter, key)]
+        assert [f"{int(np.ravel(word)[0]):08x}" for word in words(*given)] == answer.split()
+
+
+@pytest.mark.parametrize("seed", [0, 2**64 + 2**33 + 5])
+def test_noise_is_box_and_mullers_of_the_words_compiled_and_plain(seed, monkeypatch):
+    """√(−2·ln u) by cos and sin of the angle by NumPy's own functions, u and the angle of the words known above."""
+    call = np.arange(96)
+    key = [np.array([seed >> shift & 0xFFFFFFFF]) for shift in (0, 32, 64, 96)]
+    even = [(word + 0.5) / 2.0**32 for word in words((call, np.array([STREAM]), *key[2:]), tuple(key[:2]))]
+    radius, angle = np.sqrt(-2.0 * np.log(even[::2])), 2.0 * np.pi * np.array(even[1::2]) - np.pi / 4.0
+    expected = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1).reshape(4, 3, 32).transpose(1, 0, 2)
+    found = []
+    for way in (False, True):
+        monkeypatch.setattr(machine, "_decided", [way])
+        found.append(normals([seed + 1, seed], 300)[1])
+    assert np.array_equal(*found)
+    assert found[0][BLOCK:2 * BLOCK].tolist() == block_of(seed, 1), "as a served PLC takes it"
+    assert found[0] == pytest.approx(expected.ravel()[:300], abs=1e-12)
+
+
+def test_noise_is_normal_and_of_each_scan_its_own():
+    drawn = normals(range(100), 2000)
+    moments = [np.mean(drawn**power) for power in (1, 2, 3, 4)]
+    assert moments == pytest.approx([0.0, 1.0, 0.0, 3.0], abs=0.03)
+    assert np.mean(np.abs(drawn) < 1.959964) == pytest.approx(0.95, abs=0.002)
+    assert np.abs(np.corrcoef(drawn) - np.eye(100)).max() < 0.12
+    for apart in (1, 32, 64, 96, 128):
+        assert abs(np.mean(drawn[:, apart:] * drawn[:, :-apart])) < 0.01
 
 
 def test_numbers_are_uniform_and_normal():

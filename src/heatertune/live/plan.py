@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -22,37 +23,36 @@ from heatertune.proof.happening import events_of
 from heatertune.proof.heaters import holding
 from heatertune.proof.kernel import LOAD, MAINS
 from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop, plant_row
+from heatertune.proof.scan_noise import BLOCK, block_of
 from heatertune.proof.scenario import Load, Mains, PlcPower, Scenario, TemperatureStep, delayed
 from heatertune.settings import Conditions
 from heatertune.units import check
 
 __all__ = ["Noise", "Plan", "plan_for"]
 
-_DRAWN_AT_ONCE: Final = 4096
-
 
 class Noise:
     """The noise of a sensor, scan by scan without an end [°C]; the same numbers as an array of them has."""
 
-    def __init__(self, generator: np.random.Generator, sigma_degC: float) -> None:
-        """Draw from a generator.
+    def __init__(self, block: Callable[[int], list[float]], sigma_degC: float) -> None:
+        """Take what blocks of numbers give.
 
         Args:
-            generator: that nobody else draws from.
+            block: number of a block → standard normal numbers of its `BLOCK` scans; asked for in order.
             sigma_degC: standard deviation [°C].
         """
-        self._generator, self._sigma = generator, sigma_degC
-        self._from, self._drawn = 0, list[float]()
+        self._block, self._sigma = block, sigma_degC
+        self._number, self._drawn = -1, list[float]()
 
     def __len__(self) -> int:
         return sys.maxsize
 
     def __getitem__(self, scan: int) -> float:
         """Return the noise of a scan; scans are asked for in order, each as often as it is wanted."""
-        while scan >= self._from + len(self._drawn):
-            self._from += len(self._drawn)
-            self._drawn = self._generator.normal(0.0, self._sigma, _DRAWN_AT_ONCE).tolist()
-        return self._drawn[scan - self._from]
+        while scan >= BLOCK * (self._number + 1):
+            self._number += 1
+            self._drawn = [self._sigma * number for number in self._block(self._number)]
+        return self._drawn[scan - BLOCK * self._number]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,13 +105,12 @@ def plan_for(
     if sample is None:
         model = delayed(fitted.model, controller.delayed_s(words.scaling))
         row = plant_row(model, scenario)
-        generator = np.random.default_rng(scenario.seed)
+        block = partial(_next_block, np.random.default_rng(scenario.seed))
     else:
         check("sample", sample, least=0)
         drawing = drawing_for(words, fitted, spread or {}, conditions)
-        generator = np.random.Generator(np.random.Philox(key=0))
         (row,), (factors,) = (part.tolist() for part in drawing.heaters_of([sample]))
-        drawing.scans_of([sample], 0, generator)  # which begins its noise
+        block = partial(block_of, sample)
         switches = dict(drawing.controllers[drawing.setting(sample)].switches)
         scenario = replace(drawing.scenario, ambient_degC=row[4], start_degC=row[5], seed=sample)
     if not story:
@@ -121,8 +120,12 @@ def plan_for(
     loop = in_loop(controller, words, scenario.setpoints_degC, switches)
     return Plan(
         loop=loop, row=[float(number) for number in row], events=_events(scenario, row, factors, faults),
-        noise=Noise(generator, scenario.noise_degC) if scenario.noise_degC > 0.0 else [0.0], scenario=scenario,
+        noise=Noise(block, scenario.noise_degC) if scenario.noise_degC > 0.0 else [0.0], scenario=scenario,
         actuator=actuator_of(loop, actuator_for(conditions, words)), faults=tuple(faults))
+
+
+def _next_block(generator: np.random.Generator, _number: int) -> list[float]:
+    return [float(number) for number in generator.standard_normal(BLOCK)]
 
 
 def _demand_served(scenario: Scenario, faults: Sequence[Fault]) -> None:

@@ -18,8 +18,8 @@ from heatertune.proof.plant import Flow, Plant, area, reached
 __all__ = [
     "ABSOLUTE", "COLUMNS", "FAULTS", "HIGHEST", "LAG", "LIMITED", "LOWEST", "MEAN", "NOT_LED", "REST_HIGHEST",
     "REST_LOWEST", "SCANS", "SETTLED", "SWITCHINGS", "TOTALS", "Meter", "Places", "Rest", "Seen", "absolute_by",
-    "begin", "close", "crossing", "faults", "in_period", "integral", "is_led", "led_to", "no_meter", "rest_begins",
-    "rested", "rested_from", "seen_from", "seen_on", "seen_with",
+    "begin", "close", "faults", "in_period", "integral", "is_led", "led_to", "no_meter", "rest_begins",
+    "rested", "rested_from", "seen_from", "seen_on", "seen_with", "settling", "through",
 ]
 
 #: places for numbers: an array where the loop is compiled, a list in plain Python
@@ -140,13 +140,14 @@ def seen_on(meter: Meter, seen: Seen, plant: Plant, before: Flow, after: Flow) -
     """
     setpoint = meter.setpoints[seen.phase]
     lag = _lag(meter, seen.phase, after.now, after.y - setpoint)
-    return seen_from(seen, setpoint, meter.band, lag, plant, before, after, True)
+    return seen_from(seen, setpoint, meter.band, lag, plant, before, after, True, True)
 
 
-def seen_from(
-    seen: Seen, setpoint: float, band: float, lag: float, plant: Plant, before: Flow, after: Flow, crosses: bool
+def seen_from(  # noqa: PLR0913 - what may be left out is told part by part
+    seen: Seen, setpoint: float, band: float, lag: float, plant: Plant, before: Flow, after: Flow, crosses: bool,
+    settles: bool,
 ) -> Seen:
-    """Return the phase after a stretch, see `seen_on`; without `crosses` it must be none that `crossing` tells of.
+    """Return the phase after a stretch, see `seen_on`.
 
     Args:
         seen: the phase so far.
@@ -156,10 +157,11 @@ def seen_from(
         plant: the heater.
         before: at the stretch's begin.
         after: at its end.
-        crosses: whether limits may be crossed.
+        crosses: whether it may be one that goes `through` the setpoint.
+        settles: whether it may be one of `settling`.
     """
     settled = seen.settled
-    if crosses and seen.outside and not abs(after.y - setpoint) > band:
+    if settles and settling(seen, setpoint, band, after):
         settled = reached(before, after, setpoint + math.copysign(band, before.y - setpoint), plant).now
     absolute = _absolute(setpoint, plant, before, after) if crosses else abs(integral(setpoint, plant, before, after))
     return seen_with(seen, setpoint, band, lag, after.y, settled, absolute)
@@ -184,23 +186,26 @@ def seen_with(
                 abs(later) > band, settled, max(seen.lag, lag))
 
 
-def crossing(seen: Seen, setpoint: float, band: float, before: Flow, after: Flow) -> bool:
-    """Return whether the temperature comes to the setpoint on a stretch, or into its band.
+def through(setpoint: float, before: Flow, after: Flow) -> bool:
+    """Return whether the temperature comes through the setpoint [°C] on a stretch."""
+    return (before.y - setpoint) * (after.y - setpoint) < 0.0
+
+
+def settling(seen: Seen, setpoint: float, band: float, after: Flow) -> bool:
+    """Return whether the temperature comes into the band on a stretch.
 
     Args:
         seen: the phase so far.
         setpoint: of the phase [°C].
         band: how far from it is still right [°C].
-        before: at the stretch's begin.
-        after: at its end.
+        after: at the stretch's end.
     """
-    error, later = before.y - setpoint, after.y - setpoint
-    return error * later < 0.0 or (seen.outside and not abs(later) > band)
+    return seen.outside and not abs(after.y - setpoint) > band
 
 
 def _absolute(setpoint: float, plant: Plant, before: Flow, after: Flow) -> float:
     """Return ∫|error| over a stretch on which the temperature does not turn: it is split where the error is 0."""
-    if (before.y - setpoint) * (after.y - setpoint) >= 0.0:
+    if not through(setpoint, before, after):
         return abs(integral(setpoint, plant, before, after))
     return absolute_by(setpoint, plant, before, reached(before, after, setpoint, plant), after)
 

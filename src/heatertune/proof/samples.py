@@ -2,10 +2,9 @@
 
 The settings of what the manual leaves open are taken in turn, so that each gets as many samples.
 
-Sample number i of a run with seed S has the seed S + i, and all that is drawn for it comes from Philox generators of
-that key: heater and disturbances of all samples at once (`heatertune.proof.philox`), the noise of each from NumPy's. So
-a sample depends neither on how many there are nor on how many workers share them, and its seed alone brings it back,
-with its trace.
+Sample number i of a run with seed S has the seed S + i, and all that is drawn for it comes from streams of Philox of
+that key (`heatertune.proof.philox`, `heatertune.proof.scan_noise`). So a sample depends neither on how many there are
+nor on how many workers share them, and its seed alone brings it back, with its trace.
 
 What is drawn, each independently:
 
@@ -26,7 +25,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -39,10 +38,12 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Limits
 from heatertune.proof.lanes.choice import fits, pays
+from heatertune.proof.lanes.rows import STEP
 from heatertune.proof.loop import InLoop, actuator_of, in_loop, plant_row, scans_of, traced
 from heatertune.proof.measured import Measured, joined, ordered
 from heatertune.proof.metered import metered
 from heatertune.proof.philox import normal, uniform
+from heatertune.proof.scan_noise import normals
 from heatertune.proof.scenario import Disturbance, Load, Scenario, TemperatureStep
 from heatertune.proof.trace import Trace
 from heatertune.units import check
@@ -51,12 +52,10 @@ __all__ = ["Drawing", "Spread", "measure", "replay"]
 
 Array = npt.NDArray[np.float64]
 
-_WORD: Final = (1 << 64) - 1
-_NOT_BEGUN: Final[dict[str, Any]] = dict(np.random.Philox(key=0).state)
-
+_LATE: Final = 2  # stream of the delays, beside that of the heaters, 0, and that of the noise
 _NORMAL: Final = 4  # uniform numbers of which those of the heater are made
 _CHUNK: Final = 32  # samples in one call: some hundred kilobytes of noise
-_LEAST: Final = 20  # samples that take as long one after the other as a full chunk side by side
+_LEAST: Final = 5  # samples that take as long one after the other as a step side by side
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,28 +173,20 @@ class Drawing:
             start + shift if self.scenario.start_degC is None else start])
         return rows, 1.0 + self.spread.disturbance_pct / 100.0 * even[:, 2:]
 
-    def scans_of(
-        self, seeds: Sequence[int], scans: int, generator: np.random.Generator | None = None
-    ) -> tuple[Array, Array]:
+    def scans_of(self, seeds: Sequence[int], scans: int) -> tuple[Array, Array]:
         """Return noise [°C] and delay [s] of the scans of samples, shape (n, scans), or (1, 1) where none is.
 
         Args:
             seeds: of the n samples.
             scans: how many.
-            generator: on Philox, whatever it drew before; it goes on with the numbers of the last sample.
         """
-        noisy = self.scenario.noise_degC > 0.0
-        shaken = self.spread.jitter_s > 0.0 and not self.controllers[0].pwm_period_s
-        noise, late = (np.empty((len(seeds), scans)) if drawn else np.zeros((1, 1)) for drawn in (noisy, shaken))
-        generator = generator or np.random.Generator(np.random.Philox(key=0))
-        for place, seed in enumerate(seeds):
-            if noisy or shaken:
-                generator.bit_generator.state = _begun(seed)
-            if noisy:
-                generator.standard_normal(out=noise[place])
-            if shaken:
-                late[place] = generator.uniform(0.0, self.spread.jitter_s, scans)
-        return noise * self.scenario.noise_degC, late
+        noise = late = np.zeros((1, 1))
+        if self.scenario.noise_degC > 0.0:
+            noise = normals(seeds, scans)
+            noise *= self.scenario.noise_degC
+        if self.spread.jitter_s > 0.0 and not self.controllers[0].pwm_period_s:
+            late = self.spread.jitter_s * uniform(seeds, scans, _LATE)
+        return noise, late
 
 
 def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, workers: int | None = None) -> Measured:
@@ -256,14 +247,11 @@ def _parts(drawing: Drawing, seeds: Sequence[int], rows: Array, scans: int) -> l
 
 
 def _chunks(setting: int, places: npt.NDArray[np.intp], *, side_by_side: bool) -> list[_Part]:
-    chunks = [places[begin:begin + _CHUNK] for begin in range(0, len(places), _CHUNK)]
-    return [_Part(setting, chunk, side_by_side and len(chunk) >= _LEAST) for chunk in chunks]
-
-
-def _begun(seed: int) -> dict[str, Any]:
-    """Return the state of a Philox generator with this key that has not drawn yet."""
-    key = np.array([seed & _WORD, seed >> 64], dtype=np.uint64)
-    return _NOT_BEGUN | {"state": _NOT_BEGUN["state"] | {"key": key}}
+    rest = len(places) % STEP
+    beside = len(places) - (rest if rest < _LEAST else 0) if side_by_side else 0
+    return [_Part(setting, own[begin:begin + _CHUNK], way)
+            for own, way in ((places[:beside], True), (places[beside:], False))
+            for begin in range(0, len(own), _CHUNK)]
 
 
 def replay(drawing: Drawing, seed: int) -> Trace:

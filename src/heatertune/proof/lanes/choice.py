@@ -32,7 +32,7 @@ Array = npt.NDArray[np.float64]
 
 #: scans from which on it pays to compile the loop once more: one after the other they take as long; and to load it
 _MOST: Final = 100_000_000
-_MOST_KEPT: Final = 5_000_000
+_MOST_KEPT: Final = 600_000
 _PER_PERIOD: Final = 3.0  # a PWM period takes as long as so many scans
 _MOST_FLAGS: Final = 8  # of which `meter.faults` counts
 
@@ -88,7 +88,7 @@ def run_side_by_side(controller: InLoop, program: Program, batch: Batch, actuato
     restarts = int(np.count_nonzero(np.diff(program.supplied) > 0))
     ring = ring_for(float(batch.plants[:, 3].max()), controller.scan_s, actuator.pwm_period_s, restarts)
     run_compiled(parameters, state, controller.sensor, controller.scan_s, _held(controller, program), batch,
-                 actuator.switches, np.zeros(end * LANES), ring, meter)
+                 actuator.switches, np.zeros((end + 1) * LANES), ring, meter)
 
 
 def _held(controller: InLoop, value: Any) -> Any:

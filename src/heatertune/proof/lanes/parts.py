@@ -6,14 +6,14 @@ import math
 from typing import Final, NamedTuple
 
 from heatertune.proof.lanes.rows import rows_of
-from heatertune.proof.meter import Rest, Seen
+from heatertune.proof.meter import Places, Rest, Seen
 from heatertune.proof.plant import Flow, Plant, Search
 
 __all__ = [
-    "NEVER", "ROWS", "Counts", "Edges", "End", "Extremes", "Inner", "Line", "Now", "Point", "Second", "Stretch",
-    "Under", "flow_of", "left_of", "loaded_counts", "loaded_edges", "loaded_end", "loaded_extremes", "loaded_inner",
+    "NEVER", "ROWS", "Counts", "Edges", "End", "Held", "Inner", "Line", "Now", "Point", "Second", "Stretch",
+    "Under", "flow_of", "left_of", "loaded_counts", "loaded_edges", "loaded_end", "loaded_inner",
     "loaded_line", "loaded_point", "loaded_rest", "loaded_search", "loaded_second", "loaded_seen", "loaded_stretch",
-    "loaded_under", "other", "plant_of", "stored_counts", "stored_edges", "stored_end", "stored_extremes",
+    "loaded_under", "other", "plant_of", "stored_counts", "stored_edges", "stored_end",
     "stored_inner", "stored_line", "stored_point", "stored_rest", "stored_search", "stored_second", "stored_seen",
     "stored_stretch", "stored_under",
 ]
@@ -106,13 +106,6 @@ class Edges(NamedTuple):
     falls: float
 
 
-class Extremes(NamedTuple):
-    """Largest and smallest error in this PWM period at rest, as far as `Meter` has not got them [°C]."""
-
-    high: float
-    low: float
-
-
 class Counts(NamedTuple):
     """Noise of this scan [°C], scans at a limit, faults."""
 
@@ -129,14 +122,36 @@ class Now(NamedTuple):
         phase: its number.
         lasts: whether its rest lasts.
         resting: since when, where it is the rest of the first phase, else infinite [s].
-        number: of the PWM period of that rest.
     """
 
     listed: float
     phase: int
     lasts: bool
     resting: float
-    number: int
+
+
+class Held(NamedTuple):
+    """What 32 loops are held against in a phase, and where the ripple of the first one is kept, see `Meter`.
+
+    Attributes:
+        setpoint: [°C].
+        band: how far from it is still right [°C].
+        lasts: whether the rest lasts.
+        resting: since when ripple is measured; infinite: it is not [s].
+        period: PWM period [s].
+        high: of all loops.
+        low: likewise.
+        first: number of the first of the 32 loops.
+    """
+
+    setpoint: float
+    band: float
+    lasts: bool
+    resting: float
+    period: float
+    high: Places
+    low: Places
+    first: int
 
 
 NEVER: Final = math.inf
@@ -147,7 +162,6 @@ loaded_point, stored_point, _end = rows_of(Point(0.0, 0.0, False), _end)
 loaded_under, stored_under, _end = rows_of(Under(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0, 0), _end)
 loaded_seen, stored_seen, _end = rows_of(Seen(0, 0.0, 0.0, 0.0, False, 0.0, 0.0), _end)
 loaded_rest, stored_rest, _end = rows_of(Rest(False, 0.0, 0.0, 0.0, 0.0), _end)
-loaded_extremes, stored_extremes, _end = rows_of(Extremes(0.0, 0.0), _end)
 loaded_counts, stored_counts, _end = rows_of(Counts(0.0, 0.0, 0.0), _end)
 loaded_second, stored_second, _end = rows_of(_NO_SECOND, _end)
 loaded_inner, stored_inner, _end = rows_of(Inner(0.0, 0.0), _end)

@@ -11,14 +11,13 @@ from heatertune.proof.lanes.parts import (
     NEVER,
     Counts,
     Edges,
-    Extremes,
+    Held,
     Point,
     Stretch,
     Under,
     flow_of,
     left_of,
     loaded_counts,
-    loaded_extremes,
     loaded_line,
     loaded_point,
     loaded_rest,
@@ -29,7 +28,6 @@ from heatertune.proof.lanes.parts import (
     plant_of,
     stored_counts,
     stored_edges,
-    stored_extremes,
     stored_point,
     stored_rest,
     stored_seen,
@@ -37,13 +35,13 @@ from heatertune.proof.lanes.parts import (
     stored_under,
 )
 from heatertune.proof.lanes.ring import Ring, Window, begun_at, next_edges
-from heatertune.proof.lanes.rows import LANES
-from heatertune.proof.meter import Places, crossing, faults, rested_from, seen_from
+from heatertune.proof.lanes.rows import lanes_of
+from heatertune.proof.meter import Places, faults, in_period, rested_from, seen_from, settling, through
 from heatertune.proof.plant import factors
 from heatertune.proof.program import Program, asked_now, moves
 
 __all__ = [
-    "computed", "due_until", "fixed", "law_loaded", "law_stored", "measure", "quickly", "settled", "step",
+    "computed", "due_until", "fixed", "law_loaded", "law_stored", "measure", "quickly", "rippled", "settled", "step",
     "switched", "switches",
 ]
 
@@ -81,115 +79,128 @@ def fixed(_parameters: Any) -> Any:
     raise NotImplementedError
 
 
-def quickly(
-    rows: Places, ring: Ring, window: Window, setpoint: float, band: float, t: float, lasts: bool
-) -> None:
+def quickly(rows: Places, ring: Ring, window: Window, held: Held, t: float) -> None:
     """Bring all heaters to a scan before which nothing happens but edges.
 
     Args:
         rows: places.
         ring: of the PWM periods.
         window: those of which edges may be felt.
-        setpoint: of the phase [°C].
-        band: how far from it is still right [°C].
+        held: what they are held against.
         t: instant of the scan [s].
-        lasts: whether the rest of the phase lasts.
     """
     quiet = True
     due = due_until(rows, t)
     while due > 0:
         quiet = False
-        _along(rows, setpoint, band, _to_edges(rows, setpoint, band, t), lasts)
+        _along(rows, held, _to_edges(rows, held, t))
         switches(rows, t)
         next_edges(rows, ring, window)
         due = due_until(rows, t)
-    crossings = _to_scan(rows, setpoint, band, t) if quiet else _on_to_scan(rows, setpoint, band, t)
-    _along(rows, setpoint, band, crossings, lasts)
+    _along(rows, held, _to_scan(rows, held, t) if quiet else _on_to_scan(rows, held, t))
     settled(rows)
 
 
 def due_until(rows: Places, t: float) -> int:
     """Return to how many heaters an edge comes until an instant [s]."""
     due = 0
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         due += int(loaded_under(rows, lane).due <= t)
     return due
 
 
-def _to_edges(rows: Places, setpoint: float, band: float, t: float) -> int:
-    """Bring the heaters to which one comes until an instant to their next edge; return how many cross a limit."""
-    crossings = 0
-    for lane in range(LANES):
+def _to_edges(rows: Places, held: Held, t: float) -> tuple[int, int]:
+    """Bring the heaters to which one comes until an instant to their next edge; return as `_to_scan`."""
+    crossings = settles = 0
+    for lane in range(lanes_of(rows)):
         line, stretch, due = loaded_line(rows, lane), loaded_stretch(rows, lane), loaded_under(rows, lane).due
         moves = due <= t
         now = due if moves else stretch.now
         left = factors(now - stretch.now, plant_of(line)).outer
         y = left_of(stretch.y, stretch.target, left) if moves else stretch.y
         stored_point(rows, lane, Point(now, y, moves or loaded_point(rows, lane).busy))
-        crossings += _crosses(rows, lane, stretch, now, y, setpoint, band)
-    return crossings
+        through_it, into_it = _limits(rows, lane, stretch, now, y, held)
+        crossings, settles = crossings + through_it, settles + into_it
+    return crossings, settles
 
 
-def _to_scan(rows: Places, setpoint: float, band: float, t: float) -> int:
-    """Bring all heaters from one scan to the next; return how many cross a limit."""
-    crossings = 0
-    for lane in range(LANES):
+def _to_scan(rows: Places, held: Held, t: float) -> tuple[int, int]:
+    """Bring all heaters from one scan to the next; return how many meet which limit, see `_limits`."""
+    crossings = settles = 0
+    for lane in range(lanes_of(rows)):
         stretch = loaded_stretch(rows, lane)
         y = left_of(stretch.y, stretch.target, loaded_line(rows, lane).whole)
         stored_point(rows, lane, Point(t, y, False))
-        crossings += _crosses(rows, lane, stretch, t, y, setpoint, band)
-    return crossings
+        through_it, into_it = _limits(rows, lane, stretch, t, y, held)
+        crossings, settles = crossings + through_it, settles + into_it
+    return crossings, settles
 
 
-def _on_to_scan(rows: Places, setpoint: float, band: float, t: float) -> int:
-    """Bring all heaters to a scan before which an edge came to some; return how many cross a limit."""
-    crossings = 0
-    for lane in range(LANES):
+def _on_to_scan(rows: Places, held: Held, t: float) -> tuple[int, int]:
+    """Bring all heaters to a scan before which an edge came to some; return as `_to_scan`."""
+    crossings = settles = 0
+    for lane in range(lanes_of(rows)):
         line, stretch = loaded_line(rows, lane), loaded_stretch(rows, lane)
         left = factors(t - stretch.now, plant_of(line)).outer
         y = left_of(stretch.y, stretch.target, left if loaded_point(rows, lane).busy else line.whole)
         stored_point(rows, lane, Point(t, y, False))
-        crossings += _crosses(rows, lane, stretch, t, y, setpoint, band)
-    return crossings
+        through_it, into_it = _limits(rows, lane, stretch, t, y, held)
+        crossings, settles = crossings + through_it, settles + into_it
+    return crossings, settles
 
 
-def _crosses(rows: Places, lane: int, stretch: Stretch, now: float, y: float, setpoint: float, band: float) -> int:
-    return int(crossing(loaded_seen(rows, lane), setpoint, band, flow_of(stretch, stretch.now, stretch.y),
-                        flow_of(stretch, now, y)))
+def _limits(rows: Places, lane: int, stretch: Stretch, now: float, y: float, held: Held) -> tuple[int, int]:
+    """Return, as 1 or 0, whether a heater comes through the setpoint, and whether into the band."""
+    before, after = flow_of(stretch, stretch.now, stretch.y), flow_of(stretch, now, y)
+    return (int(through(held.setpoint, before, after)),
+            int(settling(loaded_seen(rows, lane), held.setpoint, held.band, after)))
 
 
-def _along(rows: Places, setpoint: float, band: float, crossings: int, lasts: bool) -> None:
-    """Measure the stretches of all loops."""
-    if crossings > 0:
-        for lane in range(LANES):
-            _seen(rows, lane, setpoint, band, True)
+def _along(rows: Places, held: Held, limits: tuple[int, int]) -> None:
+    """Measure the stretches of all loops, of which so many come through the setpoint, and into the band."""
+    crossings, settles = limits
+    if settles > 0:
+        for lane in range(lanes_of(rows)):
+            _seen(rows, lane, held, True, True)
+    elif crossings > 0:
+        for lane in range(lanes_of(rows)):
+            _seen(rows, lane, held, True, False)
     else:
-        for lane in range(LANES):
-            _seen(rows, lane, setpoint, band, False)
-    if lasts:
-        for lane in range(LANES):
-            _rests(rows, lane, setpoint)
+        for lane in range(lanes_of(rows)):
+            _seen(rows, lane, held, False, False)
+    if held.lasts:
+        for lane in range(lanes_of(rows)):
+            _rests(rows, lane, held.setpoint)
+    if held.resting < NEVER:
+        rippled(rows, held)
 
 
-def _seen(rows: Places, lane: int, setpoint: float, band: float, crosses: bool) -> None:
+def _seen(rows: Places, lane: int, held: Held, crosses: bool, settles: bool) -> None:
     stretch, point = loaded_stretch(rows, lane), loaded_point(rows, lane)
     stored_seen(rows, lane, seen_from(
-        loaded_seen(rows, lane), setpoint, band, 0.0, plant_of(loaded_line(rows, lane)),
-        flow_of(stretch, stretch.now, stretch.y), flow_of(stretch, point.now, point.y), crosses))
+        loaded_seen(rows, lane), held.setpoint, held.band, 0.0, plant_of(loaded_line(rows, lane)),
+        flow_of(stretch, stretch.now, stretch.y), flow_of(stretch, point.now, point.y), crosses, settles))
 
 
 def _rests(rows: Places, lane: int, setpoint: float) -> None:
-    stretch, point, extremes = loaded_stretch(rows, lane), loaded_point(rows, lane), loaded_extremes(rows, lane)
+    stretch, point = loaded_stretch(rows, lane), loaded_point(rows, lane)
     stored_rest(rows, lane, rested_from(
         loaded_rest(rows, lane), setpoint, plant_of(loaded_line(rows, lane)), flow_of(stretch, stretch.now, stretch.y),
         flow_of(stretch, point.now, point.y)))
-    error = point.y - setpoint
-    stored_extremes(rows, lane, Extremes(max(extremes.high, error), min(extremes.low, error)))
+
+
+def rippled(rows: Places, held: Held) -> None:
+    """Enter where the stretches end in the PWM periods at rest, each loop in its own."""
+    for lane in range(lanes_of(rows)):
+        point, i = loaded_point(rows, lane), min(held.first + lane, len(held.high) - 1)
+        error, high, low = point.y - held.setpoint, held.high[i], held.low[i]
+        number = in_period(held.resting, point.now, held.period, len(high))
+        high[number], low[number] = max(high[number], error), min(low[number], error)
 
 
 def switches(rows: Places, t: float) -> None:
     """Switch the heaters to which an edge came."""
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         line, stretch = loaded_line(rows, lane), loaded_stretch(rows, lane)
         point, u = loaded_point(rows, lane), loaded_under(rows, lane)
         felt = u.due <= t
@@ -203,7 +214,7 @@ def switches(rows: Places, t: float) -> None:
 
 def settled(rows: Places) -> None:
     """Begin the next stretch where the scan is."""
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         stretch, point = loaded_stretch(rows, lane), loaded_point(rows, lane)
         stored_stretch(rows, lane, Stretch(
             point.now, point.y, stretch.target, stretch.heat, stretch.load, stretch.mains))
@@ -225,7 +236,7 @@ def computed(
         wrong: see `Meter`.
     """
     due, parameters = moves(program, calls), fixed(parameters)
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         state, word = law_loaded(rows, lane)
         reading = measure(sensor, loaded_point(rows, lane).y + loaded_counts(rows, lane).noise)
         word = asked_now(program, asked, calls == 0, due, word, reading)
@@ -251,7 +262,7 @@ def switched(rows: Places, ring: Ring, number: int, pwm: Switches, begin: float,
         begin: of the period [s].
         end: of the run [s].
     """
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         u = loaded_under(rows, lane)
         seconds, owed = on_time(max(u.power, 0.0), u.owed, pwm.heat)
         rises = seconds > 0.0 and not u.on

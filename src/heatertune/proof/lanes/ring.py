@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from heatertune.proof.lanes.parts import NEVER, Under, loaded_edges, loaded_line, loaded_under, stored_under
-from heatertune.proof.lanes.rows import LANES
+from heatertune.proof.lanes.rows import LANES, lanes_of
 from heatertune.proof.meter import Places
 
 __all__ = ["Ring", "Window", "begun_at", "cut_off", "following", "next_edges", "opened", "ring_for"]
@@ -65,7 +65,7 @@ def begun_at(rows: Places, ring: Ring, number: int, begin: float) -> None:
     place = number & (len(ring.begins) - 1)
     ring.begins[place] = begin
     all_rises, all_falls = ring.rises[place], ring.falls[place]
-    for lane in range(LANES):  # a pass of its own: a compiler sees less where two arrays are written
+    for lane in range(lanes_of(rows)):  # a pass of its own: a compiler sees less where two arrays are written
         edges = loaded_edges(rows, lane)
         all_rises[lane], all_falls[lane] = edges.rises, edges.falls
 
@@ -86,7 +86,7 @@ def opened(
     """
     first, beyond, last = window.first, window.beyond, len(ring.begins) - 1
     while beyond < begun and ring.begins[beyond & last] + dead[0] <= t:
-        _sooner(rows, ring, beyond)
+        _sooner(rows, ring, beyond, False)
         beyond += 1
     while first + 1 < beyond and ring.begins[first + 1 & last] + dead[1] <= before:
         first += 1
@@ -95,20 +95,21 @@ def opened(
 
 def next_edges(rows: Places, ring: Ring, window: Window) -> None:
     """Look for the next edge of each heater, behind the one it felt last."""
-    for lane in range(LANES):
-        u = loaded_under(rows, lane)
-        stored_under(rows, lane, Under(NEVER, NEVER, u.last, u.power, u.owed, u.on, u.times, u.happened))
+    if window.first == window.beyond:
+        for lane in range(lanes_of(rows)):
+            u = loaded_under(rows, lane)
+            stored_under(rows, lane, Under(NEVER, NEVER, u.last, u.power, u.owed, u.on, u.times, u.happened))
     for number in range(window.first, window.beyond):
-        _sooner(rows, ring, number)
+        _sooner(rows, ring, number, number == window.first)
 
 
-def _sooner(rows: Places, ring: Ring, number: int) -> None:
-    """Take the edges of a period where they come before what is the next one so far."""
+def _sooner(rows: Places, ring: Ring, number: int, anew: bool) -> None:
+    """Take the edges of a period where they come before what is the next one so far; `anew`: none is."""
     place = number & (len(ring.begins) - 1)
     all_rises, all_falls = ring.rises[place], ring.falls[place]  # so a compiler sees that they follow one another
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         u, rises, falls = loaded_under(rows, lane), all_rises[lane], all_falls[lane]
-        edge = min(u.edge, rises if rises > u.last else NEVER, falls if falls > u.last else NEVER)
+        edge = min(NEVER if anew else u.edge, rises if rises > u.last else NEVER, falls if falls > u.last else NEVER)
         stored_under(rows, lane, Under(
             edge + loaded_line(rows, lane).dead, edge, u.last, u.power, u.owed, u.on, u.times, u.happened))
 
@@ -132,7 +133,7 @@ def cut_off(rows: Places, ring: Ring, begun: int, now: float) -> None:
         now: instant of the scan [s].
     """
     all_falls = ring.falls[begun - 1 & len(ring.begins) - 1]
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         u, falls = loaded_under(rows, lane), all_falls[lane]
         all_falls[lane] = now if u.on or now < falls < NEVER else falls
         stored_under(rows, lane, Under(u.due, u.edge, u.last, 0.0, u.owed, False, u.times, u.happened))

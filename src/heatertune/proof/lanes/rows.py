@@ -14,10 +14,12 @@ from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 
-__all__ = ["LANES", "Rows", "fixed", "rows_of"]
+__all__ = ["LANES", "STEP", "Rows", "fixed", "lanes_of", "rows_of"]
 
 #: loops side by side: with fewer a compiler unrolls them first and then sees none, with more one waits for all others
 LANES: Final = 32
+#: fewer loops are run in so many steps of as many
+STEP: Final = 8
 _BEYOND: Final = 1000  # lines
 
 _LOAD: Final = {
@@ -38,6 +40,14 @@ class Rows(NamedTuple):
     loaded: Callable[[Any, int], Any]
     stored: Callable[[Any, int, Any], None]
     end: int
+
+
+def lanes_of(rows: Any) -> int:
+    """Return how many loops stand side by side: what an array is longer than whole rows, in steps of `STEP`.
+
+    A compiler sees of which number it is a multiple, and that it does not change.
+    """
+    return (len(rows) - STEP & LANES - STEP) + STEP
 
 
 def rows_of(value: Any, first: int = 0) -> Rows:

@@ -19,6 +19,7 @@ from heatertune.proof.kernel import Batch, apart, restarted, ticked_on
 from heatertune.proof.lanes.parts import (
     NEVER,
     Counts,
+    Held,
     Now,
     loaded_counts,
     loaded_rest,
@@ -28,8 +29,8 @@ from heatertune.proof.lanes.parts import (
 )
 from heatertune.proof.lanes.passes import computed, law_loaded, law_stored, quickly, switched
 from heatertune.proof.lanes.ring import Ring, Window, cut_off, next_edges, opened
-from heatertune.proof.lanes.rows import LANES
-from heatertune.proof.lanes.slow import kept, loop_of, meter_of, number_at, slowly, started
+from heatertune.proof.lanes.rows import LANES, STEP, lanes_of
+from heatertune.proof.lanes.slow import loop_of, meter_of, slowly, started
 from heatertune.proof.meter import FAULTS, LIMITED, SCANS, SWITCHINGS, Meter, Places, close
 from heatertune.proof.program import Program
 
@@ -50,13 +51,15 @@ def run_in_lanes(  # noqa: PLR0913 - as `kernel.run_all`
         program: whose setpoint is not led.
         batch: heaters of one lag, no scan late.
         pwm: without a cooler.
-        rows: places, `LANES` for each row.
+        rows: places, `LANES` for each row, and as many again, see `lanes_of`.
         ring: for the longest dead time.
         meter: that measures.
     """
     first = 0
     while first < len(batch.plants):
-        group(parameters, state, sensor, scan_s, program, batch, pwm, rows, ring, meter, first)
+        lanes = min(len(batch.plants) - first + STEP - 1 & -STEP, LANES)
+        places = rows[:len(rows) - LANES + lanes]
+        group(parameters, state, sensor, scan_s, program, batch, pwm, places, ring, meter, first)
         first += LANES
 
 
@@ -83,18 +86,19 @@ def group(  # noqa: PLR0913 - as `kernel.run`
     begin, tick, origin, t = 0.0, 0.0, 0.0, 0.0
     begun = ticked = number = calls = scans = 0
     window, shortest, longest = Window(0, 0), NEVER, 0.0
-    now = Now(0.0, 0, False, NEVER, 0)  # an event is due, so the first scan is no quick one
-    for lane in range(LANES):
+    now = Now(0.0, 0, False, NEVER)  # an event is due, so the first scan is no quick one
+    for lane in range(lanes_of(rows)):
         i = loop_of(batch, first, lane)
         started(rows, lane, batch.plants[i], scan_s, meter, batch.noise[i % len(batch.noise)][0])
         law_stored(rows, lane, (state, program.asked[0]))
         shortest, longest = min(shortest, batch.plants[i][3]), max(longest, batch.plants[i][3])
     for k in range(batch.scans):
         window = opened(rows, ring, window, number, (k - 1) * scan_s, t, (shortest, longest))
-        if now.listed <= t or number_at(meter, now.resting, t) != now.number:
-            now = slowly(rows, ring, window, batch, meter, first, t, k > 0, now)
+        if now.listed <= t:
+            now = slowly(rows, ring, window, batch, meter, first, t, k > 0)
         else:
-            quickly(rows, ring, window, meter.setpoints[now.phase], meter.band, t, now.lasts)
+            quickly(rows, ring, window, Held(meter.setpoints[now.phase], meter.band, now.lasts, now.resting,
+                                             meter.period, meter.high, meter.low, first), t)
         if noisy:
             _heard(rows, batch, first, k)
         supplied = program.supplied[now.phase]
@@ -117,12 +121,12 @@ def group(  # noqa: PLR0913 - as `kernel.run`
             switched(rows, ring, number, pwm, begin, end)
             begun, number = begun + 1, number + 1
             begin = origin + begun * period
-    _ended(rows, meter, first, min(LANES, len(batch.plants) - first), scans, now)
+    _ended(rows, meter, first, min(lanes_of(rows), len(batch.plants) - first), scans)
 
 
 def _heard(rows: Places, batch: Batch, first: int, k: int) -> None:
     """Take the noise of a scan."""
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         i, counts = loop_of(batch, first, lane), loaded_counts(rows, lane)
         stored_counts(rows, lane, Counts(batch.noise[i % len(batch.noise)][k], counts.limited, counts.faults))
 
@@ -135,16 +139,15 @@ def started_up(rows: Places, parameters: Any, cold: Any) -> None:
         parameters: what `step` takes.
         cold: state at the start.
     """
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         state, word = law_loaded(rows, lane)
         law_stored(rows, lane, (restarted(parameters, cold, state), word))
 
 
-def _ended(rows: Places, meter: Meter, first: int, count: int, scans: int, now: Now) -> None:
+def _ended(rows: Places, meter: Meter, first: int, count: int, scans: int) -> None:
     """Write down what the loops amount to; `scans` are those that were run."""
     for lane in range(count):
         own, counts = meter_of(meter, first + lane), loaded_counts(rows, lane)
-        kept(rows, lane, own, now)
         close(own, loaded_seen(rows, lane), loaded_rest(rows, lane))
         own.totals[SCANS], own.totals[LIMITED] = float(scans), counts.limited
         own.totals[FAULTS], own.totals[SWITCHINGS] = counts.faults, loaded_under(rows, lane).times

@@ -9,7 +9,6 @@ from heatertune.proof.kernel import HEAT, Batch, changed, divided, measured
 from heatertune.proof.lanes.parts import (
     NEVER,
     Counts,
-    Extremes,
     Inner,
     Line,
     Now,
@@ -18,7 +17,6 @@ from heatertune.proof.lanes.parts import (
     Stretch,
     Under,
     flow_of,
-    loaded_extremes,
     loaded_inner,
     loaded_line,
     loaded_rest,
@@ -29,7 +27,6 @@ from heatertune.proof.lanes.parts import (
     other,
     plant_of,
     stored_counts,
-    stored_extremes,
     stored_inner,
     stored_line,
     stored_point,
@@ -40,12 +37,12 @@ from heatertune.proof.lanes.parts import (
     stored_under,
 )
 from heatertune.proof.lanes.ring import Ring, Window, following
-from heatertune.proof.lanes.rows import LANES
-from heatertune.proof.meter import Meter, Places, Rest, in_period
+from heatertune.proof.lanes.rows import lanes_of
+from heatertune.proof.meter import Meter, Places, Rest
 from heatertune.proof.meter import begin as seen_at
 from heatertune.proof.plant import factors, moved, plant_from
 
-__all__ = ["kept", "loop_of", "meter_of", "number_at", "slowly", "started"]
+__all__ = ["loop_of", "meter_of", "slowly", "started"]
 
 
 def loop_of(batch: Batch, first: int, lane: int) -> int:
@@ -81,28 +78,13 @@ def started(rows: Places, lane: int, row: Places, scan_s: float, meter: Meter, n
     stored_under(rows, lane, Under(NEVER, NEVER, -1.0, 0.0, 0.0, False, 0.0, 0))
     stored_seen(rows, lane, seen_at(meter, 0, 0.0, y - meter.setpoints[0]))
     stored_rest(rows, lane, Rest(False, 0.0, 0.0, 0.0, 0.0))
-    stored_extremes(rows, lane, Extremes(-NEVER, NEVER))
     stored_counts(rows, lane, Counts(noise, 0.0, 0.0))
 
 
-def number_at(meter: Meter, resting: float, t: float) -> int:
-    """Return the number of the PWM period at rest at an instant, 0 where none is counted."""
-    return in_period(resting, t, meter.period, len(meter.high[0])) if resting <= t else 0
-
-
-def kept(rows: Places, lane: int, own: Meter, now: Now) -> None:
-    """Write down the extremes of a PWM period at rest, and begin anew."""
-    if now.resting < NEVER:
-        extremes = loaded_extremes(rows, lane)
-        own.high[now.number] = max(own.high[now.number], extremes.high)
-        own.low[now.number] = min(own.low[now.number], extremes.low)
-    stored_extremes(rows, lane, Extremes(-NEVER, NEVER))
-
-
-def slowly(  # noqa: PLR0913 - as `passes.quickly`
-    rows: Places, ring: Ring, window: Window, batch: Batch, meter: Meter, first: int, t: float, steady: bool, now: Now
+def slowly(
+    rows: Places, ring: Ring, window: Window, batch: Batch, meter: Meter, first: int, t: float, steady: bool
 ) -> Now:
-    """Bring all heaters to a scan, whatever happens before it, one after the other; `steady`: not the first scan.
+    """Bring all heaters to a scan, whatever happens before it, one after the other; return what is common then.
 
     Args:
         rows: places.
@@ -113,20 +95,18 @@ def slowly(  # noqa: PLR0913 - as `passes.quickly`
         first: number of the first of the 32 loops.
         t: instant of the scan [s].
         steady: whether it is not the first scan.
-        now: what is common to the loops.
     """
     listed = NEVER
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         i = loop_of(batch, first, lane)
         own = meter_of(meter, i)
-        kept(rows, lane, own, now)
         listed = min(listed, batch.event_time[i][_lived(rows, ring, window, lane, batch, own, i, t, steady)])
     seen, rest = loaded_seen(rows, 0), loaded_rest(rows, 0)
     resting = rest.start if rest.lasts and seen.phase == 0 else NEVER
-    return Now(listed, seen.phase, rest.lasts, resting, number_at(meter, resting, t))
+    return Now(listed, seen.phase, rest.lasts, resting)
 
 
-def _lived(  # noqa: PLR0913 - as `slowly`
+def _lived(  # noqa: PLR0913 - as `kernel.run`
     rows: Places, ring: Ring, window: Window, lane: int, batch: Batch, own: Meter, i: int, t: float, steady: bool
 ) -> Any:
     """Bring one heater to a scan as `kernel.run` does; return how many events there were so far."""

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from heatertune.heater.exact import Factors
 from heatertune.proof.lanes.parts import (
+    NEVER,
     End,
-    Extremes,
+    Held,
     Inner,
     Point,
     Stretch,
     flow_of,
     loaded_end,
-    loaded_extremes,
     loaded_inner,
     loaded_line,
     loaded_point,
@@ -27,7 +27,6 @@ from heatertune.proof.lanes.parts import (
     loaded_under,
     plant_of,
     stored_end,
-    stored_extremes,
     stored_inner,
     stored_point,
     stored_rest,
@@ -35,10 +34,10 @@ from heatertune.proof.lanes.parts import (
     stored_seen,
     stored_stretch,
 )
-from heatertune.proof.lanes.passes import due_until, settled, switches
+from heatertune.proof.lanes.passes import due_until, rippled, settled, switches
 from heatertune.proof.lanes.ring import Ring, Window, next_edges
-from heatertune.proof.lanes.rows import LANES
-from heatertune.proof.meter import Places, absolute_by, crossing, integral, rested_from, seen_from, seen_with
+from heatertune.proof.lanes.rows import lanes_of
+from heatertune.proof.meter import Places, absolute_by, integral, rested_from, seen_from, seen_with, settling, through
 from heatertune.proof.plant import (
     MOST_ROUNDS,
     Flow,
@@ -54,30 +53,26 @@ from heatertune.proof.plant import (
 __all__ = ["quickly"]
 
 
-def quickly(
-    rows: Places, ring: Ring, window: Window, setpoint: float, band: float, t: float, lasts: bool
-) -> None:
+def quickly(rows: Places, ring: Ring, window: Window, held: Held, t: float) -> None:
     """Bring all heaters to a scan before which nothing happens but edges.
 
     Args:
         rows: places.
         ring: of the PWM periods.
         window: those of which edges may be felt.
-        setpoint: of the phase [°C].
-        band: how far from it is still right [°C].
+        held: what they are held against.
         t: instant of the scan [s].
-        lasts: whether the rest of the phase lasts.
     """
     quiet = True
     due = due_until(rows, t)
     while due > 0:
         quiet = False
-        _along(rows, setpoint, band, _to_edges(rows, t), lasts)
+        _along(rows, held, _to_edges(rows, t))
         switches(rows, t)
         _settled(rows)
         next_edges(rows, ring, window)
         due = due_until(rows, t)
-    _along(rows, setpoint, band, _to_scan(rows, t) if quiet else _on_to_scan(rows, t), lasts)
+    _along(rows, held, _to_scan(rows, t) if quiet else _on_to_scan(rows, t))
     settled(rows)
     _settled(rows)
 
@@ -106,7 +101,7 @@ def _arrived(rows: Places, lane: int, before: Flow, after: Flow, busy: bool) -> 
 def _to_edges(rows: Places, t: float) -> int:
     """Bring the heaters to which one comes until an instant to their next edge; return how many may turn."""
     turns = 0
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         before, due = _before(rows, lane), loaded_under(rows, lane).due
         moves = due <= t
         now = due if moves else before.now
@@ -120,7 +115,7 @@ def _to_edges(rows: Places, t: float) -> int:
 def _to_scan(rows: Places, t: float) -> int:
     """Bring all heaters from one scan to the next; return how many may turn."""
     turns = 0
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         before, second = _before(rows, lane), loaded_second(rows, lane)
         whole = Factors(loaded_line(rows, lane).whole, second.coupling, second.inner)
         turns += _arrived(rows, lane, before, moved(before, t, whole), False)
@@ -130,7 +125,7 @@ def _to_scan(rows: Places, t: float) -> int:
 def _on_to_scan(rows: Places, t: float) -> int:
     """Bring all heaters to a scan before which an edge came to some; return how many may turn."""
     turns = 0
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         before, second, busy = _before(rows, lane), loaded_second(rows, lane), loaded_point(rows, lane).busy
         part = factors(t - before.now, _plant(rows, lane))
         left = Factors(part.outer if busy else loaded_line(rows, lane).whole,
@@ -141,23 +136,23 @@ def _on_to_scan(rows: Places, t: float) -> int:
 
 def _settled(rows: Places) -> None:
     """Begin the next stretch where the last one ended."""
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         x = loaded_inner(rows, lane).at
         stored_inner(rows, lane, Inner(x, x))
 
 
-def _along(rows: Places, setpoint: float, band: float, turns: int, lasts: bool) -> None:
+def _along(rows: Places, held: Held, turns: int) -> None:
     """Measure the stretches of all loops, up to the turn and from it on where there is one."""
     if turns > 0:
         _to_turns(rows)
-        _measured(rows, setpoint, band, lasts)
+        _measured(rows, held)
         _from_turns(rows)
-    _measured(rows, setpoint, band, lasts)
+    _measured(rows, held)
 
 
 def _to_turns(rows: Places) -> None:
     """Let the stretches end where the heaters turn, or where they begin; keep where they ended."""
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         before, after, plant = _before(rows, lane), _after(rows, lane), _plant(rows, lane)
         now = turn(before, after, plant)
         turns = before.now < now < after.now
@@ -170,7 +165,7 @@ def _to_turns(rows: Places) -> None:
 
 def _from_turns(rows: Places) -> None:
     """Let the stretches begin where they ended, and end where they did before."""
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         stretch, point, end = loaded_stretch(rows, lane), loaded_point(rows, lane), loaded_end(rows, lane)
         stored_stretch(rows, lane, Stretch(
             point.now, point.y, stretch.target, stretch.heat, stretch.load, stretch.mains))
@@ -178,53 +173,52 @@ def _from_turns(rows: Places) -> None:
         stored_point(rows, lane, Point(end.now, end.y, point.busy))
 
 
-def _measured(rows: Places, setpoint: float, band: float, lasts: bool) -> None:
+def _measured(rows: Places, held: Held) -> None:
     """Measure stretches on which no heater turns."""
     crossings = settles = 0
-    for lane in range(LANES):
-        seen, after = loaded_seen(rows, lane), _after(rows, lane)
-        crossings += int(crossing(seen, setpoint, band, _before(rows, lane), after))
-        settles += int(seen.outside and not abs(after.y - setpoint) > band)
+    for lane in range(lanes_of(rows)):
+        after = _after(rows, lane)
+        crossings += int(through(held.setpoint, _before(rows, lane), after))
+        settles += int(settling(loaded_seen(rows, lane), held.setpoint, held.band, after))
     if settles > 0:
-        for lane in range(LANES):
-            _seen(rows, lane, setpoint, band, True)
+        for lane in range(lanes_of(rows)):
+            _seen(rows, lane, held, True)
     elif crossings > 0:
-        _searched(rows, setpoint)
-        for lane in range(LANES):
-            _split(rows, lane, setpoint, band)
+        _searched(rows, held.setpoint)
+        for lane in range(lanes_of(rows)):
+            _split(rows, lane, held.setpoint, held.band)
     else:
-        for lane in range(LANES):
-            _seen(rows, lane, setpoint, band, False)
-    if lasts:
-        for lane in range(LANES):
-            _rests(rows, lane, setpoint)
+        for lane in range(lanes_of(rows)):
+            _seen(rows, lane, held, False)
+    if held.lasts:
+        for lane in range(lanes_of(rows)):
+            _rests(rows, lane, held.setpoint)
+    if held.resting < NEVER:
+        rippled(rows, held)
 
 
-def _seen(rows: Places, lane: int, setpoint: float, band: float, crosses: bool) -> None:
-    stored_seen(rows, lane, seen_from(loaded_seen(rows, lane), setpoint, band, 0.0, _plant(rows, lane),
-                                      _before(rows, lane), _after(rows, lane), crosses))
+def _seen(rows: Places, lane: int, held: Held, crosses: bool) -> None:
+    stored_seen(rows, lane, seen_from(
+        loaded_seen(rows, lane), held.setpoint, held.band, 0.0, _plant(rows, lane), _before(rows, lane),
+        _after(rows, lane), crosses, crosses))
 
 
 def _searched(rows: Places, setpoint: float) -> None:
     """Search for the instants at which heaters cross the setpoint."""
-    for lane in range(LANES):
+    for lane in range(lanes_of(rows)):
         before, after = _before(rows, lane), _after(rows, lane)
         s = searched_from(before, after, setpoint, _plant(rows, lane))
-        stored_search(rows, lane, Search(s.low, s.high, s.now, s.y, s.x, False, not _through(before, after, setpoint)))
+        stored_search(rows, lane, Search(s.low, s.high, s.now, s.y, s.x, False, not through(setpoint, before, after)))
     rounds, missing = 0, 1
     while missing > 0 and rounds < MOST_ROUNDS:
         rounds, missing = rounds + 1, 0
-        for lane in range(LANES):
+        for lane in range(lanes_of(rows)):
             s = loaded_search(rows, lane)
             n = closer(_before(rows, lane), _after(rows, lane), setpoint, _plant(rows, lane), s)
             stored_search(rows, lane, Search(
                 s.low if s.found else n.low, s.high if s.found else n.high, s.now if s.found else n.now,
                 s.y if s.found else n.y, s.x if s.found else n.x, n.last, s.found or n.found))
             missing += int(not (s.found or n.found))
-
-
-def _through(before: Flow, after: Flow, setpoint: float) -> bool:
-    return (before.y - setpoint) * (after.y - setpoint) < 0.0
 
 
 def _split(rows: Places, lane: int, setpoint: float, band: float) -> None:
@@ -234,12 +228,9 @@ def _split(rows: Places, lane: int, setpoint: float, band: float) -> None:
     there = Flow(s.now, s.y, s.x, before.target, before.heat, before.load, before.mains)
     split, whole = absolute_by(setpoint, plant, before, there, after), abs(integral(setpoint, plant, before, after))
     stored_seen(rows, lane, seen_with(
-        seen, setpoint, band, 0.0, after.y, seen.settled, split if _through(before, after, setpoint) else whole))
+        seen, setpoint, band, 0.0, after.y, seen.settled, split if through(setpoint, before, after) else whole))
 
 
 def _rests(rows: Places, lane: int, setpoint: float) -> None:
-    extremes, after = loaded_extremes(rows, lane), _after(rows, lane)
     stored_rest(rows, lane, rested_from(
-        loaded_rest(rows, lane), setpoint, _plant(rows, lane), _before(rows, lane), after))
-    error = after.y - setpoint
-    stored_extremes(rows, lane, Extremes(max(extremes.high, error), min(extremes.low, error)))
+        loaded_rest(rows, lane), setpoint, _plant(rows, lane), _before(rows, lane), _after(rows, lane)))
