@@ -3,11 +3,12 @@
 Heaters are drawn and designed for; each PASS is run again under every setting by second_opinion.c, which shares nothing
 with the proof: the heater's circuit is open for 0.1…40 TN and as long as a boost, or Marlin's window, needs to take it
 back, while the setpoint rises, in a cold start, with a loss of the PLC's supply in it, and with a setpoint that falls
-before it is closed and rises after. Told is what breaks the limit of overshoot after an open circuit by more than a
+before it is closed and rises after; at the edge of Marlin's window at many instants. Told is what breaks the limit of overshoot after an open circuit by more than a
 tenth, or is not in the band at the end. Status 1 where something is.
 
 Found in this way: a boost that took the heater back within the dead time, so that the proof never saw it nearly do so;
-Marlin's window, which is a boost that no word of the program tells of.
+Marlin's window, which is a boost that no word of the program tells of; and its edge, where the sum begins anew and P may ask
+for less than what leads on.
 """
 
 import math
@@ -24,7 +25,7 @@ from heatertune.model.values import Fopdt, TwoLag
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.proof.closing import Asked, closed
-from heatertune.settings import Conditions
+from heatertune.settings import Conditions, TuneSettings
 from tests.bench import second_opinion
 from tests.bench.false_passes import _limits, _log, _of_ramp
 from tests.bench.second_opinion import OWN_PULSES, TARGETS, Bench, Part, compiled, opinion
@@ -34,7 +35,10 @@ _AGAIN = (0.8, 0.95, 0.99, 1.0, 1.01, 1.1, 1.4)  # of the time in which a boost 
 
 
 def asked(seed, target):
-    """Return (heater, what is asked for) of a number; from 10,000 on the heaters are plain ones, as in an office."""
+    """Return (heater, what is asked for) of a number; from 10,000 on the heaters are plain ones, as in an office, from
+    20,000 on any that Marlin may hold at its window's edge, designed for as it is asked."""
+    if seed >= 20_000:
+        return _at_an_edge(seed)
     rng = np.random.default_rng([seed, TARGETS[target][0], 20261124])
     if seed >= 10_000:
         gain, lag, ambient = rng.uniform(0.5, 3.0), rng.uniform(60.0, 500.0), rng.uniform(15.0, 28.0)
@@ -53,6 +57,19 @@ def asked(seed, target):
         target=target, scaling=Scaling(low_degC=0.0, high_degC=high), boost="auto" if rng.random() < 0.75 else "none",
         setpoint_ramp=None if rng.random() < 0.8 else "auto", switch_kind="ssr" if rng.random() < 0.5 else None,
         conditions=Conditions(setpoint_degC=setpoint, tolerance_degC=tolerance))
+
+
+def _at_an_edge(seed):
+    rng = np.random.default_rng([seed - 20_000, TARGETS["marlin"][0], 4])
+    gain, lag, ambient = _log(rng, 1.0, 8.0), _log(rng, 20.0, 400.0), float(rng.uniform(15.0, 28.0))
+    values = {"gain_degC_per_pct": gain, "time_constant_s": lag, "dead_time_s": lag * _log(rng, 0.03, 0.4), "ambient_degC": ambient}
+    two = rng.random() < 0.5
+    model = TwoLag(**values, second_time_constant_s=lag * float(rng.uniform(0.05, 0.6))) if two else Fopdt(**values)
+    setpoint = ambient + gain * float(rng.uniform(25.0, 80.0))
+    tolerance = (setpoint - ambient) * _log(rng, 0.015, 0.06)
+    tuned = TuneSettings(ms=float(rng.uniform(1.2, 1.7)), structure="pid" if rng.random() < 0.4 else "pi")
+    return model, Asked(target="marlin", scaling=Scaling(low_degC=0.0, high_degC=1.4 * setpoint), as_is=True, tuned=tuned,
+                        conditions=Conditions(setpoint_degC=setpoint, tolerance_degC=tolerance))
 
 
 def bench_of(model, design, settings):
@@ -108,6 +125,9 @@ def night(b, rng):
         falls = second_opinion._takes(b, again / told.step) - b.dead
         for seconds in (*(share * falls for share in _AGAIN), *(falls + share * b.dead for share in (0.3, 0.7, 1.0))):
             told.open(max(b.interval, seconds))
+    if b.target == "marlin" and again < told.step:  # where it may stay, it does so after one of some thirty
+        for share in rng.uniform(-1.0, 2.0, 60):
+            told.open(max(b.interval, falls + share * b.dead), " at the edge")
     for seconds in (*(_log(rng, 0.5, 40.0) * told.tn for _ in range(6)), *(_log(rng, 0.1, 3.0) * b.slow for _ in range(3)), 40.0 * told.tn):
         told.open(seconds)
     low, cold = b.setpoint - 0.2 * told.step, second_opinion._takes(b, 0.95)

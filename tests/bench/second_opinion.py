@@ -192,16 +192,9 @@ def story(b):
     if load > 0.0:
         yield part("load", -load, "recovery", up=False, rest=10.0 * calm)
         yield part("load", load, "recovery")
-    for opened in (max(2.0 * tn, b.slow), max(10.0 * tn, _takes(b, 0.95))):
-        yield part("mains", 0.0, "off", takes=opened, rest=0.0, power=0.0)
-        yield part("mains", 0.0, "reheat", takes=way, power=1.0)
-    # the way down to where full power takes it back; while the circuit's dead time lasts, the reading does not fall
-    again = b.boost[1] if b.boost else math.inf
-    if b.target == "marlin":  # its window begins at the setpoint in whole degrees, and the reading has steps
-        again = b.words["PID_FUNCTIONAL_RANGE"] - 0.5 - (b.high - b.low) / 1023.0
-    if again < step and (nearly := _takes(b, again / step) - b.dead - 2.0 * max(b.interval, b.period)) > 0.0:
-        yield part("mains", 0.0, "off", takes=nearly, rest=0.0, power=0.0)
-        yield part("mains", 0.0, "reheat", takes=way, power=1.0)
+    for event, value, kind, seconds, power in _circuits(b, tn):
+        yield part(event, value, kind, takes={"reheat": way, "recovery": recovers}.get(kind, seconds),
+                   rest=0.0 if kind == "off" else calm, power=power)
     low = b.setpoint - 0.2 * step if b.asked_low is None else b.asked_low
     yield part("setpoint", 0.0, "change", up=False, takes=_takes(b, (b.setpoint - low) / step) + loop + ramp, rest=10.0 * calm, asked=low)
     yield part("setpoint", 0.0, "change", takes=way, asked=b.setpoint)
@@ -215,6 +208,25 @@ def story(b):
         near = 0.5 * (b.tolerance if b.soak_band is None else b.soak_band)
         yield part("plc", 0.0, "off", takes=_takes(b, 1.0 - min(0.05, near / step)), rest=0.0, power=0.0, supplied=False)
         yield from _along(b)
+
+
+def _circuits(b, tn):
+    """Return event, value, kind, duration of what is "off" [s] and share of the power, of all that is told of open circuits."""
+    step, back = b.setpoint - b.ambient, ("mains", 0.0, "reheat", 0.0, 1.0)
+    for opened in (max(2.0 * tn, b.slow), max(10.0 * tn, _takes(b, 0.95))):
+        yield from (("mains", 0.0, "off", opened, 0.0), back)
+    again = b.boost[1] if b.boost else math.inf
+    out = math.inf
+    if b.target == "marlin":  # its window begins at the setpoint in whole degrees, and the reading has steps
+        unsure = 0.5 + (b.high - b.low) / 1023.0
+        again, out = b.words["PID_FUNCTIONAL_RANGE"] - unsure, b.words["PID_FUNCTIONAL_RANGE"] + unsure
+    # the way down to where full power takes it back; while the circuit's dead time lasts, the reading does not fall
+    if again < step and (nearly := _takes(b, again / step) - b.dead - 2.0 * max(b.interval, b.period)) > 0.0:
+        yield from (("mains", 0.0, "off", nearly, 0.0), back)
+    if out < step:  # out of the window, the sum gone, twice, with up to 1 % of the power taken away: there it may stay
+        falls, little = _takes(b, out / step) - b.dead, min(1.0, (100.0 - b.power) / 2.0)
+        yield from (("mains", 0.0, "off", falls, 0.0), ("load", -little, "off", b.dead, 0.0), back)
+        yield from (("mains", 0.0, "off", falls, 0.0), back, ("load", little, "recovery", 0.0, 1.0))
 
 
 def _along(b):

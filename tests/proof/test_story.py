@@ -105,12 +105,33 @@ def test_an_open_circuit_lasts_until_a_boost_nearly_takes_the_heater_back_whatev
     assert len(_story(fast, loop=replace(LOOP, again_degC=40.0)).scenario.disturbances) == len(_story(fast).scenario.disturbances)
 
 
+def _marlins():
+    design = PidDesign(gain_pct_per_degC=4.0, integral_time_s=60.0, derivative_time_s=0.0, sample_time_s=0.16, structure="pi", method="")
+    return controller_for("marlin").encode(design, Scaling(low_degC=0.0, high_degC=255.0))
+
+
 def test_marlins_window_is_a_boost_whose_setpoint_is_whole_degrees():
     # temperature.h: beyond PID_FUNCTIONAL_RANGE the heater is full on and the sum begins anew; 255 °C in 1023 steps
-    design = PidDesign(gain_pct_per_degC=4.0, integral_time_s=60.0, derivative_time_s=0.0, sample_time_s=0.16, structure="pi", method="")
-    room = controller_for("marlin")
-    words = room.encode(design, Scaling(low_degC=0.0, high_degC=255.0))
-    assert room.again_degC(words) == pytest.approx(10.0 - 0.5 - 255.0 / 1023.0)
+    assert controller_for("marlin").again_degC(_marlins()) == pytest.approx(10.0 - 0.5 - 255.0 / 1023.0)
+
+
+def test_a_window_is_left_twice_under_a_small_load():
+    # Marlin forgets its sum beyond the window; 10.75 of the 40 °C are lost after T·ln(40/29.25) without power, and for the
+    # dead time more the first time
+    room, words = controller_for("marlin"), _marlins()
+    assert room.forgets_degC(words) == pytest.approx(10.0 + 0.5 + 255.0 / 1023.0)
+    fast, slow = HEATER, replace(HEATER, time_constant_s=200.0)
+    scenario, plain = (_story(fast, slow, loop=replace(LOOP, forgets_degC=far)).scenario for far in (10.75, 40.0))
+    told = scenario.disturbances[7:13]
+    assert [type(each).__name__ for each in told] == ["Mains", "Load", "Mains", "Mains", "Mains", "Load"]
+    assert [each.power_pct for each in told if isinstance(each, Load)] == [-1.0, 1.0]
+    off, loaded, closed, again, by_now, _ = (each.time_s for each in told)
+    assert (loaded - off, closed - loaded, by_now - again) == (
+        _up(100.0 * math.log(40.0 / 29.25)), 10.0, _up(200.0 * math.log(40.0 / 29.25)))
+    assert [kind for kind, *_ in kinds_of(scenario)][8:14] == ["off", "off", "reheat", "off", "reheat", "recovery"]
+    assert len(plain.disturbances) == len(scenario.disturbances) - 6, "no way is so long"
+    hot = _story(loop=replace(LOOP, forgets_degC=10.75), setpoint=119.0).scenario  # 1 % is left over: half of it is taken
+    assert [each.power_pct for each in hot.disturbances if isinstance(each, Load)] == pytest.approx([-0.5, 0.5])
 
 
 def test_a_night_is_made_of_the_longest_circuit_that_is_closed_again():

@@ -212,6 +212,10 @@ class Controller(Led, ABC):
         """Return how far below the setpoint full power takes the heater back, as a boost does [°C]; None: nowhere."""
         return None if words.boost is None else words.boost.again_degC
 
+    def forgets_degC(self, words: Words) -> float | None:  # noqa: ARG002 - a window is a word
+        """Return how far below the setpoint the sum is forgotten, as a window ends [°C]; None: nowhere."""
+        return None
+
     @final
     def limited(self, words: Words, most_pct: float) -> Words:
         """Return words that never ask for more power than that [%].

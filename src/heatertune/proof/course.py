@@ -24,6 +24,8 @@ class Loop:
         soak_settles_s: time of a soak [s] → when in it the temperature has to be right [s].
         cold_degC: how near to the ambient a heater has to be before a profile [°C].
         again_degC: so far from the setpoint full power takes the heater back from the controller; None: nowhere [°C].
+        forgets_degC: so far from the setpoint it has forgotten what it summed up, for certain; None: nowhere, or a
+            boost's controller begins again only nearer [°C].
         cooling_gain: full power of a cooler as a part of the heater's; 0: there is none.
     """
 
@@ -37,7 +39,20 @@ class Loop:
     soak_settles_s: Callable[[float], float] = Limits().soak_settles_s
     cold_degC: float = 1.0
     again_degC: float | None = None
+    forgets_degC: float | None = None
     cooling_gain: float = 0.0
+
+    @property
+    def step_s(self) -> float:
+        """The longest of what happens in steps [s]."""
+        return max(self.scan_s, self.pwm_period_s, self.sample_time_s)
+
+    @property
+    def beat_s(self) -> float:
+        """The beat of PWM and TA, 0 where one is a multiple of the other [s]."""
+        short, long = sorted((self.pwm_period_s, self.sample_time_s))
+        apart = abs(long - round(long / short) * short)
+        return 0.0 if apart <= 1e-6 * short else long * short / apart
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

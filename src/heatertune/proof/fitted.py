@@ -118,7 +118,8 @@ def course_for(
         ramp_degC_per_min=controller.ramp_degC_per_min(words), settling_s=limits.settling_s or 0.0,
         recovery_s=limits.recovery_s or 0.0, soak_settles_s=limits.soak_settles_s,
         cold_degC=_OF_BAND * (limits.tolerance_degC if limits.soak_band_degC is None else limits.soak_band_degC),
-        again_degC=controller.again_degC(words), cooling_gain=actuator.cooling_gain or 0.0)
+        again_degC=controller.again_degC(words), forgets_degC=controller.forgets_degC(words),
+        cooling_gain=actuator.cooling_gain or 0.0)
     story = specification.story_at(conditions.lowest_degC)
     return story_for(models, loop, story, noise_degC=conditions.noise_degC, setpoint_degC=setpoint_degC)
 

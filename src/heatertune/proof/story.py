@@ -50,6 +50,7 @@ _HIGH_MAINS: Final = 1.1**2
 _HOT_OFF: Final = 0.1  # of the sum of lags and dead time: a PLC that is restarted while the heater is hot
 _OPENED_TN: Final = 2.0  # for which the circuit is open
 _NIGHT_TN: Final = 10.0
+_EDGE_PCT: Final = 1.0  # power that decides at the edge of a window: no heater is known better
 _COLD: Final = 0.95  # share of the way to the ambient after which a heater is cold
 _LOW_SHARE: Final = 0.2  # of the setpoint step, where nobody tells the lower end of the setpoints of use
 _ROUNDED: Final = 1e-9
@@ -170,6 +171,7 @@ class _Teller:
             for seconds in (*self._opened_s, *self._nearly_again_s):
                 yield self._off(Mains(time_s=1.0, share=0.0), seconds)
                 yield self._part(Mains(time_s=1.0, share=1.0), self.way_s)
+            yield from self._at_the_edge()
         if self.low_degC is not None:
             yield _Part(event=NewSetpoint(time_s=1.0, setpoint_degC=self.low_degC),
                         limit_s=self._cooling_s + self.loop_s + self._ramp_s, rest_s=self.long_rest_s)
@@ -182,6 +184,21 @@ class _Teller:
             for off_s in (_HOT_OFF * self.heater_s, self._longest_s(_COLD for _ in self.models)):
                 yield self._off(PlcPower(time_s=1.0, on=False), off_s)
                 yield self._part(PlcPower(time_s=1.0, on=True), self.way_s)
+
+    def _at_the_edge(self) -> Iterator[_Part]:
+        """Yield two open circuits until the sum is forgotten, under a small load.
+
+        Whether what is asked for at the edge leads on from there hangs on a hair of the heater, and there on the scan.
+        """
+        pct, falls = min(_EDGE_PCT, 0.5 * self._reserve_pct()), self._falls_s(self.loop.forgets_degC)
+        if not falls:
+            return
+        yield self._off(Mains(time_s=1.0, share=0.0), falls[0])
+        yield self._off(Load(time_s=1.0, power_pct=-pct), max(model.dead_time_s for model in self.models))
+        yield self._part(Mains(time_s=1.0, share=1.0), self.way_s)
+        yield self._off(Mains(time_s=1.0, share=0.0), falls[-1])
+        yield self._part(Mains(time_s=1.0, share=1.0), self.way_s)
+        yield self._part(Load(time_s=1.0, power_pct=pct))
 
     def _loads(self) -> Iterator[_Part]:
         if self.load_pct > 0.0:
@@ -229,8 +246,8 @@ class _Teller:
             yield f"mains voltage (at −10 % a heater has {self._reserve_pct(_LOW_MAINS):.3g} % of power left over)"
         if not story.restarts:
             yield "a restart of the PLC"
-        if self.period_s < self._beat_s:
-            yield f"the beat of PWM and TA as a whole, {self._beat_s:.3g} s"
+        if self.period_s < self.loop.beat_s:
+            yield f"the beat of PWM and TA as a whole, {self.loop.beat_s:.3g} s"
         legs = self._legs(story.profile)
         arrived = {leg.segment for leg in legs if self._judged_s(leg) > 0.0}
         yield from (f"whether segment {number} of the profile arrives (no soak longer than what it may settle in)"
@@ -274,7 +291,7 @@ class _Teller:
     def period_s(self) -> float:
         """The slowest period of what may move at rest."""
         own = max(self.loop.pwm_period_s, 2.0 * math.pi * self.integral_time_s)
-        return max(own, min(self._beat_s, _SLOWEST_BEAT * own))
+        return max(own, min(self.loop.beat_s, _SLOWEST_BEAT * own))
 
     @property
     def long_rest_s(self) -> float:
@@ -340,15 +357,18 @@ class _Teller:
         The fastest heater's time and the slowest one's. The dead time is no part of it: a circuit that closes again
         lets the reading fall for as long as it took to begin.
         """
-        if self.loop.again_degC is None or self.loop.again_degC >= abs(self.step_degC):
+        falls = [seconds - 2.0 * self.loop.step_s for seconds in self._falls_s(self.loop.again_degC)]
+        ends = falls if falls and falls[-1] - falls[0] > self.loop.step_s else falls[-1:]
+        return [seconds for seconds in ends if seconds > 0.0]
+
+    def _falls_s(self, distance_degC: float | None) -> list[float]:
+        """Return in what time the fastest heater and the slowest fall so far by themselves; none: no way is so long."""
+        if distance_degC is None or distance_degC >= abs(self.step_degC):
             return []
-        step_s = max(self.loop.scan_s, self.loop.pwm_period_s, self.loop.sample_time_s)
-        falls = []
-        for model, ambient in zip(self.models, self.ambients_degC, strict=True):
-            share = self.loop.again_degC / abs(self.setpoint_degC - ambient)
-            falls.append(time_to(share if share < 1.0 else _COLD, *model.lags_s) - 2.0 * step_s)
-        ends = sorted({min(falls), max(falls)})
-        return [seconds for seconds in (ends if ends[-1] - ends[0] > step_s else ends[-1:]) if seconds > 0.0]
+        shares = (distance_degC / abs(self.setpoint_degC - ambient) for ambient in self.ambients_degC)
+        falls = [time_to(share if share < 1.0 else _COLD, *model.lags_s)
+                 for model, share in zip(self.models, shares, strict=True)]
+        return [min(falls), max(falls)]
 
     @property
     def _mains_tested(self) -> bool:
@@ -373,13 +393,6 @@ class _Teller:
     @property
     def _ramp_s(self) -> float:
         return 60.0 * abs(self.step_degC) / self.loop.ramp_degC_per_min
-
-    @property
-    def _beat_s(self) -> float:
-        """The beat of PWM and TA, 0 where one is a multiple of the other."""
-        short, long = sorted((self.loop.pwm_period_s, self.loop.sample_time_s))
-        apart = abs(long - round(long / short) * short)
-        return 0.0 if apart <= 1e-6 * short else long * short / apart
 
     def _longest_s(self, shares: Iterator[float]) -> float:
         """Return the longest time in which a heater does a share of its way, each its own."""

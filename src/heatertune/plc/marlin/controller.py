@@ -49,6 +49,10 @@ class Marlin(Controller, name="marlin"):
         """Return the firmware's window, less what the rounded setpoint and the reading's steps may take of it."""
         return float(words.values["PID_FUNCTIONAL_RANGE"]) - _ROUNDED_DEGC - words.scaling.span_degC / COUNTS
 
+    def forgets_degC(self, words: Words) -> float | None:
+        """Return the window, and what may be added to it."""
+        return float(words.values["PID_FUNCTIONAL_RANGE"]) + _ROUNDED_DEGC + words.scaling.span_degC / COUNTS
+
     def begin(self, words: Words, assume: Assumptions) -> Running:
         """Return the state after power-on."""
         return Running(parameters_of(words.values, assume), COLD)

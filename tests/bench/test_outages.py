@@ -1,0 +1,47 @@
+"""Where Marlin's window holds a heater: the judge in C sees it stay at the edge, and the proof does not pass it."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from heatertune.model.by_hand import model_by_hand
+from heatertune.proof.closing import closed
+from tests.bench import second_opinion
+from tests.bench.outages import Night, asked, bench_of
+from tests.bench.second_opinion import SWITCHES, compiled, opinion
+
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
+
+FIRST = {name: choices[0] for name, choices in SWITCHES["marlin"].items()}
+NO_LIMITS = dict.fromkeys(("overshoot", "change_overshoot", "restart_overshoot", "reheat_overshoot", "recovery_overshoot"), np.inf)
+
+
+def _stays(library, model, design, monkeypatch):
+    """Whether the judge sees the heater stay at the edge after one of 60 open circuits that end around it, without a load."""
+    b = bench_of(model, design, FIRST)
+    told, window = Night(b), b.words["PID_FUNCTIONAL_RANGE"]
+    falls = second_opinion._takes(b, window / (b.setpoint - b.ambient)) - b.dead
+    for share in np.random.default_rng(1).uniform(-1.0, 2.0, 60):
+        told.open(max(b.interval, falls + share * b.dead))
+    monkeypatch.setattr(second_opinion, "story", lambda _: told.parts)
+    seen = opinion(library, b, NO_LIMITS, longer=0.0).seen
+    return [part["rest_lowest"] < -0.5 * window for part in seen[2::2]]
+
+
+@pytest.mark.parametrize("number", [20535, 20621])
+def test_what_stays_at_the_edge_of_marlins_window_does_not_pass(tmp_path, monkeypatch, number):
+    # the heaters that passed a story without the edge, of 125 drawn: they stay there after one circuit in thirty, at no load
+    model, wanted = asked(number, "marlin")
+    design = closed(model_by_hand(model), wanted)
+    assert any(_stays(compiled(tmp_path), model, design, monkeypatch))
+    assert design.proof.verdict == "FAIL"
+    assert "reheat_time" in {each.name for each in design.proof.criteria if not each.ok}
+
+
+def test_what_the_judge_never_sees_stay_there_still_passes(tmp_path, monkeypatch):
+    # P asks for 36 % at the edge, 53 % hold the setpoint: the sum leads on before the heater is out of the window again
+    model, wanted = asked(20020, "marlin")
+    design = closed(model_by_hand(model), wanted)
+    assert not any(_stays(compiled(tmp_path), model, design, monkeypatch))
+    assert design.proof.verdict == "PASS"
