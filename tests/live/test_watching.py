@@ -168,7 +168,8 @@ def test_scans_that_were_missed_are_no_fault_of_the_loop(folder, monitor, days, 
     seen = [each for each in chance.choice(days) if chance.random() >= share]
     for each in seen:
         here.see(each)
-    assert here.told() == ()
+    assert not here.alarms
+    assert not here.told() or "blind" in here.told()[0]
     assert here.scans == len(seen)
     assert here.missed <= 0.1 * here.scans
 
@@ -240,4 +241,4 @@ def test_no_number_is_no_sensor_and_a_setpoint_beyond_the_monitors_is_told(folde
         power = (30.0, math.nan, 1e300)[k]
         here.see(Look(k * here.view.scan_s, {"temperature": degC, "power": power, "setpoint": asked}))
     assert next(iter(here.alarms)) == "sensor gone"
-    assert here.told()[-1] == "monitor: made for setpoints up to 50 °C, and 55 °C was asked for"
+    assert "monitor: made for setpoints up to 50 °C, and 55 °C was asked for" in here.told()

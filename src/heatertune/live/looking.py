@@ -104,6 +104,7 @@ class Looking:
         """Return what the latest scan left behind; None: nothing new, or a scan fell into the look.
 
         Raises:
+            LinkDown: a simulated PLC tells its scans no longer.
             LinkError: no answer; `again` connects anew.
         """
         begin, count = self._places.span
