@@ -5,9 +5,9 @@
 
 What a row needs beside `pip install '.[bench]'`: gcc for C, Chromium for the studio, a network for the installation.
 A cell is a text with a place for each figure, so `test_speeds.py` can hold the README's table against it: the same rows,
-the same words, figures where figures belong. Whole commands are told by the least, the median and the most of some runs,
-in turn with the others, after one that keeps what they compile; all rows share one folder of what is kept, empty at
-first. What is being measured, and every run of a command, is told on stderr.
+the same words, figures where figures belong. Of whole commands it is the median of some runs, in turn with the others,
+after one that keeps what they compile; all rows share one folder of what is kept, empty at first. What is being measured,
+every run of a command, and the least and the most of them are told on stderr.
 """
 
 import atexit
@@ -29,7 +29,6 @@ BEGUN = time.perf_counter()
 ROOT = Path(__file__).parents[2]
 HEAD = "| what | heatertune | beside it | measured by |\n| --- | --- | --- | --- |"
 FIGURE = r"\d[\d,]*(?:\.\d+)?"
-SPAN = "{}/{}/{} s"
 TURNS = 3
 STAGES = ("fit table4 -o model.json", "tune model.json -o pid.json", "verify hand.json --target s5-ob251 --setpoint 40",
           "export-db hand.json --target s5-ob251 --setpoint 40 --force -o db/")
@@ -135,9 +134,11 @@ def whole_commands():
 
 
 def of_commands(*names):
-    """Return least, median and most of the runs of each."""
+    """Return the median of the runs of each, and tell the least and the most as well."""
     found = once(whole_commands)
-    return [end(found[name]) for name in names for end in (min, statistics.median, max)]
+    for name in names:
+        told(f"  least, median, most: {' '.join(f'{end(found[name]):.2f}' for end in (min, statistics.median, max))} s of {name}")
+    return [statistics.median(found[name]) for name in names]
 
 
 def loops():
@@ -264,16 +265,15 @@ ROWS = (
     Row("one descent of a fit, 300 and 100,000 rows", "{} ms, {} ms", "SciPy's `curve_fit` around `lfilter` {} and {} times",
         "`tests/bench/fit.py`", descents),
     Row("whole fit of 100,000 rows", "{} s", "", "`heatertune bench`", whole_fit),
-    Row("the first design after the installation; the same again", f"{{}} s; {SPAN} of processor time", "",
+    Row("the first design after the installation; the same again, its fit kept", "{} s; {} s of processor time", "",
         "`time heatertune design table4 --target s5-ob251 --out x/`", lambda: (once(first_design), *of_commands(DESIGNS[0]))),
-    Row("whole commands, only their code kept: `fit`, `tune`, `verify`, `export-db`",
-        f"{', '.join([SPAN] * 4)} of processor time", "", "`time` before each",
+    Row("whole commands, what they need kept: `fit`, `tune`, `verify`, `export-db`",
+        "{} s, {} s, {} s, {} s of processor time", "", "`time` before each", lambda: of_commands(*STAGES)),
+    Row("the same, only their machine code kept", "{} s, {} s, {} s, {} s of processor time", "", "`time` before each",
         lambda: of_commands(*(f"anew: {line}" for line in STAGES))),
-    Row("the same again, their results kept", f"{', '.join([SPAN] * 4)} of processor time", "", "`time` before each",
-        lambda: of_commands(*STAGES)),
     Row("a design proven in 72 runs, with the exported text run, the rivals and the report; its fit is kept",
-        f"{SPAN} of processor time", "", "`time heatertune design table4 --target s7-300 --out x/`", lambda: of_commands(DESIGNS[1])),
-    Row("the same design on every controller, each with its proof", f"{SPAN} of processor time", "",
+        "{} s of processor time", "", "`time heatertune design table4 --target s7-300 --out x/`", lambda: of_commands(DESIGNS[1])),
+    Row("the same design on every controller, each with its proof", "{} s of processor time", "",
         "`time heatertune compare x/pid.json -o y/`", lambda: of_commands(DESIGNS[2])),
     Row("constrained optimum of a PI, of a PID", "{} to {} ms, {} to {} ms", "SLSQP {} to {} times",
         "`tests/bench/optimum.py`", optima),
