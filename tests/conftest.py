@@ -59,6 +59,12 @@ def pytest_configure(config):
     os.environ["HEATERTUNE_STATE"] = str(config.cache.mkdir(f"{_CACHE}-state"))
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers():
+    """Begin one process more than there are processors: some tests wait, for a browser, a PLC's scans, another's compiler."""
+    return len(os.sched_getaffinity(0)) + 1
+
+
 def pytest_sessionstart(session):
     """Begin without the fits of an earlier run; the processes of this one start later."""
     if not hasattr(session.config, "workerinput"):

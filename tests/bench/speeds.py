@@ -1,13 +1,16 @@
 """The README's table of speeds, measured and printed by one command: python -m tests.bench.speeds.
 
-    python -m tests.bench.speeds              all rows: some ten minutes on an idle machine
+    python -m tests.bench.speeds              all rows: some six minutes on an idle machine of two cores
     python -m tests.bench.speeds fit verify   the rows with such a word in their first or last cell
 
 What a row needs beside `pip install '.[bench]'`: gcc for C, Chromium for the studio, a network for the installation.
 A cell is a text with a place for each figure, so `test_speeds.py` can hold the README's table against it: the same rows,
-the same words, figures where figures belong.
+the same words, figures where figures belong. Of whole commands it is the median of some runs, in turn with the others,
+after one that keeps what they compile; all rows share one folder of what is kept, empty at first. What is being measured,
+every run of a command, and the least and the most of them are told on stderr.
 """
 
+import atexit
 import os
 import re
 import resource
@@ -16,12 +19,20 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import defaultdict
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
+BEGUN = time.perf_counter()
 ROOT = Path(__file__).parents[2]
 HEAD = "| what | heatertune | beside it | measured by |\n| --- | --- | --- | --- |"
 FIGURE = r"\d[\d,]*(?:\.\d+)?"
+TURNS = 3
+STAGES = ("fit table4 -o model.json", "tune model.json -o pid.json", "verify hand.json --target s5-ob251 --setpoint 40",
+          "export-db hand.json --target s5-ob251 --setpoint 40 --force -o db/")
+DESIGNS = ("design table4 --target s5-ob251 --out x/", "design table4 --target s7-300 --out y/", "compare y/data/pid.json -o z/")
 HAND = "--gain 0.37 --time-constant 167 --dead-time 12 --ambient 22"
 
 
@@ -48,6 +59,11 @@ class Row:
         return "|" + "".join(f" {cell} |" if cell else " |" for cell in (self.what, self.ours, self.beside, self.by))
 
 
+def told(line):
+    """Tell who waits what is being done."""
+    print(line, file=sys.stderr, flush=True)
+
+
 def figure(value):
     """Return a number with two digits that say something, thousands apart."""
     digits = float(f"{value:.2g}")
@@ -65,20 +81,64 @@ def spent(*command, cache=None, where=None):
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, seconds
 
 
-def command(line, *, best=3, warm=True, cpu=False, before=()):
-    """Return the least time of a command of some runs, each on what the ones before it left (`warm`), or on nothing.
+@cache
+def place():
+    """Return the folder of this run, in which all commands run, and `kept` in it; it goes with the process."""
+    folder = tempfile.TemporaryDirectory(prefix="speeds")
+    atexit.register(folder.cleanup)
+    os.environ["HEATERTUNE_CACHE"] = f"{folder.name}/kept"  # for what rows compute in this process, too
+    return Path(folder.name)
 
-    `before` are commands whose files it reads.
+
+def heatertune(line):
+    """Return processor seconds and seconds of a command."""
+    found = spent(sys.executable, "-m", "heatertune", *line.split(), cache=place() / "kept", where=place())
+    told(f"  {found[0]:6.2f} s of processor time, {found[1]:6.2f} s: heatertune {line}")
+    return found
+
+
+@contextmanager
+def results_aside():
+    """Keep nothing but machine code."""
+    kept, aside = place() / "kept", place() / "aside"
+    aside.mkdir(exist_ok=True)
+    for result in kept.glob("*.json"):
+        result.rename(aside / result.name)
+    yield
+    for result in aside.iterdir():
+        result.rename(kept / result.name)
+
+
+def first_design():
+    """Return the processor seconds of a design for which nothing is kept."""
+    return heatertune("design table4 --target s5-ob251 --out x/")[0]
+
+
+def whole_commands():
+    """Return command → processor seconds of its runs, "anew: " before those which had only code kept.
+
+    A turn runs each once, so that what slows the machine down for a while slows them all; the first keeps what is compiled.
     """
-    found = []
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
-        for earlier in before:
-            spent(sys.executable, "-m", "heatertune", *earlier.split(), cache=place / "cache", where=place)
-        for run in range(best + warm):
-            cache = place / ("cache" if warm else f"cache{run}")
-            found.append(spent(sys.executable, "-m", "heatertune", *line.split(), cache=cache, where=place))
-    return min(each[0 if cpu else 1] for each in found[warm:])
+    once(first_design)
+    heatertune(f"tune {HAND} -o hand.json")
+    found = defaultdict(list)
+    for turn in range(1 + TURNS):
+        for line in (*STAGES, *DESIGNS):
+            runs = [(line, nullcontext())] + ([(f"anew: {line}", results_aside())] if line in STAGES else [])
+            for name, around in runs:
+                with around:
+                    seconds = heatertune(line)[0]
+                if turn > 0:
+                    found[name].append(seconds)
+    return found
+
+
+def of_commands(*names):
+    """Return the median of the runs of each, and tell the least and the most as well."""
+    found = once(whole_commands)
+    for name in names:
+        told(f"  least, median, most: {' '.join(f'{end(found[name]):.2f}' for end in (min, statistics.median, max))} s of {name}")
+    return [statistics.median(found[name]) for name in names]
 
 
 def loops():
@@ -142,9 +202,11 @@ def optima():
 def zone():
     from tests.bench import zones  # noqa: PLC0415 - needs pyarrow
 
+    settings = zones.settings_of([])
     with tempfile.TemporaryDirectory() as folder:
-        zones.run(Path(folder), 1, "weg", 200, 1)
-        seconds, _, _ = zones.run(Path(folder), 100, "weg", 200, len(os.sched_getaffinity(0)))
+        for count in (1, 100):
+            told(f"  {count} zones")
+            seconds, _, _ = zones.run(Path(folder), count, settings)
     return (seconds / 100,)
 
 
@@ -158,27 +220,18 @@ def studio():
 def from_nothing():
     with tempfile.TemporaryDirectory() as folder:
         python = Path(folder) / "env" / "bin" / "python"
-        steps = [
-            spent("python3", "-m", "venv", str(python.parents[1])),
-            spent(str(python), "-m", "pip", "install", str(ROOT)),
-            spent(str(python), "-m", "heatertune", "design", "table4", "--target", "s5-ob251", "--out", folder,
-                  cache=Path(folder) / "cache"),
-        ]
+        steps = []
+        for step in (f"python3 -m venv {python.parents[1]}", f"{python} -m pip install {ROOT}",
+                     f"{python} -m heatertune design table4 --target s5-ob251 --out {folder}"):
+            steps.append(spent(*step.split(), cache=Path(folder) / "cache"))
+            told(f"  {steps[-1][0]:6.2f} s of processor time, {steps[-1][1]:6.2f} s: {step}")
     cpu = [each[0] for each in steps]
     return sum(cpu), *cpu
 
 
-def designs():
-    line = "design table4 --target s5-ob251 --out x/"
-    return command(line, best=1, warm=False, cpu=True), command(line, cpu=True)
-
-
-def stages():
-    tuned = (f"tune {HAND} -o pid.json",)
-    fitted = ("fit table4 -o model.json",)
-    return (command("fit table4 -o model.json", cpu=True), command("tune model.json -o other.json", cpu=True, before=fitted),
-            command("verify pid.json --target s5-ob251 --setpoint 40", cpu=True, before=tuned),
-            command("export-db pid.json --target s5-ob251 --setpoint 40 --force -o x/", cpu=True, before=tuned))
+def samples():
+    once(whole_commands)
+    return [heatertune("verify hand.json --target s5-ob251 --setpoint 40 --samples 10000")[1] for _ in range(2)][1:]
 
 
 def helps():
@@ -208,23 +261,20 @@ ROWS = (
         "`tests/bench/loop.py --slow`", solvers),
     Row("10,000 drawn heaters, a loop of 3,000 s each", "{} s", "", "`tests/bench/loop.py`", lambda: once(loops)[2:]),
     Row("the same through the whole story of a proof", "{} s", "",
-        "`time heatertune verify pid.json --target s5-ob251 --setpoint 40 --samples 10000`",
-        lambda: (command("verify pid.json --target s5-ob251 --setpoint 40 --samples 10000", best=1,
-                         before=(f"tune {HAND} -o pid.json",)),)),
+        "`time heatertune verify pid.json --target s5-ob251 --setpoint 40 --samples 10000`", samples),
     Row("one descent of a fit, 300 and 100,000 rows", "{} ms, {} ms", "SciPy's `curve_fit` around `lfilter` {} and {} times",
         "`tests/bench/fit.py`", descents),
     Row("whole fit of 100,000 rows", "{} s", "", "`heatertune bench`", whole_fit),
     Row("the first design after the installation; the same again, its fit kept", "{} s; {} s of processor time", "",
-        "`time heatertune design table4 --target s5-ob251 --out x/`", designs),
+        "`time heatertune design table4 --target s5-ob251 --out x/`", lambda: (once(first_design), *of_commands(DESIGNS[0]))),
     Row("whole commands, what they need kept: `fit`, `tune`, `verify`, `export-db`",
-        "{} s, {} s, {} s, {} s of processor time", "",
-        "`time` before each", stages),
+        "{} s, {} s, {} s, {} s of processor time", "", "`time` before each", lambda: of_commands(*STAGES)),
+    Row("the same, only their machine code kept", "{} s, {} s, {} s, {} s of processor time", "", "`time` before each",
+        lambda: of_commands(*(f"anew: {line}" for line in STAGES))),
     Row("a design proven in 72 runs, with the exported text run, the rivals and the report; its fit is kept",
-        "{} s of processor time", "", "`time heatertune design table4 --target s7-300 --out x/`",
-        lambda: (command("design table4 --target s7-300 --out x/", best=2, cpu=True),)),
+        "{} s of processor time", "", "`time heatertune design table4 --target s7-300 --out x/`", lambda: of_commands(DESIGNS[1])),
     Row("the same design on every controller, each with its proof", "{} s of processor time", "",
-        "`time heatertune compare x/pid.json -o y/`",
-        lambda: (command("compare x/data/pid.json -o y/", best=1, cpu=True, before=("design table4 --target s7-300 --out x/",)),)),
+        "`time heatertune compare x/pid.json -o y/`", lambda: of_commands(DESIGNS[2])),
     Row("constrained optimum of a PI, of a PID", "{} to {} ms, {} to {} ms", "SLSQP {} to {} times",
         "`tests/bench/optimum.py`", optima),
     Row("fleet, a zone: 240 rows fitted, tuned, rounded, proven on 200 drawn heaters", "{} s", "",
@@ -242,7 +292,9 @@ def main():
     print(HEAD)
     for row in ROWS:
         if not asked or any(word in f"{row.what} {row.by}" for word in asked):
+            told(f"{time.perf_counter() - BEGUN:4.0f} s: {row.what}")
             print(row.told(), flush=True)
+    told(f"{time.perf_counter() - BEGUN:4.0f} s: done")
 
 
 if __name__ == "__main__":

@@ -86,7 +86,7 @@ def pool_workers(jobs):
 
 
 def run(folder, zones, settings, cluster=pool_workers):
-    """Return seconds, processor seconds of the workers, and how the zones ended; `settings`: of `main`."""
+    """Return seconds, processor seconds of the workers, and how the zones ended; `settings`: of `settings_of`."""
     write_logs(folder / f"logs{zones}", zones)
     before, begun, table = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter(), folder / f"{zones}.parquet"
     with cluster(settings.jobs) as workers:
@@ -100,14 +100,19 @@ def run(folder, zones, settings, cluster=pool_workers):
     return spent, cpu, summary["outcomes"]
 
 
-def main():
+def settings_of(words):
+    """Return the settings that a command line gives."""
     asked = argparse.ArgumentParser()
     asked.add_argument("zones", nargs="*", type=int, default=[50, 100, 200])
     asked.add_argument("--target", default="weg")
     asked.add_argument("--samples", type=int, default=200)
     asked.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
     asked.add_argument("--dask", action="store_true", help="on a local Dask cluster")
-    settings = asked.parse_args()
+    return asked.parse_args(words)
+
+
+def main():
+    settings = settings_of(None)
     print(f"{settings.jobs} processes, {settings.target}, {settings.samples} samples a zone")
     print(f"{'zones':>6} {'s':>7} {'s per zone':>11} {'CPU s per zone':>15}  outcomes; load of the machine")
     found = []

@@ -18,7 +18,7 @@ KILN = model_by_hand(Fopdt(gain_degC_per_pct=9.0, time_constant_s=3600.0, dead_t
 CALLED = {"sampling": "caller"}
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=18)
 def test_gains_mend_the_firing_where_it_is_known_that_nothing_winds_up_without_a_limit(tmp_path):
     # 150 °C/h as Orton's cones are fired, limits of the preset: neither other gains nor a ramp is enough alone
     firing = tmp_path / "firing.csv"

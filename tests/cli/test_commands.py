@@ -299,7 +299,7 @@ def test_two_level_control_goes_through_every_command(run, by_hand, tmp_path):
     assert (status, [line.split(",")[1] for line in out.splitlines()]) == (0, ["output", "1", "1", "0"])
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=12)
 def test_a_whole_design_of_two_level_control_behind_an_interlock_is_reported(run, tmp_path):
     out = tmp_path / "out"
     watched = ("--interlock", "heater-fan", "--limit-temperature", 45)

@@ -121,7 +121,7 @@ def here(chunks, do):
         yield chunk, do(chunk.cases)
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=15)
 def test_a_killed_study_is_resumed_to_the_same_bytes_and_its_rows_are_those_of_the_commands(study, tmp_path, run, kill):
     from heatertune.batch import studies  # noqa: PLC0415 - the slow libraries, beside their only use
 

@@ -127,7 +127,7 @@ def site(tmp_path_factory):
 
 
 @pytest.mark.doc
-@pytest.mark.long
+@pytest.mark.long(seconds=15)
 def test_the_manual_builds_without_a_warning_and_fetches_nothing(site):
     for path in site.rglob("*.html"):
         page = _Links()

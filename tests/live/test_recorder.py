@@ -25,6 +25,7 @@ from heatertune.cli import main
 from heatertune.errors import LinkDown, OutOfRange, PlcRefused
 from heatertune.live.cells import Signal
 from heatertune.live.client.address import address_of
+from heatertune.live.looking import Looking
 from heatertune.live.memory import OWN
 from heatertune.live.places import Counter, Places, places_of
 from heatertune.live.recorder import Recording, record
@@ -174,6 +175,41 @@ def test_a_counter_of_the_program_is_the_clock_and_wraps(monkeypatch, tmp_path):
     text = (tmp_path / "log.csv").read_text()
     assert rows_of(tmp_path / "log.csv")[:, 0].tolist() == [0.0, 1.0, 3.0, 3.5, 4.0, 4.5]
     assert re.findall(r"# gap before (\S+) s: the PLC has begun to count anew; how long the gap is, is not known", text) == ["4"]
+
+
+def test_a_small_counter_that_turned_while_nobody_looked_is_as_far_as_this_machines_clock_says(monkeypatch):
+    """A byte, each 0.5 s: 129 s after 10 it shows 12 again, which is 258 scans and not 2."""
+    now, counts = [0.0], [10, 11, 12]
+
+    class Fake:
+        most, whole = 200, True
+
+        def read(self, number, *_):
+            if number == OWN:
+                raise PlcRefused("no such block")
+            return counts.pop(0).to_bytes(1, "big") + (20).to_bytes(2, "big")
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    monkeypatch.setattr("heatertune.live.looking.connect", lambda *_: Fake())
+    places = Places(block=5, signals={"temperature": Signal(1, "INT")}, counter=Counter(signal=Signal(0, "BYTE"), interval_s=0.5))
+    looking, times = Looking(address_of("s7://10.0.0.1/0/2/db5"), places), []
+    for at in (0.2, 0.9, 129.4):
+        now[0] = at
+        times.append(looking.look().time_s)
+    assert times == [0.0, 0.5, 129.0]
+
+
+def test_a_simulator_that_tells_no_scans_any_more_is_a_lost_link_and_no_other_clock(served, places):
+    plc = served()
+    plc.release(3)
+    with Looking(way(plc, "s7"), places) as looking:
+        assert looking.look().time_s == 2.0 * plc.scan_s
+        plc.plc.memory.write(OWN, 48, b"NONE")
+        with pytest.raises(LinkDown, match="no longer tells its scans"):
+            looking.look()
 
 
 @pytest.mark.parametrize("protocol", QUICK)

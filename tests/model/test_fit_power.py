@@ -205,7 +205,7 @@ def test_the_intervals_are_wider_under_coloured_noise_of_the_same_size():
 
 
 @pytest.mark.brute
-@pytest.mark.long(seconds=20)
+@pytest.mark.long(seconds=40)
 def test_ninety_five_percent_intervals_hold_the_truth_about_so_often():
     # twins with AR(1) noise: at a true coverage of 95 %, fewer than 105 of 120, or all, come by chance once in 400 runs,
     # fewer than 33 of 40 once in 1400

@@ -26,7 +26,7 @@ def document():
     return plain(compare(_design(), HEATER, Conditions(setpoint_degC=40.0)))
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=20)
 def test_every_target_has_a_row_with_the_figures_of_its_own_proof(document):
     assert [row["target"] for row in document["rows"]] == list(TARGETS)
     # Klipper's report comes each 0.3 s, Marlin's PID each 0.16 s: a design of 5 s is taken at these

@@ -89,7 +89,7 @@ def test_a_studio_that_ends_ends_the_compiler(monkeypatch):
     assert asyncio.run(end_early()) == -15  # ended by SIGTERM, signal 15 of POSIX
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=12)
 def test_what_it_compiles_is_all_that_a_look_and_a_proof_run_and_it_gives_the_same(monkeypatch, heater):
     cores, run = [], loop.run_compiled
 

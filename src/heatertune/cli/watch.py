@@ -64,9 +64,9 @@ def _run(settings: argparse.Namespace) -> int:
             append=settings.append), shown=_shown(settings, beside, monitored), ended=lambda: bool(asked))
     LINE.end()
     well = beside.seen.readings > 0 and beside.seen.well  # who has seen nothing knows nothing
-    well = well and (monitored is None or not monitored.told())
+    well = well and (monitored is None or not monitored.told()) and not so_far.trouble
     document = {"schema": "heatertune/watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
-                "gaps": so_far.gaps, "well": well, **beside.seen.to_document(),
+                "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well, **beside.seen.to_document(),
                 "monitor": None if monitored is None else monitored.to_document(),
                 "refit": _refitted(log, proven) if settings.refit else None}
     printing.output(settings, document, lambda: _lines(document))
@@ -131,13 +131,16 @@ def _lines(document: Mapping[str, Any]) -> str:
     if not document["readings"]:
         return f"{document['log']}: nothing was seen"
     head = ("WELL: inside the proven band" if document["well"] else "NOT WELL") + (
-        f", {document['readings']} readings; at most {100.0 * document['largest_share_of_band']:.0f} % of the band")
-    lines = [head, *(f"- {each}" for each in document["told"][:_SHOWN])]
+        f", {document['readings']} readings; at most {100.0 * document['largest_share_of_band']:.0f} % of the band") + (
+        f"; {document['gaps']} gap{'s' if document['gaps'] > 1 else ''} in the log" if document["gaps"] else "")
+    lost = [f"- the link was lost and is not back: {document['lost']}"] if document["lost"] else []
+    lines = [head, *lost, *(f"- {each}" for each in document["told"][:_SHOWN])]
     if len(document["told"]) > _SHOWN:
         lines.append(f"- and {len(document['told']) - _SHOWN} more: --json")
     monitor = document["monitor"]
     if monitor is not None:
-        missed = f"{monitor['missed']} missed, begun anew {monitor['begun_anew']} times"
+        missed = (f"{monitor['missed']} missed, begun anew {monitor['begun_anew']} times, "
+                  f"blind for {100.0 * monitor['blind_share']:.0f} % of the time")
         lines += [*monitor["told"], f"monitor: {monitor['scans']} scans, {missed}; it replaces no thermal cut-out"]
     refit = document["refit"]
     if refit is not None:

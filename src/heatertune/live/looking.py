@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Final, NamedTuple, Self
 
-from heatertune.errors import InputError
+from heatertune.errors import InputError, LinkDown
 from heatertune.live.cells import Signal
 from heatertune.live.client.address import Address
 from heatertune.live.client.client import Client, connect
@@ -62,6 +62,7 @@ class Looking:
         self.torn = 0
         self._begun = time.monotonic()
         self._count: int | None = None
+        self._counted_at = self._begun
         self._time_s = 0.0
         self._client: Client = connect(address, timeout_s)
         try:
@@ -103,10 +104,13 @@ class Looking:
         """Return what the latest scan left behind; None: nothing new, or a scan fell into the look.
 
         Raises:
+            LinkDown: a simulated PLC tells its scans no longer.
             LinkError: no answer; `again` connects anew.
         """
         begin, count = self._places.span
         before = told_by(self._client) if self._counts_scans else None
+        if self._counts_scans and before is None:
+            raise LinkDown(f"{self._address.text}: no longer tells its scans")
         if before is not None and before.shown in (0, self._count):
             return None
         asked = time.monotonic()
@@ -130,8 +134,11 @@ class Looking:
     def _looked(self, scans: int, turn: int, seen: Mapping[str, float], first_s: float) -> Look:
         assert self.interval_s is not None
         last, self._count = self._count, scans
+        before, self._counted_at = self._counted_at, time.monotonic()
         passed = 0 if last is None else (scans - last) % turn
         restarted = passed > turn // 2  # backwards
+        if not restarted:  # while nobody looked, it may have turned as often as this machine's clock says
+            passed += turn * max(0, round(((self._counted_at - before) / self.interval_s - passed) / turn))
         if last is None:
             self._time_s = first_s
         else:

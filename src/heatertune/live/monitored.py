@@ -17,7 +17,7 @@ from heatertune.live.looking import Look
 from heatertune.plc import Words
 from heatertune.proof.supervision.document import SupervisionView
 from heatertune.proof.supervision.loops import whole_pct
-from heatertune.proof.supervision.monitor import ALARMS, Numbers, cold, restart, scan, unseen
+from heatertune.proof.supervision.monitor import ALARMS, Numbers, cold, in_a_row, restart, scan, unseen
 
 __all__ = ["Alarm", "Monitored"]
 
@@ -41,9 +41,12 @@ class Monitored:
 
     Attributes:
         view: what supervision.json holds.
+        needs: scans in a row, see `heatertune.proof.supervision.monitor.in_a_row`.
         scans: that were seen.
         missed: that were not, and taken from a straight line.
         begun_anew: times, after longer gaps and restarts of the PLC.
+        watched: scans that came after so many in a row.
+        passed: scans of the PLC, from the first that was seen to the last.
         alarms: by their names, in the order of their first scans.
         highest_degC: setpoint so far.
     """
@@ -58,9 +61,10 @@ class Monitored:
             raise InputError(f"the monitor was made for other words, of {view.target}; heatertune supervise makes one "
                              "for these")
         self.view, self.alarms = view, dict[str, Alarm]()
-        self.scans = self.missed = self.begun_anew = 0
+        self.scans = self.missed = self.begun_anew = self.watched = self.passed = 0
         self.highest_degC = -math.inf
         self._numbers, self._state = Numbers(**view.numbers), cold()
+        self.needs, self._row = in_a_row(self._numbers), 0
         self._last: tuple[int, int, int] | None = None  # scan, reading, power
         self._may_miss = 0.0
 
@@ -77,10 +81,11 @@ class Monitored:
             return
         self.highest_degC = max(self.highest_degC, look.seen.get("setpoint", -math.inf))
         self._last = now, self._reading(look.seen["temperature"]), _whole(look.seen["power"])
+        self.passed += 1 if last is None or look.restarted else now - last[0]
         if last is not None and (look.restarted or now - last[0] - 1 > self._may_miss):
             restart(self._state)
             self.begun_anew += 1
-            self._may_miss = 0.0
+            self._may_miss, self._row = 0.0, 0
         elif last is not None:
             self._between(last, self._last)
         self._may_miss = min(self._may_miss + 1.0 / _SEEN, float(_IN_A_ROW))
@@ -96,6 +101,8 @@ class Monitored:
             self.missed += 1
 
     def _tell(self, alarm: int, at: int) -> None:
+        self._row += 1
+        self.watched += self._row >= self.needs
         if alarm == 0:
             return
         name, time_s = ALARMS[alarm], at * self.view.scan_s
@@ -114,11 +121,14 @@ class Monitored:
         if self.highest_degC > self.view.setpoint_degC + 0.5 * self.view.card.step_degC:
             lines.append(f"monitor: made for setpoints up to {self.view.setpoint_degC:.4g} °C, and "
                          f"{self.highest_degC:.4g} °C was asked for")
+        if self.scans > 0 and self.watched == 0:
+            lines.append(f"monitor: blind: it needs {self.needs} scans in a row, and they never came")
         return tuple(lines)
 
     def to_document(self) -> dict[str, Any]:
         """Return it as JSON holds it."""
-        return {"scans": self.scans, "missed": self.missed, "begun_anew": self.begun_anew, "told": list(self.told()),
+        return {"scans": self.scans, "missed": self.missed, "begun_anew": self.begun_anew,
+                "blind_share": 1.0 - self.watched / max(self.passed, 1), "told": list(self.told()),
                 "alarms": [asdict(each) for each in self.alarms.values()]}
 
 

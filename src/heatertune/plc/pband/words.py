@@ -117,7 +117,8 @@ def _set(make: Make, entry: Entry, design: PidDesign, unit: int) -> Number:
     """Return a word that no gain or time is in."""
     if entry.role == "cycle":
         longest = min(_USUAL_S, design.integral_time_s / _OF_TN)
-        return next((number for number, period in reversed(periods_of(make, longest))), periods_of(make)[0][0])
+        periods = periods_of(make, longest) or periods_of(make)[:1]
+        return periods[-1][0]
     if entry.role == "unit":
         return unit
     if entry.role == "high":
@@ -171,6 +172,8 @@ def periods_of(make: Make, longest_s: float = _LONGEST_S) -> list[tuple[Number, 
     if entry is None:
         return []
     last = round(min(entry.high, 10.0**entry.decimals * 999.0) * (10.0**entry.decimals if entry.real else 1.0))
+    if longest_s < math.inf and not make.codes:  # numbers mean themselves
+        last = min(last, math.ceil(longest_s * 10.0**entry.decimals))
     first = round(entry.low * (10.0**entry.decimals if entry.real else 1.0))
     found = [(_written(entry, digits / 10.0**entry.decimals), digits / 10.0**entry.decimals)
              for digits in range(first, last + 1)]

@@ -18,8 +18,8 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 __all__ = [
-    "ALARMS", "RING", "STATE", "Numbers", "alarms", "cold", "counted", "is_full", "restart", "scan", "unseen",
-    "watch", "windowed",
+    "ALARMS", "RING", "STATE", "Numbers", "alarms", "cold", "counted", "in_a_row", "is_full", "restart", "scan",
+    "unseen", "watch", "windowed",
 ]
 
 #: alarm → what it says; 0 is none
@@ -111,6 +111,11 @@ def counted(state: Any) -> tuple[int, int, int, int, bool, int]:
     """
     level = state[_LEVELS + (state[_BLOCKS] + RING - 1) % RING]
     return state[_STILL], state[_MOVED_FOR], state[_FULL_FOR], state[_GREW], state[_IN_BLOCK] == 0, level
+
+
+def in_a_row(numbers: Numbers) -> int:
+    """Return after how many scans all its windows are full; before, it does not hold the level against the power."""
+    return numbers.block * (1 + numbers.delay_high + max(numbers.slow_blocks, numbers.fast_blocks))
 
 
 def restart(state: Any) -> None:
