@@ -128,7 +128,7 @@ def _heard(rows: Places, batch: Batch, first: int, k: int) -> None:
     """Take the noise of a scan."""
     for lane in range(lanes_of(rows)):
         i, counts = loop_of(batch, first, lane), loaded_counts(rows, lane)
-        stored_counts(rows, lane, Counts(batch.noise[i % len(batch.noise)][k], counts.limited, counts.faults))
+        stored_counts(rows, lane, Counts(batch.noise[min(i, len(batch.noise) - 1)][k], counts.limited, counts.faults))
 
 
 def started_up(rows: Places, parameters: Any, cold: Any) -> None:
