@@ -40,7 +40,7 @@ def ar1_bic(residuals: Array, unknowns: int) -> float:
 
 
 def ar1_weighted(rows: Array, rho: Array | float) -> Array:
-    """Return Σⱼ ρ^|i−j|·rowⱼ, the rows (…, m) times the correlation of first-order autoregressive noise.
+    """Return Σⱼ ρ^|i−j|·rowⱼ, rows of shape (…, m) times the correlation of first-order autoregressive noise.
 
     Each way the sum over k of ρᵏ and a shift by k is Π (1 + ρ^(2ⁿ) and a shift by 2ⁿ): a few passes, and no matrix.
     `rho` is a number below 1 or broadcasts with the rows.

@@ -34,12 +34,22 @@ def forced(
     time: Array, half: Array, edges: Array, levels: Array, before: float, lags: tuple[float, float], dead: float,
     out: Array,
 ) -> None:
-    """Write the answer of a unit gain to the held power into out (n,); second lag = 0: one lag.
+    """Write the answer of a unit gain to the held power into out.
 
     A reading is the mean over its time ± half. The mean is exact: a lag's own equation gives the integral of what
     leaves it, ∫out = ∫in − lag·(out at the end − out at the start). The answer starts as if `before` had
     been the power for ever; the free initial state corrects it. `x` and `y` are how far the lags' outputs are from the
     power: under constant power one product takes each to the next reading.
+
+    Args:
+        time: middle of each reading, shape (n,) [s].
+        half: half the time that it is the mean of, shape (n,) [s].
+        edges: instants from which a power is held, shape (e,) [s].
+        levels: the powers, shape (e,) [%].
+        before: the power before the first [%].
+        lags: the second is 0 where there is one alone [s].
+        dead: dead time [s].
+        out: the answer, shape (n,) [%].
     """
     inner, outer = lags if lags[1] > 0.0 else (0.0, lags[0])
     now, acting, x, y, j = time[0] - half[0], before, 0.0, 0.0, 0
@@ -117,12 +127,12 @@ def columns(log: Held, lags: tuple[float, float], dead: float, one: Array, basis
 
 
 def of_power(log: Held, lags: tuple[float, float], dead: float, basis: Array) -> None:
-    """Fill the answer to the power, the one column in which the dead time is. Arguments as above."""
+    """Fill the answer to the power, which alone knows the dead time; arguments as `columns`, of the same shapes."""
     forced(log[0], log[1], log[2], log[3], log[4], lags, dead, basis[GAIN])
 
 
 def of_lags(log: Held, lags: tuple[float, float], one: Array, basis: Array) -> None:
-    """Fill all other columns. Arguments as above."""
+    """Fill all other columns; arguments as `columns`, of the same shapes."""
     time, half, _, _, _, loads, restarts = log
     first, second = lags
     m = len(time)

@@ -82,9 +82,13 @@ class Segment:
         return np.asarray(rng.uniform(0.2 * length, 0.9 * length, n))
 
     def simulate(self, z: Array, own: int, out: Array, at: int) -> None:
-        """Write the temperature at the log's instants into the columns of out (n, m) from `at` on, for vectors (n, p).
+        """Write the temperature at the log's instants, for vectors of shape (n, p).
 
-        `own`: place of the segment's first unknown in a vector.
+        Args:
+            z: the vectors.
+            own: place of the segment's first unknown in a vector.
+            out: shape (n, m) [°C].
+            at: its column of the segment's first reading.
         """
         simulate_many(self.law, z, own, self.interval_s, self.readings, out, at)
 
