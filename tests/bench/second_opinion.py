@@ -468,6 +468,10 @@ def _judged_along(told, b, limits):
 def _counted(told, b, limits, scans, limited, faults, pulses):
     """Enter what is counted over the whole story."""
     _enter(told, "saturation", limited / scans * 100.0, limits.get("saturation"))
-    _enter(told, "switchings", pulses / told.begins[-1] * 3600.0, limits.get("switchings"))
+    lasts = [(part, end - begin) for part, begin, end in zip(told.parts, told.begins, told.begins[1:], strict=False)]
+    closed = sum(each for part, each in lasts if part.kind != "off")
+    between = sum(each for part, each in lasts if part.supplied) * (1.0 - limited / scans)
+    often = max(pulses / closed, pulses / between if between else 0.0)
+    _enter(told, "switchings", 3600.0 * min(often, 1.0 / b.period), limits.get("switchings"))
     _enter(told, "power held", b.power, limits.get("power held"))
     told.values["overflow"] = (math.inf, 1.0) if faults else (0.0, 1.0)

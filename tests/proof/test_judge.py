@@ -171,7 +171,27 @@ def test_saturation_and_switchings_are_counted():
                     switchings_per_h=50.0)
     assert found["saturation"].value == pytest.approx(25.0, abs=0.05)
     assert found["saturation"].ok
-    assert (found["switchings"].value, found["switchings"].ok) == (pytest.approx(54.0), False)
+    assert found["switchings"].value == pytest.approx(3 / 150.0 * 3600.0, rel=1e-3), "50 s at full power need no switching"
+    assert not found["switchings"].ok
+
+
+def test_switchings_are_not_thinned_by_an_open_circuit():
+    # a pulse every 5 s where there is something to hold; the time without heater, at full power, makes nothing of that
+    for off_s in (50.0, 500.0):
+        end = 200.0 + off_s
+        found = _judged(_trace(
+            _first_order, end, disturbances=(Mains(time_s=100.0, share=0.0), Mains(time_s=100.0 + off_s, share=1.0)),
+            power=lambda t, off_s=off_s: 100.0 if 100.0 <= t < 100.0 + off_s else 40.0, pwm=5.0,
+            switched=[edge for on in np.arange(0.0, end, 5.0) if not 100.0 <= on < 100.0 + off_s for edge in (on, on + 2.0)]))
+        assert found["switchings"].value == pytest.approx(720.0, rel=5e-3)
+
+
+def test_switchings_of_a_controller_that_knows_on_and_off_are_counted_while_the_circuit_is_closed():
+    found = _judged(_trace(
+        _first_order, 300.0, disturbances=(Mains(time_s=100.0, share=0.0), Mains(time_s=200.0, share=1.0)),
+        power=lambda t: 100.0 * (t % 20.0 < 10.0), switched=[edge for on in np.arange(0.0, 300.0, 20.0) if not 100.0 <= on < 200.0
+                                                            for edge in (on, on + 10.0)]))
+    assert found["switchings"].value == pytest.approx(180.0)
 
 
 def test_only_the_flags_of_an_overflow_count():
@@ -298,6 +318,12 @@ def _any_run(chance):
         actuator=Actuator(pwm_period_s=4.0), flags={"SM1.1": 2, "running": 5})
 
 
+def _often(supplied):
+    """5 pulses: in 460 s with supply, less those at a limit; a pulse in 4 s at most; 430 s of them with a heater."""
+    between_s = 460.0 * sum(not (power <= 0.0 or power >= 100.0) for power in supplied) / len(supplied)
+    return min(max(5 / 430.0, 5 / between_s), 1 / 4.0)
+
+
 def _sampled(trace, band):
     """What the words of each criterion say, on samples a millisecond apart."""
     starts, first, _, target = trace.stretches.T
@@ -329,7 +355,7 @@ def _sampled(trace, band):
         "pwm_ripple": float(np.median([np.ptp(cycle) for cycle in cycles])), "deviation": -min(0.0, seen["recovery"].min()),
         "ramp_overshoot": max(0.0, seen["ramp"].max(), seen["soak"].max()) / 10.0 * 100.0, "ramp_deviation": np.abs(line).max(),
         "peak": 80.0 + max(seen["ramp"].max(), seen["soak"].max()), "soak_deviation": np.abs(error(460, 480, 80)).max(),
-        "saturation": 100.0 * sum(power <= 0.0 or power >= 100.0 for power in supplied) / len(supplied), "switchings": 5 / 480 * 3600,
+        "saturation": 100.0 * sum(power <= 0.0 or power >= 100.0 for power in supplied) / len(supplied), "switchings": _often(supplied) * 3600.0,
         "overflow": 2 + sum(map(math.isnan, supplied)),
     }
 

@@ -148,7 +148,7 @@ def test_each_loop_is_held_against_the_disturbance_that_uses_most_of_its_time():
     table = np.zeros((2, 3, COLUMNS))
     table[:, :, SETTLED] = [[0.0, 120.0, 175.0], [0.0, 150.0, 163.0]]
     measured = Measured(
-        scenario=scenario, band_degC=1.0, phases=phases_of(scenario, 190.0, 80.0), rows=np.ones((2, 6)), table=table,
+        scenario=scenario, period_s=1.0, band_degC=1.0, phases=phases_of(scenario, 190.0, 80.0), rows=np.ones((2, 6)), table=table,
         totals=np.zeros((2, TOTALS)), ripple=np.zeros(2))
     column = next(each for each in columns_of(measured, Limits()) if each.name == "recovery_time")
     assert [(each.value, each.limit) for each in column.criteria("ab")] == [(15.0, 30.0), (50.0, 60.0)]
@@ -162,7 +162,7 @@ def test_a_ramp_that_stays_below_its_end_goes_beyond_it_by_nothing():
     table = np.zeros((2, 3, COLUMNS))
     table[:, :, HIGHEST] = [[0.0, -1.0, -0.5], [0.0, -1.0, 2.0]]
     measured = Measured(
-        scenario=scenario, band_degC=1.0, phases=phases_of(scenario, 300.0, 80.0), rows=np.ones((2, 6)), table=table,
+        scenario=scenario, period_s=1.0, band_degC=1.0, phases=phases_of(scenario, 300.0, 80.0), rows=np.ones((2, 6)), table=table,
         totals=np.zeros((2, TOTALS)), ripple=np.zeros(2))
     column = next(each for each in columns_of(measured, Limits()) if each.name == "ramp_overshoot")
     assert column.values.tolist() == [0.0, 20.0]
@@ -201,7 +201,7 @@ def test_less_power_lets_a_heater_fall_and_a_cooler_rise():
     scenario = Scenario(setpoint_degC=50.0, duration_s=200.0, disturbances=(Load(time_s=100.0, power_pct=-10.0),))
     table, rows = np.zeros((2, 2, COLUMNS)), np.ones((2, 6))
     table[:, 1, HIGHEST], table[:, 1, LOWEST], rows[1, 0] = 3.0, -4.0, -1.0
-    measured = Measured(scenario=scenario, band_degC=1.0, phases=phases_of(scenario, 200.0, 80.0), rows=rows, table=table,
+    measured = Measured(scenario=scenario, period_s=1.0, band_degC=1.0, phases=phases_of(scenario, 200.0, 80.0), rows=rows, table=table,
                         totals=np.zeros((2, TOTALS)), ripple=np.zeros(2))
     column = next(each for each in columns_of(measured, Limits()) if each.name == "deviation")
     assert column.values.tolist() == [4.0, 3.0]

@@ -62,7 +62,7 @@ def _measured(trace: Trace, limits: Limits) -> Measured:
     totals = [len(asked), np.count_nonzero((asked <= trace.actuator.least_pct) | (asked >= 100.0)),
               wrong + np.count_nonzero(np.isnan(asked)), np.count_nonzero(trace.edge_on)]
     return Measured(
-        scenario=scenario, band_degC=band, phases=phases,
+        scenario=scenario, period_s=period, band_degC=band, phases=phases,
         rows=np.array([plant_row(trace.model, scenario)]),
         table=np.array([[_phase(trace, number, phase, band) for number, phase in enumerate(phases)]]),
         totals=np.array([totals], dtype=np.float64),

@@ -50,6 +50,7 @@ class Measured:
 
     Attributes:
         scenario: what they live through.
+        period_s: of the PWM [s].
         band_degC: how far from the setpoint is still right [°C].
         phases: of the scenario; all temperatures are distances from their setpoints.
         rows: of `Batch.plants`, shape (n, 6).
@@ -59,6 +60,7 @@ class Measured:
     """
 
     scenario: Scenario
+    period_s: float
     band_degC: float
     phases: tuple[Phase, ...]
     rows: Array
@@ -313,13 +315,28 @@ def _switching(measured: Measured, limits: Limits) -> Iterator[Column]:
         "power_reserve", "%", 100.0 - held, limits.power_reserve_pct,
         "Power that is left over where the heater holds the highest setpoint, of full power.")
     yield replace(reserve, at_least=True)
-    total, hours = measured.totals, measured.scenario.duration_s / 3600.0
+    total = measured.totals
     yield _column(
         "saturation", "%", total[:, LIMITED] / np.maximum(total[:, SCANS], 1.0) * 100.0, limits.saturation_pct,
         "Share of the scans that ask for 0 or 100 % power.")
     yield _column(
-        "switchings", "1/h", total[:, SWITCHINGS] / hours, limits.switchings_per_h,
-        "How often the heater is switched on.")
+        "switchings", "1/h", _switchings_per_h(measured), limits.switchings_per_h,
+        "How often the heater is switched on while the power asked for is between its limits; of a controller that "
+        "only asks for all or nothing: while the circuit is closed.")
     yield _column(
         "overflow", "1", total[:, FAULTS], limits.overflows,
         "How often a flag that means a wrong result was set, or the power asked for was no number.")
+
+
+def _switchings_per_h(measured: Measured) -> Array:
+    """Return how often each loop's heater is switched on where it has to be, not thinned by times at full power or off.
+
+    A PWM period has one pulse at most; a loop that is hardly ever between its limits would be told to have more.
+    """
+    scenario, total = measured.scenario, measured.totals
+    lasts = np.array([phase.end_s - phase.begin_s for phase in measured.phases])
+    between_s = lasts[np.array(scenario.supplied)].sum() * (1.0 - total[:, LIMITED] / np.maximum(total[:, SCANS], 1.0))
+    closed_s = lasts[[phase.kind != "off" for phase in measured.phases]].sum()
+    times = total[:, SWITCHINGS]
+    often = np.divide(times, between_s, out=np.zeros(len(times)), where=between_s > 0.0)
+    return np.asarray(3600.0 * np.minimum(np.maximum(times / closed_s, often), 1.0 / measured.period_s))

@@ -61,8 +61,8 @@ def metered(  # noqa: PLR0913 - what differs from loop to loop stands in arrays 
         run_with(controller, given, 2 * count * scans, ahead=2 * ahead * scans)  # plain, a measured scan takes two
     ripple = _medians(np.where(high >= low, high - low, np.nan))
     return Measured(
-        scenario=scenario, band_degC=band, phases=phases, rows=rows, table=table.reshape(count, -1, COLUMNS),
-        totals=totals, ripple=ripple,
+        scenario=scenario, period_s=period, band_degC=band, phases=phases, rows=rows,
+        table=table.reshape(count, -1, COLUMNS), totals=totals, ripple=ripple,
     )
 
 

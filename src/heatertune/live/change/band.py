@@ -2,6 +2,9 @@
 
 It is made of the proof's own figures, the worst of all its runs: how far a response overshoots, how long it takes to
 settle, and the band in which it then stays. A load, an open door, is none of it.
+
+A loop that swings is met anywhere on its way. Its slope there tells how far the power is from what holds the
+temperature: the new words find what a load of that power would do, and may let it run as far.
 """
 
 from __future__ import annotations
@@ -10,10 +13,15 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final
 
-from heatertune.live.change.proven import Proven
-from heatertune.plc import controller_for
+import numpy as np
 
-__all__ = ["Band", "watched_s"]
+from heatertune.live.change.proven import Proven
+from heatertune.pid.loop.response import horizon, respond
+from heatertune.plc import controller_for
+from heatertune.proof.heaters import labelled
+from heatertune.proof.scenario import delayed
+
+__all__ = ["Band", "carried_s", "unseen_s", "watched_s"]
 
 _TIMES: Final = 5.0  # lags and dead time of the slowest heater
 _PERIODS: Final = 3.0  # of PWM
@@ -25,6 +33,29 @@ def watched_s(proven: Proven) -> float:
     return max(_TIMES * proven.slowest_s, _PERIODS * proven.view.actuator.pwm_period_s)
 
 
+def unseen_s(proven: Proven) -> float:
+    """Return how long no reading can tell of new words: the shortest dead time, a PWM period at least [s]."""
+    dead = min(model.dead_time_s for _, model in labelled(proven.fitted))
+    return max(dead, proven.view.actuator.pwm_period_s)
+
+
+def carried_s(proven: Proven) -> float:
+    """Return for how long a slope seems to go on under the words, worst of all heaters [s]; 0 where they are no PID.
+
+    A slope is that of too much power, by slope · lags / gain; a load of as much takes the linear loop of the words on
+    that heater so far away.
+    """
+    words = proven.words
+    controller = controller_for(words.target)
+    design = controller.decode(words)
+    if design is None:
+        return 0.0
+    late = [delayed(model, controller.delayed_s(words.scaling)) for _, model in labelled(proven.fitted)]
+    return max(
+        float(np.abs(respond(model, design, horizon(model, design), load_pct=1.0)).max())
+        * sum(model.lags_s) / abs(model.gain_degC_per_pct) for model in late)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Band:
     """The band, from an instant on.
@@ -32,6 +63,7 @@ class Band:
     Attributes:
         setpoint_degC: around which it is [°C].
         off_degC: how far from the setpoint the temperature was at that instant, above it positive [°C].
+        carried_degC: how far it was on its way from there, upwards positive [°C].
         overshoot: worst proven, as a share of the way.
         settles_s: after which it is settled [s].
         rest_degC: how far from the setpoint it is then, what a reading cannot tell included [°C].
@@ -39,28 +71,30 @@ class Band:
 
     setpoint_degC: float
     off_degC: float
+    carried_degC: float
     overshoot: float
     settles_s: float
     rest_degC: float
 
     @classmethod
-    def of(cls, proven: Proven, setpoint_degC: float, temperature_degC: float) -> Band:
-        """Return the band of a proof from where the temperature is."""
+    def of(cls, proven: Proven, setpoint_degC: float, temperature_degC: float, carried_degC: float = 0.0) -> Band:
+        """Return the band of a proof from where the temperature is, and how far it is on its way."""
         criteria, limits = proven.view.criteria, proven.view.limits
         overshoots = [each.value for name, each in criteria.items() if name.endswith("overshoot") and each.unit == "%"]
         settles = [each.value for name, each in criteria.items() if name in ("settling_time", "recovery_time")]
         within = criteria["limit_cycle"].limit or limits.tolerance_degC
         return cls(
             setpoint_degC=setpoint_degC, off_degC=temperature_degC - setpoint_degC,
-            overshoot=max(overshoots, default=0.0) / 100.0, settles_s=max(settles, default=math.inf),
-            rest_degC=within + _unread_degC(proven))
+            carried_degC=carried_degC, overshoot=max(overshoots, default=0.0) / 100.0,
+            settles_s=max(settles, default=math.inf), rest_degC=within + _unread_degC(proven))
 
     def at(self, since_s: float) -> tuple[float, float]:
         """Return the lowest and the highest temperature so long after its instant [°C]."""
-        off = self.off_degC if since_s <= self.settles_s else 0.0
-        there, beyond = max(abs(off), 0.0), self.overshoot * abs(off)
-        low, high = (beyond, there) if off > 0.0 else (there, beyond)
-        return self.setpoint_degC - low - self.rest_degC, self.setpoint_degC + high + self.rest_degC
+        low = high = self.rest_degC
+        for way in (self.off_degC, self.carried_degC) if since_s <= self.settles_s else ():
+            below, above = sorted((way, -self.overshoot * way))
+            low, high = low - below, high + above
+        return self.setpoint_degC - low, self.setpoint_degC + high
 
     def to_document(self) -> dict[str, Any]:
         """Return it as a record has it."""

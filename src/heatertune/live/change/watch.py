@@ -1,14 +1,20 @@
-"""The response after a write, watched inside the proven band; two readings in a row outside of it end the watch."""
+"""The response after a write, watched inside the proven band; two readings in a row outside of it end the watch.
+
+Until the words can show, what is seen is the doing of the old ones: it tells where the temperature is and where it
+goes to, and is held against nothing.
+"""
 
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from statistics import linear_regression
 from typing import Final
 
 from heatertune.errors import LinkError
-from heatertune.live.change.band import Band, watched_s
+from heatertune.live.change.band import Band, carried_s, unseen_s, watched_s
 from heatertune.live.change.peer import Look, Peer, runs
 from heatertune.live.change.proven import Proven
 from heatertune.live.change.record import Record
@@ -90,6 +96,9 @@ class _Watch:
         self._last: Look | None = None
         self._moved = self._since_s = self._most = 0.0
         self._band: Band | None = None
+        self._unseen_s, self._carried_s = unseen_s(proven), carried_s(proven)
+        self._way: deque[tuple[float, float]] = deque()
+        self._shows = False
         self._count = self._outside = 0
         self.stands: Mapping[str, Number] | None = None
 
@@ -107,12 +116,17 @@ class _Watch:
         if not self._is_new(look):
             return ""
         seen, asked = (self._peer.standing.shown(look.content, role) for role in ("temperature", "setpoint"))
-        if self._band is None or abs(asked - self._band.setpoint_degC) > _SAME_DEGC:
-            self._band, self._since_s = Band.of(self._proven, asked, seen), look.time_s
-            self._record.put("band", **self._band.to_document())
         self._first, self._last = self._first or look, look
         self.seconds = look.time_s - self._first.time_s
+        self._way.append((look.time_s, seen))
+        while look.time_s - self._way[0][0] > self._unseen_s and len(self._way) > 2:
+            self._way.popleft()
+        shows = self.seconds >= self._unseen_s and len(self._way) > 1
+        if self._band is None or shows != self._shows or abs(asked - self._band.setpoint_degC) > _SAME_DEGC:
+            self._band, self._since_s, self._shows = self._band_from(asked, seen), look.time_s, shows
+            self._record.put("band", **self._band.to_document())
         low, high = self._band.at(look.time_s - self._since_s)
+        low, high = (low, high) if shows else (min(low, seen), max(high, seen))
         used = abs(2.0 * seen - low - high) / (high - low)
         self._outside = self._outside + 1 if used > 1.0 else 0
         self._count, self._most = self._count + 1, max(self._most, used)
@@ -121,6 +135,10 @@ class _Watch:
         between = f"the proven band, {low:.4g} to {high:.4g} °C"
         self.told = f"{seen:.4g} °C in {between}, {self.seconds:.0f} of {self.duration_s:.0f} s"
         return f"{seen:.4g} °C is outside of {between}" if self._outside >= _IN_A_ROW else ""
+
+    def _band_from(self, asked: float, seen: float) -> Band:
+        slope = linear_regression(*zip(*self._way, strict=True)).slope if len(self._way) > 1 else 0.0
+        return Band.of(self._proven, asked, seen, slope * self._carried_s)
 
     def _is_new(self, look: Look) -> bool:
         if self._last is None or self._last.told is None or look.told is None:
