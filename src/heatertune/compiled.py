@@ -91,12 +91,15 @@ def worth_compiling(
 ) -> bool:
     """Return whether a process has by now asked for so many scans that the compiler's start pays, or decided so.
 
-    Each work counts its own: what is compiled for one does not help another. `most_plain` is how many plain scans take
-    as long as this start, by default of the proof's loop; where machine code of `function` is kept, fewer do, and fewer
-    still where the compiler is there already. `ahead` are scans that are sure to be asked for next.
-
     So the short runs of one command never load the compiler, and long work takes at most twice as long as if it had
     been known from the start. Both ways give the same, bit for bit.
+
+    Args:
+        scans: that are asked for now.
+        work: what they are of; each counts its own, as what is compiled for one does not help another.
+        most_plain: how many plain scans take as long as the compiler's start, by default of the proof's loop.
+        function: where its machine code is kept, fewer do, and fewer still where the compiler is there already.
+        ahead: scans that are sure to be asked for next.
     """
     decided = _decided[0]
     if decided == "kept":

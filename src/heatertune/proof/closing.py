@@ -40,6 +40,7 @@ _HALVINGS: Final = 3  # of the way from the optimum to gains that pass
 _SOONER: Final = 1 / 16  # of TA: what two levels swing by hangs on the dead time alone then
 
 
+@judged_once()
 def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: Told = str) -> Closed:
     """Return the first design that keeps every limit: as asked for, or changed by as little as will do.
 
@@ -58,12 +59,11 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
     first = plainly(fitted, still, made=made_for(fitted, asked, progress, stage), progress=progress, stage=stage)
     if first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.heard)):
         return first
-    with judged_once():
-        search = _Search(fitted=fitted, asked=asked, first=first, progress=progress)
-        mended = search.sooner() if first.proof.design is None else search.cheapest()
-        if mended is None:
-            return search.way_on.told()
-        return replace(mended, notes=(*mended.notes, *search.hints(mended)))
+    search = _Search(fitted=fitted, asked=asked, first=first, progress=progress)
+    mended = search.sooner() if first.proof.design is None else search.cheapest()
+    if mended is None:
+        return search.way_on.told()
+    return replace(mended, notes=(*mended.notes, *search.hints(mended)))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -276,8 +276,7 @@ class _Search:
             return None
         held = "" if (hold := tried.proof.hold_degC) is None else f"a holdback of {hold:.3g} °C"
         gains = price.gains_told(self.first.wished, made[0]) if tried.proof.design else ""
-        what = " and ".join(filter(None, (gains, self.told(frame), held)))
-        what += "" if boost is None else f" ({boost})"
+        what = " and ".join(filter(None, (gains, self.told(frame), held))) + ("" if boost is None else f" ({boost})")
         heard = tried.proof.heard
         proof = replace(tried.proof, heard=replace(heard, remarks=(*heard.remarks, f"with {what}")))
         refined = self.asked.refined and by is self.first.choice
