@@ -62,7 +62,7 @@ def pytest_configure(config):
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers():
     """Begin one process more than there are processors: some tests wait, for a browser, a PLC's scans, another's compiler."""
-    return len(os.sched_getaffinity(0)) + 1
+    return ahead.processors() + 1
 
 
 def pytest_sessionstart(session):
