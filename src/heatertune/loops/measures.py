@@ -222,6 +222,8 @@ def at_limit(course: Course, *, high: bool) -> float:
 def _to_rest(rows: Array, otherwise: float) -> float:
     """Return how far rows go on where their last parts come nearer to each other, as with one lag [°C]."""
     part, n = max(1, len(rows) // _LAST), len(rows)
+    if n < 3 * part:
+        return otherwise
     first, second, third = (float(rows[n - (back + 1) * part:n - back * part].mean()) for back in (2, 1, 0))
     before, now = second - first, third - second
     return now * now / (before - now) if 0.0 < now / (before or 1.0) < 1.0 else otherwise
