@@ -38,7 +38,6 @@ from heatertune.show import Shown
 __all__ = ["Proof", "RunResult", "after_an_open_circuit", "prove_models"]
 
 
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunResult:
     """One model under one setting of the controller's switches.
@@ -191,8 +190,9 @@ def prove_models(
     """
     acceptance, coverage, design = acceptance or Acceptance(), coverage or Coverage(), controller.decode(words)
     limits = acceptance.limits
-    scenario = next((night.scenario for night in nights_of(scenario, [model for _, model in models])
-                     if night.name == coverage.night), scenario)
+    if coverage.night is not None:
+        scenario = next(night.scenario for night in nights_of(scenario, [model for _, model in models])
+                        if night.name == coverage.night)
     runs = Runs.of(controller, words, models, scenario, actuator, limits, coverage, interlock=interlock)
     traced = remember(partial(runs.traced, direct=not coverage.open_points))  # a quick look waits for no listing
     judged = runs.judged()
