@@ -65,10 +65,9 @@ class Screen:
     def with_nights(self, proofs: Iterable[Proof]) -> Screen:
         """Return it with the runs that proofs make of the open circuits after which they break a limit."""
         hardest = dict[str, dict[str, Run]]()
-        for proof in proofs:
+        for name, proof in ((name, each) for each in proofs for name in wound(each.heard)):
             runs = {run.label: (run.model, run.switches) for run in after_an_open_circuit(proof.runs)}
-            for name in wound(proof.heard):
-                hardest.setdefault(name, {}).update(runs)
+            hardest.setdefault(name, {}).update(runs)
         return replace(self, nights={name: tuple(hardest[name].values()) for name in sorted(hardest)})
 
     def look(self, words: Words, conditions: Conditions, *, bound: float = math.inf) -> Look:
