@@ -1,10 +1,14 @@
-"""A block that may sum on without a limit: what passes the story with a holdback, and winds up in a longer night."""
+"""Sums that no story shows: one without a limit, in a longer night, and one that is kept where the output is at its limit."""
 
+import math
 import shutil
 from dataclasses import replace
+from unittest import mock
 
 import pytest
-from tests.bench.outages import SLACK, asked, broken
+from tests.bench import second_opinion
+from tests.bench.false_passes import _limits
+from tests.bench.outages import SLACK, Night, asked, bench_of, broken
 from tests.bench.second_opinion import compiled
 
 from heatertune.model.by_hand import model_by_hand
@@ -50,3 +54,26 @@ def test_a_boost_with_other_gains_mends_what_winds_up(library):
     assert "TN times" in found.proof.heard.remarks[-1]
     told = [case for setting in SETTINGS for case in broken(library, HEATER, found, setting, 0)]
     assert not told, f"{told} is beyond the limit by more than {SLACK}"
+
+
+@pytest.mark.long
+def test_a_sum_that_is_kept_at_the_limit_is_found_where_the_setpoint_rises_on_the_way_back(library):
+    """With D the sum grows beyond full power while the reading rises; at the limit OB251 keeps it (default settings)."""
+    heater, wanted = asked(2, "s5-ob251")
+    found = closed(model_by_hand(heater), replace(wanted, tuned=replace(wanted.tuned, ms=1.5, structure="pid")))
+    assert [finding.name for finding in found.proof.heard.findings] == ["stays-at-limit"]
+    assert found.passes_with == ("--switch", "sum=limited")
+    stuck, limits = [], _limits(found.proof.limits) | {"iae": math.inf}
+    for settings in settings_to_prove(controller_for("s5-ob251").switches):
+        b = bench_of(heater, found, settings)
+        told = Night(b)
+        low, seconds = b.setpoint - 0.2 * told.step, 141.0  # as the case was found, by drawn times
+        told.then("mains", 183.0, power=0.0)
+        told.then("setpoint", seconds, asked=low)
+        told.then("mains", seconds, power=1.0)
+        told.then("setpoint", kind="reheat", asked=b.setpoint)
+        with mock.patch.object(second_opinion, "story", return_value=told.parts):
+            seen = second_opinion.opinion(library, b, limits, longer=0.0).seen[-1]
+        if seen["rest_lowest"] > 40.0:  # °C above the setpoint: full power
+            stuck.append((settings["sum"], settings["integral_off"], settings["integral_inward"]))
+    assert stuck == 3 * [("unlimited", "previous_call", "off")]  # the defaults, and with either other rounding or limit

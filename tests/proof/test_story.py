@@ -31,7 +31,7 @@ from heatertune.proof import (
     story_for,
 )
 from heatertune.proof.course import Loop
-from heatertune.proof.night import night_of
+from heatertune.proof.night import nights_of
 from heatertune.proof.scenario import delayed, kinds_of, phases_of
 
 #: 100 s of lag and 10 s of dead time; 40 % of the power hold 60 °C
@@ -137,14 +137,24 @@ def test_a_window_is_left_twice_under_a_small_load():
 def test_a_night_is_made_of_the_longest_circuit_that_is_closed_again():
     scenario = _story().scenario
     opened, closed = scenario.disturbances[5:7]
-    night = night_of(scenario)
-    assert (night.proven_s, night.open_s) == (_up(800.0), 4.0 * _up(800.0))
+    night, rising = nights_of(scenario, [HEATER])
+    open_s = closed.time_s - opened.time_s
+    assert open_s == _up(800.0)
     off_s = scenario.disturbances[0].time_s  # the heat-up's end
     assert night.scenario.disturbances == (replace(opened, time_s=off_s), replace(closed, time_s=off_s + 4.0 * _up(800.0)))
     assert night.scenario.rests_s == (scenario.rests_s[0], 0.0, scenario.rests_s[7])
     assert night.scenario.duration_s - night.scenario.disturbances[1].time_s == pytest.approx(scenario.disturbances[7].time_s - closed.time_s)
+    # and again: closed at the lower setpoint, which rises as full power has led there, or a fifth of that time later
+    assert [kind for kind, *_ in kinds_of(rising.scenario)] == ["heat-up", *2 * ("off", "off", "off", "reheat")]
+    times = [event.time_s for event in rising.scenario.disturbances]
+    assert times[0] == off_s
+    arrives_s = 10.0 + 100.0 * math.log(100.0 / 68.0)  # 32 % of the power hold 52 °C
+    for first, rises_s in ((0, arrives_s), (4, 1.2 * arrives_s)):
+        assert [later - times[first] for later in times[first + 1:first + 4]] == pytest.approx(
+            [0.5 * open_s, open_s, open_s + rises_s])
+    assert rising.scenario.setpoints_degC == (60.0, *2 * (60.0, 52.0, 52.0, 60.0))
     for never in ((opened,), (opened, Load(time_s=opened.time_s + 100.0, power_pct=-5.0))):  # a scenario of somebody's own
-        assert night_of(replace(scenario, disturbances=never, rests_s=())) is None
+        assert not list(nights_of(replace(scenario, disturbances=never, rests_s=()), [HEATER]))
 
 
 def test_a_ramp_and_a_slow_switch_get_their_time():

@@ -59,6 +59,10 @@ KINDS: Final[dict[str, Kind]] = {
     "winds-up": Kind(
         "blocks", "it winds up the more, the longer the heater's circuit is open",
         "find out what your controller does at its limit (--switch), or keep it in manual while the circuit is open"),
+    "stays-at-limit": Kind(
+        "blocks", "it may stay at full power where the setpoint rises while the heater warms up",
+        "find out what your controller does at its limit (--switch), leave out D (--structure pi), or let the heater "
+        "settle before the setpoint rises"),
     "known-faults": Kind(
         "blocks", "the program is known to be wrong where no run of a proof leads",
         "take the same program repaired (heatertune targets)"),

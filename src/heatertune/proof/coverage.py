@@ -20,7 +20,7 @@ class Coverage:
         open_points: False: only the default settings of the controller's switches, for a quick comparison.
         only: label of a model and settings of each run, by the controller's direct form alone; None: every model under
             every setting.
-        night: with `only`: the heat-up and a longer open circuit alone, see `heatertune.proof.night`.
+        night: with `only`: the heat-up and another open circuit alone, by its name, see `heatertune.proof.night`.
         draws: False: no more than one draw of the noise; see `heatertune.proof.noise`.
         progress: told how many runs are done, as "18 of 54 runs".
     """
@@ -28,7 +28,7 @@ class Coverage:
     known: Mapping[str, str] = field(default_factory=dict)
     open_points: bool = True
     only: Sequence[tuple[str, Mapping[str, str]]] | None = None
-    night: bool = False
+    night: str | None = None
     draws: bool = True
     progress: Told = str
 

@@ -41,7 +41,7 @@ _OF_BAND: Final = 0.5
 
 def prove(
     words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool = False,
-    only: Sequence[tuple[str, Mapping[str, str]]] | None = None, night: bool = False, progress: Told = str,
+    only: Sequence[tuple[str, Mapping[str, str]]] | None = None, night: str | None = None, progress: Told = str,
     **changed: Any,
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
@@ -55,7 +55,7 @@ def prove(
         conditions: what is assumed; None: the defaults.
         first_look: only the nominal model under the default settings, in the same scenario; `export` refuses it.
         only: only these runs, label of a model and settings, in the same scenario; `export` refuses it too.
-        night: with `only`: the heat-up and a longer open circuit alone, see `heatertune.proof.night`.
+        night: with `only`: the heat-up and another open circuit alone, by its name, see `heatertune.proof.night`.
         progress: told how many runs are done.
         changed: fields of `Conditions` that are other than in `conditions`.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -52,8 +52,10 @@ def settings_told(proof: Proof, what: str) -> list[str]:
             f"--switch {name}={kept[0]}." for name, kept in passing_settings(proof).items()]
 
 
-def suspects(proof: Proof, wound: Iterable[RunResult] = ()) -> dict[str, str]:
+def suspects(proof: Proof, wound: Sequence[RunResult] = ()) -> dict[str, str]:
     """Return the switches of which another setting than the default makes a broken criterion worst: that default.
+
+    Where the defaults wind up: the first setting of a switch under which no run does.
 
     Args:
         proof: that fails, or winds up.
@@ -62,7 +64,12 @@ def suspects(proof: Proof, wound: Iterable[RunResult] = ()) -> dict[str, str]:
     runs = {run.label: run for run in proof.runs}
     worst = [runs[each.where] for each in proof.criteria if not each.ok and each.where in runs]
     worst += wound
-    return {switch.name: switch.default for switch in controller_for(proof.words.target).switches
+    switches = controller_for(proof.words.target).switches
+    if any(all(run.switches[switch.name] == switch.default for switch in switches) for run in wound):
+        free = ((switch.name, run.switches[switch.name]) for switch in switches for run in proof.runs
+                if all(run.switches[switch.name] != other.switches[switch.name] for other in wound))
+        return dict([first]) if (first := next(free, None)) else {}
+    return {switch.name: switch.default for switch in switches
             if any(run.switches[switch.name] != switch.default for run in worst)}
 
 

@@ -1,69 +1,132 @@
-"""What passes, when the heater's circuit is open for longer than in the story.
+"""What passes, when the heater's circuit is open for longer than in the story, and when the setpoint rises after it.
 
 Most controllers stop summing somewhere, and how long it is open changes nothing. One that does not asks for more power
 the longer it waits, so no story is long enough: what it does after a longer one leaves its words unproven.
+
+One that stops at its limit, also where the sum leads back from it, may stay there. While the reading rises, the D part
+takes power away and the sum makes up for it, beyond full power. A setpoint that rises then takes the output to its
+limit, where the sum is kept: once the reading is slow and D is gone, nothing takes the power back.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Final, NamedTuple
 
+from heatertune.heater.exact import time_to
 from heatertune.model.findings import Finding
-from heatertune.proof.scenario import Mains, Scenario
+from heatertune.model.values import HeaterModel
+from heatertune.proof.criteria import Criterion
+from heatertune.proof.measured import IN_DEGC
+from heatertune.proof.scenario import Disturbance, Mains, NewSetpoint, Scenario, conditions
 from heatertune.proof.verdict import Heard
 
-__all__ = ["Night", "night_of", "winds_up", "wound_up"]
+__all__ = ["OVERSHOOTS", "Night", "nights_of", "winds_up", "wound"]
 
-_NAME: Final = "winds-up"
+#: criteria of the way back from an open circuit
+OVERSHOOTS: Final = ("reheat_overshoot", f"reheat_overshoot{IN_DEGC}")
+_LONGER, _RISING = "winds-up", "stays-at-limit"
 _TIMES: Final = 4.0  # as long as in the story
+_SLACK: Final = 1.1  # the limit is the story's; what stays at its limit goes far beyond it, or never comes to rest
+_LATER: Final = 1.2  # than full power takes to the lower setpoint: where two lags carry the reading beyond it
 
 
 class Night(NamedTuple):
-    """A longer open circuit.
+    """What else an open circuit may lead to.
 
     Attributes:
+        name: of what is found where it breaks a limit.
         scenario: from the heat-up right into it, and the way back.
-        proven_s: how long the circuit was open in the story [s].
-        open_s: how long it is now [s].
+        judged: names of the criteria that count.
+        told: when it is.
+        kept: what the story has shown.
+        most: strain of a limit that is not yet held to be broken.
     """
 
+    name: str
     scenario: Scenario
-    proven_s: float
-    open_s: float
+    judged: tuple[str, ...]
+    told: str
+    kept: str = ""
+    most: float = 1.0
+
+    def found(self, criteria: Iterable[Criterion]) -> list[Finding]:
+        """Return what broken limits mean; nothing where all are kept."""
+        worst = max((each for each in criteria if each.name in self.judged), key=lambda each: each.strain)
+        if worst.strain <= self.most:
+            return []
+        does = f"overshoots by {worst.value:.3g} {worst.unit}" if worst.name in OVERSHOOTS else "does not come to rest"
+        return [Finding(name=self.name, told=f"{self.told} it {does}{self.kept}.")]
 
 
-def night_of(scenario: Scenario) -> Night | None:
-    """Return the longest open circuit of a story, longer, right after the heat-up; None: none is closed again."""
-    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
+def nights_of(scenario: Scenario, models: Sequence[HeaterModel]) -> Iterator[Night]:
+    """Yield the longest open circuit of a story right after the heat-up: longer, and closed at the lower setpoint.
+
+    Args:
+        scenario: the story; none of its circuits may be closed again.
+        models: the heaters.
+    """
     opened = {number: closed.time_s - event.time_s
               for number, (event, closed) in enumerate(pairwise(scenario.disturbances))
               if isinstance(event, Mains) and isinstance(closed, Mains) and event.share == 0.0 < closed.share}
     if not opened:
-        return None
+        return
     number = max(opened, key=lambda one: opened[one])
-    off_s, open_s = ends[0], _TIMES * opened[number]
+    yield _longer(scenario, number, opened[number])
+    low = next((event.setpoint_degC for event in scenario.disturbances if isinstance(event, NewSetpoint)), None)
+    if low is not None and scenario.rests_s:
+        yield _rising(scenario, number, low, models)
+
+
+def _longer(scenario: Scenario, number: int, proven_s: float) -> Night:
+    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
+    off_s, open_s = ends[0], _TIMES * proven_s
     events = [replace(event, time_s=time_s) for event, time_s in zip(
         scenario.disturbances[number:number + 2], (off_s, off_s + open_s), strict=True)]
     rests = scenario.rests_s
     longer = replace(scenario, disturbances=tuple(events), rests_s=(*rests[:1], *rests[number + 1:number + 3]),
                      duration_s=off_s + open_s + ends[number + 2] - ends[number + 1])
-    return Night(longer, opened[number], open_s)
+    return Night(_LONGER, longer, OVERSHOOTS, f"After {open_s / 3600.0:.2g} h with an open circuit",
+                 f"; the limit is kept after {proven_s / 3600.0:.2g} h")
 
 
-def wound_up(night: Night, overshoot: str) -> Finding:
-    """Return what an overshoot after the longer time means.
+def _rising(scenario: Scenario, number: int, low_degC: float, models: Sequence[HeaterModel]) -> Night:
+    """Return two open circuits, closed at a lower setpoint, which rises as the reading gets there.
 
-    Args:
-        night: which time.
-        overshoot: above the setpoint, with its unit.
+    Then the sum is highest: full power, with next to no error.
     """
-    return Finding(name=_NAME, told=(
-        f"After {night.open_s / 3600.0:.2g} h with an open circuit it overshoots by {overshoot}; the limit is kept "
-        f"after {night.proven_s / 3600.0:.2g} h."))
+    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
+    opens, closes = scenario.disturbances[number:number + 2]
+    open_s, back_s = ends[number + 1] - ends[number], ends[number + 2] - ends[number + 1]
+    arrives = [_arrives_s(model, low_degC, conditions(scenario, model)[0]) for model in models]
+    time_s, events, rests = ends[0], list[Disturbance](), list(scenario.rests_s[:1])
+    for rises_s in (min(arrives), _LATER * max(arrives)):
+        close_s = time_s + open_s
+        events += [replace(opens, time_s=time_s),
+                   NewSetpoint(time_s=time_s + 0.5 * open_s, setpoint_degC=low_degC),
+                   replace(closes, time_s=close_s),
+                   NewSetpoint(time_s=close_s + rises_s, setpoint_degC=scenario.setpoint_degC)]
+        rests += [0.0, 0.0, 0.0, scenario.rests_s[number + 2]]
+        time_s = close_s + rises_s + back_s
+    rising = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
+    return Night(_RISING, rising, (*OVERSHOOTS, "reheat_time"), (
+        f"Where the setpoint rises from {low_degC:.4g} to {scenario.setpoint_degC:.4g} °C on the way back from an open "
+        "circuit"), most=_SLACK)
+
+
+def _arrives_s(model: HeaterModel, low_degC: float, ambient_degC: float) -> float:
+    """Return in what time full power leads from the ambient to a temperature."""
+    share = (low_degC - ambient_degC) / (100.0 * model.gain_degC_per_pct)
+    return model.dead_time_s + time_to(share, *model.lags_s)
+
+
+def wound(heard: Heard) -> set[str]:
+    """Return which of these were found, and not accepted by the user."""
+    return {finding.name for finding in heard.findings} & {_LONGER, _RISING} - set(heard.accepted)
 
 
 def winds_up(heard: Heard) -> bool:
-    """Return whether that was found, and the user has not accepted it."""
-    return _NAME not in heard.accepted and any(finding.name == _NAME for finding in heard.findings)
+    """Return whether any was found, and the user has not accepted it."""
+    return bool(wound(heard))

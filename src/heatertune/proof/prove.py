@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache as remember
 from functools import partial
-from typing import Any, Final
+from typing import Any
 
 from heatertune.codec import built, encode
 from heatertune.errors import InputError
@@ -25,8 +25,8 @@ from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, digested
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge, of_words
-from heatertune.proof.measured import IN_DEGC, band_of
-from heatertune.proof.night import night_of, wound_up
+from heatertune.proof.measured import band_of
+from heatertune.proof.night import OVERSHOOTS, nights_of
 from heatertune.proof.noise import drawn, nearest
 from heatertune.proof.runs import Runs
 from heatertune.proof.scenario import Scenario
@@ -36,8 +36,6 @@ from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, combined
 from heatertune.show import Shown
 
 __all__ = ["Proof", "RunResult", "after_an_open_circuit", "prove_models"]
-
-_AFTER: Final = ("reheat_overshoot", f"reheat_overshoot{IN_DEGC}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,8 +189,10 @@ def prove_models(
         OutOfRange, UnknownName: as in `simulate`.
     """
     acceptance, coverage, design = acceptance or Acceptance(), coverage or Coverage(), controller.decode(words)
-    limits, night = acceptance.limits, night_of(scenario) if coverage.night else None
-    scenario = scenario if night is None else night.scenario
+    limits = acceptance.limits
+    if coverage.night is not None:
+        scenario = next(night.scenario for night in nights_of(scenario, [model for _, model in models])
+                        if night.name == coverage.night)
     runs = Runs.of(controller, words, models, scenario, actuator, limits, coverage, interlock=interlock)
     traced = remember(partial(runs.traced, direct=not coverage.open_points))  # a quick look waits for no listing
     judged = runs.judged()
@@ -265,25 +265,26 @@ def _with_draws(
 
 def after_an_open_circuit(results: Sequence[RunResult]) -> list[RunResult]:
     """Return of each setting the run that strains the limit of overshoot most after an open circuit."""
-    ordered = sorted(results, key=lambda result: max(each.strain for each in result.criteria if each.name in _AFTER))
-    return list({tuple(run.switches.items()): run for run in ordered}.values())
+    def strain(result: RunResult) -> float:
+        return max(each.strain for each in result.criteria if each.name in OVERSHOOTS)
+
+    return list({tuple(run.switches.items()): run for run in sorted(results, key=strain)}.values())
 
 
 def _after_a_night(
     runs: Runs, results: Sequence[RunResult], models: Sequence[tuple[str, HeaterModel]], coverage: Coverage
 ) -> list[Finding]:
-    """Return what a longer open circuit shows, under each setting on the heater that overshoots most after the story's.
+    """Return what other open circuits show, under each setting on the heater that overshoots most after the story's.
 
     Whether a setting winds up does not show in the story where the setpoint is held near the reading.
     """
-    night = night_of(runs.scenario)
-    if night is None:
-        return []
-    only = [(run.model, run.switches) for run in after_an_open_circuit(results)]
-    again = Runs.of(runs.controller, runs.words, models, night.scenario, runs.actuator, runs.limits,
-                    replace(coverage, only=only, progress=str), interlock=runs.interlock)
-    after = max((each for ran in again.judged() for each in ran if each.name in _AFTER), key=lambda each: each.strain)
-    return [] if after.ok else [wound_up(night, f"{after.value:.3g} {after.unit}")]
+    found = list[Finding]()
+    for night in nights_of(runs.scenario, [model for _, model in models]):
+        only = [(run.model, run.switches) for run in after_an_open_circuit(results)]
+        again = Runs.of(runs.controller, runs.words, models, night.scenario, runs.actuator, runs.limits,
+                        replace(coverage, only=only, progress=str), interlock=runs.interlock)
+        found += night.found(criterion for ran in again.judged() for criterion in ran)
+    return found
 
 
 def _with_band(heard: Heard, limits: Limits, resolution_degC: float) -> Heard:

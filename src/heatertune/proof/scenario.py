@@ -216,14 +216,24 @@ def kinds_of(scenario: Scenario) -> Iterator[tuple[str, bool, bool]]:
             yield "restart", True, True
         elif isinstance(event, Led):
             yield _led(event), event.setpoint_degC > event.from_degC, False
+        elif _goes_on(scenario, number):
+            yield "off", False, True
         elif isinstance(event, NewSetpoint):
-            yield "change", asked[number + 1] > asked[number], False
+            kind = "reheat" if _goes_on(scenario, number - 1) else "change"
+            yield kind, asked[number + 1] > asked[number], False
         elif isinstance(event, Mains):
             yield "reheat" if mains[number] == 0.0 else "recovery", mains[number + 1] > mains[number], True
         elif isinstance(event, TemperatureStep):
             yield "recovery", event.temperature_degC > 0.0, False
         else:
             yield "recovery", event.power_pct > 0.0, True
+
+
+def _goes_on(scenario: Scenario, number: int) -> bool:
+    """Return whether an event closes the heater's circuit and the next one moves the setpoint before it is at rest."""
+    events = scenario.disturbances[max(number, 0):number + 2]
+    return len(events) == 2 and isinstance(events[0], Mains) and isinstance(events[1], NewSetpoint) and (
+        bool(scenario.rests_s) and scenario.rests_s[number + 1] == 0.0)
 
 
 def _led(event: Led) -> str:

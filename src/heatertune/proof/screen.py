@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.fitted import prove
+from heatertune.proof.night import wound
 from heatertune.proof.prove import Proof, RunResult, after_an_open_circuit
 from heatertune.settings import Conditions
 
@@ -44,13 +45,13 @@ class Screen:
     Attributes:
         fitted: the heater and its candidates.
         runs: the hardest first.
-        nights: runs with a longer open circuit.
+        nights: name of another open circuit → runs with it.
         names: of the criteria that count; None: all.
     """
 
     fitted: FittedModel
     runs: tuple[Run, ...] = ()
-    nights: tuple[Run, ...] = ()
+    nights: Mapping[str, tuple[Run, ...]] = field(default_factory=dict)
     names: frozenset[str] | None = None
 
     def with_failed(self, proof: Proof) -> Screen:
@@ -62,9 +63,12 @@ class Screen:
         return replace(self, runs=(*new, *self.runs))
 
     def with_nights(self, proofs: Iterable[Proof]) -> Screen:
-        """Return it with the runs that proofs make of a longer open circuit."""
-        hardest = {run.label: run for proof in proofs for run in after_an_open_circuit(proof.runs)}
-        return replace(self, nights=tuple((run.model, run.switches) for run in hardest.values()))
+        """Return it with the runs that proofs make of the open circuits after which they break a limit."""
+        hardest = dict[str, dict[str, Run]]()
+        for name, proof in ((name, each) for each in proofs for name in wound(each.heard)):
+            runs = {run.label: (run.model, run.switches) for run in after_an_open_circuit(proof.runs)}
+            hardest.setdefault(name, {}).update(runs)
+        return replace(self, nights={name: tuple(hardest[name].values()) for name in sorted(hardest)})
 
     def look(self, words: Words, conditions: Conditions, *, bound: float = math.inf) -> Look:
         """Return what words break in these runs.
@@ -109,8 +113,8 @@ class Screen:
 
     def wound(self, words: Words, conditions: Conditions) -> list[RunResult]:
         """Return the nights after which words break a limit; errors as `look`."""
-        runs = prove(words, self.fitted, conditions, only=self.nights, night=True).runs if self.nights else ()
-        return [run for run in runs if self._broken(run)]
+        return [run for night, runs in self.nights.items()
+                for run in prove(words, self.fitted, conditions, only=runs, night=night).runs if self._broken(run)]
 
     def _broken(self, proof: Proof | RunResult) -> list[Criterion]:
         return [criterion for criterion in proof.criteria

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from heatertune.errors import HeatertuneError
+from heatertune.model.findings import KINDS
 from heatertune.model.values import FittedModel
 from heatertune.plc import TARGETS, controller_for
 from heatertune.progress import Told
@@ -27,7 +28,7 @@ from heatertune.proof.nearest import (
     suspects,
     tolerance_that_passes,
 )
-from heatertune.proof.night import winds_up
+from heatertune.proof.night import winds_up, wound
 from heatertune.proof.prove import RunResult
 from heatertune.proof.screen import Screen
 
@@ -78,7 +79,8 @@ class WayOn:
         if not told:
             return found
         heard = replace(found.proof.heard, remarks=(*found.proof.heard.remarks, told))
-        note = f"It winds up the more, the longer the heater's circuit is open; it {told}."
+        shorts = " and ".join(KINDS[name].short for name in sorted(wound(found.proof.heard)))
+        note = f"{shorts[0].upper()}{shorts[1:]}; it {told}."
         return replace(found, proof=replace(found.proof, heard=heard), notes=(*found.notes, note), passes_with=options)
 
     def _by_repair(self) -> tuple[str, ...]:
@@ -114,8 +116,7 @@ class WayOn:
     def _wound(self) -> list[RunResult]:
         """The runs of the plain design that wind up in a longer open circuit."""
         proof = self.first.proof
-        screen = Screen(fitted=self.fitted).with_nights([proof] if winds_up(proof.heard) else ())
-        return screen.wound(proof.words, self.first.conditions)
+        return Screen(fitted=self.fitted).with_nights([proof]).wound(proof.words, self.first.conditions)
 
     def _coarse(self) -> tuple[float, str]:
         """Return how much of the band the calmest PWM of whole half-waves takes, and what is told of it."""
