@@ -225,6 +225,7 @@ def _remove_stale(base: Path) -> None:
                 shutil.rmtree(kept.rename(kept.with_name(f"removed-{kept.name}-{os.getpid()}")))
 
 
+@remember
 def _digest(function: Callable[..., Any]) -> str | None:
     """Return a digest of all on which the function's machine code can depend, None where the source is no file.
 
