@@ -187,7 +187,7 @@ def machine_code(place: Path, of: str = "compiled-*") -> list[Path]:
 def _door(function: Callable[..., Any], allocates: bool) -> Any:
     if function in _beside:
         _beside.pop(function)()
-    kept = _place(function)
+    kept = _place(_digest(function))
     if kept is None:
         return _machine(function, allocates=allocates)
     _remove_stale(kept.parent)
@@ -200,16 +200,16 @@ def _door(function: Callable[..., Any], allocates: bool) -> Any:
         return _machine(function, allocates=allocates, cache=True)
 
 
-def _place(function: Callable[..., Any]) -> Path | None:
-    """Return the folder of a function's machine code, None where none is kept."""
-    base, digest = folder(), _digest(function)
+def _place(digest: str | None) -> Path | None:
+    """Return the folder of machine code of this digest, None where none is kept."""
+    base = folder()
     return None if base is None or digest is None else base / f"compiled-{digest[:16]}"
 
 
 def is_kept(function: Callable[..., Any]) -> bool:
     """Return whether machine code of a function is on disk, of arguments of whatever types, or soon will be."""
     if function not in _found and function not in _beside:
-        place, name = _place(function), f".{function.__qualname__}-"
+        place, name = _place(_digest_once(function)), f".{function.__qualname__}-"
         if place is None or not any(name in path.name for path in machine_code(place.parent, place.name)):
             return False
         _found.add(function)
@@ -225,7 +225,6 @@ def _remove_stale(base: Path) -> None:
                 shutil.rmtree(kept.rename(kept.with_name(f"removed-{kept.name}-{os.getpid()}")))
 
 
-@remember
 def _digest(function: Callable[..., Any]) -> str | None:
     """Return a digest of all on which the function's machine code can depend, None where the source is no file.
 
@@ -244,6 +243,10 @@ def _digest(function: Callable[..., Any]) -> str | None:
     for path in sorted(files):
         digest.update(path.read_bytes())
     return digest.hexdigest()
+
+
+#: what is looked for again and again: it takes 10 ms, and a process that works changes no constant
+_digest_once = remember(_digest)
 
 
 def _constants(function: FunctionType) -> str:
