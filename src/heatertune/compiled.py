@@ -187,7 +187,7 @@ def machine_code(place: Path, of: str = "compiled-*") -> list[Path]:
 def _door(function: Callable[..., Any], allocates: bool) -> Any:
     if function in _beside:
         _beside.pop(function)()
-    kept = _place(_digest(function))
+    kept = _place(function)
     if kept is None:
         return _machine(function, allocates=allocates)
     _remove_stale(kept.parent)
@@ -200,16 +200,16 @@ def _door(function: Callable[..., Any], allocates: bool) -> Any:
         return _machine(function, allocates=allocates, cache=True)
 
 
-def _place(digest: str | None) -> Path | None:
-    """Return the folder of machine code of this digest, None where none is kept."""
-    base = folder()
+def _place(function: Callable[..., Any], *, again: bool = False) -> Path | None:
+    """Return the folder of a function's machine code, None where none is kept; `again`: it is looked for often."""
+    base, digest = folder(), (_digest_once if again else _digest)(function)
     return None if base is None or digest is None else base / f"compiled-{digest[:16]}"
 
 
 def is_kept(function: Callable[..., Any]) -> bool:
     """Return whether machine code of a function is on disk, of arguments of whatever types, or soon will be."""
     if function not in _found and function not in _beside:
-        place, name = _place(_digest_once(function)), f".{function.__qualname__}-"
+        place, name = _place(function, again=True), f".{function.__qualname__}-"
         if place is None or not any(name in path.name for path in machine_code(place.parent, place.name)):
             return False
         _found.add(function)
@@ -245,7 +245,7 @@ def _digest(function: Callable[..., Any]) -> str | None:
     return digest.hexdigest()
 
 
-#: what is looked for again and again: it takes 10 ms, and a process that works changes no constant
+#: for looks again and again: it takes 10 ms, and a process that works changes no constant
 _digest_once = remember(_digest)
 
 
