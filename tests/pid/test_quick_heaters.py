@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from heatertune.model.values import Fopdt
-from heatertune.pid.search.feasible import Problem, search
+from heatertune.pid.search.feasible import Problem, largest_gain, search
 
 LAG = 1000.0  # [s]; the gain is 1 °C/%, the dead time three samples: no fraction of a sample, no modified z-transform
 WAIT = 3
@@ -43,3 +43,20 @@ def test_no_gains_of_a_brute_force_are_better_however_short_the_dead_time(ratio,
     plant = Fopdt(gain_degC_per_pct=1.0, time_constant_s=LAG, dead_time_s=ratio * LAG)
     problem = Problem(plants=(plant,), structure="pi", ms=ms, sample_time_s=ta)
     assert 0.95 * best < problem.cost(search(problem)) < 1.001 * best
+
+
+@pytest.mark.parametrize("structure", ["pi", "pid"])
+def test_which_heater_is_looked_at_first_decides_nothing(structure):
+    plants = tuple(Fopdt(gain_degC_per_pct=gain, time_constant_s=LAG, dead_time_s=dead)
+                   for gain, dead in ((0.8, 60.0), (1.0, 20.0), (0.9, 40.0)))
+    found = []
+    for turned in (plants, plants[::-1], (*plants[1:], plants[0])):
+        problem = Problem(plants=turned, structure=structure, ms=1.6, sample_time_s=20.0)
+        design = search(problem)
+        found.append((design.gain_pct_per_degC, design.integral_time_s, design.derivative_time_s))
+        # a grid of this test's own, all of whose points are looked at on all heaters
+        near = [design.integral_time_s * share for share in (0.5, 0.8, 0.95, 1.05, 1.25, 2.0)]
+        others = [problem.design(gain, tn, design.derivative_time_s) for tn in near
+                  for gain in largest_gain(problem, tn, design.derivative_time_s)[:1]]
+        assert problem.cost(design) < min(map(problem.cost, others))
+    assert found[1:] == [pytest.approx(found[0], rel=1e-12)] * 2

@@ -37,6 +37,11 @@ def test_settings_are_drawn_too_and_the_one_that_passes_least_counts(drawing):
     assert (known.passing, known.verdict, len(known.settings)) == (1.0, "PASS", 4)
 
 
+def test_how_many_share_the_samples_decides_nothing(drawing):
+    drawn = drawing(Spread(heater=(0.02, 0.02, 0.5)))
+    assert prove_samples(drawn, LIMITS, 24, workers=1) == prove_samples(drawn, LIMITS, 24, workers=3)
+
+
 def test_a_sample_is_run_again_under_its_own_setting(drawing):
     drawn = drawing(Spread(heater=(0.02, 0.02, 0.5)), second="off at the limit", third="off at the limit")
     proof = prove_samples(drawn, LIMITS, 8, seed=4)
