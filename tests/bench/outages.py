@@ -50,8 +50,11 @@ def asked(seed, target):
     values = {"gain_degC_per_pct": gain, "time_constant_s": lag, "dead_time_s": lag * _log(rng, 0.03, 0.6), "ambient_degC": ambient}
     two, second = rng.random() < 0.35, lag * float(rng.uniform(0.05, 0.6))
     setpoint = ambient + gain * float(rng.uniform(20.0, 75.0))
+    typed = target in ("weg", "iec-pid", "klipper")  # their text holds so many digits alone, and would do other than was proven
+    setpoint = round(setpoint, 1) if typed else setpoint
     step = setpoint - ambient
     high = max(setpoint * _log(rng, 1.1, 2.0), setpoint + 0.3 * step)
+    high = float(math.ceil(high)) if typed else high
     tolerance = None if rng.random() < 0.4 else step * _log(rng, 0.015, 0.06)
     return TwoLag(**values, second_time_constant_s=second) if two else Fopdt(**values), Asked(
         target=target, scaling=Scaling(low_degC=0.0, high_degC=high), boost="auto" if rng.random() < 0.75 else "none",
