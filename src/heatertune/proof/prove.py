@@ -292,7 +292,8 @@ def _nights(
     controller: Controller, words: Words, scenario: Scenario, models: Sequence[tuple[str, HeaterModel]],
 ) -> Iterator[Night]:
     heaters = [model for _, model in models]
-    return nights_of(scenario, heaters, brief_openings_s(controller, words, controller.decode(words), scenario, heaters))
+    brief_s = brief_openings_s(controller, words, controller.decode(words), scenario, heaters)
+    return nights_of(scenario, heaters, brief_s)
 
 
 def _with_band(heard: Heard, limits: Limits, resolution_degC: float) -> Heard:
