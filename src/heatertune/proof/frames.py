@@ -10,8 +10,11 @@ from typing import Final, NamedTuple
 from heatertune.model.values import HeaterModel
 from heatertune.plc import Words, controller_for
 from heatertune.plc.pwm import HALF_WAVE_S, in_ticks
+from heatertune.proof.asked import Asked, Closed
 from heatertune.proof.fitted import default_pwm_period_s
 from heatertune.proof.heaters import ROOM_DEGC
+from heatertune.proof.night import OVERSHOOTS as OF_REHEAT
+from heatertune.proof.night import briefly
 from heatertune.proof.period import holding_power_pct, ripple_at
 from heatertune.proof.prove import Proof
 from heatertune.proof.setpoint_ramp import OVERSHOOTS, REHEATS
@@ -28,7 +31,7 @@ _RIPPLE: Final = 0.5
 #: of a design that nobody asked a limit of
 _LOOSER_MS: Final = 1.8
 #: criteria that a windup breaks: with less power to wind up to, less has to be unwound
-OF_WINDUP: Final = frozenset({"reheat_overshoot", "reheat_overshoot_degC", *OVERSHOOTS})
+OF_WINDUP: Final = frozenset({*OF_REHEAT, *OVERSHOOTS})
 #: of the power left over at the setpoint, what a limit of the output leaves for loads and low mains voltage
 _RESERVES: Final = (0.6, 0.4, 0.25)
 #: times TA
@@ -114,6 +117,26 @@ class Frame:
             return words
         return controller_for(words.target).limited(words, self.power_most_pct)
 
+    def asked(self, asked: Asked, first: Closed, tick_s: float | None) -> Asked:
+        """Return what is asked for with these changes.
+
+        Args:
+            asked: without them.
+            first: the design without them.
+            tick_s: as for `in_ticks`.
+        """
+        ta = self.sample_time_s
+        tuned = replace(asked.tuned, structure=self.structure or asked.tuned.structure, ms=self.ms or asked.tuned.ms,
+                        sample_time_s=ta or asked.tuned.sample_time_s)
+        conditions = first.conditions if ta is None else asked.conditions
+        period = self.pwm_at(ta or first.wished.sample_time_s, tick_s)
+        if period is not None:
+            conditions = replace(conditions, pwm_period_s=period)
+        if self.bursts_s:
+            conditions = replace(conditions, pwm_resolution_s=WAVE_S, pwm_rule="burst")
+        return replace(asked, tuned=tuned, conditions=conditions, refined=False,
+                       setpoint_ramp="auto" if self.ramped else asked.setpoint_ramp or "none")
+
     @property
     def only_outside(self) -> bool:
         """Whether a design that shall stay as it is can be proven with these changes."""
@@ -153,6 +176,7 @@ def frames(
         least_interval_s: TA is not taken below [s].
     """
     words, broken = proof.words, {criterion.name for criterion in proof.criteria if not criterion.ok}
+    broken |= set(OF_REHEAT) if briefly(proof.heard) else set()
     own = controller_for(words.target).timing(words).pwm_period_s is not None
     switch = _Switch(proof=proof, models=tuple(models), own=own)
     given = own or period_given
