@@ -103,6 +103,9 @@ class FitSettings:
         help="no dead time is longer, as you know of this heater [s]; the certificate says so")
     sensor_delay_s: float = _time(
         0.0, "by which the sensor is known to lag behind", "--sensor-delay", instead=("0", ""))
+    log_pwm_period_s: float = _time(
+        0.0, "PWM period by which the heater was switched while it was logged", "--log-pwm-period",
+        instead=("0, not switched or two-valued in the log", ""))
     cooler: bool = option(False, bool, "the power cools: the more, the colder", flag="--cooler")
 
     def __post_init__(self) -> None:
