@@ -101,7 +101,7 @@ class FitSettings:
     dead_time_at_most_s: float | None = _time(
         None, "no dead time is longer, as you know of this heater", "--dead-time-at-most",
         help="no dead time is longer, as you know of this heater [s]; the certificate says so")
-    sensor_delay_s: float = _time(0.0, "by which the sensor is known to lag behind", "--sensor-delay", instead=("0", ""))
+    sensor_delay_s: float = _time(0.0, "by which the sensor is known to lag", "--sensor-delay", instead=("0", ""))
     log_pwm_period_s: float = _time(
         0.0, "PWM period of the heater's switch while it was logged", "--log-pwm-period", instead=("the log's", ""))
     cooler: bool = option(False, bool, "the power cools: the more, the colder", flag="--cooler")

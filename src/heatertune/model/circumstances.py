@@ -31,7 +31,8 @@ class DelaysKnown:
         pwm_period_s: of a PWM that the logged power does not show, 0: there was none, or each log says it itself [s].
 
     Raises:
-        OutOfRange: a negative delay or period, a longest dead time that is not positive or shorter than the sensor's delay.
+        OutOfRange: a negative delay or period, a longest dead time that is not positive or shorter than the sensor's
+            delay.
     """
 
     dead_time_at_most_s: float | None = None

@@ -31,9 +31,9 @@ def with_pwm_hidden(fitted: FittedModel, period_s: float) -> FittedModel:
         return fitted
     dead, gain = fitted.ci95.get("dead_time_s"), fitted.ci95.get("gain_degC_per_pct")
     share = _RIPPLE * period_s / fitted.model.time_constant_s
-    note = (f"The heater was switched by PWM of {period_s:g} s, its phase is not in the log: the dead time may be "
-            f"shorter by {period_s:.3g} s than it looks, or longer by {_EARLIER * period_s:.3g} s; its interval and the "
-            "possible heaters hold that.")
+    note = (f"The heater was switched by PWM of {period_s:.3g} s whose phase is not in the log: the dead time may be "
+            f"shorter by {period_s:.3g} s than it looks, or longer by {_EARLIER * period_s:.3g} s; its interval and "
+            "the possible heaters hold that.")
     return replace(
         fitted, notes=(*fitted.notes, note), candidates=(*fitted.candidates, *_ends(fitted.candidates, period_s)),
         ci95={**fitted.ci95, "dead_time_s": _moved(dead, period_s, _EARLIER * period_s),
