@@ -102,8 +102,8 @@ class FitSettings:
         None, "no dead time is longer, as you know of this heater", "--dead-time-at-most",
         help="no dead time is longer, as you know of this heater [s]; the certificate says so")
     sensor_delay_s: float = _time(0.0, "by which the sensor is known to lag", "--sensor-delay", instead=("0", ""))
-    log_pwm_period_s: float = _time(
-        0.0, "PWM period of the heater's switch while it was logged", "--log-pwm-period", instead=("the log's", ""))
+    log_pwm_period_s: float | None = _time(
+        None, "PWM period of the heater's switch while it was logged", "--log-pwm-period", instead=("the log's", ""))
     cooler: bool = option(False, bool, "the power cools: the more, the colder", flag="--cooler")
 
     def __post_init__(self) -> None:

@@ -28,7 +28,7 @@ class DelaysKnown:
     Attributes:
         dead_time_at_most_s: no dead time is longer, None where nobody knows [s].
         sensor_delay_s: by which the sensor lags behind [s].
-        pwm_period_s: of a PWM that the logged power does not show, 0: there was none, or each log says it itself [s].
+        pwm_period_s: of the PWM that switched the heater, 0 where none did, None: as each log says [s].
 
     Raises:
         OutOfRange: a negative delay or period, a longest dead time that is not positive or shorter than the sensor's
@@ -37,11 +37,11 @@ class DelaysKnown:
 
     dead_time_at_most_s: float | None = None
     sensor_delay_s: float = 0.0
-    pwm_period_s: float = 0.0
+    pwm_period_s: float | None = None
 
     def __post_init__(self) -> None:
         check("sensor_delay_s", self.sensor_delay_s, least=0.0)
-        check("log_pwm_period_s", self.pwm_period_s, least=0.0)
+        check("log_pwm_period_s", self.pwm_period_s or 0.0, least=0.0)
         if self.dead_time_at_most_s is not None:
             check("dead_time_at_most_s", self.dead_time_at_most_s, above=0.0, least=self.sensor_delay_s)
 
@@ -68,7 +68,9 @@ class DelaysKnown:
         """Return the period of the PWM that a log's power does not show [s]; power that is on or off shows all."""
         power = log.power_pct
         shown = power is not None and bool(np.all((power == 0.0) | (power == 100.0)))
-        return 0.0 if shown else self.pwm_period_s or log.pwm_period_s
+        if shown:
+            return 0.0
+        return log.pwm_period_s if self.pwm_period_s is None else self.pwm_period_s
 
 
 def _interval_s(logs: Sequence[Log]) -> float:
