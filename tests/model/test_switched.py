@@ -32,7 +32,8 @@ def test_the_dead_time_of_a_switched_heater_lies_in_its_interval_once_the_fit_kn
     dead, before = told.ci95["dead_time_s"], plain.ci95["dead_time_s"]
     assert (before.low - dead.low, dead.high - before.high) == pytest.approx((case.period_s, 0.5 * case.period_s))
     possible = [plant.dead_time_s for plant in told.plants]
-    assert (min(possible), max(possible)) == pytest.approx((dead.low, dead.high)), "the verdict hears both ends"
+    assert min(possible) <= dead.low + 1e-9, "the verdict hears both ends"
+    assert max(possible) >= dead.high - 1e-9
     assert told.assumed == {"log_pwm_period_s": case.period_s}
     assert any("switched by PWM" in note for note in told.notes)
 

@@ -140,7 +140,7 @@ def words_in(directory: str | Path) -> tuple[Words, dict[str, Any]]:
 
 
 def pwm_period_in(directory: str | Path) -> float | None:
-    """Return the PWM period for which the words of a folder were proven [s], None where it holds no proof of today's kind.
+    """Return the PWM period with which a folder's words were proven [s], None where it has no proof of today's kind.
 
     Raises:
         DocumentError: the proof cannot be read.
