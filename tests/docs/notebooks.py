@@ -94,8 +94,11 @@ def store(path: Path, folder: Path | str) -> None:
 if __name__ == "__main__":
     import tempfile
 
+    known = {each.stem for each in NOTEBOOKS}
+    if unknown := set(sys.argv[1:]) - known:
+        raise SystemExit(f"no notebook {', '.join(sorted(unknown))}; there are {', '.join(sorted(known))}")
     for each in NOTEBOOKS:
-        if not sys.argv[1:] or each.stem in sys.argv[1:]:
+        if each.stem in (sys.argv[1:] or known):
             with tempfile.TemporaryDirectory() as empty:
                 store(each, empty)
             print(f"{each.stem}: {each.stat().st_size / 1000:.0f} kB", flush=True)
