@@ -200,16 +200,16 @@ def _door(function: Callable[..., Any], allocates: bool) -> Any:
         return _machine(function, allocates=allocates, cache=True)
 
 
-def _place(function: Callable[..., Any]) -> Path | None:
-    """Return the folder of a function's machine code, None where none is kept."""
-    base, digest = folder(), _digest(function)
+def _place(function: Callable[..., Any], *, again: bool = False) -> Path | None:
+    """Return the folder of a function's machine code, None where none is kept; `again`: it is looked for often."""
+    base, digest = folder(), (_digest_once if again else _digest)(function)
     return None if base is None or digest is None else base / f"compiled-{digest[:16]}"
 
 
 def is_kept(function: Callable[..., Any]) -> bool:
     """Return whether machine code of a function is on disk, of arguments of whatever types, or soon will be."""
     if function not in _found and function not in _beside:
-        place, name = _place(function), f".{function.__qualname__}-"
+        place, name = _place(function, again=True), f".{function.__qualname__}-"
         if place is None or not any(name in path.name for path in machine_code(place.parent, place.name)):
             return False
         _found.add(function)
@@ -243,6 +243,10 @@ def _digest(function: Callable[..., Any]) -> str | None:
     for path in sorted(files):
         digest.update(path.read_bytes())
     return digest.hexdigest()
+
+
+#: for looks again and again: it takes 10 ms, and a process that works changes no constant
+_digest_once = remember(_digest)
 
 
 def _constants(function: FunctionType) -> str:

@@ -12,6 +12,7 @@ from heatertune import cache
 from heatertune.batch.values import Column, Row
 from heatertune.errors import HeatertuneError, LogError
 from heatertune.model.values import FittedModel, Fopdt
+from heatertune.pid.explain import unexplained
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.words import FLOATS
@@ -31,6 +32,8 @@ _CRITERIA: Final = {
     "interlock_trips": "interlock_trips", "ms": "ms", "gain_margin": "gain_margin",
     "phase_margin_deg": "phase_margin",
 }
+
+_WORKERS: Final = 1  # the processors share the zones
 
 _WHAT: Final = {
     "gain_degC_per_pct": "process gain [°C/%]", "time_constant_s": "time constant [s]", "dead_time_s": "dead time [s]",
@@ -112,7 +115,7 @@ def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked, *, sample
     try:
         fitted = find()
         row |= _model(fitted)
-        with cache.unused():
+        with cache.unused(), unexplained():
             begun = list[str]()
             try:
                 design = closed(fitted, asked, stage=begun.append)
@@ -120,7 +123,9 @@ def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked, *, sample
                 stage = f"no {begun[-1]}"
             words = design.proof.words
             row |= _design(design.wished) | _words(words) | _proof(design.proof)
-            return row | _sampled(row, sample_document(words, fitted, samples, design.conditions)) if samples else row
+            if not samples:
+                return row
+            return row | _sampled(row, sample_document(words, fitted, samples, design.conditions, workers=_WORKERS))
     except HeatertuneError as problem:
         return row | {"outcome": "no log" if isinstance(problem, LogError) else stage, "reason": str(problem)}
     except Exception as problem:  # one zone must not stop the others, whatever is wrong in the program

@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 from heatertune.errors import InputError
 from heatertune.pid.specs import Specs
 
-__all__ = ["LOOSER", "explain"]
+__all__ = ["LOOSER", "explain", "unexplained"]
 
 LOOSER = 1.05  # factor by which a limit is loosened to see what it costs
 
 _AT = 5e-3  # share of a limit within which it counts as reached
 _NAMES = {"ms": "Ms", "mt": "Mt", "mks": "Mks"}
 
+_left_out: ContextVar[bool] = ContextVar("left_out", default=False)
+
+
+@contextmanager
+def unexplained() -> Iterator[None]:
+    """Explain nothing within the block: a table has no place for it, and each limit takes a search of its own."""
+    mark = _left_out.set(True)
+    try:
+        yield
+    finally:
+        _left_out.reset(mark)
+
 
 def explain(
     specs: Specs, peaks: Mapping[str, float], cost: float, solve: Callable[[Specs], float], held: Sequence[str] = ()
 ) -> list[str]:
-    """Return one sentence for each limit that is active, or one that says that none is.
+    """Return one sentence for each limit that is active, or one that says that none is; `unexplained`: none.
 
     Args:
         specs: objective and limits of the design.
@@ -27,6 +41,8 @@ def explain(
         solve: specs → cost of the optimum under them; called once for each active limit.
         held: what else holds the gain, one sentence each.
     """
+    if _left_out.get():
+        return []
     active = [name for name, limit in specs.limits.items() if peaks[name] >= limit * (1.0 - _AT)]
     if not active and not held:
         return [f"No limit is active ({specs.text}): a larger gain would only make the response swing."]

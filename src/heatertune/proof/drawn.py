@@ -26,7 +26,7 @@ _MOST_SAMPLES: Final = 10_000_000
 def sample_document(
     words: Words, fitted: FittedModel, count: int, conditions: Conditions | None = None, *, seed: int = 0,
     quantile: float = 0.95,
-    spread: Mapping[str, float] | None = None,
+    spread: Mapping[str, float] | None = None, workers: int | None = None,
 ) -> dict[str, Any]:
     """Return the verdict on many samples of the proof that `heatertune.chain.prove` makes, as its JSON object.
 
@@ -38,6 +38,7 @@ def sample_document(
         seed: of the first one.
         quantile: share of the samples that must keep every limit.
         spread: what else is drawn how wide, see `heatertune.proof.Spread`; what is missing has its default.
+        workers: how many processors share them; None: all.
 
     Raises:
         InputError: an interlock, which samples do not have; or as `prove`.
@@ -46,7 +47,8 @@ def sample_document(
     check("samples", count, least=1, most=_MOST_SAMPLES)
     assumed = conditions or Conditions()
     drawing = drawing_for(words, fitted, spread or {}, assumed)
-    return prove_samples(drawing, _limits(assumed, drawing), count, seed=seed, quantile=quantile).to_document()
+    limits = _limits(assumed, drawing)
+    return prove_samples(drawing, limits, count, seed=seed, quantile=quantile, workers=workers).to_document()
 
 
 def replay_document(

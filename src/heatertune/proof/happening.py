@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,6 @@ from heatertune.proof.scenario import Disturbance, Load, NewSetpoint, Scenario, 
 __all__ = ["events_of"]
 
 Array = npt.NDArray[np.float64]
-Numbers = Array | float
 
 
 def events_of(
@@ -30,15 +30,31 @@ def events_of(
         marks: (instant, kind) of what divides what is measured.
     """
     dead = np.array(dead_times_s)
-    factors = np.ones((len(dead), len(scenario.disturbances))) if sizes is None else sizes
-    happening = zip(scenario.disturbances, _powers(scenario), factors.T, strict=True)
-    acting = [event for what, power, factor in happening for event in _acting(what, power, factor, dead)]
-    acting += [*((time, kind, 0.0) for time, kind in marks), (math.inf, LOAD, 0.0)]
-    times, kinds, values = (np.column_stack([np.broadcast_to(each, dead.shape) for each in same])
-                            for same in zip(*acting, strict=True))
+    happening = zip(scenario.disturbances, _powers(scenario), strict=True)
+    acting = [event for number, (what, power) in enumerate(happening) for event in _acting(number, what, power)]
+    acting += [*(_Acting(time, kind, 0.0) for time, kind in marks), _Acting(math.inf, LOAD, 0.0)]
+    begins, kind, value, late, sized = zip(*acting, strict=True)
+    times = np.add(begins, np.multiply.outer(dead, late))
+    values = np.broadcast_to(np.array(value), times.shape)
+    if sizes is not None:
+        values = values * np.column_stack([sizes, np.ones(len(dead))])[:, sized]  # behind them that of what has none
+    kinds = np.broadcast_to(np.array(kind, dtype=np.int64), times.shape)
     order = np.lexsort((values, kinds, times), axis=1)
     times, kinds, values = (np.take_along_axis(each, order, axis=1) for each in (times, kinds, values))
-    return times, kinds.astype(np.int64), values
+    return times, kinds, values
+
+
+class _Acting(NamedTuple):
+    """What the kernels are told of: an instant [s], kind and value, and what differs from heater to heater.
+
+    `late` is by how many dead times it is, `sized` the number of the disturbance whose size counts, −1: of none.
+    """
+
+    time_s: float
+    kind: int
+    value: float
+    late: float = 0.0
+    sized: int = -1
 
 
 def _powers(scenario: Scenario) -> list[float]:
@@ -46,13 +62,13 @@ def _powers(scenario: Scenario) -> list[float]:
     return [mains * supplied for mains, supplied in zip(scenario.mains, scenario.supplied, strict=True)][1:]
 
 
-def _acting(event: Disturbance, power: float, factor: Array, dead_s: Array) -> list[tuple[Numbers, int, Numbers]]:
+def _acting(number: int, event: Disturbance, power: float) -> list[_Acting]:
     """Return what the kernels are told of a disturbance; only temperature steps and loads have a size."""
     if isinstance(event, TemperatureStep):
-        return [(event.time_s, JUMP, factor * event.temperature_degC)]
-    begins = (event.time_s, PHASE, 0.0)
+        return [_Acting(event.time_s, JUMP, event.temperature_degC, sized=number)]
+    begins = _Acting(event.time_s, PHASE, 0.0)
     if isinstance(event, Load):
-        return [begins, (event.time_s + dead_s, LOAD, factor * event.power_pct)]
+        return [begins, _Acting(event.time_s, LOAD, event.power_pct, 1.0, number)]
     if isinstance(event, NewSetpoint):
         return [begins]
-    return [begins, (event.time_s + dead_s, MAINS, power)]  # also of a led setpoint, with which a PLC gets its supply
+    return [begins, _Acting(event.time_s, MAINS, power, 1.0)]  # also where a PLC gets its supply

@@ -214,9 +214,11 @@ def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, work
 
     workers = workers or os.cpu_count() or 1
     parts = _parts(drawing, seeds, rows, count * scans // workers)
-    # threads, as a compiled kernel gives up Python's lock
-    with ThreadPoolExecutor(workers) as pool:
-        measured = joined(list(pool.map(run, parts)))
+    if workers == 1:
+        measured = joined(list(map(run, parts)))
+    else:  # threads, as a compiled kernel gives up Python's lock
+        with ThreadPoolExecutor(workers) as pool:
+            measured = joined(list(pool.map(run, parts)))
     return ordered(measured, np.argsort(np.concatenate([part.places for part in parts])))
 
 

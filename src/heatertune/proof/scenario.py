@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import Final
 
@@ -171,6 +172,7 @@ class Phase:
     by_power: bool
 
 
+@lru_cache(maxsize=8)
 def phases_of(scenario: Scenario, end_s: float, first_rest_s: float) -> tuple[Phase, ...]:
     """Return the phases of a run.
 

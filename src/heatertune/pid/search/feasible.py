@@ -7,15 +7,17 @@ back. The stable ones need not be connected, so they are tried from the top. Tha
 and no start value can mislead it. What is feasible the margins say, on their own frequencies, without a tolerance.
 
 After a load step ∫e dt is TN/K, and ∫|e| is no less: the points of a grid are simulated in the order of this bound,
-until it is above the best cost.
+until it is above the best cost. The largest K that one heater allows bounds that of all, so only points that may be the
+best are looked at on the others.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import product
+from heapq import heapify, heappop, heappush
+from itertools import count, product
 from typing import Final
 
 import numpy as np
@@ -148,15 +150,44 @@ def largest_gain(problem: Problem, integral_time_s: float, derivative_time_s: fl
 
 def _at_the_tops(problem: Problem, tn: float, tv: float) -> list[PidDesign]:
     """Return designs a hair below the upper ends of the stable pieces of K, the largest first."""
-    unit, specs = problem.design(1.0, tn, tv), problem.specs
-    looked_at = [(plant * c, c) for plant, c in (seen(plant, unit) for plant in problem.limited)]
-    excluded = [_excluded(h, c, specs) for h, c in looked_at]
-    steps = step_parts(tn, tv, problem.sample_time_s, problem.derivative_filter)
-    most = min(problem.step_power / steps, problem.most_gain(unit))
-    tops = np.array(_tops(np.concatenate([*excluded, [[most, math.inf]]])))
-    for h, _ in looked_at:
-        tops = tops[_stable(h, tops)]
-    return [problem.design((1.0 - ROOM) * float(top), tn, tv) for top in tops[-_PIECES:][::-1]]
+    return _Looked.at(problem, tn, tv, problem.limited).tops(problem)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Looked:
+    """What some heaters leave of K at one TN and TV.
+
+    Attributes:
+        unit: the design with K = 1.
+        loops: h of each, shape (n,).
+        excluded: intervals of K, shape (m, 2), of each; the first is that of no heater.
+    """
+
+    unit: PidDesign
+    loops: list[Complex]
+    excluded: list[Array]
+
+    @classmethod
+    def at(cls, problem: Problem, tn: float, tv: float, plants: Iterable[HeaterModel]) -> _Looked:
+        """Look at heaters at a TN and TV."""
+        unit = problem.design(1.0, tn, tv)
+        steps = step_parts(tn, tv, problem.sample_time_s, problem.derivative_filter)
+        most = min(problem.step_power / steps, problem.most_gain(unit))
+        return cls(unit=unit, loops=[], excluded=[np.array([[most, math.inf]])]).with_(problem, plants)
+
+    def with_(self, problem: Problem, plants: Iterable[HeaterModel]) -> _Looked:
+        """Look at others, too."""
+        looked_at, specs = [(plant * c, c) for plant, c in (seen(plant, self.unit) for plant in plants)], problem.specs
+        return replace(self, loops=[*self.loops, *(h for h, _ in looked_at)],
+                       excluded=[*self.excluded, *(_excluded(h, c, specs) for h, c in looked_at)])
+
+    def tops(self, problem: Problem) -> list[PidDesign]:
+        """Return designs a hair below the upper ends of the stable pieces of K, the largest first."""
+        tops = np.array(_tops(np.concatenate(self.excluded)))
+        for h in self.loops:
+            tops = tops[_stable(h, tops)]
+        tn, tv = self.unit.integral_time_s, self.unit.derivative_time_s
+        return [problem.design((1.0 - ROOM) * float(top), tn, tv) for top in tops[-_PIECES:][::-1]]
 
 
 def search(problem: Problem) -> PidDesign:
@@ -193,17 +224,31 @@ def _even(low: float, high: float, ratio: float) -> Array:
     return np.geomspace(low, high, math.ceil(math.log(high / low) / math.log(ratio)) + 1)
 
 
-def _candidates(problem: Problem, times: Iterable[tuple[float, float]]) -> list[Priced]:
-    """Return what may be the best of some TN and TV, each with a cost that it cannot be below, the least first."""
-    designs = []
+def _candidates(problem: Problem, times: Iterable[tuple[float, float]]) -> Iterator[Priced]:
+    """Yield what may be the best of some TN and TV, each with a cost that it cannot be below, the least first."""
+    hardest, *others = sorted(problem.limited, key=_hardness)
+    ahead, numbers = list[tuple[float, int, PidDesign | _Looked]](), count()
     for tn, tv in times:
-        tops = _at_the_tops(problem, float(tn), float(tv))
+        looked = _Looked.at(problem, float(tn), float(tv), [hardest])
+        ahead += [(problem.least_cost(top), next(numbers), looked) for top in looked.tops(problem)[:1]]
+    heapify(ahead)
+    while ahead:
+        least, _, first = heappop(ahead)
+        if isinstance(first, PidDesign):
+            yield least, first
+            continue
+        tops = first.with_(problem, others).tops(problem)
         # just below the limit the response may ring: a smaller gain can have the smaller cost
-        designs += [*tops, *(replace(top, gain_pct_per_degC=0.85 * top.gain_pct_per_degC) for top in tops[-1:])]
-    return sorted(((problem.least_cost(design), design) for design in designs), key=lambda pair: pair[0])
+        for design in (*tops, *(replace(top, gain_pct_per_degC=0.85 * top.gain_pct_per_degC) for top in tops[-1:])):
+            heappush(ahead, (problem.least_cost(design), next(numbers), design))
 
 
-def _best_of(problem: Problem, candidates: list[Priced], best: Priced | None) -> Priced | None:
+def _hardness(plant: HeaterModel) -> float:
+    """Return what K would be for a heater by its lag and dead time alone: the least allows the least."""
+    return plant.lags_s[0] / (abs(plant.gain_degC_per_pct) * max(plant.dead_time_s + sum(plant.lags_s[1:]), 1e-9))
+
+
+def _best_of(problem: Problem, candidates: Iterable[Priced], best: Priced | None) -> Priced | None:
     """Return the best of the candidates and of what was the best before; None where nothing keeps the limits."""
     for bound, design in candidates:
         if best is not None and bound >= best[0]:

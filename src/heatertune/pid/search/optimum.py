@@ -97,7 +97,7 @@ def _cost(ca: Any, plant: SampledPlant, samples: int, problem: Problem, settings
     past = problem.derivative_filter
 
     def errors(setpoint: float, load: float) -> Any:
-        return _errors(ca, plant, samples, past, setpoint, load)(settings)
+        return _errors(ca, plant, samples, past, setpoint, load, settings)
 
     def size(course: Any) -> Any:
         return ca.sqrt(course**2 + _SMOOTH**2)
@@ -116,8 +116,10 @@ def _cost(ca: Any, plant: SampledPlant, samples: int, problem: Problem, settings
     return ca.sum2(size(load))
 
 
-def _errors(ca: Any, plant: SampledPlant, samples: int, past: float, setpoint: float, load: float) -> Any:
-    """Return the function settings → control errors after steps of setpoint [°C] and load [%], shape (1, samples)."""
+def _errors(
+    ca: Any, plant: SampledPlant, samples: int, past: float, setpoint: float, load: float, given: Any
+) -> Any:
+    """Return the control errors after steps of setpoint [°C] and load [%] with settings, shape (1, samples)."""
     modes, taps = len(plant.poles), plant.delay + 1
     state = ca.SX.sym("state", modes + taps + 3)
     settings = ca.SX.sym("settings", 3)
@@ -130,8 +132,7 @@ def _errors(ca: Any, plant: SampledPlant, samples: int, past: float, setpoint: f
     following = plant.poles * x + plant.now * line[plant.delay] + plant.before * line[plant.delay + 1]
     after = ca.vertcat(following, line[:taps], summed, filtered, error)
     step = ca.Function("step", [state, settings], [after, setpoint - ca.sum1(following)])
-    outputs = step.mapaccum("loop", samples)(ca.DM.zeros(modes + taps + 3), ca.repmat(settings, 1, samples))[1]
-    return ca.Function("errors", [settings], [outputs])
+    return step.mapaccum("loop", samples)(ca.DM.zeros(modes + taps + 3), ca.repmat(given, 1, samples))[1]
 
 
 def _distances(ca: Any, plant: SampledPlant, settings: Any, omega: Any, problem: Problem) -> Any:
