@@ -45,6 +45,12 @@ def test_it_is_about_the_time_until_all_power_is_asked_for_whatever_the_dead_tim
     assert brief_openings_s(ROOM, limited, REALISED, STORY, [heater])[1] == pytest.approx(_in_steps(heater.lags_s, 70.0), rel=2e-3)
 
 
+def test_it_is_open_for_longer_where_a_ramp_leads_the_setpoint_back():
+    ramped = replace(WORDS, ramp=ROOM.ramp(WORDS, 2.0))
+    times = brief_openings_s(ROOM, ramped, REALISED, STORY, [ONE])
+    assert times[3:] == pytest.approx([2.5 * _in_steps(ONE.lags_s)], rel=2e-3)
+
+
 def test_it_ends_before_a_boost_takes_the_heater_back():
     boosted = WORDS.boosted(Boost(within_degC=6.0, again_degC=8.0))
     falls = 100.0 * math.log(40.0 / 32.0)  # 8 of the 40 °C, by itself

@@ -29,6 +29,7 @@ from heatertune.proof.scenario import Scenario, conditions
 __all__ = ["brief_openings_s"]
 
 _SHARES: Final = (0.85, 1.0, 1.7)  # of the time until full power is asked for
+_LED: Final = 2.5  # likewise, where a ramp leads the setpoint back
 _NEARLY: Final = (0.95, 0.98)  # of the time until a boost takes the heater back
 _HALVINGS: Final = 50
 
@@ -50,7 +51,8 @@ def brief_openings_s(
     coolings = [(model, scenario.setpoint_degC - conditions(scenario, model)[0]) for model in models]
     times = [_saturates_s(model, step, design, controller.most_power_pct(words)) for model, step in coolings]
     middle = math.sqrt(min(times) * max(times))
-    lengths, again = [share * middle for share in _SHARES], controller.again_degC(words)
+    shares = _SHARES if words.ramp is None else (*_SHARES, _LED)
+    lengths, again = [share * middle for share in shares], controller.again_degC(words)
     if again is not None and all(again < abs(step) for _, step in coolings):
         falls = [time_to(again / abs(step), *model.lags_s) for model, step in coolings]
         lengths = [min(each, _NEARLY[-1] * max(falls)) for each in lengths]

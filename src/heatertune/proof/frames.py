@@ -20,7 +20,7 @@ from heatertune.proof.prove import Proof
 from heatertune.proof.setpoint_ramp import OVERSHOOTS, REHEATS
 from heatertune.settings import TuneSettings
 
-__all__ = ["COARSE", "OF_WINDUP", "WAVE_S", "Frame", "Pwm", "calmest_pwm", "frames", "unwinds"]
+__all__ = ["COARSE", "OF_WINDUP", "Frame", "Pwm", "calmest_pwm", "frames", "unwinds"]
 
 #: PWM periods that a solid-state relay takes well and a contactor does not [s]
 _FAST_S: Final = 2.5
@@ -44,7 +44,7 @@ _HOPELESS: Final = 1.07  # more than all of it
 #: of burst firing, as power controllers do it: between these, with so much ripple, as a share of half the band [s]
 _BURSTS_S: Final = (0.1, 1.0)
 _BURST_RIPPLE: Final = 0.4
-WAVE_S: Final = 2.0 * HALF_WAVE_S
+_WAVE_S: Final = 2.0 * HALF_WAVE_S
 
 
 class Pwm(NamedTuple):
@@ -133,7 +133,7 @@ class Frame:
         if period is not None:
             conditions = replace(conditions, pwm_period_s=period)
         if self.bursts_s:
-            conditions = replace(conditions, pwm_resolution_s=WAVE_S, pwm_rule="burst")
+            conditions = replace(conditions, pwm_resolution_s=_WAVE_S, pwm_rule="burst")
         return replace(asked, tuned=tuned, conditions=conditions, refined=False,
                        setpoint_ramp="auto" if self.ramped else asked.setpoint_ramp or "none")
 
@@ -225,7 +225,7 @@ def _in_whole_waves(sample_time_s: float, most_s: float) -> float:
     parts = range(max(1, math.ceil(sample_time_s / most_s - _ROUNDED)), math.floor(2.0 * sample_time_s / most_s) + 1)
     periods = [sample_time_s / part for part in parts] or [sample_time_s]
     whole = [[period for period in periods if math.isclose(period / wave, round(period / wave), rel_tol=_ROUNDED)]
-             for wave in (WAVE_S, HALF_WAVE_S)]
+             for wave in (_WAVE_S, HALF_WAVE_S)]
     return next((fitting[0] for fitting in whole if fitting), periods[0])
 
 

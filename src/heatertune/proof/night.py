@@ -24,6 +24,7 @@ from heatertune.proof.criteria import Criterion
 from heatertune.proof.measured import IN_DEGC
 from heatertune.proof.scenario import Disturbance, Mains, NewSetpoint, Scenario, conditions
 from heatertune.proof.verdict import Heard
+from heatertune.units import written
 
 __all__ = ["JUDGED", "OVERSHOOTS", "Night", "briefly", "nights_of", "winds_up", "wound"]
 
@@ -134,7 +135,7 @@ def _shorter(scenario: Scenario, number: int, brief_s: Sequence[float]) -> Night
         time_s += open_s + back_s
     shorter = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
     return Night(_BRIEF, shorter, (
-        f"After {brief_s[0] / 60.0:.2g} to {brief_s[-1] / 60.0:.2g} min with an open circuit"),
+        f"After {written(brief_s[0] / 60.0, 2)} to {written(brief_s[-1] / 60.0, 2)} min with an open circuit"),
         "; the limit is kept after a longer one")
 
 
