@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache as remember
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -22,7 +23,7 @@ from heatertune.errors import HeatertuneError, InputError
 from heatertune.files import read_bytes
 from heatertune.writing import write_files
 
-__all__ = ["cached", "folder", "source_digest", "unused"]
+__all__ = ["cached", "folder", "release", "source_digest", "unused"]
 
 T = TypeVar("T")
 
@@ -99,6 +100,22 @@ def folder() -> Path | None:
         return (Path(base) if base else Path.home() / ".cache") / "heatertune"
     except RuntimeError:
         return None
+
+
+def release(library: str) -> str:
+    """Return what tells the release of an installed library apart from all others, without loading it.
+
+    It is what its own file of the version says; where it has none, the number that it was installed with, for which
+    Python has to read much more.
+    """
+    found = find_spec(library)
+    origin = None if found is None else found.origin
+    for name in ("version.py", "_version.py") if origin else ():
+        with suppress(OSError):
+            return (Path(str(origin)).parent / name).read_text(encoding="utf-8")
+    from importlib.metadata import version  # noqa: PLC0415
+
+    return version(library)
 
 
 @remember

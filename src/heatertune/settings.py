@@ -101,8 +101,9 @@ class FitSettings:
     dead_time_at_most_s: float | None = _time(
         None, "no dead time is longer, as you know of this heater", "--dead-time-at-most",
         help="no dead time is longer, as you know of this heater [s]; the certificate says so")
-    sensor_delay_s: float = _time(
-        0.0, "by which the sensor is known to lag behind", "--sensor-delay", instead=("0", ""))
+    sensor_delay_s: float = _time(0.0, "by which the sensor is known to lag", "--sensor-delay", instead=("0", ""))
+    log_pwm_period_s: float | None = _time(
+        None, "PWM period of the heater's switch while it was logged", "--log-pwm-period", instead=("the log's", ""))
     cooler: bool = option(False, bool, "the power cools: the more, the colder", flag="--cooler")
 
     def __post_init__(self) -> None:
@@ -325,8 +326,7 @@ class Conditions:
         help="setpoint of the proof [°C], or the lowest and the highest of use; not right before PID")
     pwm_period_s: float | None = _time(
         None, "PWM period", "--pwm-period", least=None, above=0.0, instead=("TA in parts up to 10 s", "from TA"))
-    minimum_on_s: float = _time(
-        0.0, "shortest on time", "--minimum-on", needs="pwm_period_s", instead=("0", ""))
+    minimum_on_s: float = _time(0.0, "shortest on time", "--minimum-on", needs="pwm_period_s", instead=("0", ""))
     minimum_off_s: float = _time(
         0.0, "shortest off time", "--minimum-off", needs="pwm_period_s", instead=("0", ""))
     pwm_rule: str | None = option(

@@ -3,6 +3,12 @@
 Random heaters × inputs × noise × sampling. The logs are made by superposing step answers, not by the fit's own
 simulation. Rivals on the same data: the two-point method (28.3 % and 63.2 % of a step) and scipy's curve_fit around
 odeint from reading to reading, with the power interpolated and a steady start, as course scripts have it.
+
+    python tests/bench/identification.py --heaters 200 --pwm 2          switched by PWM of 0.1 to 2 log intervals
+    python tests/bench/identification.py --heaters 200 --pwm 2 --told   the fit being told the period
+
+The log then holds what the controller asks for. Each period begins with its pulse, whose length is what was asked as the
+period began; its phase is random.
 """
 
 import argparse
@@ -10,6 +16,7 @@ import time
 import warnings
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.integrate import odeint
@@ -35,6 +42,7 @@ class Case:
     plant: Fopdt
     log: Log
     kind: tuple[str, str, str]
+    period_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -49,19 +57,31 @@ class Found:
     refused: str = ""
 
 
-def answer(plant, time_s, power_pct, start_degC):
-    """Return the temperature of a heater at the instants: the sum of its answers to each change of the held power."""
+def answer(plant, time_s, power_pct, start_degC, changed_s=None):
+    """Return the temperature of a heater at the instants: the sum of its answers to each change of the held power.
+
+    `changed_s`: since when each power is held, where not since the instants.
+    """
+    since_s = time_s if changed_s is None else changed_s
     lag, dead = plant.time_constant_s, plant.dead_time_s
     rise = np.full(len(time_s), plant.gain_degC_per_pct * power_pct[0])
     for i in np.flatnonzero(np.diff(power_pct)) + 1:
-        since = np.clip(time_s - time_s[i] - dead, 0.0, None)
+        since = np.clip(time_s - since_s[i] - dead, 0.0, None)
         rise += plant.gain_degC_per_pct * (power_pct[i] - power_pct[i - 1]) * -np.expm1(-since / lag)
     steady = plant.ambient_degC + plant.gain_degC_per_pct * power_pct[0]
     return plant.ambient_degC + rise + (start_degC - steady) * np.exp(-(time_s - time_s[0]) / lag)
 
 
-def make(seed):
-    """Return the case of a seed."""
+def pulses(time_s, power_pct, period_s, begun_s):
+    """Return what PWM makes of asked power, 0 or 100 %, and since when each is held; a period begins at begun_s."""
+    begins = np.arange(begun_s, time_s[-1], period_s)
+    asked = power_pct[np.maximum(np.searchsorted(time_s, begins, side="right") - 1, 0)]
+    edges = np.column_stack([begins, begins + asked / 100.0 * period_s]).ravel()
+    return np.array([power_pct[0], *np.tile([100.0, 0.0], len(begins))]), np.array([-np.inf, *edges])
+
+
+def make(seed, pwm=None):
+    """Return the case of a seed; the PWM period is drawn up to `pwm` intervals, None: the power is not switched."""
     rng = np.random.default_rng(seed)
     kind = (INPUTS[seed % 4], NOISES[seed // 4 % 3], SAMPLINGS[seed // 12 % 3])
     lag = float(np.exp(rng.uniform(np.log(30.0), np.log(600.0))))
@@ -87,14 +107,19 @@ def make(seed):
     steady = plant.ambient_degC + plant.gain_degC_per_pct * power[0]
     unsteady = rng.random() < 0.5
     start = steady + unsteady * rng.uniform(-0.2, 0.4) * 60.0 * plant.gain_degC_per_pct
-    clean = answer(plant, instants, power, start)
+    clean, period_s = answer(plant, instants, power, start), 0.0
+    if pwm is not None:
+        drawn = np.random.default_rng([seed, 1])  # of its own: heater, power and noise stay as they are without
+        period_s = length / n * pwm * 20.0 ** -float(drawn.uniform())
+        held, since = pulses(instants, power, period_s, -period_s * float(drawn.uniform()))
+        clean = answer(plant, instants, held, start, since)
     deviation = float(rng.uniform(0.002, 0.02)) * float(np.ptp(clean))
     noisy = clean + noise(rng, kind[1], deviation, len(clean))
     if kind[1] == "8-bit":
         step = 1.2 * float(np.ptp(clean)) / 256.0
         noisy = np.round(noisy / step) * step
     log = Log(name=f"case {seed}", source="made", time_s=instants, temperature_degC=noisy, power_pct=power)
-    return Case(plant=plant, log=log, kind=kind)
+    return Case(plant=plant, log=log, kind=kind, period_s=period_s)
 
 
 def noise(rng, kind, deviation, n):
@@ -140,19 +165,20 @@ def course_script(log):
     return tuple(float(value) for value in found)
 
 
-def run(seed):
-    """Return what the methods make of one case."""
-    case = make(seed)
+def run(seed, pwm=None, told=False):
+    """Return what the methods make of one case; `told`: the fit knows the PWM period."""
+    case = make(seed, pwm)
     truth = tuple(getattr(case.plant, name) for name in PARAMETERS)
     values, seconds = {}, {}
     begun = time.perf_counter()
     try:
-        fitted = fit(case.log)
+        fitted = fit(case.log, log_pwm_period_s=case.period_s if told else 0.0)
     except InputError as refusal:
         return Found(case.kind, truth, {}, {}, None, str(refusal))
     seconds["heatertune"] = time.perf_counter() - begun
     values["heatertune"] = tuple(getattr(fitted.model, name) for name in PARAMETERS)
-    for method, work in (("two points", two_points), ("curve_fit + odeint", course_script)):
+    rivals = (("two points", two_points), ("curve_fit + odeint", course_script)) if pwm is None else ()  # they know no PWM
+    for method, work in rivals:
         begun = time.perf_counter()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # its ODEintWarning has moved
@@ -214,12 +240,15 @@ def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--heaters", type=int, default=1000, help="number of random heaters")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--pwm", type=float, help="longest PWM period, in intervals of the log")
+    parser.add_argument("--told", action="store_true", help="the fit is told the PWM period")
     settings = parser.parse_args(arguments)
+    one = partial(run, pwm=settings.pwm, told=settings.told)
     if settings.jobs == 1:
-        found = [run(seed) for seed in range(settings.heaters)]
+        found = [one(seed) for seed in range(settings.heaters)]
     else:
         with ProcessPoolExecutor(settings.jobs) as pool:
-            found = list(pool.map(run, range(settings.heaters), chunksize=8))
+            found = list(pool.map(one, range(settings.heaters), chunksize=8))
     print("\n".join(table(found)))
     for refusal in [f.refused for f in found if f.refused][:5]:
         print(f"refused: {refusal}")

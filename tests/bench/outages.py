@@ -3,12 +3,15 @@
 Heaters are drawn and designed for; each PASS is run again under every setting by second_opinion.c, which shares nothing
 with the proof: the heater's circuit is open for 0.1…40 TN and as long as a boost, or Marlin's window, needs to take it
 back, while the setpoint rises, in a cold start, with a loss of the PLC's supply in it, and with a setpoint that falls
-before it is closed and rises after; at the edge of Marlin's window at many instants. Told is what breaks the limit of overshoot after an open circuit by more than a
-tenth, or is not in the band at the end. Status 1 where something is.
+before it is closed and rises after; at the edge of Marlin's window at many instants. Told is what breaks the limit of
+overshoot after an open circuit by more than a tenth, or is not in the band at the end; and what breaks it by more than two
+hundredths after any of 28 lengths from 0.08 to 12 TN, or just before a boost takes the heater back. Status 1 where something is.
 
 Found in this way: a boost that took the heater back within the dead time, so that the proof never saw it nearly do so;
 Marlin's window, which is a boost that no word of the program tells of; and its edge, where the sum begins anew and P may ask
-for less than what leads on.
+for less than what leads on. The overshoot's peak over the opening's length, at 0.3…1.5 TN: before the proof looked there, 9 of 277
+PASSes were up to 12 % beyond their limit; of those that it passes now the farthest is told by what this program prints. Not closed: a PLC that is restarted while the heater is warm, between the story's
+hot and cold, may overshoot by up to 1.32 of the limit (8 of 248 PASSes by more than 1.0).
 """
 
 import math
@@ -31,6 +34,7 @@ from tests.bench.false_passes import _limits, _log, _of_ramp
 from tests.bench.second_opinion import OWN_PULSES, TARGETS, Bench, Part, compiled, opinion
 
 SLACK = 1.1
+SHORT_SLACK = 1.02
 _AGAIN = (0.8, 0.95, 0.99, 1.0, 1.01, 1.1, 1.4)  # of the time in which a boost takes the heater back
 
 
@@ -50,8 +54,11 @@ def asked(seed, target):
     values = {"gain_degC_per_pct": gain, "time_constant_s": lag, "dead_time_s": lag * _log(rng, 0.03, 0.6), "ambient_degC": ambient}
     two, second = rng.random() < 0.35, lag * float(rng.uniform(0.05, 0.6))
     setpoint = ambient + gain * float(rng.uniform(20.0, 75.0))
+    typed = target in ("weg", "iec-pid", "klipper")  # their text holds so many digits alone, and would do other than was proven
+    setpoint = round(setpoint, 1) if typed else setpoint
     step = setpoint - ambient
     high = max(setpoint * _log(rng, 1.1, 2.0), setpoint + 0.3 * step)
+    high = float(math.ceil(high)) if typed else high
     tolerance = None if rng.random() < 0.4 else step * _log(rng, 0.015, 0.06)
     return TwoLag(**values, second_time_constant_s=second) if two else Fopdt(**values), Asked(
         target=target, scaling=Scaling(low_degC=0.0, high_degC=high), boost="auto" if rng.random() < 0.75 else "none",
@@ -150,23 +157,55 @@ def night(b, rng):
     return told.parts, told.notes
 
 
+def overshoots(library, b, limits):
+    """Return (overshoot as a share of its limit, length [TN]) after each of many open circuits, the largest first."""
+    told = Night(b)
+    told.rest /= 5.0  # a peak is what is looked for
+    lengths = list(np.geomspace(0.08, 12.0, 28) * told.tn)
+    again = b.boost[1] if b.boost else b.words["PID_FUNCTIONAL_RANGE"] if b.target == "marlin" else math.inf
+    if again < told.step:
+        lengths += [share * (second_opinion._takes(b, again / told.step) - b.dead) for share in (0.7, 0.8, 0.85, 0.9, 0.95, 0.98)]
+    for seconds in lengths:
+        told.open(max(b.interval, seconds))
+    with mock.patch.object(second_opinion, "story", return_value=told.parts):
+        seen = opinion(library, b, limits, longer=0.0).seen[2::2]
+    return sorted(((_share(each, b, limits), seconds / told.tn) for each, seconds in zip(seen, lengths, strict=True)), reverse=True)
+
+
+def restarts(library, b, limits):
+    """Return (overshoot as a share of its limit, share of the way to the ambient) after losses of the PLC's supply, likewise."""
+    told, shares = Night(b), np.linspace(0.05, 0.95, 19)
+    told.rest /= 5.0
+    for share in shares:
+        told.then("plc", second_opinion._takes(b, share) - b.dead, power=0.0, supplied=False)
+        told.then("plc", kind="restart", power=1.0, supplied=True)
+    with mock.patch.object(second_opinion, "story", return_value=told.parts):
+        seen = opinion(library, b, limits, longer=0.0).seen[2::2]
+    return sorted(((_share(each, b, limits, "restart"), share) for each, share in zip(seen, shares, strict=True)), reverse=True)
+
+
+def _share(seen, b, limits, what="reheat"):
+    """Return the overshoot as a share of its limit."""
+    share, degrees = limits[f"{what}_overshoot"] or math.inf, limits[f"{what}_overshoot in degC"] or math.inf
+    return max(100.0 * seen["highest"] / (b.setpoint - b.ambient) / share, seen["highest"] / degrees)
+
+
 def broken(library, model, design, settings, seed):
     """Return (overshoot as a share of its limit, distance at rest as a share of the band, of what) of what breaks them."""
     b, limits = bench_of(model, design, settings), _limits(design.proof.limits) | {"iae": math.inf}
     parts, notes = night(b, np.random.default_rng(seed))
     with mock.patch.object(second_opinion, "story", return_value=parts):
         told = opinion(library, b, limits, longer=0.0)
-    share, degrees = limits["reheat_overshoot"] or math.inf, limits["reheat_overshoot in degC"] or math.inf
     found = []
     for part, seen, note in zip(parts, told.seen, notes, strict=True):
         if part.kind == "reheat":
-            over = max(100.0 * seen["highest"] / (b.setpoint - b.ambient) / share, seen["highest"] / degrees)
-            found.append((round(over, 3), round(max(seen["rest_highest"], -seen["rest_lowest"]) / b.band, 2), note))
+            found.append((round(_share(seen, b, limits), 3), round(max(seen["rest_highest"], -seen["rest_lowest"]) / b.band, 2), note))
     return sorted((each for each in found if each[0] > SLACK or each[1] > SLACK), reverse=True)
 
 
 def main(first=0, last=6, *targets):
-    proven = wrong = 0
+    proven = wrong = short = 0
+    most = 0.0, 0.0
     with tempfile.TemporaryDirectory() as folder:
         library = compiled(folder)
         for seed in range(int(first), int(last)):
@@ -183,8 +222,16 @@ def main(first=0, last=6, *targets):
                     if found := broken(library, model, design, settings, seed):
                         wrong += 1
                         print(seed, target, design.proof.words.boost or "", settings, len(found), found[:3], flush=True)
-    print(f"{proven} PASS, {wrong} of their settings break a limit")
-    return bool(wrong)
+                    peak = overshoots(library, bench_of(model, design, settings), _limits(design.proof.limits) | {"iae": math.inf})[0]
+                    most = max(most, peak)
+                    if (warm := restarts(library, bench_of(model, design, settings), _limits(design.proof.limits) | {"iae": math.inf})[0])[0] > SLACK:
+                        wrong += 1
+                        print(seed, target, settings, f"{warm[0]:.3f} of the limit where it is restarted after {warm[1]:.2g} of the way down", flush=True)
+                    if peak[0] > SHORT_SLACK:
+                        short += 1
+                        print(seed, target, design.proof.words.boost or "", settings, f"{peak[0]:.3f} of the limit after {peak[1]:.2g} TN", flush=True)
+    print(f"{proven} PASS, {wrong} of their settings break a limit, {short} after some length; the most is {most[0]:.3f} of it")
+    return bool(wrong or short)
 
 
 if __name__ == "__main__":

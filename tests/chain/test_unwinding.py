@@ -3,18 +3,20 @@
 import math
 import shutil
 from dataclasses import replace
+from types import SimpleNamespace
 from unittest import mock
 
 import pytest
 from tests.bench import second_opinion
 from tests.bench.false_passes import _limits
-from tests.bench.outages import SLACK, Night, asked, bench_of, broken
+from tests.bench.outages import SHORT_SLACK, SLACK, Night, asked, bench_of, broken, overshoots
 from tests.bench.second_opinion import compiled
 
 from heatertune.model.by_hand import model_by_hand
-from heatertune.plc import controller_for
+from heatertune.plc import Words, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.proof.closing import closed
+from heatertune.proof.fitted import prove
 
 HEATER, ASKED = asked(10007, "weg")  # drawn: 383 s of lag, 58 s of dead time
 SETTINGS = settings_to_prove(controller_for("weg").switches)
@@ -77,3 +79,37 @@ def test_a_sum_that_is_kept_at_the_limit_is_found_where_the_setpoint_rises_on_th
         if seen["rest_lowest"] > 40.0:  # °C above the setpoint: full power
             stuck.append((settings["sum"], settings["integral_off"], settings["integral_inward"]))
     assert stuck == 3 * [("unlimited", "previous_call", "off")]  # the defaults, and with either other rounding or limit
+
+
+def _peak(library, heater, proof, conditions):
+    """Return what the judge sees at most after any open circuit: share of the limit, and its length [TN]."""
+    limits, design = _limits(proof.limits) | {"iae": math.inf}, SimpleNamespace(proof=proof, conditions=conditions)
+    return max(overshoots(library, bench_of(heater, design, settings), limits)[0]
+               for settings in settings_to_prove(controller_for(proof.words.target).switches))
+
+
+def test_a_short_open_circuit_is_found_where_it_overshoots_most(library):
+    # drawn, and passed once: after the story's 2 and 10 TN the limit is kept
+    heater, wanted = asked(6, "s7-300")
+    words = Words(target="s7-300", values={"GAIN": 1.3476828336715698, "RATE": 0.0, "RESET": 1216043.5, "SAMPLE": 60000.0},
+                  scaling=wanted.scaling, sample_time_s=60.0)
+    conditions = replace(wanted.conditions, pwm_period_s=1.0, pwm_resolution_s=0.01)
+    proof = prove(words, model_by_hand(heater), conditions)
+    assert all(each.ok for each in proof.criteria)
+    assert [finding.name for finding in proof.heard.findings] == ["briefly-open"]
+    share, length = _peak(library, heater, proof, conditions)
+    assert 1.09 < share < 1.12 + 1e-3
+    assert 1.2 < length < 1.8
+    assert "it overshoots by 44.8 %" in proof.heard.findings[0].told  # 40 % are allowed: 1.12 of them
+    assert prove(words, model_by_hand(heater), conditions, accept=("briefly-open",)).verdict == "PASS"
+
+
+def test_other_words_keep_the_limit_after_a_short_open_circuit_too(library):
+    heater, wanted = asked(30, "s7-300")
+    plain = closed(model_by_hand(heater), replace(wanted, as_is=True))
+    assert [finding.name for finding in plain.proof.heard.findings] == ["briefly-open"]
+    mended = closed(model_by_hand(heater), wanted)
+    assert mended.proof.verdict == "PASS"
+    assert mended.notes[0].startswith("The optimum as asked for fails (reheat overshoot after a short open circuit)")
+    assert _peak(library, heater, plain.proof, plain.conditions)[0] > 1.0
+    assert _peak(library, heater, mended.proof, mended.conditions)[0] < SHORT_SLACK

@@ -16,15 +16,19 @@ HAND = ("--gain", "0.37", "--time-constant", "167", "--dead-time", "12", "--ambi
 TARGET = ("--target", "s5-ob251", "--setpoint", "40")
 
 
-def slow_modules(arguments):
+#: modules of ours and of Python's that a command which only reads and writes words has no use for
+UNUSED = ("heatertune.cli.design", "heatertune.log.read", "heatertune.report.page", "importlib.metadata")
+
+
+def slow_modules(arguments, cache="", looked_for=SLOW):
     """Return which of the slow libraries a command loads, in a process of its own."""
     code = (
         "import sys; from heatertune.cli import main\n"
         "try: status = main(sys.argv[1:])\n"
         "except SystemExit as end: status = end.code\n"
-        f"print(status, [name for name in {SLOW!r} if name in sys.modules], file=sys.stderr)"
+        f"print(status, [name for name in {looked_for!r} if name in sys.modules], file=sys.stderr)"
     )
-    fresh = os.environ | {"HEATERTUNE_CACHE": ""}  # kept machine code would be loaded, and the compiler with it
+    fresh = os.environ | {"HEATERTUNE_CACHE": str(cache)}  # kept machine code is loaded, and the compiler with it
     ended = subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, check=True,
                            env=fresh)
     return ended.stderr.strip()
@@ -35,7 +39,7 @@ def proven(tmp_path_factory):
     """A folder with words and their proof, as export-db writes it; and the design they come from."""
     folder = tmp_path_factory.mktemp("proven")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HEATERTUNE_CACHE", "")
+        patch.setenv("HEATERTUNE_CACHE", str(folder / "cache"))
         assert main(["tune", *HAND, "--target", "s5-ob251", "-o", str(folder / "pid.json"), "--quiet"]) == 0
         assert main(["export-db", str(folder / "pid.json"), *TARGET, "-o", str(folder / "out")]) == 0
     return folder
@@ -59,6 +63,14 @@ def test_words_that_are_proven_are_exported_again_by_none_of_the_slow_libraries(
             assert json.loads(path.read_text()) == json.loads(first[path.name].read_text())
         else:
             assert path.read_bytes() == first[path.name].read_bytes()
+
+
+@pytest.mark.long
+def test_a_design_whose_proof_is_kept_is_exported_again_by_none_of_the_slow_libraries(proven, tmp_path):
+    again = ("export-db", proven / "pid.json", *TARGET, "-o", tmp_path)
+    assert slow_modules(again, proven / "cache", (*SLOW, *UNUSED)) == "0 []"
+    first = {path.name: path.read_bytes() for path in (proven / "out").rglob("*") if path.is_file()}
+    assert {path.name: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == first
 
 
 @pytest.mark.long

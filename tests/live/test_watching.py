@@ -49,6 +49,18 @@ def test_a_loop_in_order_is_well_through_its_whole_heat_up(folder, tmp_path, cap
     status, seen = watched(folder, tmp_path, capsys)
     assert (status, seen["well"], seen["told"], seen["outside_s"]) == (0, True, [], [])
     assert seen["rest_pct"] == pytest.approx([31.1, 31.1], abs=1.0)
+    assert f"; PWM period: {read_proven(folder).view.actuator.pwm_period_s:.9g} s" in (tmp_path / "log.csv").read_text()
+
+
+def test_an_experiment_and_a_recording_tell_the_period_of_the_proof(folder, tmp_path):
+    (tmp_path / "plan.csv").write_text("time_s,power_pct\n0,10\n200,60\n")
+    head = f"; PWM period: {read_proven(folder).view.actuator.pwm_period_s:.9g} s"
+    with virtual_plc(folder, dead_man=1000, **FAST) as plc:
+        where, design = way(plc, "s7").text, ["--design", str(folder), "--quiet", "-o"]
+        assert main(["record", where, *design, str(tmp_path / "log.csv"), "--for", "100"]) == 0
+        assert main(["experiment", str(tmp_path / "plan.csv"), where, *design, str(tmp_path / "step.csv"),
+                     "--limit-temperature", "90", "--yes"]) == 0
+    assert all(head in (tmp_path / name).read_text() for name in ("log.csv", "step.csv"))
 
 
 @pytest.mark.parametrize(("fault", "told"), [

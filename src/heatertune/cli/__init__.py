@@ -3,49 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import atexit
+import gc
 import io
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
 from heatertune import __version__
-from heatertune.cli import (
-    advise,
-    bench,
-    compare,
-    completion,
-    decode,
-    design,
-    diff,
-    doctor,
-    experiment,
-    export_db,
-    feed_forward,
-    fit,
-    fleet,
-    health,
-    pareto,
-    plan,
-    read,
-    record,
-    replay,
-    report,
-    rollback,
-    simulate,
-    spec,
-    studio,
-    study,
-    supervise,
-    targets,
-    terms,
-    tune,
-    validate,
-    verify,
-    watch,
-    write,
-)
 from heatertune.cli.line import LINE
 from heatertune.cli.parsing import CommandParser, Named
 from heatertune.cli.terminal import painted
@@ -53,19 +21,21 @@ from heatertune.errors import ExportRefused, HeatertuneError, InputError, one_li
 
 __all__ = ["main"]
 
-COMMANDS = (
-    design, read, fit, validate, plan, spec, tune, pareto, export_db, verify, supervise, feed_forward, compare, advise,
-    study, fleet, health, report, decode, diff, replay, targets, terms, studio, simulate, record, experiment, write,
-    rollback, watch, doctor, bench, completion,
+#: their names as users type them, in the order of the help; each is a module here
+_NAMES: Final = (
+    "design", "read", "fit", "validate", "plan", "spec", "tune", "pareto", "export-db", "verify", "supervise",
+    "feed-forward", "compare", "advise", "study", "fleet", "health", "report", "decode", "diff", "replay", "targets",
+    "terms", "studio", "simulate", "record", "experiment", "write", "rollback", "watch", "doctor", "bench",
+    "completion",
 )
 
 #: those that most people need, in the order in which they do, and what they are for
-_FIRST = {
-    design: "from a log to words that are proven, and the record to sign: begin here",
-    studio: "the same in the browser: drop a log, move the design, download the words",
-    read: "what a log file is taken for, before anything is made of it",
-    verify: "prove a design or words again, under your own conditions",
-    decode: "what a controller that runs already holds, and its proof",
+_FIRST: Final = {
+    "design": "from a log to words that are proven, and the record to sign: begin here",
+    "studio": "the same in the browser: drop a log, move the design, download the words",
+    "read": "what a log file is taken for, before anything is made of it",
+    "verify": "prove a design or words again, under your own conditions",
+    "decode": "what a controller that runs already holds, and its proof",
 }
 
 #: exit status of a crash, as EX_SOFTWARE of sysexits.h
@@ -83,15 +53,25 @@ exit status: 0 success, 1 a verdict of FAIL or NOT PROVEN, 2 bad input (one line
              itself (one line; HEATERTUNE_DEBUG=1 shows where)
 """
 
+# a command needs most of what it makes to its end: looking for what to free took a twentieth of its time, a tenth there
+gc.set_threshold(100_000)
+atexit.register(gc.freeze)
 
-def _named() -> dict[str, Any]:
-    """Return every command by the name that a user types."""
-    return {command.__name__.rpartition(".")[2].replace("_", "-"): command for command in COMMANDS}
+
+def __getattr__(name: str) -> Any:
+    """Give the modules of all commands as COMMANDS: a command that is run imports its own alone."""
+    if name == "COMMANDS":
+        return tuple(map(_command, _NAMES))
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def _command(name: str) -> Any:
+    return import_module(f"{__name__}.{name.replace('-', '_')}")
 
 
 def _welcome() -> str:
     """Return what `heatertune` alone shows: the commands that most people need, each by its example."""
-    told = [f"  {command._EXAMPLE.removeprefix('example: ')}\n      {what}" for command, what in _FIRST.items()]
+    told = [f"  {_command(name)._EXAMPLE.removeprefix('example: ')}\n      {what}" for name, what in _FIRST.items()]
     return "\n".join([
         "From a temperature log to PLC words, proven before they reach the heater.", "", *told, "",
         "heatertune --help lists all commands, heatertune COMMAND --help its options."])
@@ -111,9 +91,8 @@ def parser(only: str | None = None) -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"heatertune {__version__}")
     made: Any = Named if only in _BEFORE else CommandParser
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=made)
-    named = _named()
-    for command in [named[only]] if only in named else COMMANDS:
-        command.add_to(commands)
+    for name in [only] if only in _NAMES else _NAMES:
+        _command(name).add_to(commands)
     return top
 
 
@@ -152,8 +131,8 @@ def _run(given: tuple[str, ...]) -> int:
     if not given:
         print(_welcome())
         return 0
-    if not given[0].startswith("-") and given[0] not in _named():
-        raise InputError(f"unknown command {given[0]!r}{suggested(given[0], _named())} (see: heatertune --help)")
+    if not given[0].startswith("-") and given[0] not in _NAMES:
+        raise InputError(f"unknown command {given[0]!r}{suggested(given[0], _NAMES)} (see: heatertune --help)")
     settings = parser(given[0]).parse_args(given)
     settings.given = given
     return int(settings.run(settings))

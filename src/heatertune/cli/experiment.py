@@ -52,7 +52,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.proof.words_file import words_in  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.words_file import pwm_period_in, words_in  # noqa: PLC0415 - the help must not wait for it
 
     if settings.design is None:
         raise InputError("experiment needs --design DIR: the folder whose controller runs there")
@@ -67,7 +67,7 @@ def _run(settings: argparse.Namespace) -> int:
 
     plan, address, aims = read_plan(settings.plan), address_of(settings.address), _aims(settings.until)
     limits = Limits(temperature_degC=settings.limit_temperature, rate_degC_per_min=settings.limit_rate)
-    whole = Experiment(plan, address, words, limits)
+    whole = Experiment(plan, address, words, limits, pwm_period_s=pwm_period_in(settings.design))
     found = whole.check()
     _agree(settings, whole, found)
     with asked_to_end() as asked:

@@ -60,9 +60,8 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     program is read where it is kept. `verify` proves anew.
     """
     from dataclasses import asdict  # noqa: PLC0415 - the help must not wait for it
-    from importlib.metadata import version  # noqa: PLC0415
 
-    from heatertune.cache import cached  # noqa: PLC0415
+    from heatertune.cache import cached, release  # noqa: PLC0415
     from heatertune.model import document as model_document  # noqa: PLC0415
     from heatertune.proof.fitted import specified  # noqa: PLC0415
 
@@ -72,7 +71,7 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
         "words": repr(asked.words), "choice": repr(asked.choice), "model": model_document.to_document(asked.fitted),
         "ramp": asked.ramp, "conditions": asdict(asked.conditions), "notes": asked.notes, "force": settings.force,
         "specification": repr(specified(asked.conditions)),  # of files that may change
-        "libraries": [version(name) for name in ("numpy", "scipy", "numba")]}
+        "libraries": [release(name) for name in ("numpy", "scipy", "numba")]}
     kept = cached("export", inputs, lambda: _prove(asked, progress, force=settings.force), dict, progress=progress)
     for note in kept["notes"]:
         progress.note(note)

@@ -51,7 +51,8 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.live.recorder import Recording, record  # noqa: PLC0415
 
     address = address_of(settings.address)
-    how = Recording(every_s=settings.every, for_s=settings.for_s, append=settings.append, timeout_s=settings.timeout)
+    how = Recording(every_s=settings.every, for_s=settings.for_s, append=settings.append, timeout_s=settings.timeout,
+                    pwm_period_s=_pwm_period_s(settings.design))
     places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
     with asked_to_end() as asked:
         def shown(so_far: Recorded) -> None:
@@ -63,6 +64,14 @@ def _run(settings: argparse.Namespace) -> int:
     document = _document(settings, so_far)
     printing.output(settings, document, lambda: _lines(document))
     return 0
+
+
+def _pwm_period_s(design: str | None) -> float | None:
+    if design is None:
+        return None
+    from heatertune.proof.words_file import pwm_period_in  # noqa: PLC0415 - who gives a map needs no proof's code
+
+    return pwm_period_in(design)
 
 
 @contextmanager

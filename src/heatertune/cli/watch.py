@@ -61,7 +61,8 @@ def _run(settings: argparse.Namespace) -> int:
     with asked_to_end() as asked:
         so_far = record(address, log, places, Recording(
             every_s=None if monitored is None else min(1.0, 0.5 * monitored.view.scan_s), for_s=settings.for_s,
-            append=settings.append), shown=_shown(settings, beside, monitored), ended=lambda: bool(asked))
+            append=settings.append, pwm_period_s=proven.view.actuator.pwm_period_s),
+            shown=_shown(settings, beside, monitored), ended=lambda: bool(asked))
     LINE.end()
     well = beside.seen.readings > 0 and beside.seen.well  # who has seen nothing knows nothing
     well = well and (monitored is None or not monitored.told()) and not so_far.trouble

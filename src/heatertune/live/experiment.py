@@ -89,7 +89,7 @@ class Experiment:
     """
 
     def __init__(self, plan: Steps | Relay, address: Address, words: Words, limits: Limits, *,
-                 timeout_s: float = 1.0) -> None:
+                 timeout_s: float = 1.0, pwm_period_s: float | None = None) -> None:
         """Prepare; nothing is asked of the PLC yet.
 
         Args:
@@ -98,12 +98,14 @@ class Experiment:
             words: that it is said to hold.
             limits: what ends it at once.
             timeout_s: after which an answer is lost [s].
+            pwm_period_s: of the heater's switch, for the log; None where nobody knows [s].
 
         Raises:
             InputError: the controller's block is not known, or has no manual mode.
         """
         self.mode, self._standing = ManualMode(address, words, timeout_s), standing(words, address, {})
-        self.plan, self._words, self.limits, self._timeout_s = plan, words, limits, timeout_s
+        self.plan, self._words, self.limits = plan, words, limits
+        self._recording = Recording(timeout_s=timeout_s, pwm_period_s=pwm_period_s)
         self.sensor_degC, self.has_dead_man = words.scaling.sensor_degC, False
 
     def check(self) -> tuple[str, ...]:
@@ -163,7 +165,7 @@ class Experiment:
         hand = _Hand(self, before, Path(log), aims or Aims(), watching or Watching())
         restored = None
         try:
-            recorded = record(self.mode.address, log, places_of(self._words), Recording(timeout_s=self._timeout_s),
+            recorded = record(self.mode.address, log, places_of(self._words), self._recording,
                               shown=hand.looked, ended=lambda: hand.ended is not None)
         finally:
             hand.let_go()

@@ -20,7 +20,7 @@ from heatertune.files import read_bytes
 from heatertune.live.client.address import Address
 from heatertune.live.looking import Look, Looking
 from heatertune.live.places import ROLES, Places
-from heatertune.log.record import MARK, TORN, without_torn
+from heatertune.log.record import MARK, SWITCHED, TORN, without_torn
 from heatertune.units import check
 from heatertune.writing import settle
 
@@ -42,6 +42,7 @@ class Recording:
         for_s: the log ends when it is so long [s]; None: it goes on.
         append: whether to continue a file that is there.
         timeout_s: after which an answer is lost [s].
+        pwm_period_s: of the heater's switch, None where nobody knows [s].
 
     Raises:
         OutOfRange: a time that is none.
@@ -51,9 +52,10 @@ class Recording:
     for_s: float | None = None
     append: bool = False
     timeout_s: float = 2.0
+    pwm_period_s: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("every_s", "for_s", "timeout_s"):
+        for name in ("every_s", "for_s", "timeout_s", "pwm_period_s"):
             if getattr(self, name) is not None:
                 check(name, getattr(self, name), above=0.0)
 
@@ -194,7 +196,8 @@ def record(
         clock = ("this machine's clock" if looking.interval_s is None
                  else f"scans of the PLC, each {looking.interval_s:.9g} s")
         mixed = "" if looking.whole else "; a row may hold quantities of two scans"
-        heads = f"{MARK}; {address.text}; begun {_now()}; time: {clock}{mixed}\n{','.join(columns)}\n"
+        switched = "" if given.pwm_period_s is None else f"{SWITCHED}{given.pwm_period_s:.9g} s"
+        heads = f"{MARK}; {address.text}; begun {_now()}; time: {clock}{switched}{mixed}\n{','.join(columns)}\n"
         with _File(Path(path), heads, given.append) as file:
             return _Rows(looking, file, given).run(shown, ended)
 

@@ -1,6 +1,13 @@
 """A file → Log: time, temperature, power and setpoint in one set of units; what was repaired is told."""
 
-from heatertune.log.read import read_log
-from heatertune.log.values import Log
+from typing import TYPE_CHECKING
+
+from heatertune.lazy import offered
+
+if TYPE_CHECKING:
+    from heatertune.log.read import read_log
+    from heatertune.log.values import Log
 
 __all__ = ["Log", "read_log"]
+
+__getattr__ = offered(__name__, {"Log": "values", "read_log": "read"})

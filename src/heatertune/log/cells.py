@@ -15,7 +15,7 @@ from heatertune.files import read_bytes
 from heatertune.log.header import count, take_header
 from heatertune.log.klippy import Printed, printed
 from heatertune.log.quantities import is_number, restored
-from heatertune.log.record import MARK, without_torn
+from heatertune.log.record import MARK, pwm_period_of, without_torn
 
 __all__ = ["Sheet", "count", "is_number", "plain_cells", "read_sheet"]
 
@@ -38,6 +38,7 @@ class Sheet:
         repairs: what was changed or passed over, one sentence each.
         units: unit that all cells of a column bear, one for each column, else empty.
         above: lines above the names of the columns, or above the readings where they have none.
+        pwm_period_s: of the switch, as a recording tells it, 0 where nothing does [s].
     """
 
     file: str
@@ -48,6 +49,7 @@ class Sheet:
     repairs: tuple[str, ...]
     units: tuple[str, ...] = ()
     above: int = 0
+    pwm_period_s: float = 0.0
 
     def picked(self, places: Sequence[int]) -> Sheet:
         """Return some of the rows, in the order given."""
@@ -63,7 +65,9 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
         LogError: the file cannot be read, is empty, is no text, or a row has another number of cells than the others.
     """
     text, repairs = _text(path, content)
+    period_s = 0.0
     if text.startswith(MARK):
+        period_s = pwm_period_of(text)
         text = without_torn(text, repairs)
     numbered = [(i, line.rstrip("\n")) for i, line in enumerate(io.StringIO(text, newline=None), start=1)][skip_rows:]
     log = printed(path, numbered, tag)
@@ -87,7 +91,7 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
     if rows and not header:
         comment = _comment_above([pair for pair in numbered if pair[0] < begin], separator, len(rows[0]))
     return Sheet(file=str(path), header=header, comment=comment, rows=rows, lines=lines, repairs=tuple(repairs),
-                 above=above)
+                 above=above, pwm_period_s=period_s)
 
 
 def _demand_cells(path: Path, log: Printed) -> None:

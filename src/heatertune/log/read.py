@@ -117,7 +117,7 @@ def read_log(
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above)},
     )
-    return _log(source, table, sheet.file, series, tuple(repairs), tuple(doubts), taken)
+    return _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
 
 
 def _handed(source: Any) -> tuple[str, bytes]:
@@ -144,17 +144,18 @@ def _opened(
 
 
 def _log(
-    source: str | Path, table: BuiltIn | None, file: str, series: _Series, repairs: tuple[str, ...],
+    source: str | Path, table: BuiltIn | None, sheet: Sheet, series: _Series, repairs: tuple[str, ...],
     doubts: tuple[str, ...], taken: Taken,
 ) -> Log:
     try:
         return Log(
             name=table.name if table else Path(source).stem, source=table.source if table else str(source),
             repairs=repairs, doubts=doubts, same_heater=table.same_heater if table else (), taken=taken,
-            rests_at_degC=table.rests_at_degC if table else None, **series._asdict(),
+            rests_at_degC=table.rests_at_degC if table else None, pwm_period_s=sheet.pwm_period_s,
+            **series._asdict(),
         )
     except OutOfRange as problem:
-        raise LogError(str(problem), file=file) from problem
+        raise LogError(str(problem), file=sheet.file) from problem
 
 
 def _errata(table: BuiltIn, sheet: Sheet, apply: bool, doubts: list[str]) -> Sheet:

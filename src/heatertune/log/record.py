@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from typing import Final
 
 from heatertune.log.header import count
 
-__all__ = ["MARK", "TORN", "without_torn"]
+__all__ = ["MARK", "SWITCHED", "TORN", "pwm_period_of", "without_torn"]
 
 #: begins the first line
 MARK: Final = "# heatertune record"
+#: in the first line, before the PWM period of the switch [s]
+SWITCHED: Final = "; PWM period: "
 #: ends a line that was torn, once the file has been continued; else it is the last and has no line's end
 TORN: Final = "#torn"
 _GAP: Final = "# gap "
 _SHOWN: Final = 3
+_PERIOD: Final = re.compile(re.escape(SWITCHED) + r"(\d+(?:\.\d+)?(?:e-?\d+)?) s\b")
+
+
+def pwm_period_of(text: str) -> float:
+    """Return the PWM period that the first line tells, 0 where it tells none [s]."""
+    told = _PERIOD.search(text.split("\n", 1)[0])
+    return float(told[1]) if told else 0.0
 
 
 def without_torn(text: str, repairs: list[str]) -> str:

@@ -42,6 +42,7 @@ class Log(Shown):
         same_heater: names of built-in logs taken on the same heater.
         taken: what was taken of a file as what, None for a log that was not read from one.
         rests_at_degC: where the source says that the record rests, None where it says nothing [°C].
+        pwm_period_s: by which the heater was switched, as the source says, 0 where it says nothing [s].
 
     Raises:
         OutOfRange: shapes differ, fewer than 20 readings, times not increasing, values not finite,
@@ -60,6 +61,7 @@ class Log(Shown):
     same_heater: tuple[str, ...] = field(default=())
     taken: Taken | None = None
     rests_at_degC: float | None = None
+    pwm_period_s: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
@@ -132,6 +134,7 @@ class Log(Shown):
             setpoint_degC=cut(self.setpoint_degC), disturbance=cut(self.disturbance), repairs=self.repairs,
             doubts=self.doubts,
             same_heater=self.same_heater, taken=self.taken, rests_at_degC=self.rests_at_degC,
+            pwm_period_s=self.pwm_period_s,
         )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from heatertune.log.values import Log
 from heatertune.model.outliers import sensor_step, tamed
+from heatertune.model.switched import with_pwm_hidden
 from heatertune.model.values import FittedModel
 from heatertune.units import check
 
@@ -27,16 +28,20 @@ class DelaysKnown:
     Attributes:
         dead_time_at_most_s: no dead time is longer, None where nobody knows [s].
         sensor_delay_s: by which the sensor lags behind [s].
+        pwm_period_s: of the PWM that switched the heater, 0 where none did, None: as each log says [s].
 
     Raises:
-        OutOfRange: a negative delay, a longest dead time that is not positive or shorter than the sensor's delay.
+        OutOfRange: a negative delay or period, a longest dead time that is not positive or shorter than the sensor's
+            delay.
     """
 
     dead_time_at_most_s: float | None = None
     sensor_delay_s: float = 0.0
+    pwm_period_s: float | None = None
 
     def __post_init__(self) -> None:
         check("sensor_delay_s", self.sensor_delay_s, least=0.0)
+        check("log_pwm_period_s", self.pwm_period_s or 0.0, least=0.0)
         if self.dead_time_at_most_s is not None:
             check("dead_time_at_most_s", self.dead_time_at_most_s, above=0.0, least=self.sensor_delay_s)
 
@@ -49,12 +54,23 @@ class DelaysKnown:
 
     def applied(self, fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
         """Return the model with what its logs tell beside the heater; the first one tells where it was used."""
-        given = {"dead_time_at_most_s": self.dead_time_at_most_s, "sensor_delay_s": self.sensor_delay_s or None}
+        period_s = max(self._hidden_period_s(log) for log in logs)
+        given = {"dead_time_at_most_s": self.dead_time_at_most_s, "sensor_delay_s": self.sensor_delay_s or None,
+                 "log_pwm_period_s": period_s or None}
+        fitted = with_pwm_hidden(fitted, period_s)
         return replace(
             fitted, setpoint_degC=setpoint_of(logs[0]), log_interval_s=_interval_s(logs),
             least_dead_time_s=self.least_dead_time_s(logs), reading_step_degC=max(map(reading_step_degC, logs)),
             assumed={**fitted.assumed, **{name: value for name, value in given.items() if value is not None}},
         )
+
+    def _hidden_period_s(self, log: Log) -> float:
+        """Return the period of the PWM that a log's power does not show [s]; power that is on or off shows all."""
+        power = log.power_pct
+        shown = power is not None and bool(np.all((power == 0.0) | (power == 100.0)))
+        if shown:
+            return 0.0
+        return log.pwm_period_s if self.pwm_period_s is None else self.pwm_period_s
 
 
 def _interval_s(logs: Sequence[Log]) -> float:

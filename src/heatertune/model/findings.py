@@ -59,6 +59,10 @@ KINDS: Final[dict[str, Kind]] = {
     "winds-up": Kind(
         "blocks", "it winds up the more, the longer the heater's circuit is open",
         "find out what your controller does at its limit (--switch), or keep it in manual while the circuit is open"),
+    "briefly-open": Kind(
+        "blocks", "it overshoots by more than its limit after a shorter open circuit than the story's",
+        "allow what it does then (--limit reheat-overshoot), or find out what your controller does at its limit "
+        "(--switch), or keep it in manual while the circuit is open"),
     "stays-at-limit": Kind(
         "blocks", "it may stay at full power where the setpoint rises while the heater warms up",
         "find out what your controller does at its limit (--switch), leave out D (--structure pi), or let the heater "

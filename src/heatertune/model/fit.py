@@ -247,7 +247,8 @@ def _together(
 
 
 def _delays(given: FitSettings) -> DelaysKnown:
-    return DelaysKnown(dead_time_at_most_s=given.dead_time_at_most_s, sensor_delay_s=given.sensor_delay_s)
+    return DelaysKnown(dead_time_at_most_s=given.dead_time_at_most_s, sensor_delay_s=given.sensor_delay_s,
+                       pwm_period_s=given.log_pwm_period_s)
 
 
 def _bounds(ambient_degC: float | Bounds | None) -> Bounds | None:

@@ -212,6 +212,14 @@ class Controller(Led, ABC):
         """Return how far below the setpoint full power takes the heater back, as a boost does [°C]; None: nowhere."""
         return None if words.boost is None else words.boost.again_degC
 
+    @final
+    def most_power_pct(self, words: Words) -> float:
+        """Return the most power that words ask for [%]."""
+        if self.most_power is None:
+            return 100.0
+        name, full = self.most_power
+        return 100.0 * words.values[name] / full
+
     def forgets_degC(self, words: Words) -> float | None:  # noqa: ARG002 - a window is a word
         """Return how far below the setpoint the sum is forgotten, as a window ends [°C]; None: nowhere."""
         return None

@@ -46,13 +46,9 @@ def _tried(words: Words, conditions: Conditions, shares: Sequence[float]) -> Ite
     design = controller.decode(words)
     if design is None:
         return
-    most = 100.0
-    if controller.most_power is not None:
-        name, full = controller.most_power
-        most *= words.values[name] / full
     least = _STEPS * span / controller.counts + _SIGMAS * abs(conditions.noise_degC)
     for share in shares:
-        within = _short(share * most / abs(design.gain_pct_per_degC))
+        within = _short(share * controller.most_power_pct(words) / abs(design.gain_pct_per_degC))
         again = _short(within + max(_BETWEEN * within, least))
         if within < again < span:
             yield Boost(within_degC=within, again_degC=again)

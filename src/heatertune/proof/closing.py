@@ -20,10 +20,10 @@ from heatertune.proof import Proof, price
 from heatertune.proof.asked import Asked, Closed, Made, made_for, plainly
 from heatertune.proof.boosts import boosts
 from heatertune.proof.fitted import aimed
-from heatertune.proof.frames import OF_WINDUP, WAVE_S, Frame, frames, unwinds
+from heatertune.proof.frames import OF_WINDUP, Frame, frames, unwinds
 from heatertune.proof.gains import Family, Place
 from heatertune.proof.nearest import broken_names, settings_told
-from heatertune.proof.night import winds_up
+from heatertune.proof.night import briefly, winds_up
 from heatertune.proof.runs import judged_once
 from heatertune.proof.screen import NOTICEABLE, Look, Screen
 from heatertune.proof.setpoint_ramp import BY_RAMP
@@ -77,6 +77,7 @@ class _Search:
         least: it, in the runs that are known to be failed by now.
         calmer: the first frame that helped.
         way_on: what else would pass.
+        brief: what would pass but for a short open circuit.
     """
 
     fitted: FittedModel
@@ -89,16 +90,20 @@ class _Search:
     least: float = field(init=False)
     calmer: Frame = field(default_factory=Frame)
     way_on: WayOn = field(init=False)
+    brief: list[Closed] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.way_on = WayOn(
             fitted=self.fitted, asked=self.asked, first=self.first, progress=self.progress, close=closed)
-        self.screen = Screen(fitted=self.fitted).with_failed(self.first.proof)
-        self.least = self.screen.badness(self.first.choice.words, self.first.conditions)
+        self.screen = Screen(fitted=self.fitted)
+        self.failed(self.first.proof)
+        self.brief += [self.first] if briefly(self.first.proof.heard) else []
 
     def failed(self, proof: Proof) -> None:
         """Watch the runs that a proof fails, too; what was best so far is held against them."""
         self.screen = self.screen.with_failed(proof)
+        if briefly(proof.heard):
+            self.screen = self.screen.with_nights([proof])
         if self.best is None or self.place is None:
             self.least = self.screen.badness(self.first.choice.words, self.first.conditions)
         else:
@@ -110,13 +115,15 @@ class _Search:
         What helps without passing stays for what follows.
         """
         more, dear, wound = partial(price.more_iae, self.first), list[Closed](), list[Closed]()
-        for mended in (self.first,) if winds_up(self.first.proof.heard) else self._mended():
+        summing = winds_up(self.first.proof.heard) and not self.brief
+        for mended in (self.first,) if summing else self._mended():
             if winds_up(mended.proof.heard):
                 wound.append(mended)
             else:
                 dear.append(mended)
                 if more(mended) <= _DEAR:
                     return mended
+        wound += self.brief
         if wound and not dear:
             return self.unwound(wound) or self.way_on.unwound(min(wound, key=more))
         best = min(dear, key=more, default=None)
@@ -240,19 +247,7 @@ class _Search:
 
     def framed(self, frame: Frame) -> Asked:
         """Return what is asked for within a frame."""
-        ta = frame.sample_time_s
-        tuned = replace(
-            self.asked.tuned, structure=frame.structure or self.asked.tuned.structure,
-            ms=frame.ms or self.asked.tuned.ms, sample_time_s=ta or self.asked.tuned.sample_time_s)
-        conditions = self.first.conditions if ta is None else self.asked.conditions
-        period = frame.pwm_at(ta or self.first.wished.sample_time_s, self.tick_s)
-        if period is not None:
-            conditions = replace(conditions, pwm_period_s=period)
-        if frame.bursts_s:
-            conditions = replace(conditions, pwm_resolution_s=WAVE_S, pwm_rule="burst")
-        return replace(
-            self.asked, tuned=tuned, conditions=conditions, refined=False,
-            setpoint_ramp="auto" if frame.ramped else self.asked.setpoint_ramp or "none")
+        return frame.asked(self.asked, self.first, self.tick_s)
 
     def tried(self, frame: Frame, made: Made) -> Closed | None:
         """Return a design with its price where it passes, with the first boost that does where the frame has one."""
@@ -281,7 +276,12 @@ class _Search:
         proof = replace(tried.proof, heard=replace(heard, remarks=(*heard.remarks, f"with {what}")))
         refined = self.asked.refined and by is self.first.choice
         recipe = replace(tried.recipe, power_most_pct=frame.power_most_pct, refined=refined)
-        return replace(tried, proof=proof, recipe=recipe, notes=(price.told(self.first, tried, what), *tried.notes))
+        mended = replace(tried, proof=proof, recipe=recipe, notes=(price.told(self.first, tried, what), *tried.notes))
+        if not briefly(heard):
+            return mended
+        self.failed(tried.proof)
+        self.brief.append(mended)
+        return None
 
 
 @dataclass(slots=True, kw_only=True)

@@ -209,11 +209,13 @@ class _Comparison:
         if made is not None:
             self._powers.update(zip(made.outputs.tolist(), made.powers_pct.tolist(), strict=True))
             return self._first(calls, made)
+        powers, call, zero, unit = self._powers, self._text.call, self._loop.zero_degC, self._loop.unit_degC
         for seen in calls.one_by_one():
-            called = self._text.call(seen.asked, seen.counts, seen.reading_degC)
-            self._powers[called.output] = called.power_pct
-            if departs := self._other(seen, called):
-                return departs
+            _, asked, counts, reading, followed, proven = seen
+            setpoint, output, power = called = call(asked, counts, reading)
+            powers[output] = power
+            if zero + unit * setpoint != followed or power != proven:
+                return self._other(seen, called)
         return None
 
     def _of_ticks(self) -> str | None:
@@ -250,12 +252,14 @@ class _Comparison:
         if at_once is not None:
             switches = False if at_once.on is None else at_once.on != proven
             return self._first(seen, at_once, switches, ticks)
+        zero, unit = self._loop.zero_degC, self._loop.unit_degC
         for each, tick, wanted in zip(seen.one_by_one(), ticks.tolist(), proven.tolist(), strict=True):
-            made, on = text.tick(each.asked, each.counts, each.reading_degC)
-            if departs := self._other(each, made):
-                return departs
-            if on not in (None, wanted):
-                return self._switched(each.time_s, tick)
+            time_s, asked, counts, reading, followed, power = each
+            made, on = text.tick(asked, counts, reading)
+            if zero + unit * made.setpoint != followed or made.power_pct != power:
+                return self._other(each, made)
+            if on is not None and on != wanted:
+                return self._switched(time_s, tick)
         return None
 
     def _switched(self, time_s: float, tick: int) -> str:

@@ -10,14 +10,17 @@ from typing import Final, NamedTuple
 from heatertune.model.values import HeaterModel
 from heatertune.plc import Words, controller_for
 from heatertune.plc.pwm import HALF_WAVE_S, in_ticks
+from heatertune.proof.asked import Asked, Closed
 from heatertune.proof.fitted import default_pwm_period_s
 from heatertune.proof.heaters import ROOM_DEGC
+from heatertune.proof.night import OVERSHOOTS as OF_REHEAT
+from heatertune.proof.night import briefly
 from heatertune.proof.period import holding_power_pct, ripple_at
 from heatertune.proof.prove import Proof
 from heatertune.proof.setpoint_ramp import OVERSHOOTS, REHEATS
 from heatertune.settings import TuneSettings
 
-__all__ = ["COARSE", "OF_WINDUP", "WAVE_S", "Frame", "Pwm", "calmest_pwm", "frames", "unwinds"]
+__all__ = ["COARSE", "OF_WINDUP", "Frame", "Pwm", "calmest_pwm", "frames", "unwinds"]
 
 #: PWM periods that a solid-state relay takes well and a contactor does not [s]
 _FAST_S: Final = 2.5
@@ -28,7 +31,7 @@ _RIPPLE: Final = 0.5
 #: of a design that nobody asked a limit of
 _LOOSER_MS: Final = 1.8
 #: criteria that a windup breaks: with less power to wind up to, less has to be unwound
-OF_WINDUP: Final = frozenset({"reheat_overshoot", "reheat_overshoot_degC", *OVERSHOOTS})
+OF_WINDUP: Final = frozenset({*OF_REHEAT, *OVERSHOOTS})
 #: of the power left over at the setpoint, what a limit of the output leaves for loads and low mains voltage
 _RESERVES: Final = (0.6, 0.4, 0.25)
 #: times TA
@@ -41,7 +44,7 @@ _HOPELESS: Final = 1.07  # more than all of it
 #: of burst firing, as power controllers do it: between these, with so much ripple, as a share of half the band [s]
 _BURSTS_S: Final = (0.1, 1.0)
 _BURST_RIPPLE: Final = 0.4
-WAVE_S: Final = 2.0 * HALF_WAVE_S
+_WAVE_S: Final = 2.0 * HALF_WAVE_S
 
 
 class Pwm(NamedTuple):
@@ -114,6 +117,26 @@ class Frame:
             return words
         return controller_for(words.target).limited(words, self.power_most_pct)
 
+    def asked(self, asked: Asked, first: Closed, tick_s: float | None) -> Asked:
+        """Return what is asked for with these changes.
+
+        Args:
+            asked: without them.
+            first: the design without them.
+            tick_s: as for `in_ticks`.
+        """
+        ta = self.sample_time_s
+        tuned = replace(asked.tuned, structure=self.structure or asked.tuned.structure, ms=self.ms or asked.tuned.ms,
+                        sample_time_s=ta or asked.tuned.sample_time_s)
+        conditions = first.conditions if ta is None else asked.conditions
+        period = self.pwm_at(ta or first.wished.sample_time_s, tick_s)
+        if period is not None:
+            conditions = replace(conditions, pwm_period_s=period)
+        if self.bursts_s:
+            conditions = replace(conditions, pwm_resolution_s=_WAVE_S, pwm_rule="burst")
+        return replace(asked, tuned=tuned, conditions=conditions, refined=False,
+                       setpoint_ramp="auto" if self.ramped else asked.setpoint_ramp or "none")
+
     @property
     def only_outside(self) -> bool:
         """Whether a design that shall stay as it is can be proven with these changes."""
@@ -153,6 +176,7 @@ def frames(
         least_interval_s: TA is not taken below [s].
     """
     words, broken = proof.words, {criterion.name for criterion in proof.criteria if not criterion.ok}
+    broken |= set(OF_REHEAT) if briefly(proof.heard) else set()
     own = controller_for(words.target).timing(words).pwm_period_s is not None
     switch = _Switch(proof=proof, models=tuple(models), own=own)
     given = own or period_given
@@ -201,7 +225,7 @@ def _in_whole_waves(sample_time_s: float, most_s: float) -> float:
     parts = range(max(1, math.ceil(sample_time_s / most_s - _ROUNDED)), math.floor(2.0 * sample_time_s / most_s) + 1)
     periods = [sample_time_s / part for part in parts] or [sample_time_s]
     whole = [[period for period in periods if math.isclose(period / wave, round(period / wave), rel_tol=_ROUNDED)]
-             for wave in (WAVE_S, HALF_WAVE_S)]
+             for wave in (_WAVE_S, HALF_WAVE_S)]
     return next((fitting[0] for fitting in whole if fitting), periods[0])
 
 

@@ -1,7 +1,9 @@
-"""What passes, when the heater's circuit is open for longer than in the story, and when the setpoint rises after it.
+"""What passes, when the heater's circuit is open for longer or shorter than in the story, or the setpoint rises after.
 
 Most controllers stop summing somewhere, and how long it is open changes nothing. One that does not asks for more power
 the longer it waits, so no story is long enough: what it does after a longer one leaves its words unproven.
+
+Most has been summed up, and is given back by nothing, after a shorter one than a story's: see `heatertune.proof.brief`.
 
 One that stops at its limit, also where the sum leads back from it, may stay there. While the reading rises, the D part
 takes power away and the sum makes up for it, beyond full power. A setpoint that rises then takes the output to its
@@ -22,12 +24,15 @@ from heatertune.proof.criteria import Criterion
 from heatertune.proof.measured import IN_DEGC
 from heatertune.proof.scenario import Disturbance, Mains, NewSetpoint, Scenario, conditions
 from heatertune.proof.verdict import Heard
+from heatertune.units import written
 
-__all__ = ["OVERSHOOTS", "Night", "nights_of", "winds_up", "wound"]
+__all__ = ["JUDGED", "OVERSHOOTS", "Night", "briefly", "nights_of", "winds_up", "wound"]
 
 #: criteria of the way back from an open circuit
 OVERSHOOTS: Final = ("reheat_overshoot", f"reheat_overshoot{IN_DEGC}")
-_LONGER, _RISING = "winds-up", "stays-at-limit"
+_LONGER, _RISING, _BRIEF = "winds-up", "stays-at-limit", "briefly-open"
+#: name of what is found → criteria that count
+JUDGED: Final = {_LONGER: OVERSHOOTS, _RISING: (*OVERSHOOTS, "reheat_time"), _BRIEF: OVERSHOOTS}
 _TIMES: Final = 4.0  # as long as in the story
 _SLACK: Final = 1.1  # the limit is the story's; what stays at its limit goes far beyond it, or never comes to rest
 _LATER: Final = 1.2  # than full power takes to the lower setpoint: where two lags carry the reading beyond it
@@ -39,7 +44,6 @@ class Night(NamedTuple):
     Attributes:
         name: of what is found where it breaks a limit.
         scenario: from the heat-up right into it, and the way back.
-        judged: names of the criteria that count.
         told: when it is.
         kept: what the story has shown.
         most: strain of a limit that is not yet held to be broken.
@@ -47,26 +51,28 @@ class Night(NamedTuple):
 
     name: str
     scenario: Scenario
-    judged: tuple[str, ...]
     told: str
     kept: str = ""
     most: float = 1.0
 
     def found(self, criteria: Iterable[Criterion]) -> list[Finding]:
         """Return what broken limits mean; nothing where all are kept."""
-        worst = max((each for each in criteria if each.name in self.judged), key=lambda each: each.strain)
+        worst = max((each for each in criteria if each.name in JUDGED[self.name]), key=lambda each: each.strain)
         if worst.strain <= self.most:
             return []
         does = f"overshoots by {worst.value:.3g} {worst.unit}" if worst.name in OVERSHOOTS else "does not come to rest"
         return [Finding(name=self.name, told=f"{self.told} it {does}{self.kept}.")]
 
 
-def nights_of(scenario: Scenario, models: Sequence[HeaterModel]) -> Iterator[Night]:
-    """Yield the longest open circuit of a story right after the heat-up: longer, and closed at the lower setpoint.
+def nights_of(
+    scenario: Scenario, models: Sequence[HeaterModel], brief_s: Sequence[float] = (),
+) -> Iterator[Night]:
+    """Yield the longest open circuit of a story right after the heat-up: longer, closed at the lower setpoint, shorter.
 
     Args:
         scenario: the story; none of its circuits may be closed again.
         models: the heaters.
+        brief_s: how long a shorter one lasts, each [s].
     """
     opened = {number: closed.time_s - event.time_s
               for number, (event, closed) in enumerate(pairwise(scenario.disturbances))
@@ -78,6 +84,8 @@ def nights_of(scenario: Scenario, models: Sequence[HeaterModel]) -> Iterator[Nig
     low = next((event.setpoint_degC for event in scenario.disturbances if isinstance(event, NewSetpoint)), None)
     if low is not None and scenario.rests_s:
         yield _rising(scenario, number, low, models)
+    if brief_s and scenario.rests_s:
+        yield _shorter(scenario, number, brief_s)
 
 
 def _longer(scenario: Scenario, number: int, proven_s: float) -> Night:
@@ -88,7 +96,7 @@ def _longer(scenario: Scenario, number: int, proven_s: float) -> Night:
     rests = scenario.rests_s
     longer = replace(scenario, disturbances=tuple(events), rests_s=(*rests[:1], *rests[number + 1:number + 3]),
                      duration_s=off_s + open_s + ends[number + 2] - ends[number + 1])
-    return Night(_LONGER, longer, OVERSHOOTS, f"After {open_s / 3600.0:.2g} h with an open circuit",
+    return Night(_LONGER, longer, f"After {open_s / 3600.0:.2g} h with an open circuit",
                  f"; the limit is kept after {proven_s / 3600.0:.2g} h")
 
 
@@ -111,9 +119,24 @@ def _rising(scenario: Scenario, number: int, low_degC: float, models: Sequence[H
         rests += [0.0, 0.0, 0.0, scenario.rests_s[number + 2]]
         time_s = close_s + rises_s + back_s
     rising = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
-    return Night(_RISING, rising, (*OVERSHOOTS, "reheat_time"), (
+    return Night(_RISING, rising, (
         f"Where the setpoint rises from {low_degC:.4g} to {scenario.setpoint_degC:.4g} °C on the way back from an open "
         "circuit"), most=_SLACK)
+
+
+def _shorter(scenario: Scenario, number: int, brief_s: Sequence[float]) -> Night:
+    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
+    opens, closes = scenario.disturbances[number:number + 2]
+    back_s, rest_s = ends[number + 2] - ends[number + 1], scenario.rests_s[number + 2]
+    time_s, events, rests = ends[0] - scenario.rests_s[0] + rest_s, list[Disturbance](), [rest_s]
+    for open_s in brief_s:
+        events += [replace(opens, time_s=time_s), replace(closes, time_s=time_s + open_s)]
+        rests += [0.0, rest_s]
+        time_s += open_s + back_s
+    shorter = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
+    return Night(_BRIEF, shorter, (
+        f"After {written(brief_s[0] / 60.0, 2)} to {written(brief_s[-1] / 60.0, 2)} min with an open circuit"),
+        "; the limit is kept after a longer one")
 
 
 def _arrives_s(model: HeaterModel, low_degC: float, ambient_degC: float) -> float:
@@ -124,9 +147,17 @@ def _arrives_s(model: HeaterModel, low_degC: float, ambient_degC: float) -> floa
 
 def wound(heard: Heard) -> set[str]:
     """Return which of these were found, and not accepted by the user."""
-    return {finding.name for finding in heard.findings} & {_LONGER, _RISING} - set(heard.accepted)
+    return {finding.name for finding in heard.findings} & set(JUDGED) - set(heard.accepted)
 
 
 def winds_up(heard: Heard) -> bool:
     """Return whether any was found, and the user has not accepted it."""
     return bool(wound(heard))
+
+
+def briefly(heard: Heard) -> bool:
+    """Return whether no more was found than what a story's criterion shows after a shorter open circuit.
+
+    Other gains may mend that, as they mend what fails.
+    """
+    return wound(heard) == {_BRIEF}

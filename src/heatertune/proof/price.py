@@ -7,6 +7,7 @@ from typing import Final
 
 from heatertune.pid.values import PidDesign
 from heatertune.proof.asked import Closed
+from heatertune.proof.night import briefly
 from heatertune.units import written
 
 __all__ = ["broken", "gains_told", "more_iae", "told"]
@@ -49,5 +50,7 @@ def _price(first: Closed, found: Closed) -> Iterator[str]:
 
 
 def broken(found: Closed) -> str:
-    """Return the criteria that a design breaks, for a reader."""
+    """Return the criteria that a design breaks, in the story or after a shorter open circuit, for a reader."""
+    if briefly(found.proof.heard):
+        return "reheat overshoot after a short open circuit"
     return ", ".join(each.name.replace("_", " ") for each in found.proof.criteria if not each.ok)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache as remember
 from functools import partial
@@ -20,13 +20,14 @@ from heatertune.plc.open_points import Switch
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.acceptance import Acceptance
+from heatertune.proof.brief import brief_openings_s
 from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, digested
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge, of_words
 from heatertune.proof.measured import band_of
-from heatertune.proof.night import OVERSHOOTS, nights_of
+from heatertune.proof.night import OVERSHOOTS, Night, nights_of
 from heatertune.proof.noise import drawn, nearest
 from heatertune.proof.runs import Runs
 from heatertune.proof.scenario import Scenario
@@ -191,7 +192,7 @@ def prove_models(
     acceptance, coverage, design = acceptance or Acceptance(), coverage or Coverage(), controller.decode(words)
     limits = acceptance.limits
     if coverage.night is not None:
-        scenario = next(night.scenario for night in nights_of(scenario, [model for _, model in models])
+        scenario = next(night.scenario for night in _nights(controller, words, scenario, models)
                         if night.name == coverage.night)
     runs = Runs.of(controller, words, models, scenario, actuator, limits, coverage, interlock=interlock)
     traced = remember(partial(runs.traced, direct=not coverage.open_points))  # a quick look waits for no listing
@@ -279,12 +280,20 @@ def _after_a_night(
     Whether a setting winds up does not show in the story where the setpoint is held near the reading.
     """
     found = list[Finding]()
-    for night in nights_of(runs.scenario, [model for _, model in models]):
+    for night in _nights(runs.controller, runs.words, runs.scenario, models):
         only = [(run.model, run.switches) for run in after_an_open_circuit(results)]
         again = Runs.of(runs.controller, runs.words, models, night.scenario, runs.actuator, runs.limits,
                         replace(coverage, only=only, progress=str), interlock=runs.interlock)
         found += night.found(criterion for ran in again.judged() for criterion in ran)
     return found
+
+
+def _nights(
+    controller: Controller, words: Words, scenario: Scenario, models: Sequence[tuple[str, HeaterModel]],
+) -> Iterator[Night]:
+    heaters = [model for _, model in models]
+    brief_s = brief_openings_s(controller, words, controller.decode(words), scenario, heaters)
+    return nights_of(scenario, heaters, brief_s)
 
 
 def _with_band(heard: Heard, limits: Limits, resolution_degC: float) -> Heard:

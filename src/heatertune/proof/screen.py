@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
@@ -11,7 +11,7 @@ from heatertune.model.values import FittedModel
 from heatertune.plc import Words
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.fitted import prove
-from heatertune.proof.night import wound
+from heatertune.proof.night import JUDGED, wound
 from heatertune.proof.prove import Proof, RunResult, after_an_open_circuit
 from heatertune.settings import Conditions
 
@@ -63,15 +63,16 @@ class Screen:
         return replace(self, runs=(*new, *self.runs))
 
     def with_nights(self, proofs: Iterable[Proof]) -> Screen:
-        """Return it with the runs that proofs make of the open circuits after which they break a limit."""
-        hardest = dict[str, dict[str, Run]]()
+        """Return it with the runs that proofs make of the open circuits after which they break a limit, too."""
+        hardest = dict(self.nights)
         for name, proof in ((name, each) for each in proofs for name in wound(each.heard)):
-            runs = {run.label: (run.model, run.switches) for run in after_an_open_circuit(proof.runs)}
-            hardest.setdefault(name, {}).update(runs)
-        return replace(self, nights={name: tuple(hardest[name].values()) for name in sorted(hardest)})
+            kept = hardest.get(name, ())
+            runs = [(run.model, run.switches) for run in after_an_open_circuit(proof.runs)]
+            hardest[name] = (*kept, *(run for run in runs if run not in kept))
+        return replace(self, nights={name: hardest[name] for name in sorted(hardest)})
 
     def look(self, words: Words, conditions: Conditions, *, bound: float = math.inf) -> Look:
-        """Return what words break in these runs.
+        """Return what words break in these runs and nights.
 
         Args:
             words: to look at.
@@ -82,13 +83,19 @@ class Screen:
             InputError, OutOfRange, UnknownName: as `prove`.
         """
         badness, names = 0.0, frozenset[str]()
-        for runs in filter(None, (self.runs[:1], self.runs[1:])):
-            broken = [self._broken(run) for run in prove(words, self.fitted, conditions, only=runs).runs]
+        for broken in self._looks(words, conditions):
             badness = max(badness, *(sum(map(_beyond, criteria)) for criteria in broken))
             names |= {criterion.name for criteria in broken for criterion in criteria}
             if badness >= bound:
                 break
         return Look(badness, names)
+
+    def _looks(self, words: Words, conditions: Conditions) -> Iterator[list[list[Criterion]]]:
+        """Yield what runs break, the hardest first, the nights last."""
+        for runs in filter(None, (self.runs[:1], self.runs[1:])):
+            yield [self._broken(run) for run in prove(words, self.fitted, conditions, only=runs).runs]
+        if self.nights:
+            yield [self._broken(run, of) for of, run in self._nights(words, conditions)]
 
     def badness(self, words: Words, conditions: Conditions) -> float:
         """Return by how much words break the limits in these runs, see `Look`; errors as `look`."""
@@ -113,12 +120,17 @@ class Screen:
 
     def wound(self, words: Words, conditions: Conditions) -> list[RunResult]:
         """Return the nights after which words break a limit; errors as `look`."""
-        return [run for night, runs in self.nights.items()
-                for run in prove(words, self.fitted, conditions, only=runs, night=night).runs if self._broken(run)]
+        return [run for of, run in self._nights(words, conditions) if self._broken(run, of)]
 
-    def _broken(self, proof: Proof | RunResult) -> list[Criterion]:
+    def _nights(self, words: Words, conditions: Conditions) -> Iterator[tuple[frozenset[str], RunResult]]:
+        """Yield the runs of the nights, each with the names of the criteria that count in it."""
+        for night, runs in self.nights.items():
+            for run in prove(words, self.fitted, conditions, only=runs, night=night).runs:
+                yield frozenset(JUDGED[night]), run
+
+    def _broken(self, proof: Proof | RunResult, of: frozenset[str] | None = None) -> list[Criterion]:
         return [criterion for criterion in proof.criteria
-                if not criterion.ok and (self.names is None or criterion.name in self.names)]
+                if not criterion.ok and all(names is None or criterion.name in names for names in (self.names, of))]
 
 
 def _beyond(criterion: Criterion) -> float:

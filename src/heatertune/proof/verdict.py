@@ -26,7 +26,10 @@ PROOF_SCHEMA: Final = "heatertune/proof/3"
 NOT_PROVEN: Final = "NOT PROVEN"
 
 #: what a user may know beside the log → how a certificate says it
-ASSUMED: Final = {"dead_time_at_most_s": "dead time at most {:g} s", "sensor_delay_s": "sensor delay of {:g} s"}
+ASSUMED: Final = {
+    "dead_time_at_most_s": "dead time at most {:g} s", "sensor_delay_s": "sensor delay of {:g} s",
+    "log_pwm_period_s": "PWM period of {:g} s in the log",
+}
 
 #: what is asked of a proof first
 FIRST: Final = ("verdict", "target", "setpoint_degC", "specification", "words", "criteria")

@@ -29,7 +29,7 @@ from heatertune.proof.verdict import (
 )
 
 __all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_again", "export_first",
-           "read_words", "words_in", "words_of"]
+           "pwm_period_in", "read_words", "words_in", "words_of"]
 
 WORDS_SCHEMA: Final = "heatertune/words/1"
 
@@ -137,6 +137,18 @@ def words_in(directory: str | Path) -> tuple[Words, dict[str, Any]]:
     path = data_folder(directory) / "words.json"
     document = read_document(path, WORDS_SCHEMA)
     return words_of(document, str(document.get("target")), path), document
+
+
+def pwm_period_in(directory: str | Path) -> float | None:
+    """Return the PWM period with which a folder's words were proven [s], None where it has no proof of today's kind.
+
+    Raises:
+        DocumentError: the proof cannot be read.
+    """
+    path = data_folder(directory) / "proof.json"
+    if not path.is_file() or peek_schema(path) != PROOF_SCHEMA:
+        return None
+    return float(read_document(path, PROOF_SCHEMA)["actuator"]["pwm_period_s"])
 
 
 def words_of(document: Mapping[str, Any], target: str, path: str | Path) -> Words:

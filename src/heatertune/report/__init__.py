@@ -1,6 +1,13 @@
 """Stage documents → a table for the terminal, pictures, and one self-contained HTML page; it computes nothing."""
 
-from heatertune.report.page import render, sections
-from heatertune.report.text import summary
+from typing import TYPE_CHECKING
+
+from heatertune.lazy import offered
+
+if TYPE_CHECKING:
+    from heatertune.report.page import render, sections
+    from heatertune.report.text import summary
 
 __all__ = ["render", "sections", "summary"]
+
+__getattr__ = offered(__name__, {"render": "page", "sections": "page", "summary": "text"})

@@ -126,7 +126,8 @@ class Translation(ABC):
                 raise InputError(f"{line}; this is none that is known here") from None
         self._add(len(self.lines) - 1, 0, f"  {self.keep}", "  return", " raise endless(at)")
         first = [" at = 0", *(f" {text}" for text in self.first(self._text))]
-        head = ["def run(cpu):", f" {self.take}", *first, f" for _ in range({_MOST}):"]
+        begins = f" for _ in range({_MOST}):" if any(text.endswith("continue") for text in self._text) else " if True:"
+        head = ["def run(cpu):", f" {self.take}", *first, begins]
         self._of = [0] * len(head) + self._of
         return "\n".join([*head, *self._text])
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import lru_cache
+from operator import itemgetter
 from typing import Final
 
 from heatertune.plc.cpu.s5.machine import Cpu
 from heatertune.plc.exported import Called, Exported
 from heatertune.plc.ramp import Number
 from heatertune.plc.s5_ob251.blocks import DB, FOUR_MA, INPUT, MODE, OUTPUT, START, WORK
-from heatertune.plc.s5_ob251.step import COLD, FULL_SCALE, REG_AUS, Assumptions, call, percent
+from heatertune.plc.s5_ob251.step import COLD, FULL_SCALE, REG_AUS, Assumptions, Parameters, call, percent
 from heatertune.plc.s5_ob251.words import FIELDS, parameters_of
 
 __all__ = ["exported"]
@@ -22,6 +24,7 @@ _FAR: Final = 32767
 _WIRE_BREAK: Final = 2
 _FILE: Final = "program_listing.txt"
 _PLACES: Final = {field.name: int(field.address.removeprefix("DW")) for field in FIELDS}
+_words_typed: Final = itemgetter(*_PLACES.values())
 
 
 class ExportedS5(Exported):
@@ -104,14 +107,21 @@ class ExportedS5(Exported):
         self._state = COLD
 
     def _on(self) -> bool | None:
-        return bool(self._cpu.outputs[OUTPUT]) if OUTPUT in self._cpu.outputs else None
+        on = self._cpu.outputs.get(OUTPUT)
+        return None if on is None else on != 0
 
     def _ob251(self, dw: list[int]) -> None:
-        p = parameters_of({name: dw[place] for name, place in _PLACES.items()})
+        p = _parameters(_words_typed(dw))
         if p.steu & REG_AUS:
             dw[18:49] = [0] * 31
         self._state = call(p, self._assume, self._state, dw[_PLACES["W"]], dw[22], dw[24], dw[29])
         dw[48] = self._state.output
+
+
+@lru_cache(maxsize=16)
+def _parameters(typed: tuple[int, ...]) -> Parameters:
+    """Return the words as the algorithm uses them; they seldom change."""
+    return parameters_of(dict(zip(_PLACES, typed, strict=True)))
 
 
 def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> dict[str, Callable[[], ExportedS5]]:

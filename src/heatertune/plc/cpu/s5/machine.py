@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.statements import Accumulators, Line, Translation
+from heatertune.plc.cpu.statements import Accumulators, Line, Run, Translation
 
 __all__ = ["Cpu"]
 
@@ -42,9 +43,10 @@ class Cpu(Accumulators):
         self.inputs: dict[str, int] = {}
         self.outputs: dict[str, int] = {}
         self.open: list[int] = []
-        self._firmware = firmware
-        known = {*code, *firmware}
-        self._code = {name: _Translated(block, known, self).run() for name, block in code.items()}
+        self._code = dict[str, Run]()
+        for name, block in code.items():
+            self._code[name] = _Translated(block, {*code, *firmware}, self, self._code).run()
+        self._code |= {name: partial(_on_open_block, effect) for name, effect in firmware.items()}
 
     def block(self, number: int, last: int) -> list[int]:
         """Return the words of a data block.
@@ -63,14 +65,15 @@ class Cpu(Accumulators):
         Raises:
             InputError: there is none, or a statement at which the CPU would stop.
         """
-        before = self.open
-        if block in self._firmware:
-            self._firmware[block](before)
-            return
         if block not in self._code:
             raise InputError(f"{block}: the listing has no such block")
+        before = self.open
         self._code[block](self)
         self.open = before
+
+
+def _on_open_block(effect: Callable[[list[int]], None], cpu: Cpu) -> None:
+    effect(cpu.open)
 
 
 def _blocks(listing: str) -> tuple[dict[str, list[Line]], dict[int, list[int]]]:
@@ -113,10 +116,10 @@ class _Translated(Translation):
     keep = "cpu.one, cpu.two, cpu.true, cpu.open = one, two, true, dw"
     take = "one, two, true, dw = cpu.one, cpu.two, cpu.true, cpu.open"
 
-    def __init__(self, lines: list[Line], known: set[str], cpu: Cpu) -> None:
+    def __init__(self, lines: list[Line], known: set[str], cpu: Cpu, code: Mapping[str, Run]) -> None:
         super().__init__(lines)
         self._known = known
-        self.names |= {"data": cpu.data, "inputs": cpu.inputs, "outputs": cpu.outputs}
+        self.names |= {"data": cpu.data, "inputs": cpu.inputs, "outputs": cpu.outputs, "code": code}
 
     def ends(self, line: Line) -> str | None:
         label = line.operand[1:] if line.operation in ("JU", "JC") and line.operand.startswith("=") else None
@@ -136,7 +139,7 @@ class _Translated(Translation):
             case ("DW" | "F"), _ if line.label in _PARAMETERS:
                 return ["pass"]
             case "JU", ("FB" | "OB") if operand in self._known:
-                return [self.keep, f"cpu.run({operand!r})", self.take]
+                return [self.keep, f"code[{operand!r}](cpu)", "one, two, true = cpu.one, cpu.two, cpu.true"]
             case ("BE" | "BEC"), "":
                 end = [self.keep, "return"]
                 return end if name == "BE" else ["if true:", *(f" {text}" for text in end)]
