@@ -35,6 +35,12 @@ class TenthsRoom:
     def check(self, words):
         assert set(words.values) == {"K", "TN"}
 
+    def most_power_pct(self, _words):
+        return 100.0
+
+    def again_degC(self, _words):
+        return None
+
     def check_ramp(self, words):
         assert words.ramp is None or isinstance(words.ramp.step, int)
 
