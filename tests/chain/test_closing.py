@@ -134,7 +134,11 @@ def test_a_windup_that_gains_mend_dearly_is_kept_small_by_a_limit_of_the_output(
     most = found.proof.words.values["MaximumOutput"]
     # what holds 20 °C over ambient is 20/0.53 = 37.7 %; ±10 % mains voltage asks for 37.7/0.81 = 46.6 %
     assert 46.6 < most < 100.0
-    assert f"with an output of at most {most:g} %" in found.proof.heard.remarks
+    assert f"with K times 1.1 and TN times 1.2 and an output of at most {most:g} %" in found.proof.heard.remarks
+    # the gains, too, for with the optimum's a short open circuit is beyond the limit even so
+    limited = replace(plain.proof.words, values={**plain.proof.words.values, "MaximumOutput": most})
+    alone = prove(limited, model, asked.conditions)
+    assert (alone.verdict, [each.name for each in alone.heard.findings]) == ("NOT PROVEN", ["briefly-open"])
     assert max(found.proof.nominal.power_asked_pct) <= most
     again = _again(found, model)
     assert again.words == found.proof.words

@@ -27,6 +27,9 @@ MOVED = """(value) => { const slider = document.querySelector('input[data-field=
   slider.dispatchEvent(new Event('input', {bubbles: true}));
   return document.documentElement.classList.contains('stale'); }"""
 
+#: whether the server has heard of every move; what a page has not sent by then is gone with it when it is loaded again
+HEARD = "() => Number(document.querySelector('[data-heard]').dataset.heard) >= studio.moves"
+
 pytestmark = pytest.mark.long
 
 
@@ -138,6 +141,7 @@ def test_a_download_whose_design_has_changed_meanwhile_is_refused(windows):
 def test_a_page_that_is_loaded_again_goes_on_where_it_was_and_its_address_holds_no_secret(windows):
     one, other = windows
     one.evaluate(MOVED, 1.7)
+    one.wait_for_function(HEARD)
     one.reload()
     proven(one)
     proven(other)
