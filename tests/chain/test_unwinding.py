@@ -9,7 +9,7 @@ from unittest import mock
 import pytest
 from tests.bench import second_opinion
 from tests.bench.false_passes import _limits
-from tests.bench.outages import SHORT_SLACK, SLACK, Night, asked, bench_of, broken, overshoots
+from tests.bench.outages import SHORT_SLACK, SLACK, Night, asked, bench_of, broken, overshoots, restarts
 from tests.bench.second_opinion import compiled
 
 from heatertune.model.by_hand import model_by_hand
@@ -81,10 +81,10 @@ def test_a_sum_that_is_kept_at_the_limit_is_found_where_the_setpoint_rises_on_th
     assert stuck == 3 * [("unlimited", "previous_call", "off")]  # the defaults, and with either other rounding or limit
 
 
-def _peak(library, heater, proof, conditions):
+def _peak(library, heater, proof, conditions, of=overshoots):
     """Return what the judge sees at most after any open circuit: share of the limit, and its length [TN]."""
     limits, design = _limits(proof.limits) | {"iae": math.inf}, SimpleNamespace(proof=proof, conditions=conditions)
-    return max(overshoots(library, bench_of(heater, design, settings), limits)[0]
+    return max(of(library, bench_of(heater, design, settings), limits)[0]
                for settings in settings_to_prove(controller_for(proof.words.target).switches))
 
 
@@ -113,3 +113,20 @@ def test_other_words_keep_the_limit_after_a_short_open_circuit_too(library):
     assert mended.notes[0].startswith("The optimum as asked for fails (reheat overshoot after a short open circuit)")
     assert _peak(library, heater, plain.proof, plain.conditions)[0] > 1.0
     assert _peak(library, heater, mended.proof, mended.conditions)[0] < SHORT_SLACK
+
+
+@pytest.mark.long
+def test_a_restart_of_a_warm_heater_is_found_and_other_words_keep_the_limit_there(library):
+    # drawn, and passed once: with the heater hot, and cold, the limit is kept
+    heater, wanted = asked(5, "s7-200")
+    values = {"KP": 26606, "KI": 870, "KD": 0, "SCALE": 7, "TICK": 250, "TICKS": 72}
+    words = Words(target="s7-200", values=values, scaling=wanted.scaling, sample_time_s=18.0)
+    proof = prove(words, model_by_hand(heater), wanted.conditions)
+    assert all(each.ok for each in proof.criteria)
+    assert [finding.name for finding in proof.heard.findings] == ["warm-restart"]
+    share, way = _peak(library, heater, proof, wanted.conditions, restarts)
+    assert 1.1 < share < 1.2
+    assert 0.8 < way < 0.95, "of the way to the ambient"
+    mended = closed(model_by_hand(heater), wanted)
+    assert mended.proof.verdict == "PASS"
+    assert _peak(library, heater, mended.proof, mended.conditions, restarts)[0] < SHORT_SLACK

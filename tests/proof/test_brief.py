@@ -1,4 +1,4 @@
-"""How long a circuit is open where most has been summed up, against the same sum in small steps."""
+"""How long a circuit is open, or a PLC without supply, where most is summed up, against the same sum in small steps."""
 
 import math
 from dataclasses import replace
@@ -8,9 +8,9 @@ import pytest
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Scaling, controller_for
-from heatertune.proof.brief import brief_openings_s
+from heatertune.proof.brief import brief_openings_s, warm_restarts_s
 from heatertune.proof.night import nights_of
-from heatertune.proof.scenario import Mains, Scenario
+from heatertune.proof.scenario import Mains, PlcPower, Scenario
 
 ONE = Fopdt(gain_degC_per_pct=1.0, time_constant_s=100.0, dead_time_s=10.0, ambient_degC=20.0)
 TWO = TwoLag(gain_degC_per_pct=1.0, time_constant_s=100.0, second_time_constant_s=40.0, dead_time_s=10.0, ambient_degC=20.0)
@@ -72,3 +72,34 @@ def test_the_shorter_circuits_come_one_after_the_other_each_with_its_way_back():
     assert [each.share for each in night.scenario.disturbances] == [0.0, 1.0, 0.0, 1.0]
     assert night.scenario.rests_s == (50.0, 0.0, 50.0, 0.0, 50.0)
     assert night.scenario.duration_s == 15000.0
+
+
+def test_a_warm_heater_is_restarted_where_p_is_near_to_full_power():
+    lost_s = warm_restarts_s(ROOM, WORDS, REALISED, STORY, [ONE])
+    # by itself it falls from 40 °C above the ambient for so long; P asks for full power after 33.3 of them
+    left = [40.0 * math.exp(-each / 100.0) for each in lost_s]
+    assert [40.0 - each for each in left] == pytest.approx([share * 100.0 / 3.0 for share in (0.6, 0.65, 0.7, 0.75, 0.8)], rel=2e-3)
+    limited = ROOM.limited(WORDS, 50.0)
+    assert 40.0 - 40.0 * math.exp(-warm_restarts_s(ROOM, limited, REALISED, STORY, [ONE])[0] / 100.0) == pytest.approx(10.0, rel=2e-3)
+
+
+def test_where_p_never_asks_for_full_power_the_heater_is_cold():
+    calm = replace(REALISED, gain_pct_per_degC=1.0)
+    assert warm_restarts_s(ROOM, WORDS, calm, STORY, [ONE]) == pytest.approx([100.0 * math.log(20.0)])
+
+
+def test_it_is_restarted_before_a_boost_takes_the_heater_back():
+    boosted = WORDS.boosted(Boost(within_degC=6.0, again_degC=8.0))
+    falls = 100.0 * math.log(40.0 / 32.0)
+    assert warm_restarts_s(ROOM, boosted, REALISED, STORY, [ONE]) == pytest.approx([0.95 * falls, 0.98 * falls])
+    assert warm_restarts_s(ROOM, WORDS, None, STORY, [ONE]) == []
+
+
+def test_the_restarts_come_one_after_the_other_each_with_its_way_back():
+    story = replace(STORY, disturbances=(PlcPower(time_s=1000.0, on=False), PlcPower(time_s=1800.0, on=True)))
+    (night,) = nights_of(story, [ONE], (), (20.0, 30.0))
+    assert night.name == "warm-restart"
+    assert [each.time_s for each in night.scenario.disturbances] == [550.0, 570.0, 7770.0, 7800.0]
+    assert [each.on for each in night.scenario.disturbances] == [False, True, False, True]
+    assert night.scenario.rests_s == (50.0, 0.0, 50.0, 0.0, 50.0)
+    assert night.told == "Where the PLC is restarted after 0.33 to 0.5 min without supply"

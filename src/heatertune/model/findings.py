@@ -63,6 +63,9 @@ KINDS: Final[dict[str, Kind]] = {
         "blocks", "it overshoots by more than its limit after a shorter open circuit than the story's",
         "allow what it does then (--limit reheat-overshoot), or find out what your controller does at its limit "
         "(--switch), or keep it in manual while the circuit is open"),
+    "warm-restart": Kind(
+        "blocks", "it overshoots by more than its limit where the PLC is restarted while the heater is warm",
+        "allow what it does then (--limit restart-overshoot), or let the heater cool down before it is switched on"),
     "stays-at-limit": Kind(
         "blocks", "it may stay at full power where the setpoint rises while the heater warms up",
         "find out what your controller does at its limit (--switch), leave out D (--structure pi), or let the heater "

@@ -1,4 +1,4 @@
-"""How long the heater's circuit is open where most has been summed up, and nothing is forgotten yet.
+"""How long the heater's circuit is open, or the PLC without supply, where most is summed up, and nothing is forgotten.
 
 The sum grows until the output is at its limit. From there on most controllers keep it, and what is gained by P, as the
 reading falls farther, is taken back again on the way up: the overshoot has its peak at about this length, between none
@@ -26,11 +26,13 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.words import Words
 from heatertune.proof.scenario import Scenario, conditions
 
-__all__ = ["brief_openings_s"]
+__all__ = ["brief_openings_s", "warm_restarts_s"]
 
 _SHARES: Final = (0.85, 1.0, 1.7)  # of the time until full power is asked for
 _LED: Final = 2.5  # likewise, where a ramp leads the setpoint back
 _NEARLY: Final = (0.95, 0.98)  # of the time until a boost takes the heater back
+_WARM: Final = (0.6, 0.65, 0.7, 0.75, 0.8)  # of the distance at which P alone asks for full power
+_COLD: Final = 0.95  # share of the way to the ambient after which a heater is cold, as a story's restart has it
 _HALVINGS: Final = 50
 
 
@@ -52,12 +54,36 @@ def brief_openings_s(
     times = [_saturates_s(model, step, design, controller.most_power_pct(words)) for model, step in coolings]
     middle = math.sqrt(min(times) * max(times))
     shares = _SHARES if words.ramp is None else (*_SHARES, _LED)
-    lengths, again = [share * middle for share in shares], controller.again_degC(words)
-    if again is not None and all(again < abs(step) for _, step in coolings):
-        falls = [time_to(again / abs(step), *model.lags_s) for model, step in coolings]
-        lengths = [min(each, _NEARLY[-1] * max(falls)) for each in lengths]
-        lengths += [share * end for end in (min(falls), max(falls)) for share in _NEARLY]
-    return sorted(set(lengths))
+    return _before_a_boost([share * middle for share in shares], controller.again_degC(words), coolings)
+
+
+def warm_restarts_s(
+    controller: Controller, words: Words, design: PidDesign | None, scenario: Scenario, models: Sequence[HeaterModel],
+) -> list[float]:
+    """Return how long a PLC is without supply where its restart may overshoot most; none without an I part.
+
+    Arguments as `brief_openings_s`.
+    """
+    if design is None or math.isinf(design.integral_time_s):
+        return []
+    coolings = [(model, scenario.setpoint_degC - conditions(scenario, model)[0]) for model in models]
+    full_degC = controller.most_power_pct(words) / abs(design.gain_pct_per_degC)
+    shares = [[share * full_degC / abs(step) for share in _WARM] for _, step in coolings]
+    times = [[time_to(min(share, _COLD), *model.lags_s) for share in each]
+             for (model, _), each in zip(coolings, shares, strict=True)]
+    lengths = [math.sqrt(min(each) * max(each)) for each in zip(*times, strict=True)]
+    return _before_a_boost(lengths, controller.again_degC(words), coolings)
+
+
+def _before_a_boost(
+    lengths_s: list[float], again_degC: float | None, coolings: Sequence[tuple[HeaterModel, float]],
+) -> list[float]:
+    """Return lengths in order, those after which a boost takes over the heaters put right before that."""
+    if again_degC is not None and all(again_degC < abs(step) for _, step in coolings):
+        falls = [time_to(again_degC / abs(step), *model.lags_s) for model, step in coolings]
+        lengths_s = [min(each, _NEARLY[-1] * max(falls)) for each in lengths_s]
+        lengths_s += [share * end for end in (min(falls), max(falls)) for share in _NEARLY]
+    return sorted(set(lengths_s))
 
 
 def _saturates_s(model: HeaterModel, step_degC: float, design: PidDesign, most_pct: float) -> float:

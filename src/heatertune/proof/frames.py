@@ -13,7 +13,7 @@ from heatertune.plc.pwm import HALF_WAVE_S, in_ticks
 from heatertune.proof.asked import Asked, Closed
 from heatertune.proof.fitted import default_pwm_period_s
 from heatertune.proof.heaters import ROOM_DEGC
-from heatertune.proof.night import OVERSHOOTS as OF_REHEAT
+from heatertune.proof.night import OVERSHOOTS as OF_NIGHTS
 from heatertune.proof.night import briefly
 from heatertune.proof.period import holding_power_pct, ripple_at
 from heatertune.proof.prove import Proof
@@ -31,7 +31,7 @@ _RIPPLE: Final = 0.5
 #: of a design that nobody asked a limit of
 _LOOSER_MS: Final = 1.8
 #: criteria that a windup breaks: with less power to wind up to, less has to be unwound
-OF_WINDUP: Final = frozenset({*OF_REHEAT, *OVERSHOOTS})
+OF_WINDUP: Final = OVERSHOOTS.union(*OF_NIGHTS.values())
 #: of the power left over at the setpoint, what a limit of the output leaves for loads and low mains voltage
 _RESERVES: Final = (0.6, 0.4, 0.25)
 #: times TA
@@ -176,7 +176,7 @@ def frames(
         least_interval_s: TA is not taken below [s].
     """
     words, broken = proof.words, {criterion.name for criterion in proof.criteria if not criterion.ok}
-    broken |= set(OF_REHEAT) if briefly(proof.heard) else set()
+    broken |= briefly(proof.heard)
     own = controller_for(words.target).timing(words).pwm_period_s is not None
     switch = _Switch(proof=proof, models=tuple(models), own=own)
     given = own or period_given

@@ -1,9 +1,12 @@
 """What passes, when the heater's circuit is open for longer or shorter than in the story, or the setpoint rises after.
 
+And when the PLC loses its supply until the heater is neither hot nor cold.
+
 Most controllers stop summing somewhere, and how long it is open changes nothing. One that does not asks for more power
 the longer it waits, so no story is long enough: what it does after a longer one leaves its words unproven.
 
-Most has been summed up, and is given back by nothing, after a shorter one than a story's: see `heatertune.proof.brief`.
+Most has been summed up, and is given back by nothing, after a shorter one than a story's, and on the way back from a
+restart in between: see `heatertune.proof.brief`.
 
 One that stops at its limit, also where the sum leads back from it, may stay there. While the reading rises, the D part
 takes power away and the sum makes up for it, beyond full power. A setpoint that rises then takes the output to its
@@ -12,7 +15,7 @@ limit, where the sum is kept: once the reading is slow and D is gone, nothing ta
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -22,17 +25,20 @@ from heatertune.model.findings import Finding
 from heatertune.model.values import HeaterModel
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.measured import IN_DEGC
-from heatertune.proof.scenario import Disturbance, Mains, NewSetpoint, Scenario, conditions
+from heatertune.proof.scenario import Disturbance, Mains, NewSetpoint, PlcPower, Scenario, conditions
 from heatertune.proof.verdict import Heard
 from heatertune.units import written
 
 __all__ = ["JUDGED", "OVERSHOOTS", "Night", "briefly", "nights_of", "winds_up", "wound"]
 
-#: criteria of the way back from an open circuit
-OVERSHOOTS: Final = ("reheat_overshoot", f"reheat_overshoot{IN_DEGC}")
-_LONGER, _RISING, _BRIEF = "winds-up", "stays-at-limit", "briefly-open"
+#: criteria of the way back from an open circuit, and after a start-up of the PLC
+_REHEATED: Final = ("reheat_overshoot", f"reheat_overshoot{IN_DEGC}")
+_RESTARTED: Final = ("restart_overshoot", f"restart_overshoot{IN_DEGC}")
+_LONGER, _RISING, _BRIEF, _WARM = "winds-up", "stays-at-limit", "briefly-open", "warm-restart"
+#: name of what is found → criteria that tell which run is the hardest
+OVERSHOOTS: Final = {_LONGER: _REHEATED, _RISING: _REHEATED, _BRIEF: _REHEATED, _WARM: _RESTARTED}
 #: name of what is found → criteria that count
-JUDGED: Final = {_LONGER: OVERSHOOTS, _RISING: (*OVERSHOOTS, "reheat_time"), _BRIEF: OVERSHOOTS}
+JUDGED: Final = {**OVERSHOOTS, _RISING: (*_REHEATED, "reheat_time")}
 _TIMES: Final = 4.0  # as long as in the story
 _SLACK: Final = 1.1  # the limit is the story's; what stays at its limit goes far beyond it, or never comes to rest
 _LATER: Final = 1.2  # than full power takes to the lower setpoint: where two lags carry the reading beyond it
@@ -60,32 +66,47 @@ class Night(NamedTuple):
         worst = max((each for each in criteria if each.name in JUDGED[self.name]), key=lambda each: each.strain)
         if worst.strain <= self.most:
             return []
-        does = f"overshoots by {worst.value:.3g} {worst.unit}" if worst.name in OVERSHOOTS else "does not come to rest"
+        beyond = worst.name in OVERSHOOTS[self.name]
+        does = f"overshoots by {worst.value:.3g} {worst.unit}" if beyond else "does not come to rest"
         return [Finding(name=self.name, told=f"{self.told} it {does}{self.kept}.")]
 
 
 def nights_of(
-    scenario: Scenario, models: Sequence[HeaterModel], brief_s: Sequence[float] = (),
+    scenario: Scenario, models: Sequence[HeaterModel], brief_s: Sequence[float] = (), warm_s: Sequence[float] = (),
 ) -> Iterator[Night]:
     """Yield the longest open circuit of a story right after the heat-up: longer, closed at the lower setpoint, shorter.
+
+    And a restart of the PLC between the shortest and the longest.
 
     Args:
         scenario: the story; none of its circuits may be closed again.
         models: the heaters.
         brief_s: how long a shorter one lasts, each [s].
+        warm_s: how long the PLC is without supply, each [s].
     """
     opened = {number: closed.time_s - event.time_s
               for number, (event, closed) in enumerate(pairwise(scenario.disturbances))
               if isinstance(event, Mains) and isinstance(closed, Mains) and event.share == 0.0 < closed.share}
-    if not opened:
-        return
-    number = max(opened, key=lambda one: opened[one])
+    if opened:
+        yield from _opened(scenario, models, max(opened, key=lambda one: opened[one]), opened, brief_s)
+    back = next((number for number, (lost, event) in enumerate(pairwise(scenario.disturbances))
+                 if isinstance(lost, PlcPower) and isinstance(event, PlcPower) and event.on), None)
+    if warm_s and back is not None and scenario.rests_s:
+        told = f"Where the PLC is restarted after {_minutes(warm_s)} without supply"
+        yield Night(_WARM, _each(scenario, back, warm_s), told, "; the limit is kept where the heater is hot, or cold")
+
+
+def _opened(
+    scenario: Scenario, models: Sequence[HeaterModel], number: int, opened: Mapping[int, float],
+    brief_s: Sequence[float],
+) -> Iterator[Night]:
     yield _longer(scenario, number, opened[number])
     low = next((event.setpoint_degC for event in scenario.disturbances if isinstance(event, NewSetpoint)), None)
     if low is not None and scenario.rests_s:
         yield _rising(scenario, number, low, models)
     if brief_s and scenario.rests_s:
-        yield _shorter(scenario, number, brief_s)
+        told = f"After {_minutes(brief_s)} with an open circuit"
+        yield Night(_BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
 
 
 def _longer(scenario: Scenario, number: int, proven_s: float) -> Night:
@@ -124,19 +145,22 @@ def _rising(scenario: Scenario, number: int, low_degC: float, models: Sequence[H
         "circuit"), most=_SLACK)
 
 
-def _shorter(scenario: Scenario, number: int, brief_s: Sequence[float]) -> Night:
+def _each(scenario: Scenario, number: int, lengths_s: Sequence[float]) -> Scenario:
+    """Return the heat-up and then, of each length, what begins with an event of a story and ends with the next one."""
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
-    opens, closes = scenario.disturbances[number:number + 2]
+    begins, back = scenario.disturbances[number:number + 2]
     back_s, rest_s = ends[number + 2] - ends[number + 1], scenario.rests_s[number + 2]
     time_s, events, rests = ends[0] - scenario.rests_s[0] + rest_s, list[Disturbance](), [rest_s]
-    for open_s in brief_s:
-        events += [replace(opens, time_s=time_s), replace(closes, time_s=time_s + open_s)]
+    for length_s in lengths_s:
+        events += [replace(begins, time_s=time_s), replace(back, time_s=time_s + length_s)]
         rests += [0.0, rest_s]
-        time_s += open_s + back_s
-    shorter = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
-    return Night(_BRIEF, shorter, (
-        f"After {written(brief_s[0] / 60.0, 2)} to {written(brief_s[-1] / 60.0, 2)} min with an open circuit"),
-        "; the limit is kept after a longer one")
+        time_s += length_s + back_s
+    return replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
+
+
+def _minutes(lengths_s: Sequence[float]) -> str:
+    ends = dict.fromkeys(written(each / 60.0, 2) for each in (lengths_s[0], lengths_s[-1]))
+    return f"{' to '.join(ends)} min"
 
 
 def _arrives_s(model: HeaterModel, low_degC: float, ambient_degC: float) -> float:
@@ -155,9 +179,10 @@ def winds_up(heard: Heard) -> bool:
     return bool(wound(heard))
 
 
-def briefly(heard: Heard) -> bool:
-    """Return whether no more was found than what a story's criterion shows after a shorter open circuit.
+def briefly(heard: Heard) -> frozenset[str]:
+    """Return what is broken after a shorter open circuit or a restart in between, where nothing else was found.
 
-    Other gains may mend that, as they mend what fails.
+    These are criteria of a story, and other gains may mend them, as they mend what fails.
     """
-    return wound(heard) == {_BRIEF}
+    found = wound(heard)
+    return frozenset(name for each in found for name in JUDGED[each]) if found <= {_BRIEF, _WARM} else frozenset()

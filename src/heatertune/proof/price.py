@@ -16,6 +16,9 @@ _NOTICED: Final = 0.1  # a smaller change of heat-up or switchings is not told
 _NEAR: Final = 0.05  # a factor nearer to 1 is told with a digit more
 _SAME: Final = 0.005  # a factor of gains nearer to 1 is not told
 _NOTHING_PCT: Final = 0.05  # more IAE than this is told
+#: of what is broken → how it is told, where the story itself is kept
+_BRIEFLY: Final = {"reheat": "reheat overshoot after a short open circuit",
+                   "restart": "restart overshoot while the heater is warm"}
 
 
 def gains_told(first: PidDesign, other: PidDesign) -> str:
@@ -50,7 +53,7 @@ def _price(first: Closed, found: Closed) -> Iterator[str]:
 
 
 def broken(found: Closed) -> str:
-    """Return the criteria that a design breaks, in the story or after a shorter open circuit, for a reader."""
-    if briefly(found.proof.heard):
-        return "reheat overshoot after a short open circuit"
+    """Return the criteria that a design breaks, in the story or in other lengths of its parts, for a reader."""
+    if names := briefly(found.proof.heard):
+        return ", ".join(told for part, told in _BRIEFLY.items() if any(each.startswith(part) for each in names))
     return ", ".join(each.name.replace("_", " ") for each in found.proof.criteria if not each.ok)

@@ -20,7 +20,7 @@ from heatertune.plc.open_points import Switch
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.acceptance import Acceptance
-from heatertune.proof.brief import brief_openings_s
+from heatertune.proof.brief import brief_openings_s, warm_restarts_s
 from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, digested
@@ -36,7 +36,7 @@ from heatertune.proof.trace import Trace
 from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, combined
 from heatertune.show import Shown
 
-__all__ = ["Proof", "RunResult", "after_an_open_circuit", "prove_models"]
+__all__ = ["Proof", "RunResult", "hardest_after", "prove_models"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -264,10 +264,10 @@ def _with_draws(
     return {run: draws.seed}, [draws.told]
 
 
-def after_an_open_circuit(results: Sequence[RunResult]) -> list[RunResult]:
-    """Return of each setting the run that strains the limit of overshoot most after an open circuit."""
+def hardest_after(results: Sequence[RunResult], night: str) -> list[RunResult]:
+    """Return of each setting the run that overshoots most, for its limit, after what a night tries in other lengths."""
     def strain(result: RunResult) -> float:
-        return max(each.strain for each in result.criteria if each.name in OVERSHOOTS)
+        return max(each.strain for each in result.criteria if each.name in OVERSHOOTS[night])
 
     return list({tuple(run.switches.items()): run for run in sorted(results, key=strain)}.values())
 
@@ -275,13 +275,13 @@ def after_an_open_circuit(results: Sequence[RunResult]) -> list[RunResult]:
 def _after_a_night(
     runs: Runs, results: Sequence[RunResult], models: Sequence[tuple[str, HeaterModel]], coverage: Coverage
 ) -> list[Finding]:
-    """Return what other open circuits show, under each setting on the heater that overshoots most after the story's.
+    """Return what other lengths show, under each setting on the heater that overshoots most after the story's.
 
     Whether a setting winds up does not show in the story where the setpoint is held near the reading.
     """
     found = list[Finding]()
     for night in _nights(runs.controller, runs.words, runs.scenario, models):
-        only = [(run.model, run.switches) for run in after_an_open_circuit(results)]
+        only = [(run.model, run.switches) for run in hardest_after(results, night.name)]
         again = Runs.of(runs.controller, runs.words, models, night.scenario, runs.actuator, runs.limits,
                         replace(coverage, only=only, progress=str), interlock=runs.interlock)
         found += night.found(criterion for ran in again.judged() for criterion in ran)
@@ -292,8 +292,8 @@ def _nights(
     controller: Controller, words: Words, scenario: Scenario, models: Sequence[tuple[str, HeaterModel]],
 ) -> Iterator[Night]:
     heaters = [model for _, model in models]
-    brief_s = brief_openings_s(controller, words, controller.decode(words), scenario, heaters)
-    return nights_of(scenario, heaters, brief_s)
+    what = controller, words, controller.decode(words), scenario, heaters
+    return nights_of(scenario, heaters, brief_openings_s(*what), warm_restarts_s(*what))
 
 
 def _with_band(heard: Heard, limits: Limits, resolution_degC: float) -> Heard:
