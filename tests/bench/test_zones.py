@@ -44,3 +44,10 @@ def test_growth_is_told_as_what_each_further_zone_costs(monkeypatch, capsys):
     assert "from 10 to 50 zones, each further one: 0.200 s, 0.500 CPU s" in out
     assert "50 PASS" in out
     assert "10    12.0       1.200           0.500" in out
+
+
+def test_logs_without_rows_leave_what_is_neither_heater_nor_proof(tmp_path):
+    zones.write_logs(tmp_path / "logs", 3, empty=True)
+    assert [path.read_text(encoding="utf-8") for path in sorted((tmp_path / "logs").iterdir())] == ["", "", ""]
+    assert zones.settings_of(["10000", "--dask", "--empty"]).empty
+    assert not zones.settings_of(["10", "--samples", "0"]).empty

@@ -3,6 +3,7 @@
     python tests/bench/zones.py                 50, 100 and 200 zones on one process per processor
     python tests/bench/zones.py 1000 --jobs 2   the thousand
     python tests/bench/zones.py 100 1000 10000 --dask    on a local Dask cluster (extra dask): memory and disk, too
+    python tests/bench/zones.py 10000 --dask --empty     logs without rows: what is neither heater nor proof
 
 Each zone is a log of 240 rows, 44 minutes of a heater drawn anew, simulated here by plain Euler steps of 0.5 s;
 fitted, tuned, rounded and proven as `heatertune fleet --samples 200` does it. Processor time is that of the processes
@@ -55,11 +56,11 @@ def log_text(seed):
     return "\n".join([*lines, ""])
 
 
-def write_logs(folder, zones):
+def write_logs(folder, zones, *, empty=False):
     """Write the logs of so many zones."""
     folder.mkdir()
     for seed in range(zones):
-        (folder / f"zone{seed:05d}.csv").write_text(log_text(seed), encoding="utf-8")
+        (folder / f"zone{seed:05d}.csv").write_text("" if empty else log_text(seed), encoding="utf-8")
 
 
 @contextmanager
@@ -87,7 +88,7 @@ def pool_workers(jobs):
 
 def run(folder, zones, settings, cluster=pool_workers):
     """Return seconds, processor seconds of the workers, and how the zones ended; `settings`: of `settings_of`."""
-    write_logs(folder / f"logs{zones}", zones)
+    write_logs(folder / f"logs{zones}", zones, empty=settings.empty)
     before, begun, table = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter(), folder / f"{zones}.parquet"
     with cluster(settings.jobs) as workers:
         summary = fleet(folder / f"logs{zones}", ZoneSettings(asked=Asked(target=settings.target), samples=settings.samples),
@@ -107,6 +108,7 @@ def settings_of(words):
     asked.add_argument("--target", default="weg")
     asked.add_argument("--samples", type=int, default=200)
     asked.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
+    asked.add_argument("--empty", action="store_true", help="logs without rows")
     asked.add_argument("--dask", action="store_true", help="on a local Dask cluster")
     return asked.parse_args(words)
 
