@@ -35,7 +35,7 @@ _ALL: Final = 0.5 * math.pi / _QUARTER
 
 
 def normals(seeds: Sequence[int], count: int) -> npt.NDArray[np.float64]:
-    """Return so many numbers for each seed, shape (seeds, count)."""
+    """Return so many numbers for each seed, shape (seeds, count), a part of a larger array."""
     places = np.empty((len(seeds), -(-count // BLOCK), BLOCK))
     if worth_compiling(places.size, "noise", _MOST_PLAIN, _all_drawn):
         compiled(_all_drawn)(places, parts(seeds))
@@ -43,7 +43,7 @@ def normals(seeds: Sequence[int], count: int) -> npt.NDArray[np.float64]:
         plain = places.tolist()
         _all_drawn(plain, parts(seeds).tolist())
         places[:] = plain
-    return np.ascontiguousarray(places.reshape(len(seeds), -1)[:, :count])
+    return places.reshape(len(seeds), -1)[:, :count]
 
 
 def block_of(seed: int, number: int) -> list[float]:
