@@ -24,8 +24,9 @@ from heatertune.proof.lanes import two_lags as two
 from heatertune.proof.lanes.choice import fits
 from heatertune.proof.lanes.parts import Held
 from heatertune.proof.lanes.rows import LANES, fixed, rows_of
+from heatertune.proof.philox import parts
 from heatertune.proof.samples import Drawing, Spread, _parts, measure
-from heatertune.proof.scan_noise import _drawn
+from heatertune.proof.scan_noise import BLOCK, _all_drawn
 from heatertune.settings import Conditions
 
 HEATER = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.3, ambient_degC=24.0)
@@ -193,7 +194,7 @@ def test_what_each_heater_does_is_vector_instructions(part):
 
 @VECTORS
 def test_noise_is_drawn_by_vector_instructions():
-    alone, together = operations(_drawn, np.zeros(128), 0, 1, 2, 3, 4)
+    alone, together = operations(_all_drawn, np.zeros((2, 300)), np.zeros(BLOCK), parts([1, 2]), 0.1)
     assert alone == 0 < together
 
 

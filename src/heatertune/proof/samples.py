@@ -183,7 +183,7 @@ class Drawing:
         """
         noise = late = np.zeros((1, 1))
         if self.scenario.noise_degC > 0.0:
-            noise = self.scenario.noise_degC * normals(seeds, scans)
+            noise = normals(seeds, scans, self.scenario.noise_degC)
         if self.spread.jitter_s > 0.0 and not self.controllers[0].pwm_period_s:
             late = self.spread.jitter_s * uniform(seeds, scans, _LATE)
         return noise, late
