@@ -74,13 +74,13 @@ def fits(controller: InLoop, scenario: Scenario, actuator: Actuator, late_s: Arr
 
 
 def alike(plants: Array, setpoint_degC: float, period_s: float) -> npt.NDArray[np.intp]:
-    """Return an order in which heaters stand together that feel the edges of a PWM period in the same scans.
+    """Return an order, shape (n,), in which heaters stand together that feel a PWM period's edges in the same scans.
 
     Switched on they are a dead time after its begin, switched off by as much later as they need to stay at the
     setpoint: slices of like dead times are ordered by that, so many that both lie about as far apart in a group.
 
     Args:
-        plants: rows of `Batch.plants`.
+        plants: rows of `Batch.plants`, shape (n, 6).
         setpoint_degC: at which they are for the most part.
         period_s: PWM period [s].
     """
