@@ -4,7 +4,7 @@
     python tests/bench/lanes.py --attack 2000      so many drawn cases, bit for bit; exit status 1 where one differs
 
 A case of the attack is a room, a design, a switch, a setpoint ramp, a story with whatever can happen, noise, and 1 to 70
-heaters drawn around one of one lag or of two. Times are processor time of drawn heaters sorted by dead time, in the
+heaters drawn around one of one lag or of two. Times are processor time of drawn heaters ordered as samples are, in the
 whole story of a default proof and in one without events, each way and C in turn; then 10,000 samples of 3,000 s.
 """
 
@@ -40,7 +40,7 @@ FOUND = ("table", "totals", "ripple")
 def both(drawing, places, limits=None):
     """Return the two ways to run samples of the first setting, as functions."""
     rows, sizes = drawing.heaters_of(places)
-    order = np.argsort(rows[:, 3], kind="stable")
+    order = choice.alike(rows, drawing.scenario.setpoint_degC, drawing.actuator.pwm_period_s)
     noise, late = drawing.scans_of([places[place] for place in order], scans_of(drawing.controllers[0], drawing.scenario))
     given = drawing.controllers[0], rows[order], drawing.scenario, drawing.actuator, limits or Limits(), noise, late, sizes[order]
     return [lambda way=way: metered(*given, side_by_side=way) for way in (False, True)]
@@ -130,8 +130,8 @@ def interleaved(name, drawing, yardstick, repeats=9):
     """Print nanoseconds a scan of 64 samples from the middle of 512, each way and C in turn."""
     seeds = range(512 * len(drawing.controllers))
     own = [seed for seed in seeds if drawing.setting(seed) == 0]
-    dead = drawing.heaters_of(own)[0][:, 3]
-    middle = [own[place] for place in np.argsort(dead, kind="stable")[224:288]]
+    order = choice.alike(drawing.heaters_of(own)[0], drawing.scenario.setpoint_degC, drawing.actuator.pwm_period_s)
+    middle = [own[place] for place in order[224:288]]
     ways = both(drawing, middle)
     assert not differs(ways), name
     times = np.min([[spent(work) for work in (*ways, yardstick)] for _ in range(repeats)], axis=0)

@@ -5,8 +5,8 @@
 First every rival and the loop of the proof run the same heater, PI and PWM (`yardsticks.Case`) and must find the same
 sum of |e|. Then their times stand beside those of rooms, in nanoseconds of processor time per scan of 1 s: alone,
 measured as a sample is, and on all processors; with them how the cost grows with the horizon, the PWM's resolution and
-the number of samples. Heaters that are drawn and sorted by dead time, as samples are, run one after the other and side by
-side, which must find the same. `--slow` also runs the rivals that take seconds to minutes.
+the number of samples. Heaters that are drawn and ordered as samples run one after the other and side by side, which must
+find the same. `--slow` also runs the rivals that take seconds to minutes.
 """
 
 import argparse
@@ -31,7 +31,7 @@ from heatertune.plc.core import Core
 from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, TemperatureStep
 from heatertune.proof.kernel import LOAD, Batch, Record
 from heatertune.proof.lanes import choice
-from heatertune.proof.lanes.choice import run_side_by_side
+from heatertune.proof.lanes.choice import alike, run_side_by_side
 from heatertune.proof.loop import InLoop, in_loop, pulses_of, ring_size, run_compiled, run_plainly
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter, no_meter
 from heatertune.proof.program import Program
@@ -111,7 +111,7 @@ class Ours:
         gain, lag, dead = np.exp([[0.1], [0.1], [0.2]] * chance.standard_normal((3, loops)))
         plants = given[5].plants * np.column_stack([gain * (1.0 + 0.1 * chance.uniform(-1.0, 1.0, loops)) ** 2, lag, np.ones(loops), dead,
                                                     np.ones((loops, 2))])
-        given[5] = given[5]._replace(plants=plants[np.argsort(plants[:, 3])])
+        given[5] = given[5]._replace(plants=plants[alike(plants, CASE.setpoint, yardsticks.PERIOD_S)])
         given[8] = np.empty(ring_size(pulses_of(plants[:, 3].max() + 15.0, PWM)))
         return *given, meter
 

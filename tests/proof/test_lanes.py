@@ -24,8 +24,9 @@ from heatertune.proof.lanes import two_lags as two
 from heatertune.proof.lanes.choice import fits
 from heatertune.proof.lanes.parts import Held
 from heatertune.proof.lanes.rows import LANES, fixed, rows_of
+from heatertune.proof.philox import parts
 from heatertune.proof.samples import Drawing, Spread, _parts, measure
-from heatertune.proof.scan_noise import _drawn
+from heatertune.proof.scan_noise import BLOCK, _all_drawn
 from heatertune.settings import Conditions
 
 HEATER = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.3, ambient_degC=24.0)
@@ -139,6 +140,19 @@ def test_a_default_proof_finds_the_same_side_by_side(noise, monkeypatch):
     same(*(ran(drawing, monkeypatch, side_by_side=way, count=80) for way in (True, False)))
 
 
+def test_an_order_of_heaters_brings_those_together_that_are_switched_at_like_instants():
+    """64 heaters that rise at one of two instants and fall after one of two: all of a group do both in the same scan."""
+    chance = np.random.default_rng(0)
+    dead, gain = np.repeat([9.0, 12.0], 64), np.tile([0.5, 1.0], 64)
+    rows = np.column_stack([gain, *np.ones((2, 128)), dead, np.full(128, 20.0), np.ones(128)])[chance.permutation(128)]
+    order = choice.alike(rows, 50.0, 10.0)  # on for 6 s or 3 s, at 0.5 °C/% or 1 °C/%: both instants lie 3 s apart
+    assert sorted(order) == list(range(128))
+    assert {len(np.unique(group[:, [0, 3]], axis=0)) for group in rows[order].reshape(4, LANES, 6)} == {1}
+    assert choice.alike(rows[:1], 50.0, 10.0).tolist() == [0]
+    rows[:, 0] = 1.0  # all alike but for dead times: by these alone
+    assert np.all(np.diff(rows[choice.alike(rows, 50.0, 10.0), 3]) >= 0.0)
+
+
 def test_only_work_that_pays_for_the_compiler_is_done_side_by_side(monkeypatch):
     controller = drawing_of("s5-ob251").controllers[0]
     monkeypatch.setattr(choice, "_asked", Counter())
@@ -157,7 +171,7 @@ def test_only_work_that_pays_for_the_compiler_is_done_side_by_side(monkeypatch):
     assert not pays(10**9)
 
 
-VECTORS = pytest.mark.skipif(llvm_version_info[0] < 22 or not get_host_cpu_features().get("avx512dq"),
+VECTORS = pytest.mark.skipif(llvm_version_info[0] < 22 or not get_host_cpu_features().get("avx2"),
                     reason="an older compiler leaves some of it one by one, and another processor was not tried: the results are the same")
 
 
@@ -180,7 +194,7 @@ def test_what_each_heater_does_is_vector_instructions(part):
 
 @VECTORS
 def test_noise_is_drawn_by_vector_instructions():
-    alone, together = operations(_drawn, np.zeros(128), 0, 1, 2, 3, 4)
+    alone, together = operations(_all_drawn, np.zeros((2, 300)), np.zeros(BLOCK), parts([1, 2]), 0.1)
     assert alone == 0 < together
 
 

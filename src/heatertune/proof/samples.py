@@ -37,8 +37,8 @@ from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Limits
-from heatertune.proof.lanes.choice import fits, pays
-from heatertune.proof.lanes.rows import STEP
+from heatertune.proof.lanes.choice import alike, fits, pays
+from heatertune.proof.lanes.rows import LANES, STEP
 from heatertune.proof.loop import InLoop, actuator_of, in_loop, plant_row, scans_of, traced
 from heatertune.proof.measured import Measured, joined, ordered
 from heatertune.proof.metered import metered
@@ -54,7 +54,8 @@ Array = npt.NDArray[np.float64]
 
 _LATE: Final = 2  # stream of the delays, beside that of the heaters, 0, and that of the noise
 _NORMAL: Final = 4  # uniform numbers of which those of the heater are made
-_CHUNK: Final = 32  # samples in one call: some hundred kilobytes of noise
+_CALLS: Final = 8  # at least, where samples are so many that more of them go into one call
+_GROUPS: Final = 4  # of samples side by side in one call at most: some megabytes of noise
 _LEAST: Final = 5  # samples that take as long one after the other as a step side by side
 
 
@@ -182,8 +183,7 @@ class Drawing:
         """
         noise = late = np.zeros((1, 1))
         if self.scenario.noise_degC > 0.0:
-            noise = normals(seeds, scans)
-            noise *= self.scenario.noise_degC
+            noise = normals(seeds, scans, self.scenario.noise_degC)
         if self.spread.jitter_s > 0.0 and not self.controllers[0].pwm_period_s:
             late = self.spread.jitter_s * uniform(seeds, scans, _LATE)
         return noise, late
@@ -231,19 +231,19 @@ class _Part(NamedTuple):
 
 
 def _parts(drawing: Drawing, seeds: Sequence[int], rows: Array, scans: int) -> list[_Part]:
-    """Return all samples in parts; those side by side have like dead times, so that edges come in the same scans.
+    """Return all samples in parts; those side by side are alike, so that edges come in the same scans.
 
     `scans` tells how much work they are to one processor.
     """
     settings, lags = np.array([drawing.setting(seed) for seed in seeds]), (rows[:, 2] > 0.0).astype(int)
     shaken, parts = np.full((1, 1), drawing.spread.jitter_s), list[_Part]()
-    for more in (0, 1):
+    for more in np.unique(lags).tolist():
         work = int(scans * np.mean(lags == more))
         worth = pays(drawing.controllers[0], drawing.actuator, work, two_lags=bool(more))
-        for number, controller in enumerate(drawing.controllers):
+        for number in np.unique(settings[lags == more]).tolist():
             own = np.flatnonzero((settings == number) & (lags == more))
-            own = own[np.argsort(rows[own, 3], kind="stable")]
-            beside = worth and fits(controller, drawing.scenario, drawing.actuator, shaken)
+            own = own[alike(rows[own], drawing.scenario.setpoint_degC, drawing.actuator.pwm_period_s)]
+            beside = worth and fits(drawing.controllers[number], drawing.scenario, drawing.actuator, shaken)
             parts += _chunks(number, own, side_by_side=beside)
     return parts
 
@@ -251,9 +251,10 @@ def _parts(drawing: Drawing, seeds: Sequence[int], rows: Array, scans: int) -> l
 def _chunks(setting: int, places: npt.NDArray[np.intp], *, side_by_side: bool) -> list[_Part]:
     rest = len(places) % STEP
     beside = len(places) - (rest if rest < _LEAST else 0) if side_by_side else 0
-    return [_Part(setting, own[begin:begin + _CHUNK], way)
+    chunk = LANES * min(max(len(places) // (_CALLS * LANES), 1), _GROUPS)
+    return [_Part(setting, own[begin:begin + chunk], way)
             for own, way in ((places[:beside], True), (places[beside:], False))
-            for begin in range(0, len(own), _CHUNK)]
+            for begin in range(0, len(own), chunk)]
 
 
 def replay(drawing: Drawing, seed: int) -> Trace:

@@ -34,39 +34,48 @@ _QUARTER: Final = 2**30  # a word's two highest bits tell the quarter of the cir
 _ALL: Final = 0.5 * math.pi / _QUARTER
 
 
-def normals(seeds: Sequence[int], count: int) -> npt.NDArray[np.float64]:
-    """Return so many numbers for each seed, shape (seeds, count)."""
-    places = np.empty((len(seeds), -(-count // BLOCK), BLOCK))
+def normals(seeds: Sequence[int], count: int, deviation: float = 1.0) -> npt.NDArray[np.float64]:
+    """Return so many numbers of a standard deviation for each seed, shape (seeds, count)."""
+    places, spare = np.empty((len(seeds), count)), np.empty(BLOCK)
     if worth_compiling(places.size, "noise", _MOST_PLAIN, _all_drawn):
-        compiled(_all_drawn)(places, parts(seeds))
+        compiled(_all_drawn)(places, spare, parts(seeds), deviation)
     else:
         plain = places.tolist()
-        _all_drawn(plain, parts(seeds).tolist())
+        _all_drawn(plain, spare.tolist(), parts(seeds).tolist(), deviation)
         places[:] = plain
-    return np.ascontiguousarray(places.reshape(len(seeds), -1)[:, :count])
+    return places
 
 
 def block_of(seed: int, number: int) -> list[float]:
     """Return a seed's numbers of one block of scans, in plain Python: who asks scan by scan waits for no compiler."""
     places = [0.0] * BLOCK
-    _drawn(places, number * _CALLS, *parts([seed])[0].tolist())
+    _drawn(places, 0, 1.0, number * _CALLS, *parts([seed])[0].tolist())
     return places
 
 
-def _all_drawn(places: Places, keys: Places) -> None:
-    """Fill rows of blocks, each row for the four words of a seed."""
+def _all_drawn(places: Places, spare: Places, keys: Places, deviation: float) -> None:
+    """Fill rows, each for the four words of a seed; `spare` is for blocks of which not all is asked for."""
     for row in range(len(places)):
-        key = keys[row]
-        for block in range(len(places[row])):
-            _drawn(places[row][block], block * _CALLS, key[0], key[1], key[2], key[3])
+        key, own, blocks = keys[row], places[row], len(places[row]) // BLOCK
+        for block in range(blocks):
+            _drawn(own, block * BLOCK, deviation, block * _CALLS, key[0], key[1], key[2], key[3])
+        if blocks * BLOCK < len(own):
+            _drawn(spare, 0, deviation, blocks * _CALLS, key[0], key[1], key[2], key[3])
+        for place in range(blocks * BLOCK, len(own)):
+            own[place] = spare[place - blocks * BLOCK]
 
 
-def _drawn(places: Places, first: int, low: int, high: int, third: int, fourth: int) -> None:
-    """Fill a block from its first call on; a compiler makes vector instructions of it."""
+def _drawn(
+    places: Places, begin: int, deviation: float, first: int, low: int, high: int, third: int, fourth: int
+) -> None:
+    """Fill a block from a place on with its numbers from a call on; a compiler makes vector instructions of it."""
     for call in range(_CALLS):
         a, b, c, d = words((first + call, STREAM, third, fourth), (low, high))
-        places[call], places[call + _CALLS] = _pair(a, b)
-        places[call + 2 * _CALLS], places[call + 3 * _CALLS] = _pair(c, d)
+        one, two = _pair(a, b)
+        three, four = _pair(c, d)
+        place = begin + call
+        places[place], places[place + _CALLS] = deviation * one, deviation * two
+        places[place + 2 * _CALLS], places[place + 3 * _CALLS] = deviation * three, deviation * four
 
 
 def _pair(size: int, turn: int) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
 from typing import Any, Final
@@ -11,7 +12,7 @@ import numpy.typing as npt
 
 from heatertune.compiled import bound, compiled, worth_a_second
 from heatertune.plc.core import as_it_is, started_as_it_is
-from heatertune.plc.pwm import Actuator
+from heatertune.plc.pwm import INSTANT_S, Actuator
 from heatertune.plc.single import narrowed
 from heatertune.proof.kernel import Batch
 from heatertune.proof.lanes import passes as one
@@ -26,7 +27,7 @@ from heatertune.proof.meter import Meter
 from heatertune.proof.program import Program, asked_now
 from heatertune.proof.scenario import Scenario
 
-__all__ = ["fits", "pays", "run_side_by_side"]
+__all__ = ["alike", "fits", "pays", "run_side_by_side"]
 
 Array = npt.NDArray[np.float64]
 
@@ -72,8 +73,27 @@ def fits(controller: InLoop, scenario: Scenario, actuator: Actuator, late_s: Arr
     return calm and alike and _has_rows(controller)
 
 
+def alike(plants: Array, setpoint_degC: float, period_s: float) -> npt.NDArray[np.intp]:
+    """Return an order, shape (n,), in which heaters stand together that feel a PWM period's edges in the same scans.
+
+    Switched on they are a dead time after its begin, switched off by as much later as they need to stay at the
+    setpoint: slices of like dead times are ordered by that, so many that both lie about as far apart in a group.
+
+    Args:
+        plants: rows of `Batch.plants`, shape (n, 6).
+        setpoint_degC: at which they are for the most part.
+        period_s: PWM period [s].
+    """
+    dead, on = plants[:, 3], period_s * np.clip((setpoint_degC - plants[:, 4]) / (100.0 * plants[:, 0]), 0.0, 1.0)
+    groups = max(len(plants) / LANES, 1.0)
+    slices = min(max(math.sqrt(groups * float(np.std(dead)) / max(float(np.std(on)), INSTANT_S)), 1.0), groups)
+    places = np.empty(len(plants), dtype=np.intp)
+    places[np.argsort(dead, kind="stable")] = np.arange(len(plants))
+    return np.lexsort((on, places // (LANES * math.ceil(groups / slices))))
+
+
 def run_side_by_side(controller: InLoop, program: Program, batch: Batch, actuator: Actuator, meter: Meter) -> None:
-    """Run loops that fit; what they amount to is in the meter. Heaters of like dead times should stand together.
+    """Run loops that fit; what they amount to is in the meter. Like heaters should stand together, see `alike`.
 
     Args:
         controller: the words, running.
