@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from heatertune.log.values import Log
+from heatertune.model.temperature import evidence
 from heatertune.model.temperature.evidence import (
     evidence_notes,
     fall_bound,
@@ -107,3 +110,27 @@ def test_what_is_not_there_is_said(table4):
     told = " ".join(evidence_notes(undisturbed(table4)[0], (20.0, 25.0)))
     assert "heater was never off for long" in told
     assert "at least" in told
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_first_look_leaves_out_no_stretch_that_is_quiet(seed):
+    # what it spares is only work: without it, each stretch gives the same
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(20, 120))
+    time = np.cumsum(rng.uniform(0.5, 2.0, n) if rng.random() < 0.5 else np.full(n, 10.0))
+    lag = time[-1] * 10.0 ** rng.uniform(-2.5, 2.0)
+    clean = 300.0 + rng.uniform(-200.0, 200.0) * np.exp(-(time - time[0]) / lag)
+    clean = clean + rng.choice([0.0, 0.0, 0.05, 1.0]) * np.sin(time / time[-1] * rng.uniform(1.0, 30.0))
+    noise = float(rng.choice([0.0, 1e-6, 0.03, 0.5]))
+    step = float(rng.choice([0.0, 0.1, 1.0]))
+    y = clean + rng.normal(0.0, noise, n) if noise else clean
+    y = np.round(y / step) * step if step else y
+    assume(np.ptp(y) > 0.0)
+    log = Log(time_s=time, temperature_degC=y, name="drawn", source="")
+    first = int(rng.integers(0, n - 8))
+    last = int(rng.integers(first + 7, n))
+    quiet = float(rng.uniform(0.5, 3.0)) * max(noise, step / 3.0, 1e-9)
+    found = evidence._exponential(log, first, last, quiet)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(evidence, "_is_loud", lambda *_: False)
+        assert found == evidence._exponential(log, first, last, quiet)

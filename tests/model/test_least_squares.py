@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from heatertune.log.given import log_of
 from heatertune.model.least_squares import minimise
 from heatertune.model.temperature.closed_loop import Hypothesis, Segment
-from heatertune.model.temperature.search import residuals_of
+from heatertune.model.temperature.search import _able, _best_of, residuals_of
 from heatertune.plc.s7_200_paper.laws import LAWS
 
 TIME = np.linspace(0.0, 5.0, 40)
@@ -52,3 +54,16 @@ def test_a_numpy_whose_last_digits_are_others_leads_to_the_same_heaters(monkeypa
     again, heaters_again = _of_a_closed_loop()
     assert np.array_equal(again.parameters, minima.parameters)
     assert heaters_again == heaters
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12))
+def test_what_lost_at_the_beginning_is_none_of_the_best(seed, n):
+    rng = np.random.default_rng(seed)
+    segments = tuple(
+        Segment(log=HEATING, law=LAWS[int(rng.integers(len(LAWS)))], event=bool(rng.integers(2)),
+                ambient_degC=(15.0, 25.0)) for _ in range(int(rng.integers(1, 3))))
+    hypothesis = Hypothesis(segments=segments, two_lags=bool(rng.integers(2)))
+    starts = hypothesis.starts(rng, 60)
+    able = _able(hypothesis, starts, n)
+    assert np.array_equal(_best_of(hypothesis, able, n), _best_of(hypothesis, starts, n))
+    assert np.array_equal(hypothesis.squares(starts), np.sum((hypothesis.simulate(starts) - hypothesis.measured) ** 2, 1))

@@ -81,16 +81,21 @@ class Segment:
             return np.full(n, np.inf)
         return np.asarray(rng.uniform(0.2 * length, 0.9 * length, n))
 
-    def simulate(self, z: Array, own: int, out: Array, at: int) -> None:
-        """Write the temperature at the log's instants, for vectors of shape (n, p).
+    def rows(self, share: float) -> int:
+        """Return how many of its readings the first part of the log has."""
+        return max(1, round(share * len(self.readings)))
+
+    def simulate(self, z: Array, own: int, out: Array, at: int, rows: int) -> None:
+        """Write the temperature at the log's first instants, for vectors of shape (n, p).
 
         Args:
             z: the vectors.
             own: place of the segment's first unknown in a vector.
             out: shape (n, m) [°C].
             at: its column of the segment's first reading.
+            rows: how many readings.
         """
-        simulate_many(self.law, z, own, self.interval_s, self.readings, out, at)
+        simulate_many(self.law, z, own, self.interval_s, self.readings[:rows], out, at)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -198,13 +203,20 @@ class Hypothesis:
                     moved.append(other)
         return np.array(moved)
 
-    def simulate(self, z: Array) -> Array:
-        """Return all simulated readings, shape (n, m), for vectors (n, p)."""
-        rows = [len(segment.readings) for segment in self.segments]
+    def simulate(self, z: Array, share: float = 1.0) -> Array:
+        """Return the simulated readings of the first part of each log, shape (n, m), for vectors (n, p)."""
+        rows = [segment.rows(share) for segment in self.segments]
         out = np.empty((len(z), sum(rows)))
-        for segment, first, at in zip(self.segments, self._offsets(), np.cumsum([0, *rows]).tolist(), strict=False):
-            segment.simulate(z, first, out, at)
+        begins = np.cumsum([0, *rows[:-1]]).tolist()
+        for segment, first, at, many in zip(self.segments, self._offsets(), begins, rows, strict=True):
+            segment.simulate(z, first, out, at, many)
         return out
+
+    def squares(self, z: Array, share: float = 1.0) -> Array:
+        """Return the sums of squares over the first part of each log [°C²], shape (n,); infinite where one has none."""
+        measured = np.concatenate([s.log.temperature_degC[:s.rows(share)] for s in self.segments])
+        cost = np.sum((self.simulate(z, share) - measured) ** 2, axis=1)
+        return np.where(np.isfinite(cost), cost, np.inf)
 
     def plant(self, z: Array, segment: int = 0) -> HeaterModel:
         """Return the heater of one vector (p,), with the ambient of a segment."""

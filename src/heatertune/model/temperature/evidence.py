@@ -34,6 +34,7 @@ _BEYOND = 0.2  # of the log's span, by which a saturated heat-up aims above its 
 _FALL = 0.05  # of the log's span, the least fall that bounds a time constant
 _CHI2 = 3.84  # 95 % point of χ² with one degree of freedom
 _LAGS: Final = 160  # time constants tried
+_COARSER: Final = 4  # of these every so many-th, for a first look
 _FAR_OFF: Final = 1.25  # times the ends of what a cooling shows
 
 
@@ -188,6 +189,8 @@ def _exponential(log: Log, first: int, last: int, quiet: float) -> Stretch | Non
     y, elapsed = log.temperature_degC[first : last + 1], log.time_s[first : last + 1] - log.time_s[first]
     n = len(y)
     coarse = np.geomspace(2.0 * elapsed[-1] / (n - 1), 50.0 * elapsed[-1], _LAGS)
+    if _is_loud(elapsed, y, np.append(coarse[:-1:_COARSER], coarse[-1]), quiet):
+        return None
     near = _as_good(_curves(elapsed, y, coarse)[1], n)
     is_open = near[0] == 0, near[-1] == _LAGS - 1
     lags = np.geomspace(coarse[max(near[0] - 1, 0)], coarse[min(near[-1] + 1, _LAGS - 1)], _LAGS)
@@ -198,6 +201,25 @@ def _exponential(log: Log, first: int, last: int, quiet: float) -> Stretch | Non
     ends = float(log.time_s[first]), float(log.time_s[last])
     between = 0.0 if is_open[0] else float(lags[near[0]]), np.inf if is_open[1] else float(lags[near[-1]])
     return Stretch(*ends, between, (float(aim[near].min()), float(aim[near].max())))
+
+
+def _is_loud(elapsed: Array, y: Array, lags: Array, quiet: float) -> bool:
+    """Return whether every exponential of a time constant between these leaves more than noise over, for sure.
+
+    What one leaves over is the angle that it and the readings make about their means; one between two neighbours is no
+    further from either of them than they are from each other.
+    """
+    shape = np.exp(-elapsed / lags[:, None])
+    shape -= shape.mean(axis=1, keepdims=True)
+    shape /= np.sqrt(np.einsum("lt,lt->l", shape, shape))[:, None]
+    about = y - y.mean()
+    size = float(np.sqrt(about @ about))
+    if size == 0.0:
+        return False
+    angle = np.arccos(np.minimum(np.abs(shape @ about) / size, 1.0))
+    apart = np.arccos(np.minimum(np.einsum("lt,lt->l", shape[1:], shape[:-1]), 1.0))
+    least = max(float(np.min(np.minimum(angle[1:], angle[:-1]) - apart)), 0.0)
+    return bool(size * np.sin(least) > quiet * np.sqrt(len(y)))
 
 
 def _curves(elapsed: Array, y: Array, lags: Array) -> tuple[Array, Array]:

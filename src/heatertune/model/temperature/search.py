@@ -20,6 +20,7 @@ __all__ = ["EARLY", "Fit", "fit_all", "residuals_of"]
 Array = npt.NDArray[np.float64]
 
 _RANDOM, _RACERS, _FINALISTS = 1500, 12, 3
+_ROUNDING = 1e-9  # of a sum of squares, many times what the order of adding up may change
 _EVENT_INSTANTS = 24  # instants tried for a setpoint step
 #: share of the record that the first look takes
 EARLY = 0.4
@@ -105,7 +106,7 @@ def _race(hypothesis: Hypothesis, beginning: _Beginning, seed: int) -> Fit:
     """Return the leader of a short race between random starts and the fits of the record's beginning."""
     rng = np.random.default_rng(seed)
     seeds = hypothesis.adopt(beginning.vectors, rng, _EVENT_INSTANTS)
-    fresh = _best_of(hypothesis, hypothesis.starts(rng, _RANDOM), _RACERS // 2)
+    fresh = _best_of(hypothesis, _able(hypothesis, hypothesis.starts(rng, _RANDOM), _RACERS // 2), _RACERS // 2)
     leaders = _descent(hypothesis, np.concatenate([seeds, fresh]), 8)[:_RACERS]
     return _fit(hypothesis, _descent(hypothesis, leaders, 15)[0], beginning.hold_out_rmse_degC)
 
@@ -124,8 +125,17 @@ def _descend(fit: Fit) -> Fit:
 
 def _best_of(hypothesis: Hypothesis, z: Array, n: int) -> Array:
     """Return the n vectors with the smallest sums of squares, best first."""
-    cost = np.sum((hypothesis.simulate(z) - hypothesis.measured) ** 2, axis=1)
-    return np.asarray(z[np.argsort(np.where(np.isfinite(cost), cost, np.inf), kind="stable")[:n]])
+    return np.asarray(z[np.argsort(hypothesis.squares(z), kind="stable")[:n]])
+
+
+def _able(hypothesis: Hypothesis, z: Array, n: int) -> Array:
+    """Return the vectors among which those n are, in their order.
+
+    Squares only add up: what has more at the record's beginning than n others have in all is none of them.
+    """
+    begun = hypothesis.squares(z, EARLY)
+    most = float(hypothesis.squares(z[np.argsort(begun, kind="stable")[:n]]).max())
+    return np.asarray(z[begun <= most * (1.0 + _ROUNDING)])
 
 
 def _descent(hypothesis: Hypothesis, starts: Array, iterations: int) -> Array:
