@@ -54,7 +54,7 @@ exit status: 0 success, 1 a verdict of FAIL or NOT PROVEN, 2 bad input (one line
 """
 
 # a command needs most of what it makes to its end: looking for what to free took a twentieth of its time, a tenth there
-gc.set_threshold(100_000)
+gc.set_threshold(300_000)
 atexit.register(gc.freeze)
 
 
