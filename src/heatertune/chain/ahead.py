@@ -8,6 +8,7 @@ draws what it was not given.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import pickle
@@ -193,6 +194,7 @@ def _work(targets: Sequence[str], asked: SimpleQueue[tuple[_Documents, Sequence[
 
 
 if __name__ == "__main__":
+    gc.set_threshold(100_000)  # of all that a compiler makes, little is to be freed
     _asked = SimpleQueue[tuple[_Documents, Sequence[str]]]()
     Thread(target=_receive, args=(sys.stdin.buffer, _asked), daemon=True).start()
     _work(sys.argv[1:], _asked)

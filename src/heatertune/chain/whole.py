@@ -152,8 +152,8 @@ def dossier(
         second.draw(documents, "proof", "design", "log")
     inputs = {name: documents[name] for name in ("model", "pid", "words", "proof")} | {"same_heater": log.same_heater}
     documents["comparison"] = cache.cached("comparison", inputs, lambda: encode(ComparisonView(
-        price=price_of_doubt(fitted, wished), rivals=rivals(fitted, wished, proof),
         paper=paper_runs(fitted) if log.same_heater else None,
+        price=price_of_doubt(fitted, wished), rivals=rivals(fitted, wished, proof),  # last: they wait for the compiler
     )), lambda kept: encode(decode(ComparisonView, kept, "comparison")))
     if second is not None:
         second.draw(documents, "comparison")
