@@ -84,6 +84,8 @@ def built(kind: type[T], *sources: object, **given: Any) -> T:
 
 def encode(value: Any) -> Any:
     """Return a value as JSON holds it: fields in their order, enums by name, numbers that are not finite as None."""
+    if isinstance(value, float):  # as most are
+        return float(value) if math.isfinite(value) else None
     if is_dataclass(value) and not isinstance(value, type):
         schema = _SCHEMAS.get(type(value))
         made: dict[str, Any] = {} if schema is None else {"schema": schema}
@@ -98,11 +100,9 @@ def encode(value: Any) -> Any:
         return {str(key): encode(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [encode(item) for item in value]
-    if isinstance(value, Enum):
-        return value.name
     if hasattr(value, "tolist"):
         return encode(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return value.name if isinstance(value, Enum) else value
 
 
 def decode(kind: type[T], value: Any, where: str | Path, at: str = "") -> T:

@@ -39,14 +39,14 @@ def to_json(document: Mapping[str, Any]) -> str:
 
 def plain(value: Any) -> Any:
     """Return the value as JSON holds it: arrays as lists, numbers that are not finite as None."""
+    if isinstance(value, float):  # as most are
+        return float(value) if math.isfinite(value) else None
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
     if hasattr(value, "tolist"):
         return plain(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
     return value
 
 
