@@ -144,3 +144,19 @@ def test_what_is_kept_on_disk_is_loaded_for_less_work(tmp_path, place, monkeypat
     monkeypatch.setattr(machine, "is_kept", looks.append)
     assert not any(machine.worth_compiling(4_000, "cold", function=module.outer) for _ in range(9))
     assert len(looks) == 1, "looked for once, not in every run"
+
+
+def test_what_is_only_called_is_taken_in_and_has_no_machine_code_of_its_own(tmp_path, place):
+    module = _started_anew(tmp_path)
+    assert compiled(module.outer)(3.0) == 8.0
+    for function, runs in ((module.inner, False), (module.outer, True)):
+        door = compiled(function) if runs else machine._machine(function, allocates=False, called=True)
+        (made,) = door.overloads.values()
+        assert made.library._codegen._engine.is_symbol_defined(made.fndesc.mangled_name) is runs
+
+
+def test_what_is_called_and_makes_arrays_is_taken_in_too(tmp_path, place):
+    first, second = (compiled(_started_anew(tmp_path).many, allocates=True) for _ in range(2))
+    assert list(first(3)) == [2.0, 4.0, 6.0]
+    assert list(second(3)) == [2.0, 4.0, 6.0]
+    assert (_hits(first), _hits(second)) == (0, 1)

@@ -314,12 +314,16 @@ def _machine(function: Callable[..., Any], *, allocates: bool, cache: bool = Fal
     """
     from numba import njit  # noqa: PLC0415 - half a second, which only the compiled world needs
 
+    from heatertune.inlined import Inlined  # noqa: PLC0415 - likewise
+
     plain = _plain(function)
     inside = {name: _machine(value, allocates=allocates, called=True) for name, value in _called(plain).items()}
     # no exceptions (a step is total), and where nothing is allocated no reference counts and all calls inlined: ten
     # times faster
     options = {"nogil": True, "cache": cache, "_nrt": allocates, "error_model": "numpy"}
     options |= {"forceinline": called and not allocates, "no_cpython_wrapper": called, "no_cfunc_wrapper": called}
+    if called:
+        options["pipeline_class"] = Inlined
     machine = njit(**options)(_copy(plain, inside))
     if cache:
         kept = machine._cache
