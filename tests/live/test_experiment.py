@@ -95,7 +95,7 @@ def test_limit_link_and_somebody_elses_hand_end_it_on_each_controller(by_hand, t
 
 def test_a_host_that_is_silent_is_followed_by_the_dead_man_and_the_next_start_gives_back(by_hand, tmp_path):
     serve, words, protocol, part = by_hand
-    plc = serve(dead_man=1000)
+    plc = serve(rate=300.0, dead_man=100)
     before, block = plc.plc.memory.image()[part], plc.plc.block
 
     class Dead(BaseException):

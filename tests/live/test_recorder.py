@@ -104,7 +104,7 @@ def test_a_link_of_a_slower_protocol_that_is_cut_is_a_marked_gap_and_the_log_goe
 
 
 def test_without_places_a_simulated_plc_tells_itself(served, tmp_path):
-    plc = served(intervals=600, **FAST)
+    plc = served(intervals=600, **SLOW)
     record(way(plc, "s7"), tmp_path / "log.csv", ended=Until(plc))
     log = read_log(tmp_path / "log.csv")
     assert log.setpoint_degC is None

@@ -60,9 +60,14 @@ def brief_openings_s(
 def warm_restarts_s(
     controller: Controller, words: Words, design: PidDesign | None, scenario: Scenario, models: Sequence[HeaterModel],
 ) -> list[float]:
-    """Return how long a PLC is without supply where its restart may overshoot most; none without an I part.
+    """Return how long a PLC is without supply where its restart may overshoot most [s]; none without an I part.
 
-    Arguments as `brief_openings_s`.
+    Args:
+        controller: that runs the words.
+        words: what it holds.
+        design: as the words realise it; None where the controller is no PID.
+        scenario: the story.
+        models: the heaters.
     """
     if design is None or math.isinf(design.integral_time_s):
         return []
