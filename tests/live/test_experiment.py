@@ -79,11 +79,11 @@ def test_limit_link_and_somebody_elses_hand_end_it_on_each_controller(by_hand, t
         ended, _ = ran(plc, words, tmp_path / name, plan, Limits(temperature_degC=60.0), protocol=protocol, **more)
         return ended.why, ended.restored, plc.plc.memory.image()[part] == before
 
-    assert cut_off("limit", serve(), hot) == ("limit", True, True)
+    assert cut_off("limit", serve(rate=300.0), hot) == ("limit", True, True)
     rows = rows_of(tmp_path / "limit" / "log.csv")
     assert rows[:-2, 1].max() < 60.0 <= rows[-1, 1]
-    assert cut_off("link", serve(faults="t=3000 cut until=5000")) == ("link", True, True)
-    plc = serve()
+    assert cut_off("link", serve(rate=1000.0, faults="t=1000 cut until=2000")) == ("link", True, True)
+    plc = serve(rate=1000.0)
 
     def other(so_far, _):
         if so_far.rows == 20:

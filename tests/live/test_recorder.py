@@ -33,9 +33,9 @@ from heatertune.log.cells import read_sheet
 
 #: those that can be read within a scan of the fast ones here
 QUICK = PROTOCOLS[:2]
-#: a scan in a millisecond, some of which a client misses, and as fast as it goes, of which it sees a few
-FAST = {"step": False, "rate": 4000.0}
-SLOW = {"step": False, "rate": 1500.0}  # a busy machine still looks often enough
+#: a scan in two milliseconds, some of which a client misses, and as fast as it goes, of which it sees a few
+FAST = {"step": False, "rate": 2000.0}
+SLOW = {"step": False, "rate": 1000.0}  # a busy machine still looks often enough
 MAX = {"step": False, "rate": float("inf")}
 
 
@@ -216,7 +216,7 @@ def test_a_simulator_that_tells_no_scans_any_more_is_a_lost_link_and_no_other_cl
 @pytest.mark.parametrize("protocol", QUICK)
 @pytest.mark.parametrize("fault", ["cut", "lost-reply", "black-hole"])
 def test_a_lost_link_is_a_marked_gap_and_the_log_goes_on(served, places, tmp_path, protocol, fault):
-    plc = served(serve=protocol, faults=f"t=1200 {fault} until=2400", intervals=1200, step=False, rate=2000.0)
+    plc = served(serve=protocol, faults=f"t=1200 {fault} until=2400", intervals=1200, **SLOW)
     told = record(way(plc, protocol), tmp_path / "log.csv", places, Recording(timeout_s=0.2), ended=Until(plc))
     text, rows = (tmp_path / "log.csv").read_text(), rows_of(tmp_path / "log.csv")
     gaps = re.findall(r"# gap before (\S+) s: (.*)", text)
