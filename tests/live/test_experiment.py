@@ -31,9 +31,9 @@ def cells(plc):
     return plc.plc.memory.image()[CELLS]
 
 
-def ran(plc, words, tmp_path, plan=PLAN, limits=WARM, protocol="s7", aims=None, **watching):
+def ran(plc, words, tmp_path, plan=PLAN, limits=WARM, protocol="s7", aims=None, timeout_s=2.0, **watching):
     """Run an experiment; return how it ended, and what stood there before."""
-    whole = Experiment(plan, way(plc, protocol), words, limits, timeout_s=2.0)
+    whole = Experiment(plan, way(plc, protocol), words, limits, timeout_s=timeout_s)
     whole.check()
     before = cells(plc)
     ended = whole.run(tmp_path / "log.csv", aims, Watching(**watching))
@@ -139,9 +139,9 @@ def test_the_limit_ends_it_at_the_second_look(served, words, tmp_path):
     ("sensor-off", {"sensor"}), ("cpu-stop", {"silence"}), ("cut", {"link"}), ("black-hole", {"link"}), ("lost-reply", {"link"}),
     ("db-missing", {"silence", "link"})])  # that stops the CPU, too: which is seen first is a matter of the moment
 def test_what_goes_wrong_ends_it(served, words, tmp_path, fault, why):
-    plc = served(faults=f"t=4000 {fault} until=7000", **FAST)
-    limits = Limits(temperature_degC=95.0, silence_s=0.5)
-    ended, before = ran(plc, words, tmp_path, Steps(steps=((0.0, 10.0), (20000.0, 20.0))), limits)
+    plc = served(faults=f"t=4000 {fault} until=9000", **FAST)
+    limits = Limits(temperature_degC=95.0, silence_s=2.0)
+    ended, before = ran(plc, words, tmp_path, Steps(steps=((0.0, 10.0), (20000.0, 20.0))), limits, timeout_s=0.3)
     assert ended.why in why, ended
     assert ended.restored, ended
     assert cells(plc) == before
