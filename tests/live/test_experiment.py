@@ -118,7 +118,7 @@ def test_a_host_that_is_silent_is_followed_by_the_dead_man_and_the_next_start_gi
 
 def test_a_relay_is_run(served, words, tmp_path):
     plan = Relay(rest_s=40.0, on_degC=44.0, off_degC=46.0, high_pct=80.0, low_pct=0.0, duration_s=2500.0)
-    ended, _ = ran(served(**FAST | {"rate": 500.0}), words, tmp_path, plan)
+    ended, _ = ran(served(**FAST | {"rate": 250.0}), words, tmp_path, plan)
     assert ended.why == "plan"
     rows = rows_of(tmp_path / "log.csv")
     swings = rows[rows[:, 0] > rows[0, 0] + 800.0]

@@ -301,7 +301,7 @@ def test_a_response_outside_the_proven_band_is_taken_back(plant, capsys):
 @pytest.mark.parametrize("wait", [520, 550])
 def test_words_that_end_a_swing_are_not_taken_back(plant, wait):
     # before the band knew of the slope, a third of such writes were, though the loop rests under the new words
-    here = plant(found={"K": 5680, "TI": 300})
+    here = plant(found={"K": 5680, "TI": 300}, rate=500)
     while here.served.told.intervals < wait:
         here.served.plc.wait(0.001)
     assert here.write() == 0
