@@ -20,9 +20,7 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-
-from heatertune.heater.exact import advance, area, time_to
+from heatertune.heater.exact import answered, time_to
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc.controller import Controller
@@ -97,14 +95,12 @@ def _before_a_boost(
 def _saturates_s(model: HeaterModel, step_degC: float, design: PidDesign, most_pct: float) -> float:
     """Return how long a heater has cooled down when all power is asked for [s]."""
     outer, inner = (*model.lags_s, 0.0)[:2]
-    hot, cold = np.array(step_degC), np.array(0.0)
 
     def asked_pct(seconds: float) -> float:
-        t = np.array(seconds)
-        error = step_degC - advance(hot, hot, cold, t, outer, inner)
-        summed = step_degC * t - area(hot, hot, cold, t, outer, inner)
-        return step_degC / model.gain_degC_per_pct + design.gain_pct_per_degC * float(
-            error + summed / design.integral_time_s)
+        fallen = answered(seconds, outer, inner)
+        summed_s = seconds + outer * math.expm1(-seconds / outer) - inner * fallen  # of what has fallen
+        return step_degC / model.gain_degC_per_pct + design.gain_pct_per_degC * step_degC * (
+            fallen + summed_s / design.integral_time_s)
 
     low, high = 0.0, outer
     while asked_pct(high) < most_pct:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 from typing import Final
 
 from heatertune.model.mirrored import cools, mirrored
@@ -52,8 +52,10 @@ class Family:
     problem: Problem
     optimum: PidDesign
     cooler: bool = False
+    _known: dict[Place, PidDesign | None] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
+    @lru_cache(maxsize=16)  # many changes that a search tries have the same gains
     def of(
         cls, wished: PidDesign, fitted: FittedModel, tuned: TuneSettings, target: str, scaling: Scaling
     ) -> Family:
@@ -113,8 +115,11 @@ class Family:
         return design if design is None or not self.cooler else _turned(design)
 
     def _upright(self, place: Place) -> PidDesign | None:
-        if place == self.place:
-            return self.optimum
+        if place not in self._known:
+            self._known[place] = self.optimum if place == self.place else self._on_the_bound(place)
+        return self._known[place]
+
+    def _on_the_bound(self, place: Place) -> PidDesign | None:
         tn, tv = place.factor * self.optimum.integral_time_s, self.optimum.derivative_time_s
         problem = replace(self.problem, ms=place.ms)
         gains = largest_gain(problem, tn, tv)

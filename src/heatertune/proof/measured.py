@@ -75,8 +75,8 @@ class Column:
 
     Attributes:
         name, unit, what, at_least: see `Criterion`.
-        values: of the loops, shape (n,).
-        limits: of each of them, shape (n,); None: the numbers inform.
+        values: of the loops, shape (n,); in several phases, shape (n, phases).
+        limits: of each of them, likewise; None: the numbers inform.
     """
 
     name: str
@@ -88,7 +88,7 @@ class Column:
 
     @property
     def strains(self) -> Array:
-        """How much of its limit each loop uses, as `Criterion.strain`, shape (n,)."""
+        """How much of its limit each loop uses, as `Criterion.strain`, shaped as the values."""
         return _strains(self.values, self.limits, at_least=self.at_least)
 
     def criteria(self, labels: Iterable[str]) -> Iterator[Criterion]:
@@ -149,35 +149,46 @@ def columns_of(measured: Measured, limits: Limits) -> list[Column]:
             *_profile(measured, limits), *_switching(measured, limits)]
 
 
-def _column(name: str, unit: str, values: Array, limit: float | None, what: str) -> Column:
-    limits = None if limit is None else np.full(len(values), limit)
+def _column(name: str, unit: str, values: Array, limit: float | Array | None, what: str) -> Column:
+    limits = None if limit is None else np.full(values.shape, limit)
     return Column(name=name, unit=unit, what=what, values=values, limits=limits)
 
 
 def _steps(measured: Measured) -> Array:
-    """Return how far each loop has to go, up or down [°C]."""
-    return np.asarray(np.abs(measured.scenario.setpoint_degC - measured.rows[:, 5]))
+    """Return how far each loop has to go, up or down [°C], shape (n, 1)."""
+    return np.asarray(np.abs(measured.scenario.setpoint_degC - measured.rows[:, 5:6]))
 
 
-def _rises(measured: Measured, phase: Phase) -> npt.NDArray[np.bool_]:
+def _rises(measured: Measured, phases: Sequence[int]) -> npt.NDArray[np.bool_]:
     """Return for each loop whether the event of a phase moves the temperature up: a cooler's power moves it down."""
-    heats = measured.rows[:, 0] > 0.0
-    return np.asarray((heats == phase.up) if phase.by_power else np.full(len(heats), phase.up))
+    up, by_power = np.array([(measured.phases[number].up, measured.phases[number].by_power) for number in phases]).T
+    return np.asarray(np.where(by_power, (measured.rows[:, :1] > 0.0) == up, up))
+
+
+def _of_kind(measured: Measured, kind: str) -> list[int]:
+    """Return the numbers of the phases of a kind."""
+    return [number for number, phase in enumerate(measured.phases) if phase.kind == kind]
+
+
+def _numbers(measured: Measured, phases: Sequence[int], name: str) -> Array:
+    """Return a number that each phase has."""
+    return np.array([getattr(measured.phases[number], name) for number in phases])
 
 
 def _ways(measured: Measured, limits: Limits, kind: str) -> Iterator[Column]:
     """Return the criteria of the phases on which the temperature has to go to a setpoint."""
-    return _worst(_way(measured, limits, number, phase) for number, phase in enumerate(measured.phases)
-                  if phase.kind == kind)
+    phases = _of_kind(measured, kind)
+    return map(_worst, _way(measured, limits, kind, phases) if phases else ())
 
 
-def _way(measured: Measured, limits: Limits, number: int, phase: Phase) -> Iterator[Column]:
-    overshoot, time, when, since = WAYS[phase.kind]
-    seen, asked = measured.table[:, number], limits.settling_s if phase.kind == "heat-up" else None
-    beyond = np.where(_rises(measured, phase), seen[:, HIGHEST], -seen[:, LOWEST])
+def _way(measured: Measured, limits: Limits, kind: str, phases: Sequence[int]) -> Iterator[Column]:
+    overshoot, time, when, since = WAYS[kind]
+    seen, asked = measured.table[:, phases], limits.settling_s if kind == "heat-up" else None
+    beyond = np.where(_rises(measured, phases), seen[:, :, HIGHEST], -seen[:, :, LOWEST])
     yield from _beyond(overshoot, np.maximum(0.0, beyond), _steps(measured), _limits_of(limits, overshoot), when)
     yield _column(
-        time, "s", seen[:, SETTLED] - phase.begin_s, phase.limit_s if asked is None else asked,
+        time, "s", seen[:, :, SETTLED] - _numbers(measured, phases, "begin_s"),
+        _numbers(measured, phases, "limit_s") if asked is None else asked,
         f"{since} after which the temperature stays within ±{measured.band_degC:.3g} °C of the setpoint.")
 
 
@@ -198,56 +209,52 @@ def _limits_of(limits: Limits, overshoot: str) -> tuple[float | None, float | No
     return getattr(limits, f"{own}_pct"), getattr(limits, f"{own}{IN_DEGC}")
 
 
-def _worst(phases: Iterable[Iterator[Column]]) -> Iterator[Column]:
-    """Return the criteria of several phases, for each loop that of the one that uses most of its limit.
+def _worst(column: Column) -> Column:
+    """Return of a criterion in several phases, shape (n, phases), for each loop that which uses most of its limit.
 
     Without limits it is the largest value; of equals the first.
     """
-    for same in zip(*phases, strict=True):
-        first = same[0]
-        values = np.array([column.values for column in same])
-        limits = None if first.limits is None else np.array([column.limits for column in same])
-        used = _strains(values, limits, at_least=first.at_least)
-        most = np.where(used == used.max(axis=0), values, -math.inf).argmax(axis=0)
-        loops = np.arange(values.shape[1])
-        yield replace(first, values=values[most, loops], limits=None if limits is None else limits[most, loops])
+    values, used = column.values, column.strains
+    most = np.where(used == used.max(axis=1, keepdims=True), values, -math.inf).argmax(axis=1)
+    loops = np.arange(len(values))
+    return replace(column, values=values[loops, most],
+                   limits=None if column.limits is None else column.limits[loops, most])
 
 
 def _at_rest(measured: Measured, limits: Limits) -> Iterator[Column]:
-    yield from _worst(_rest(measured, number, phase) for number, phase in enumerate(measured.phases)
-                      if phase.kind not in _OWN and phase.rest_s < phase.end_s)
+    judged = [number for number, phase in enumerate(measured.phases) if phase.kind not in _OWN]
+    rests = [number for number in judged if measured.phases[number].rest_s < measured.phases[number].end_s]
+    yield from map(_worst, _rest(measured, rests) if rests else ())
     yield _column(
         "pwm_ripple", "°C", measured.ripple, limits.pwm_ripple_degC,
         "Peak to peak within one PWM period at rest after the heat-up, median.")
-    judged = [number for number, phase in enumerate(measured.phases) if phase.kind not in _OWN]
     yield _column(
         "iae", "°C·s", measured.table[:, judged, ABSOLUTE].sum(axis=1), limits.iae_degC_s,
         "Integral of the absolute error over the whole record, but for the time without heater or PLC.")
 
 
-def _rest(measured: Measured, number: int, phase: Phase) -> Iterator[Column]:
-    seen, band = measured.table[:, number], measured.band_degC
+def _rest(measured: Measured, phases: Sequence[int]) -> Iterator[Column]:
+    seen, band = measured.table[:, phases], measured.band_degC
+    lasts_s = _numbers(measured, phases, "end_s") - _numbers(measured, phases, "rest_s")
     yield _column(
-        "steady_offset", "°C", np.abs(seen[:, MEAN]) / (phase.end_s - phase.rest_s), band,
-        "Mean distance from the setpoint at rest.")
+        "steady_offset", "°C", np.abs(seen[:, :, MEAN]) / lasts_s, band, "Mean distance from the setpoint at rest.")
     yield _column(
-        "limit_cycle", "°C", (seen[:, REST_HIGHEST] - seen[:, REST_LOWEST]) / 2.0, band,
+        "limit_cycle", "°C", (seen[:, :, REST_HIGHEST] - seen[:, :, REST_LOWEST]) / 2.0, band,
         "Half of the temperature's peak to peak at rest, PWM ripple included.")
 
 
 def _recovery(measured: Measured, limits: Limits) -> Iterator[Column]:
     """Return the criteria of the disturbances."""
-    return _worst(_after(measured, limits, number, phase) for number, phase in enumerate(measured.phases)
-                  if phase.kind == "recovery")
+    phases = _of_kind(measured, "recovery")
+    return map(_worst, _after(measured, limits, phases) if phases else ())
 
 
-def _after(measured: Measured, limits: Limits, number: int, phase: Phase) -> Iterator[Column]:
-    seen = measured.table[:, number]
-    rises = _rises(measured, phase)
-    along, beyond = (np.where(rises == up, seen[:, HIGHEST], -seen[:, LOWEST]) for up in (True, False))
+def _after(measured: Measured, limits: Limits, phases: Sequence[int]) -> Iterator[Column]:
+    seen, rises = measured.table[:, phases], _rises(measured, phases)
+    along, beyond = (np.where(rises == up, seen[:, :, HIGHEST], -seen[:, :, LOWEST]) for up in (True, False))
     yield _column(
-        "recovery_time", "s", seen[:, SETTLED] - phase.begin_s,
-        phase.limit_s if limits.recovery_s is None else limits.recovery_s,
+        "recovery_time", "s", seen[:, :, SETTLED] - _numbers(measured, phases, "begin_s"),
+        _numbers(measured, phases, "limit_s") if limits.recovery_s is None else limits.recovery_s,
         f"Time after a disturbance until the temperature stays within ±{measured.band_degC:.3g} °C of the setpoint.")
     yield from _beyond(
         "recovery_overshoot", np.maximum(0.0, beyond), _steps(measured), _limits_of(limits, "recovery_overshoot"),
@@ -260,27 +267,36 @@ def _after(measured: Measured, limits: Limits, number: int, phase: Phase) -> Ite
 def _profile(measured: Measured, limits: Limits) -> Iterator[Column]:
     """Return the criteria of a profile, none where the setpoint is led along none."""
     led = [number for number, phase in enumerate(measured.phases) if phase.kind in LED]
-    ramps = [number for number in led if measured.phases[number].kind == "ramp"]
-    yield from _worst(_soak(measured, limits, number) for number, phase in enumerate(measured.phases)
-                      if phase.kind == "soak" and phase.rest_s < phase.end_s)
-    yield from _worst(_ramp_end(measured, limits, number) for number in ramps)
+    ramps = _of_kind(measured, "ramp")
+    soaks = [number for number in _of_kind(measured, "soak")
+             if measured.phases[number].rest_s < measured.phases[number].end_s]
+    if soaks:
+        yield _worst(_soak(measured, limits, soaks))
     if ramps:
+        yield from map(_worst, _ramp_ends(measured, limits, ramps))
         yield _column("ramp_deviation", "°C", measured.table[:, ramps, LAG].max(axis=1), limits.ramp_deviation_degC,
                       "Largest distance from the setpoint on the ramps of the profile.")
     if led:
         yield _column("peak", "°C", _highest(measured, led), limits.peak_degC, "Highest temperature along the profile.")
 
 
-def _soak(measured: Measured, limits: Limits, number: int) -> Iterator[Column]:
-    seen, band = measured.table[:, number], limits.soak_band_degC
-    yield _column(
-        "soak_deviation", "°C", np.maximum(seen[:, REST_HIGHEST], -seen[:, REST_LOWEST]),
+def _soak(measured: Measured, limits: Limits, phases: Sequence[int]) -> Column:
+    seen, band = measured.table[:, phases], limits.soak_band_degC
+    return _column(
+        "soak_deviation", "°C", np.maximum(seen[:, :, REST_HIGHEST], -seen[:, :, REST_LOWEST]),
         measured.band_degC if band is None else band,
         "Largest distance from the temperature of a soak of the profile, after what it may settle in.")
 
 
-def _ramp_end(measured: Measured, limits: Limits, number: int) -> Iterator[Column]:
-    """Return what goes beyond the end of a ramp: on it, in the soak after it, and on a way back that follows."""
+def _ramp_ends(measured: Measured, limits: Limits, ramps: Sequence[int]) -> Iterator[Column]:
+    """Return what goes beyond the ends of ramps: on each, in the soak after it, and on a way back that follows."""
+    beyond, steps = zip(*(_beyond_ramp(measured, number) for number in ramps), strict=True)
+    return _beyond("ramp_overshoot", np.maximum(0.0, np.column_stack(beyond)), np.array(steps),
+                   _limits_of(limits, "ramp_overshoot"), "at the end of a ramp of the profile", "that ramp's step")
+
+
+def _beyond_ramp(measured: Measured, number: int) -> tuple[Array, float]:
+    """Return how far each loop goes beyond the end of a ramp, and how high that is [°C]."""
     phases, ramp, led = measured.phases, measured.phases[number], measured.scenario.disturbances[number - 1]
     assert isinstance(led, Led)
     after = [number]
@@ -292,9 +308,7 @@ def _ramp_end(measured: Measured, limits: Limits, number: int) -> Iterator[Colum
             break
     beyond = (_highest(measured, after) - ramp.setpoint_degC if ramp.up
               else ramp.setpoint_degC - _lowest(measured, after))
-    step = abs(led.setpoint_degC - led.from_degC)
-    yield from _beyond("ramp_overshoot", np.maximum(0.0, beyond), np.full(len(beyond), step),
-                       _limits_of(limits, "ramp_overshoot"), "at the end of a ramp of the profile", "that ramp's step")
+    return beyond, abs(led.setpoint_degC - led.from_degC)
 
 
 def _highest(measured: Measured, phases: Sequence[int]) -> Array:

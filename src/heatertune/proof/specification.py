@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 from heatertune.codec import LEFT_OUT
@@ -294,6 +295,7 @@ def _setting(name: str, text: str) -> float | bool:
     return float(spelled[1]) * part.factor
 
 
+@lru_cache(maxsize=256)
 def _quantity(name: str, text: str) -> tuple[float, str]:
     """Return number and unit of a value."""
     units = limit_of(name).units

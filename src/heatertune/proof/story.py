@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -147,9 +148,9 @@ class _Part:
     rest_s: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class _Teller:
-    """Makes the parts; all events are at 1 s until they are put in order."""
+    """Makes the parts; all events are at 1 s until they are put in order. What the parts share is worked out once."""
 
     models: tuple[HeaterModel, ...]
     ambients_degC: tuple[float, ...]
@@ -157,7 +158,7 @@ class _Teller:
     story: Story
     setpoint_degC: float
 
-    @property
+    @cached_property
     def heat_up(self) -> _Part:
         """The first part."""
         return _Part(event=None, limit_s=max(self.way_s, self.loop.settling_s), rest_s=self.long_rest_s)
@@ -266,58 +267,58 @@ class _Teller:
         if 0.0 < self.load_pct < self.story.load_pct:
             yield f"load of {self.load_pct:.3g} % in place of {self.story.load_pct:.3g} %: no more power is left over"
 
-    @property
+    @cached_property
     def step_degC(self) -> float:
         """The largest setpoint step, negative for a cooler."""
         return max((self.setpoint_degC - ambient for ambient in self.ambients_degC), key=abs)
 
-    @property
+    @cached_property
     def heater_s(self) -> float:
         """The largest sum of lags and dead time."""
         return max(sum(model.lags_s) + model.dead_time_s for model in self.models)
 
-    @property
+    @cached_property
     def loop_s(self) -> float:
         """What a loop may take."""
         return _LOOP_TIMES * self.heater_s
 
-    @property
+    @cached_property
     def integral_time_s(self) -> float:
         """TN, or what stands for it: the heater's own time where there is none."""
         tn = self.loop.integral_time_s
         return self.heater_s if tn is None or math.isinf(tn) else min(tn, _SLOWEST_TN * self.heater_s)
 
-    @property
+    @cached_property
     def period_s(self) -> float:
         """The slowest period of what may move at rest."""
         own = max(self.loop.pwm_period_s, 2.0 * math.pi * self.integral_time_s)
         return max(own, min(self.loop.beat_s, _SLOWEST_BEAT * own))
 
-    @property
+    @cached_property
     def long_rest_s(self) -> float:
         """How long a loop is watched at rest at a power that no part before it had."""
         return _LONG_REST * self.period_s
 
-    @property
+    @cached_property
     def way_s(self) -> float:
         """In which the setpoint has to be reached from cold: at full power, and what loop and ramp take."""
         shares = ((self.setpoint_degC - ambient) / (100.0 * model.gain_degC_per_pct)
                   for model, ambient in zip(self.models, self.ambients_degC, strict=True))
         return self._longest_s(shares) + self.loop_s + self._ramp_s
 
-    @property
+    @cached_property
     def load_pct(self) -> float:
         """The load that leaves every heater its reserve."""
         return max(0.0, min(self.story.load_pct, self._reserve_pct() - _RESERVE_PCT))
 
-    @property
+    @cached_property
     def heating_load_pct(self) -> float:
         """The load that heats so that the cooler has to hold the setpoint of every heater; 0: none."""
         held = self._held_pct()
         cooled = min(self.story.load_pct, 100.0 * self.loop.cooling_gain - _RESERVE_PCT - (max(held) - min(held)))
         return max(held) + cooled if cooled > 0.0 else 0.0
 
-    @property
+    @cached_property
     def low_degC(self) -> float | None:
         """The lower end of the setpoints of use, None where none is tested."""
         if not self.story.changes:
@@ -341,7 +342,7 @@ class _Teller:
     def _off(self, event: Disturbance, seconds: float) -> _Part:
         return _Part(event=event, limit_s=seconds, rest_s=0.0)
 
-    @property
+    @cached_property
     def _opened_s(self) -> list[float]:
         """How long the circuit is open: the I part asks for much, the heater is warm; and for a night.
 
@@ -350,7 +351,7 @@ class _Teller:
         cold_s = self._longest_s(_COLD for _ in self.models)
         return [max(_OPENED_TN * self.integral_time_s, self.heater_s), max(_NIGHT_TN * self.integral_time_s, cold_s)]
 
-    @property
+    @cached_property
     def _nearly_again_s(self) -> list[float]:
         """How long an open circuit winds the controller up most: a boost nearly takes the heater back, but does not.
 
@@ -370,7 +371,7 @@ class _Teller:
                  for model, share in zip(self.models, shares, strict=True)]
         return [min(falls), max(falls)]
 
-    @property
+    @cached_property
     def _mains_tested(self) -> bool:
         return self.story.mains and self._reserve_pct(_LOW_MAINS) >= _RESERVE_PCT
 
@@ -382,7 +383,7 @@ class _Teller:
         return [(self.setpoint_degC - ambient) / (mains * model.gain_degC_per_pct)
                 for model, ambient in zip(self.models, self.ambients_degC, strict=True)]
 
-    @property
+    @cached_property
     def _cooling_s(self) -> float:
         low = self.setpoint_degC if self.low_degC is None else self.low_degC
         most = 100.0 * self.loop.cooling_gain
@@ -390,7 +391,7 @@ class _Teller:
             (self.setpoint_degC - low) / (self.setpoint_degC - ambient + most * model.gain_degC_per_pct)
             for model, ambient in zip(self.models, self.ambients_degC, strict=True))
 
-    @property
+    @cached_property
     def _ramp_s(self) -> float:
         return 60.0 * abs(self.step_degC) / self.loop.ramp_degC_per_min
 
