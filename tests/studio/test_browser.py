@@ -148,6 +148,7 @@ def test_a_user_gets_from_a_dropped_file_to_downloaded_words(page, step_log):
     page.get_by_text("design A", exact=True).first.wait_for()
     _picture_has_all_runs_a_crosshair_and_a_zoom(page)
     _words_are_copied(page)
+    _heaters_are_drawn(page)
     _trace_is_held_against_the_design(page)
     demand_whole(page)
     demand_accessible(page)
@@ -258,6 +259,17 @@ def _words_are_copied(page):
     page.get_by_role("button", name=re.compile("^Copy K: KF")).first.click()
     page.get_by_role("button", name=re.compile("^Copy K: KF")).first.filter(has_text="Copied").wait_for()
     assert re.fullmatch(r"KF \+\d{5}", page.evaluate("navigator.clipboard.readText()"))
+
+
+def _heaters_are_drawn(page):
+    page.get_by_role("button", name="Run 1,000 drawn heaters").click()
+    told = page.locator("[data-field=drawn-sentence]").filter(has_text=re.compile(
+        r"^Of 1,000 drawn heaters [\d.]+ % keep every limit under the worst of 6 settings .* 95 % must: (PASS|FAIL)\."))
+    told.wait_for(timeout=60_000)
+    rows = page.locator("[data-field=drawn] tbody tr")
+    assert rows.count() > 10
+    assert page.locator("[data-field=drawn] th").first.inner_text() == "criterion"
+    assert page.get_by_role("button", name="Run 1,000 drawn heaters").is_disabled(), "the same would come again"
 
 
 def _trace_is_held_against_the_design(page):

@@ -6,6 +6,8 @@ import threading
 import pytest
 
 from heatertune.errors import ExportRefused, InputError
+from heatertune.proof.drawn import sample_document
+from heatertune.studio import loop
 from heatertune.studio import work as module
 from heatertune.studio.sheet import Dropped
 
@@ -77,6 +79,45 @@ def test_a_download_is_of_the_design_that_stands_beside_its_button_or_refused(wo
         assert await work.zip(number, force=False) == (name, content)
 
     asyncio.run(story())
+
+
+def test_drawn_heaters_are_those_of_the_command_line_and_stay_with_their_design(work, monkeypatch):
+    monkeypatch.setattr(loop, "DRAWN", 40)
+
+    async def story():
+        await work.draw()
+        assert work.session.drawn is None, "nothing is proven yet"
+        await work.look()
+        window = Window(work)
+        await asyncio.gather(work.draw(), work.draw())
+        assert len(window.seen) == 2, "begun and done once"
+        seen = work.session.drawn
+        work.move(ms=1.4)
+        assert (work.session.drawn, work.can_draw) == (None, False), "before anything was computed"
+        await work.look()
+        assert (work.session.drawn, work.can_draw) == (None, True)
+        work.move(ms=1.6)
+        await work.look()
+        assert work.session.drawn is seen
+        return seen
+
+    seen = asyncio.run(story())
+    front, fitted = work.session.front, work.session.fitted
+    assert seen == sample_document(front.gains.words, fitted, 40, front.conditions)
+
+
+def test_a_fault_while_heaters_are_drawn_is_told_and_can_be_tried_again(work, monkeypatch):
+    def fail(*_):
+        raise InputError("samples are run without an interlock")
+
+    async def story():
+        await work.look()
+        monkeypatch.setattr(module, "on_drawn_heaters", fail)
+        await work.draw()
+
+    asyncio.run(story())
+    assert work.session.fault == "samples are run without an interlock"
+    assert (work.session.drawn, work.can_draw, work.session.verdict) == (None, True, "PASS")
 
 
 def test_a_window_that_is_opened_in_the_middle_of_a_fit_sees_how_far_it_is_and_begins_none(work, heater, step_log, monkeypatch):

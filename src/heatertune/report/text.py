@@ -15,7 +15,8 @@ from heatertune.units import NOMENCLATURE, written
 __all__ = [
     "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
     "feed_forward_lines", "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "limit_text", "model_lines",
-    "model_rows", "outcome_lines", "pareto_table", "quantity", "ramp_note", "samples_table", "search_notes", "spaced",
+    "model_rows", "outcome_lines", "pareto_table", "quantity", "ramp_note", "samples_rows", "samples_table",
+    "samples_told", "search_notes", "spaced",
     "summary", "typed", "unit_text", "validation_lines", "words_table",
 ]
 
@@ -223,20 +224,30 @@ def samples_table(proof: Document) -> list[str]:
     if "samples" not in proof:
         return []
     samples = proof["samples"]
-    rows = [("criterion", "median", "95 %", "99 %", "worst", "limit", "unit", "keep it")]
+    return [
+        f"{samples['count']} samples from seed {samples['seed']} on: {samples_told(samples)}; the worst: --replay "
+        f"{samples['worst_seed']}",
+        table(samples_rows(samples), right=(1, 2, 3, 4)),
+    ]
+
+
+def samples_told(samples: Document) -> str:
+    """Return how many samples keep every limit, how many must, and the verdict on that."""
+    settings = len(samples["settings"])
+    worst = f" under the worst of {settings} settings that the manual leaves open" if settings > 1 else ""
+    return (f"{100.0 * samples['passing']:.4g} % keep every limit{worst}, {100.0 * samples['quantile']:.4g} % must: "
+            f"{samples['verdict']}")
+
+
+def samples_rows(samples: Document) -> list[tuple[str, ...]]:
+    """Return quantiles of each criterion and the share of the samples that keeps its limit, a head first."""
+    rows: list[tuple[str, ...]] = [("criterion", "median", "95 %", "99 %", "worst", "limit", "unit", "keep it")]
     for name, spot in samples["criteria"].items():
         numbers = ["never" if spot[key] is None else figure(spot[key]) for key in ("median", "p95", "p99", "worst")]
         limit = "" if spot["limit"] is None else f"<= {figure(spot['limit'])}"
         kept = "" if spot["limit"] is None else f"{100.0 * spot['passing']:.4g} %"
         rows.append((spaced(name), *numbers, limit, spot["unit"], kept))
-    settings = len(samples["settings"])
-    worst = f" under the worst of {settings} settings that the manual leaves open" if settings > 1 else ""
-    return [
-        f"{samples['count']} samples from seed {samples['seed']} on: {100.0 * samples['passing']:.4g} % keep every "
-        f"limit{worst}, {100.0 * samples['quantile']:.4g} % must: {samples['verdict']}; the worst: --replay "
-        f"{samples['worst_seed']}",
-        table(rows, right=(1, 2, 3, 4)),
-    ]
+    return rows
 
 
 def advice_table(advice: Document) -> str:

@@ -30,9 +30,10 @@ new MutationObserver(() => studio.paint()).observe(
   document, {subtree: true, childList: true, attributeFilter: ['data-heard', 'data-computing']});
 </script>"""
 _LOOK: Final = """
-html.stale :is([data-field=verdict], [data-field=words], [data-field=as-left]) {
+html.stale :is([data-field=verdict], [data-field=words], [data-field=as-left], [data-field=drawn]) {
   background: #ececec; border-color: #767676; }
-html.stale :is(.verdict, [data-field=words] :is(th, td, code), [data-field=as-left] :is(th, td, p, li)) {
+html.stale :is(.verdict, [data-field=words] :is(th, td, code),
+    :is([data-field=as-left], [data-field=drawn]) :is(th, td, p, li)) {
   color: #5f5f5f; }
 """
 #: what a control says when it was moved: the number of the move, and before it its value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from heatertune import chain
 from heatertune.model.values import FittedModel
@@ -17,10 +17,14 @@ from heatertune.plc.choose import search_document
 from heatertune.progress import Told
 from heatertune.proof import Proof, Trace, simulate_wish
 from heatertune.proof.closing import Asked, Closed, closed
+from heatertune.proof.drawn import sample_document
 from heatertune.settings import Conditions
 from heatertune.studio.settings import Settings
 
-__all__ = ["Found", "Gains", "Look", "designed", "first_look", "full_proof"]
+__all__ = ["DRAWN", "Found", "Gains", "Look", "designed", "first_look", "full_proof", "on_drawn_heaters"]
+
+#: heaters that are drawn at a time
+DRAWN: Final = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -105,6 +109,15 @@ def first_look(fitted: FittedModel, settings: Settings, gains: Gains | None = No
 def full_proof(fitted: FittedModel, look: Look, progress: Told = str) -> Proof:
     """Return the proof of the same words on every heater under every open point; errors as in `first_look`."""
     return chain.prove(look.gains.words, fitted, look.conditions, progress=progress)
+
+
+def on_drawn_heaters(fitted: FittedModel, look: Look) -> dict[str, Any]:
+    """Return what the same words do on `DRAWN` heaters and days drawn at random, as `verify --samples` does.
+
+    Raises:
+        InputError, OutOfRange: as in `first_look`.
+    """
+    return sample_document(look.gains.words, fitted, DRAWN, look.conditions)
 
 
 def designed(fitted: FittedModel, settings: Settings, progress: Told = str) -> Found:

@@ -14,6 +14,7 @@ from heatertune.proof.pwm_period import with_pwm
 from heatertune.proof.verdict import NOT_PROVEN
 from heatertune.studio import charts, views
 from heatertune.studio.controls import Controls
+from heatertune.studio.drawn_card import DrawnCard
 from heatertune.studio.gate import LARGEST_LOG
 from heatertune.studio.grey import NUMBER_SEEN, Grey
 from heatertune.studio.left_card import LeftCard
@@ -114,6 +115,7 @@ class Page:
             self._compared = html()
         with card("Criteria of the proof", wide=True):
             self._criteria = html().classes("narrow")
+        self._drawn = DrawnCard(self.work.draw)
 
     def _build_actions(self) -> None:
         with ui.element("div").classes("actions"):
@@ -206,6 +208,7 @@ class Page:
         self.show_progress()
         self._sheet.show(proven=session.proof is not None)
         self._left.show(session.left, session.verdict)
+        self._drawn.show(session.drawn, ready=self.work.can_draw)
         self._grey.show(computing=session.computing, number=session.number)
         if session.log is not None and session.fitted is not None:
             self._show_heater()

@@ -105,6 +105,7 @@ class Session:
         self._proofs: dict[Ticket, Proof] = {}
         self._refused: dict[Ticket, str] = {}
         self._left: dict[Ticket, tuple[Proof, AsLeft]] = {}
+        self._drawn: dict[Ticket, tuple[Proof, Mapping[str, Any]]] = {}
         self._pins: list[tuple[str, Look, Ticket]] = []
         self._before: dict[str, Any] = {}
 
@@ -297,6 +298,16 @@ class Session:
         """The trace beside the proof of the design in front; None where none was held against that very proof."""
         proof, left = self._left.get(self.ticket, (None, None))
         return left if proof is self.proof else None
+
+    def drawn_done(self, ticket: Ticket, proof: Proof, samples: Mapping[str, Any]) -> None:
+        """Take what a proven design does on drawn heaters; it is seen whenever that very design is in front."""
+        _keep(self._drawn, ticket, (proof, samples))
+
+    @property
+    def drawn(self) -> Mapping[str, Any] | None:
+        """What the design in front does on drawn heaters; None where it was not asked for, or is not proven."""
+        proof, samples = self._drawn.get(self.ticket, (None, None))
+        return samples if proof is self.proof else None
 
     @property
     def verdict(self) -> str:

@@ -1,11 +1,11 @@
-"""Sentences of the chain → sentences of the page: what an option of the command line sets has a name here, too."""
+"""Sentences of the chain, and faults → sentences of the page: what an option sets has a name here, too."""
 
 from __future__ import annotations
 
 import re
 from typing import Final
 
-__all__ = ["for_page"]
+__all__ = ["fault_told", "for_page"]
 
 _OPTION: Final = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?: NAME(?: or N|\|N)?| LOW HIGH)?")
 #: where an option's name alone would make no sentence
@@ -43,3 +43,9 @@ def for_page(text: str) -> str:
     text = _NO_COLUMN.sub(lambda found: f"no {found[1]} chosen", _LEFT_OUT.sub("", text))
     text = _OPTION.sub(lambda found: _CALLED.get(found[1], f"‘{found[1].replace('-', ' ')}’"), text)
     return re.sub(r":(?=[).,;]|$)", "", text) if "unit:" in text else text
+
+
+def fault_told(problem: Exception) -> str:
+    """Return what a user is told of a fault of heatertune itself, and what to do."""
+    return (f"Something went wrong inside heatertune ({type(problem).__name__}). Log and settings are kept: move a "
+            "control to go on; if it comes again, start the studio anew and report what its terminal says.")

@@ -20,11 +20,11 @@ from heatertune.settings import FitSettings
 from heatertune.studio.downloads import export_zip, report_page
 from heatertune.studio.left import held_against
 from heatertune.studio.live_log import Asked, LiveLog
-from heatertune.studio.loop import designed, first_look, full_proof
+from heatertune.studio.loop import DRAWN, designed, first_look, full_proof, on_drawn_heaters
 from heatertune.studio.session import Session
 from heatertune.studio.sources import fit_log, read_source
 from heatertune.studio.views import export_name
-from heatertune.studio.wording import for_page
+from heatertune.studio.wording import fault_told, for_page
 
 __all__ = ["Follower", "Work"]
 
@@ -72,7 +72,7 @@ class Work:
         self.live: LiveLog | None = None
         self._recording: asyncio.Task[None] | None = None
         self._pages: list[Follower] = []
-        self._fitting = self._looking = self._proving = self._seeking = False
+        self._fitting = self._looking = self._proving = self._seeking = self._drawing = False
         self._moved_at = 0.0
         self._held = 0
 
@@ -274,6 +274,27 @@ class Work:
             session.left_done(ticket, standing.proof, left)
         self.tell()
 
+    async def draw(self) -> None:
+        """Run the proven design in front on drawn heaters; what it shows stays with that design."""
+        if not self.can_draw:
+            return
+        proven, ticket, what = self.session.standing(), self.session.ticket, f"running {DRAWN:,} drawn heaters"
+        self._drawing, self.session.fault = True, ""
+        self.tell()
+        try:
+            samples = await self._told(lambda _: on_drawn_heaters(proven.fitted, proven.look), what, lambda: True)
+            self.session.drawn_done(ticket, proven.proof, samples)
+        except Exception as problem:
+            self.session.fault = str(self._kind(problem))
+        finally:
+            self._drawing = False
+        self.tell()
+
+    @property
+    def can_draw(self) -> bool:
+        """Whether there is a proven design to be run on drawn heaters, and none is just now."""
+        return self.session.proof is not None and not self.session.computing and not self._drawing
+
     def put_trace_away(self) -> None:
         """Forget the trace beside the design in front, on every page."""
         self.session.put_trace_away()
@@ -377,9 +398,3 @@ class Work:
         files = standing.export(force=force) if force or standing.proof.verdict == "PASS" else {}
         page: str = await self._told(lambda _: report_page(standing, files), "drawing the report", lambda: True)
         return export_name(standing.log, standing.look), page.encode()
-
-
-def fault_told(problem: Exception) -> str:
-    """Return what a user is told of a fault of heatertune itself, and what to do."""
-    return (f"Something went wrong inside heatertune ({type(problem).__name__}). Log and settings are kept: move a "
-            "control to go on; if it comes again, start the studio anew and report what its terminal says.")
