@@ -61,7 +61,7 @@ def test_the_studio_is_imported_by_its_command_alone_and_its_logic_knows_no_brow
         if "studio" in _imports(path):
             assert path.parent == SOURCE / "studio" or path == SOURCE / "cli" / "studio.py", path
     knowing = {path.stem for path in (SOURCE / "studio").glob("*.py") if "from nicegui" in path.read_text(encoding="utf-8")}
-    assert knowing == {"controls", "grey", "left_card", "live_card", "loop_card", "page", "parts", "server", "sheet_card"}
+    assert knowing == {"controls", "drawn_card", "grey", "left_card", "live_card", "loop_card", "page", "parts", "server", "sheet_card"}
 
 
 def test_the_live_side_imports_all_stages_but_neither_studio_nor_commands_and_these_and_the_face_alone_import_it():

@@ -88,7 +88,7 @@ class Column:
 
     @property
     def strains(self) -> Array:
-        """How much of its limit each loop uses, as `Criterion.strain`, shaped as the values."""
+        """How much of its limit each loop uses, as `Criterion.strain`, shape (n,) or, as the values, (n, phases)."""
         return _strains(self.values, self.limits, at_least=self.at_least)
 
     def criteria(self, labels: Iterable[str]) -> Iterator[Criterion]:

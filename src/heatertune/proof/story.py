@@ -126,9 +126,8 @@ def story_for(
             "a restart of the PLC"))
     plain = Scenario(setpoint_degC=setpoint_degC, ambient_degC=ambient_degC, duration_s=1.0, noise_degC=noise_degC,
                      seed=seed)
-    ambients = [conditions(plain, model)[0] for model in models]
-    teller = _Teller(models=tuple(models), ambients_degC=tuple(ambients), loop=loop, story=story or Story(),
-                     setpoint_degC=setpoint_degC)
+    teller = _Teller(models=tuple(models), ambients_degC=tuple(conditions(plain, model)[0] for model in models),
+                     loop=loop, story=story or Story(), setpoint_degC=setpoint_degC)
     parts = [teller.heat_up, *teller.parts()]
     # whole scans are counted, not seconds added: an event that is late by a last digit would be seen a scan later
     ends = (np.cumsum([teller.scans(part.limit_s + part.rest_s) for part in parts]) * loop.scan_s).tolist()
