@@ -45,7 +45,7 @@ class Promise:
     """
 
     way: str
-    limits: Mapping[str, float]
+    limits: Mapping[str, float] = field(hash=False)  # a dictionary has none, and a design is looked up by its own
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
