@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -22,8 +21,6 @@ __all__ = ["judge", "of_words"]
 Array = npt.NDArray[np.float64]
 #: instants [s] and distances from the setpoint there [°C]
 Course = tuple[Array, Array]
-
-_HALVINGS: Final = 60  # of a stretch, until its ends are neighbours as numbers
 
 
 def judge(
@@ -80,7 +77,7 @@ def _phase(trace: Trace, number: int, phase: Phase, band: float) -> list[float]:
     times, error = _error(trace, phase, phase.begin_s)
     crossed = np.flatnonzero(error[1:] * error[:-1] < 0.0)
     level = np.full(len(crossed), phase.setpoint_degC)
-    zeros = _halved(trace, times[crossed], times[crossed + 1], level)
+    zeros = trace.crossed_at(times[crossed], times[crossed + 1], level)
     absolute = np.abs(_integrals(trace, phase, np.union1d(times, zeros))).sum()
     settled = _stays_within(trace, phase, times, error, band)
     lag = _lag(trace, number, times)
@@ -110,17 +107,7 @@ def _stays_within(trace: Trace, phase: Phase, times: Array, error: Array, band: 
     if last == len(times) - 1:
         return math.inf
     edge = np.array([phase.setpoint_degC + math.copysign(band, error[last])])
-    return float(_halved(trace, times[[last]], times[[last + 1]], edge).item())
-
-
-def _halved(trace: Trace, low_s: Array, high_s: Array, levels_degC: Array) -> Array:
-    """Return the instants at which the temperature is at these levels, each the only one between two instants [s]."""
-    above = trace.temperature_at(low_s) > levels_degC
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low_s + high_s)
-        still = (trace.temperature_at(middle) > levels_degC) == above
-        low_s, high_s = np.where(still, middle, low_s), np.where(still, high_s, middle)
-    return high_s
+    return float(trace.crossed_at(times[[last]], times[[last + 1]], edge).item())
 
 
 def _integrals(trace: Trace, phase: Phase, times: Array) -> Array:
