@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -25,7 +26,7 @@ Array = npt.NDArray[np.float64]
 _HALVINGS: Final = 60  # of the time between two instants, until its ends are neighbours as numbers
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Trace(Shown):
     """One run of the closed loop; all arrays are read-only.
 
@@ -107,9 +108,8 @@ class Trace(Shown):
         The first is `start_s` after a jump, the last `end_s` before one; disturbances in between are not
         expected. So the extremes of the temperature are among the values.
         """
-        instants = np.concatenate([self.time_s, self.stretches[:, 0], self._turns()])
-        inside = instants[(instants > start_s) & (instants < end_s)]
-        times = np.unique(np.concatenate([[start_s], inside, [end_s]]))
+        first, last = np.searchsorted(self._instants, start_s, "right"), np.searchsorted(self._instants, end_s)
+        times = np.concatenate([[start_s] if start_s < end_s else [], self._instants[first:last], [end_s]])
         values = self.temperature_at(times)
         values[-1] = self.temperature_at(end_s, before=True)
         return times, values
@@ -150,6 +150,11 @@ class Trace(Shown):
     def _lags(self) -> tuple[float, float]:
         first, *rest = self.model.lags_s
         return first, rest[0] if rest else 0.0
+
+    @cached_property
+    def _instants(self) -> Array:
+        """Instants between which the temperature neither jumps nor turns [s]."""
+        return np.unique(np.concatenate([self.time_s, self.stretches[:, 0], self._turns()]))
 
     def _turns(self) -> Array:
         first, second = self._lags()
