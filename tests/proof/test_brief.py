@@ -8,7 +8,7 @@ import pytest
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Scaling, controller_for
-from heatertune.proof.brief import brief_openings_s, warm_restarts_s
+from heatertune.proof.brief import Cooling
 from heatertune.proof.night import nights_of
 from heatertune.proof.scenario import Mains, PlcPower, Scenario
 
@@ -40,14 +40,14 @@ def _in_steps(lags, most_pct=100.0, step_s=0.01):
 def test_it_is_about_the_time_until_all_power_is_asked_for_whatever_the_dead_time(heater):
     full = _in_steps(heater.lags_s)
     for late in (heater, replace(heater, dead_time_s=60.0)):
-        assert brief_openings_s(ROOM, WORDS, REALISED, STORY, [late]) == pytest.approx([0.85 * full, full, 1.7 * full], rel=2e-3)
+        assert Cooling(ROOM, WORDS, REALISED, STORY, [late]).openings_s() == pytest.approx([0.85 * full, full, 1.7 * full], rel=2e-3)
     limited = ROOM.limited(WORDS, 70.0)
-    assert brief_openings_s(ROOM, limited, REALISED, STORY, [heater])[1] == pytest.approx(_in_steps(heater.lags_s, 70.0), rel=2e-3)
+    assert Cooling(ROOM, limited, REALISED, STORY, [heater]).openings_s()[1] == pytest.approx(_in_steps(heater.lags_s, 70.0), rel=2e-3)
 
 
 def test_it_is_open_for_longer_where_a_ramp_leads_the_setpoint_back():
     ramped = replace(WORDS, ramp=ROOM.ramp(WORDS, 2.0))
-    times = brief_openings_s(ROOM, ramped, REALISED, STORY, [ONE])
+    times = Cooling(ROOM, ramped, REALISED, STORY, [ONE]).openings_s()
     assert times[3:] == pytest.approx([2.5 * _in_steps(ONE.lags_s)], rel=2e-3)
 
 
@@ -56,12 +56,12 @@ def test_it_ends_before_a_boost_takes_the_heater_back():
     falls = 100.0 * math.log(40.0 / 32.0)  # 8 of the 40 °C, by itself
     full = _in_steps(ONE.lags_s)
     assert falls < 0.85 * full
-    assert brief_openings_s(ROOM, boosted, REALISED, STORY, [ONE]) == pytest.approx([0.95 * falls, 0.98 * falls])
+    assert Cooling(ROOM, boosted, REALISED, STORY, [ONE]).openings_s() == pytest.approx([0.95 * falls, 0.98 * falls])
 
 
 def test_without_an_i_part_nothing_is_summed_up():
-    assert brief_openings_s(ROOM, WORDS, replace(REALISED, integral_time_s=math.inf, structure="p"), STORY, [ONE]) == []
-    assert brief_openings_s(ROOM, WORDS, None, STORY, [ONE]) == []
+    assert Cooling(ROOM, WORDS, replace(REALISED, integral_time_s=math.inf, structure="p"), STORY, [ONE]).openings_s() == []
+    assert Cooling(ROOM, WORDS, None, STORY, [ONE]).openings_s() == []
 
 
 def test_the_shorter_circuits_come_one_after_the_other_each_with_its_way_back():
@@ -75,24 +75,24 @@ def test_the_shorter_circuits_come_one_after_the_other_each_with_its_way_back():
 
 
 def test_a_warm_heater_is_restarted_where_p_is_near_to_full_power():
-    lost_s = warm_restarts_s(ROOM, WORDS, REALISED, STORY, [ONE])
+    lost_s = Cooling(ROOM, WORDS, REALISED, STORY, [ONE]).restarts_s()
     # by itself it falls from 40 °C above the ambient for so long; P asks for full power after 33.3 of them
     left = [40.0 * math.exp(-each / 100.0) for each in lost_s]
     assert [40.0 - each for each in left] == pytest.approx([share * 100.0 / 3.0 for share in (0.6, 0.65, 0.7, 0.75, 0.8)], rel=2e-3)
     limited = ROOM.limited(WORDS, 50.0)
-    assert 40.0 - 40.0 * math.exp(-warm_restarts_s(ROOM, limited, REALISED, STORY, [ONE])[0] / 100.0) == pytest.approx(10.0, rel=2e-3)
+    assert 40.0 - 40.0 * math.exp(-Cooling(ROOM, limited, REALISED, STORY, [ONE]).restarts_s()[0] / 100.0) == pytest.approx(10.0, rel=2e-3)
 
 
 def test_where_p_never_asks_for_full_power_the_heater_is_cold():
     calm = replace(REALISED, gain_pct_per_degC=1.0)
-    assert warm_restarts_s(ROOM, WORDS, calm, STORY, [ONE]) == pytest.approx([100.0 * math.log(20.0)])
+    assert Cooling(ROOM, WORDS, calm, STORY, [ONE]).restarts_s() == pytest.approx([100.0 * math.log(20.0)])
 
 
 def test_it_is_restarted_before_a_boost_takes_the_heater_back():
     boosted = WORDS.boosted(Boost(within_degC=6.0, again_degC=8.0))
     falls = 100.0 * math.log(40.0 / 32.0)
-    assert warm_restarts_s(ROOM, boosted, REALISED, STORY, [ONE]) == pytest.approx([0.95 * falls, 0.98 * falls])
-    assert warm_restarts_s(ROOM, WORDS, None, STORY, [ONE]) == []
+    assert Cooling(ROOM, boosted, REALISED, STORY, [ONE]).restarts_s() == pytest.approx([0.95 * falls, 0.98 * falls])
+    assert Cooling(ROOM, WORDS, None, STORY, [ONE]).restarts_s() == []
 
 
 def test_the_restarts_come_one_after_the_other_each_with_its_way_back():

@@ -187,8 +187,6 @@ def _passed(t: Array, outer: Numbers, inner: Numbers) -> Array:
     """Return D, see above [s]."""
     slow = np.maximum(outer, inner)
     rate = 1.0 / slow - 1.0 / np.minimum(outer, inner)
-    if np.all(rate != 0.0):  # no lags are equal
-        return np.asarray(np.exp(-t / slow) * (np.expm1(rate * t) / rate))
     with np.errstate(divide="ignore", invalid="ignore"):
         stretch = np.where(rate == 0.0, t, np.expm1(rate * t) / rate)
     return np.asarray(np.exp(-t / slow) * stretch)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from heatertune.heater.exact import answered, time_to
 from heatertune.model.values import HeaterModel
@@ -27,7 +27,7 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.words import Words
 from heatertune.proof.scenario import Scenario, conditions
 
-__all__ = ["brief_openings_s", "warm_restarts_s"]
+__all__ = ["Cooling"]
 
 _SHARES: Final = (0.85, 1.0, 1.7)  # of the time until full power is asked for
 _LED: Final = 2.5  # likewise, where a ramp leads the setpoint back
@@ -37,59 +37,55 @@ _COLD: Final = 0.95  # share of the way to the ambient after which a heater is c
 _HALVINGS: Final = 50
 
 
-def brief_openings_s(
-    controller: Controller, words: Words, design: PidDesign | None, scenario: Scenario, models: Sequence[HeaterModel],
-) -> list[float]:
-    """Return how long a circuit is open where the overshoot may have its peak [s]; none without an I part.
+class Cooling(NamedTuple):
+    """A loop whose heaters cool down by themselves.
 
-    Args:
+    Attributes:
         controller: that runs the words.
         words: what it holds.
         design: as the words realise it; None where the controller is no PID.
         scenario: the story.
         models: the heaters.
     """
-    if design is None or math.isinf(design.integral_time_s):
-        return []
-    coolings = [(model, scenario.setpoint_degC - conditions(scenario, model)[0]) for model in models]
-    times = [_saturates_s(model, step, design, controller.most_power_pct(words)) for model, step in coolings]
-    middle = math.sqrt(min(times) * max(times))
-    shares = _SHARES if words.ramp is None else (*_SHARES, _LED)
-    return _before_a_boost([share * middle for share in shares], controller.again_degC(words), coolings)
 
+    controller: Controller
+    words: Words
+    design: PidDesign | None
+    scenario: Scenario
+    models: Sequence[HeaterModel]
 
-def warm_restarts_s(
-    controller: Controller, words: Words, design: PidDesign | None, scenario: Scenario, models: Sequence[HeaterModel],
-) -> list[float]:
-    """Return how long a PLC is without supply where its restart may overshoot most [s]; none without an I part.
+    def openings_s(self) -> list[float]:
+        """Return how long a circuit is open where the overshoot may have its peak [s]; none without an I part."""
+        if self.design is None or math.isinf(self.design.integral_time_s):
+            return []
+        most_pct = self.controller.most_power_pct(self.words)
+        times = [_saturates_s(model, step, self.design, most_pct) for model, step in self._steps]
+        middle = math.sqrt(min(times) * max(times))
+        shares = _SHARES if self.words.ramp is None else (*_SHARES, _LED)
+        return self._before_a_boost([share * middle for share in shares])
 
-    Args:
-        controller: that runs the words.
-        words: what it holds.
-        design: as the words realise it; None where the controller is no PID.
-        scenario: the story.
-        models: the heaters.
-    """
-    if design is None or math.isinf(design.integral_time_s):
-        return []
-    coolings = [(model, scenario.setpoint_degC - conditions(scenario, model)[0]) for model in models]
-    full_degC = controller.most_power_pct(words) / abs(design.gain_pct_per_degC)
-    shares = [[share * full_degC / abs(step) for share in _WARM] for _, step in coolings]
-    times = [[time_to(min(share, _COLD), *model.lags_s) for share in each]
-             for (model, _), each in zip(coolings, shares, strict=True)]
-    lengths = [math.sqrt(min(each) * max(each)) for each in zip(*times, strict=True)]
-    return _before_a_boost(lengths, controller.again_degC(words), coolings)
+    def restarts_s(self) -> list[float]:
+        """Return how long a PLC is off where its restart may overshoot most [s]; none without an I part."""
+        if self.design is None or math.isinf(self.design.integral_time_s):
+            return []
+        full_degC = self.controller.most_power_pct(self.words) / abs(self.design.gain_pct_per_degC)
+        times = [[time_to(min(share * full_degC / abs(step), _COLD), *model.lags_s) for share in _WARM]
+                 for model, step in self._steps]
+        return self._before_a_boost([math.sqrt(min(each) * max(each)) for each in zip(*times, strict=True)])
 
+    def _before_a_boost(self, lengths_s: list[float]) -> list[float]:
+        """Return lengths in order, those after which a boost takes over the heaters put right before that."""
+        again_degC = self.controller.again_degC(self.words)
+        if again_degC is not None and all(again_degC < abs(step) for _, step in self._steps):
+            falls = [time_to(again_degC / abs(step), *model.lags_s) for model, step in self._steps]
+            lengths_s = [min(each, _NEARLY[-1] * max(falls)) for each in lengths_s]
+            lengths_s += [share * end for end in (min(falls), max(falls)) for share in _NEARLY]
+        return sorted(set(lengths_s))
 
-def _before_a_boost(
-    lengths_s: list[float], again_degC: float | None, coolings: Sequence[tuple[HeaterModel, float]],
-) -> list[float]:
-    """Return lengths in order, those after which a boost takes over the heaters put right before that."""
-    if again_degC is not None and all(again_degC < abs(step) for _, step in coolings):
-        falls = [time_to(again_degC / abs(step), *model.lags_s) for model, step in coolings]
-        lengths_s = [min(each, _NEARLY[-1] * max(falls)) for each in lengths_s]
-        lengths_s += [share * end for end in (min(falls), max(falls)) for share in _NEARLY]
-    return sorted(set(lengths_s))
+    @property
+    def _steps(self) -> list[tuple[HeaterModel, float]]:
+        """The heaters, each with how far its setpoint is from the ambient [°C]."""
+        return [(model, self.scenario.setpoint_degC - conditions(self.scenario, model)[0]) for model in self.models]
 
 
 def _saturates_s(model: HeaterModel, step_degC: float, design: PidDesign, most_pct: float) -> float:

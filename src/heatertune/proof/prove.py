@@ -20,7 +20,7 @@ from heatertune.plc.open_points import Switch
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.acceptance import Acceptance
-from heatertune.proof.brief import brief_openings_s, warm_restarts_s
+from heatertune.proof.brief import Cooling
 from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, digested
@@ -292,8 +292,8 @@ def _nights(
     controller: Controller, words: Words, scenario: Scenario, models: Sequence[tuple[str, HeaterModel]],
 ) -> Iterator[Night]:
     heaters = [model for _, model in models]
-    what = controller, words, controller.decode(words), scenario, heaters
-    return nights_of(scenario, heaters, brief_openings_s(*what), warm_restarts_s(*what))
+    cooling = Cooling(controller, words, controller.decode(words), scenario, heaters)
+    return nights_of(scenario, heaters, cooling.openings_s(), cooling.restarts_s())
 
 
 def _with_band(heard: Heard, limits: Limits, resolution_degC: float) -> Heard:
