@@ -40,14 +40,13 @@ class DrawnCard:
             return
         self._shown = samples
         self._sentence.set_visibility(samples is not None)
-        self._table.set_content("")
+        self._table.set_content("" if samples is None else _table(samples))
         if samples is not None:
             told = samples_told(samples)
             self._sentence.set_text(
                 f"Of {samples['count']:,} drawn heaters {told}. The worst is number {samples['worst_seed']}.")
             passed = samples["verdict"] == "PASS"
             self._sentence.classes(remove="pass fail", add="pass" if passed else "fail")
-            self._table.set_content(_table(samples))
 
 
 def _table(samples: Mapping[str, Any]) -> str:

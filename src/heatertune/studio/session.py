@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from heatertune import chain
 from heatertune.errors import ExportRefused, HeatertuneError, InputError
@@ -28,6 +28,7 @@ __all__ = ["MOST_PINNED", "Pinned", "Session", "Standing", "Ticket"]
 MOST_PINNED: Final = 4
 #: what a design depends on: number of the heater, settings, and how the gains were found
 Ticket = tuple[Any, ...]
+_Beside = TypeVar("_Beside")
 
 #: what is allowed beside the defaults: none of it
 _ALLOWED: Final[Mapping[str, Any]] = {"tolerance_degC": None, "limits": (), "assumptions": ()}
@@ -296,8 +297,7 @@ class Session:
     @property
     def left(self) -> AsLeft | None:
         """The trace beside the proof of the design in front; None where none was held against that very proof."""
-        proof, left = self._left.get(self.ticket, (None, None))
-        return left if proof is self.proof else None
+        return self._of_front(self._left)
 
     def drawn_done(self, ticket: Ticket, proof: Proof, samples: Mapping[str, Any]) -> None:
         """Take what a proven design does on drawn heaters; it is seen whenever that very design is in front."""
@@ -306,8 +306,12 @@ class Session:
     @property
     def drawn(self) -> Mapping[str, Any] | None:
         """What the design in front does on drawn heaters; None where it was not asked for, or is not proven."""
-        proof, samples = self._drawn.get(self.ticket, (None, None))
-        return samples if proof is self.proof else None
+        return self._of_front(self._drawn)
+
+    def _of_front(self, kept: Mapping[Ticket, tuple[Proof, _Beside]]) -> _Beside | None:
+        """Return what is kept beside the proof of the design in front; None where there is none of that very proof."""
+        proof, beside = kept.get(self.ticket, (None, None))
+        return beside if proof is self.proof else None
 
     @property
     def verdict(self) -> str:
