@@ -12,7 +12,7 @@ from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Ramp, controller_for
 from heatertune.plc.design import encode, tune
-from heatertune.proof import Story, prove
+from heatertune.proof import Story, prove, setpoint_ramp
 from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.proof.specification import Specification
 from heatertune.settings import Conditions
@@ -124,6 +124,30 @@ def test_words_proven_with_a_ramp_are_not_exported_without_it_nor_the_other_way_
 
 
 @pytest.mark.long
+def test_durations_are_not_walked_through_where_the_slowest_ramp_leaves_more_than_half_of_what_the_fastest_breaks(
+    words, monkeypatch
+):
+    looked = list[None]()
+
+    def broken_by(share):  # by the fastest ramp a whole limit, by the slowest a share of it
+        def badness(_, words, __):
+            return share if words.ramp == slowest else 1.0
+
+        return badness
+
+    conditions = replace(PROVING, limit=("overshoot=0.001%",))
+    search = setpoint_ramp._Search(plain=prove(words, SLOW, conditions), fitted=SLOW, conditions=conditions,
+                                   kept=setpoint_ramp.OVERSHOOTS)
+    slowest = search._with(search.longest_s).ramp
+    monkeypatch.setattr(setpoint_ramp.Screen, "keeps", lambda *_: looked.append(None) or False)
+    for share, walks in ((0.0, True), (0.49, True), (0.51, False), (1.0, False)):
+        monkeypatch.setattr(setpoint_ramp.Screen, "badness", broken_by(share))
+        looked.clear()
+        assert search.fastest() is None
+        assert (len(looked) > 10) == walks
+        assert (len(looked) == 1) != walks
+
+
 def test_auto_says_why_there_is_no_ramp():
     quick = model_by_hand(Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0))
     words = encode(tune(quick, target="s5-ob251"), "s5-ob251")

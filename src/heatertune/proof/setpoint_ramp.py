@@ -42,6 +42,9 @@ _UNLED: Final = frozenset({"steady_offset", "limit_cycle", "recovery_time"})
 #: what a windup on the way leaves behind
 _LEFT_BEHIND: Final = frozenset(
     {"settling_time", "steady_offset", "limit_cycle", "recovery_time", "change_time", "restart_time"})
+#: what each slower way mends a little more of
+_LED: Final = OVERSHOOTS | (REHEATS - {"reheat_time"})
+_MENDED: Final = 0.5  # of what the fastest way breaks it by: where the slowest leaves more, none between them keeps it
 #: all that a ramp with a holdback may mend
 BY_RAMP: Final = OVERSHOOTS | REHEATS | _LEFT_BEHIND
 
@@ -218,18 +221,28 @@ class _Search:
         return Screen(fitted=self.fitted, names=self.kept).with_failed(self.plain)
 
     def _fastest_on(self, watched: Screen) -> Words | None:
-        shorter, hopeful = None, not any(each.name in _UNLED and not each.ok for each in self.plain.criteria)
+        shorter, hopeful = None, False
         for duration in self._durations():
             words = self._with(duration)
             if words is not None and self._keeps(words, watched):
                 return self._refined(shorter, duration, words, watched)
-            if words is not None and not hopeful:
-                slowest, unled = self._with(self.longest_s), replace(watched, names=self.kept & _UNLED)
-                if slowest is None or not self._keeps(slowest, unled):
-                    return None
-                hopeful = True
+            hopeful = hopeful or words is None or self._hopeful(words, watched)
+            if not hopeful:
+                return None
             shorter = duration
         return None
+
+    def _hopeful(self, fastest: Words, watched: Screen) -> bool:
+        """Return whether the slowest ramp keeps what no way mends, and by far more of the rest than the fastest."""
+        slowest = self._with(self.longest_s)
+        if slowest is None:
+            return False
+        unled = any(each.name in _UNLED and not each.ok for each in self.plain.criteria)
+        if unled and not self._keeps(slowest, replace(watched, names=self.kept & _UNLED)):
+            return False
+        led = replace(watched, names=self.kept & _LED)
+        left = led.badness(slowest, self.conditions)
+        return left == 0.0 or left <= _MENDED * led.badness(fastest, self.conditions)
 
     def _fastest_within(self, seconds: float, watched: Screen) -> Words | None:
         longest = min(_OF_SETTLING * seconds, self.longest_s)
