@@ -29,7 +29,7 @@ from heatertune.progress import Told
 from heatertune.proof import Proof
 from heatertune.proof.closing import Asked, Closed, closed
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
-from heatertune.proof.pictures import pictures
+from heatertune.proof.pictures import pictures, robustness
 from heatertune.proof.views import ComparisonView
 from heatertune.proof.written import Written
 from heatertune.settings import FitSettings, ReadSettings
@@ -92,6 +92,7 @@ def design(
         log = source if isinstance(source, Log) else read_log(source, read, errata=True)
         progress(_told("fit"))
         fitted = fit(log, fitted_with, companions=True, progress=progress)
+        second.draw(_found(log, fitted), "log")
         result = closed(fitted, asked, progress=progress, stage=lambda name: progress(_told(name)))
         proof = result.proof
         files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
@@ -138,26 +139,30 @@ def dossier(
         files: that were exported, name → content; none where the words may not leave.
         search: how the words were found, see `heatertune.plc.choose.search_document`; None: not told.
         recipe: how the design became these words; None: not told.
-        second: draws the pictures from here on; None: they are drawn later.
+        second: draws the pictures from here on but for those of the log; None: they are drawn later.
     """
-    documents: dict[str, dict[str, Any]] = {
-        "log": log_document(log),
-        "model": model_document.to_document(fitted),
+    documents = _found(log, fitted) | {
         "pid": pid_document.to_document(wished, fitted, recipe),
         "words": words_document(proof.words, proof, files, search),
         "proof": proof.to_document(),
-        "pictures": pictures(wished, fitted, proof),
+        "pictures": robustness(fitted, proof),
     }
-    if second is not None:
-        second.draw(documents, "proof", "design", "log")
+    second = second or Beside(None)
+    second.draw(documents, "design")
+    documents["pictures"] = pictures(wished, fitted, proof, documents["pictures"])
+    second.draw(documents, "proof")
     inputs = {name: documents[name] for name in ("model", "pid", "words", "proof")} | {"same_heater": log.same_heater}
     documents["comparison"] = cache.cached("comparison", inputs, lambda: encode(ComparisonView(
         paper=paper_runs(fitted) if log.same_heater else None,
         price=price_of_doubt(fitted, wished), rivals=rivals(fitted, wished, proof),  # last: they wait for the compiler
     )), lambda kept: encode(decode(ComparisonView, kept, "comparison")))
-    if second is not None:
-        second.draw(documents, "comparison")
+    second.draw(documents, "comparison")
     return documents
+
+
+def _found(log: Log, fitted: FittedModel) -> dict[str, dict[str, Any]]:
+    """Return the documents of a log and of the heater behind it."""
+    return {"log": log_document(log), "model": model_document.to_document(fitted)}
 
 
 def redraw(

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from heatertune.codec import built, encode
-from heatertune.model.values import FittedModel
+from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.proof.heaters import labelled
@@ -17,25 +17,40 @@ from heatertune.proof.series import curve_series, trace_series
 from heatertune.proof.trace import Trace
 from heatertune.proof.views import CurveView, OtherRunView, PhaseView, PicturesView, SeriesView
 
-__all__ = ["pictures"]
+__all__ = ["pictures", "robustness"]
 
 
-def pictures(wished: PidDesign, fitted: FittedModel, proof: Proof) -> dict[str, Any]:
-    """Return the series that the report draws: the runs, the wish, and the robustness of the words as realised."""
+def robustness(fitted: FittedModel, proof: Proof) -> dict[str, Any]:
+    """Return what the report draws of the words as realised without a run, a part of `pictures`."""
+    curves = () if proof.design is None else curve_series(proof.design, _models(fitted, proof))
+    return {"curves": curves, "ms_limit": proof.limits.ms}
+
+
+def pictures(
+    wished: PidDesign, fitted: FittedModel, proof: Proof, robust: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return all series that the report draws: the runs, the wish, and what `robustness` gives, or gave."""
+    robust = robust or robustness(fitted, proof)
     first_of = {run.model: number for number, run in reversed(list(enumerate(proof.runs)))}
-    delay_s, nominal = controller_for(proof.words.target).delayed_s(proof.words.scaling), proof.nominal
-    models = [(label, delayed(model, delay_s)) for label, model in labelled(fitted) if label in first_of]
+    models, nominal = _models(fitted, proof), proof.nominal
     others = [trace_series(proof.traced(first_of[label]), label) for label, _ in models[1:]]
     wish = simulate_wish(wished, models[0][1], nominal.scenario, nominal.actuator,
                          ramp_degC_per_min=proof.ramp_degC_per_min, hold_degC=proof.hold_degC, boost=proof.boost)
     document: dict[str, Any] = encode(PicturesView(
-        phases=tuple(_phases(nominal)), ms_limit=proof.limits.ms,
+        phases=tuple(_phases(nominal)), ms_limit=robust["ms_limit"],
         nominal=SeriesView(**trace_series(nominal, proof.runs[0].label)),
         worst=SeriesView(**trace_series(proof.worst, proof.runs[proof.worst_run].label)),
         others=tuple(built(OtherRunView, SeriesView(**run)) for run in others),
         wish=SeriesView(**trace_series(wish, "wished")),
-        curves=() if proof.design is None else tuple(CurveView(**run) for run in curve_series(proof.design, models))))
+        curves=tuple(CurveView(**run) for run in robust["curves"])))
     return document
+
+
+def _models(fitted: FittedModel, proof: Proof) -> list[tuple[str, HeaterModel]]:
+    """Return the heaters that a proof ran, as its controller sees them, and their labels."""
+    ran, words = {run.model for run in proof.runs}, proof.words
+    delay_s = controller_for(words.target).delayed_s(words.scaling)
+    return [(label, delayed(model, delay_s)) for label, model in labelled(fitted) if label in ran]
 
 
 def _phases(trace: Trace) -> Iterator[PhaseView]:
