@@ -20,6 +20,7 @@ from hypothesis import HealthCheck, settings
 from heatertune import compiled
 from heatertune.chain import ahead
 from heatertune.log.values import Log
+from heatertune.processors import processors
 
 sys.dont_write_bytecode = False  # for this process, which rewrites the tests' asserts, and for the commands that tests start:
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # they are many, and each would translate all sources anew
@@ -62,7 +63,7 @@ def pytest_configure(config):
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers():
     """Begin one process more than there are processors: some tests wait, for a browser, a PLC's scans, another's compiler."""
-    return ahead.processors() + 1
+    return processors() + 1
 
 
 def pytest_sessionstart(session):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -21,6 +20,7 @@ from heatertune.model.fit import fit
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Controller, Scaling, Words, controller_for
+from heatertune.processors import processors
 from heatertune.progress import Told
 from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, simulate
 from heatertune.proof.samples import measure
@@ -134,7 +134,7 @@ def speed(target: str, samples: int = 1000, *, rounds: int = 7, progress: Told =
     words = which.encode(_DESIGN, Scaling())
     scans = _SCENARIO.duration_s / which.timing(words).scan_s
     drawing = Drawing.of(which, words, [_HEATER], _SCENARIO, Spread(heater=(0.1, 0.1, 0.2)), _PWM)
-    workers = os.cpu_count() or 1
+    workers = processors()
     progress(f"{target}: compiling the loop, where it is not kept")
     start = _seconds(lambda: measure(drawing, Limits(), max(100, math.ceil(60_000 / scans)), workers=1))
     tasks: dict[str, Callable[[], object]] = {

@@ -1,6 +1,7 @@
 import json
 import math
 from dataclasses import replace
+from threading import get_ident
 
 import numpy as np
 import pytest
@@ -20,8 +21,10 @@ from heatertune.proof import (
     judge,
     paper_scenario,
     prove_models,
+    runs,
     simulate,
 )
+from heatertune.proof.metered import metered
 
 PWM = Actuator(pwm_period_s=10.0)
 PAPER = paper_scenario(duration_s=3000.0)
@@ -103,6 +106,31 @@ def test_runs_that_are_asked_for_alone_are_those_of_the_whole_proof_and_count_as
     with pytest.raises(InputError, match="at least one run"):
         prove_models(switched, words(tn=60), heaters, PAPER, PWM,
                      coverage=Coverage(only=[("third", whole.runs[0].switches)]))
+
+
+@pytest.mark.parametrize("noise_degC", [0.0, 0.1])
+@pytest.mark.parametrize("workers", [2, 3, 5])
+def test_runs_that_processors_share_are_those_of_one(heater, slower, monkeypatch, workers, noise_degC):
+    ob251 = controller_for("s5-ob251")
+    words = ob251.encode(PidDesign(gain_pct_per_degC=2.0, integral_time_s=60.0, derivative_time_s=0.0,
+                                   sample_time_s=10.0, structure="pi", method=""), Scaling())
+
+    def proven():
+        told = list[str]()
+        proof = prove_models(
+            ob251, words, [("best", heater), ("second", slower), ("third", replace(heater, dead_time_s=33.0))],
+            replace(PAPER, noise_degC=noise_degC), PWM, JUDGED, Coverage(progress=told.append))
+        return proof.runs, told
+
+    alone, told = proven()
+    threads = set()
+    monkeypatch.setattr(runs, "_SHARED", 0)
+    monkeypatch.setattr(runs, "processors", lambda: workers)
+    monkeypatch.setattr(runs, "metered", lambda *given, **named: threads.add(get_ident()) or metered(*given, **named))
+    shared, told_by_them = proven()
+    assert shared == alone
+    assert told_by_them[-1] == told[-1] == f"{len(alone)} of {len(alone)} runs"
+    assert get_ident() not in threads
 
 
 def test_the_worst_trace_is_the_run_that_strains_its_limits_most(switched, words, heater, slower):

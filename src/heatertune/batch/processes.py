@@ -14,7 +14,7 @@ from itertools import islice
 from typing import Final
 
 from heatertune.batch.values import Chunk, Row, Task, Workers
-from heatertune.chain.ahead import processors
+from heatertune.processors import processors
 from heatertune.units import check
 
 __all__ = ["in_processes"]

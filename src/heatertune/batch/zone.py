@@ -16,6 +16,7 @@ from heatertune.pid.explain import unexplained
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.words import FLOATS
+from heatertune.processors import on_one
 from heatertune.proof import Proof
 from heatertune.proof.closing import Asked, closed
 from heatertune.proof.drawn import sample_document
@@ -32,8 +33,6 @@ _CRITERIA: Final = {
     "interlock_trips": "interlock_trips", "ms": "ms", "gain_margin": "gain_margin",
     "phase_margin_deg": "phase_margin",
 }
-
-_WORKERS: Final = 1  # the processors share the zones
 
 _WHAT: Final = {
     "gain_degC_per_pct": "process gain [°C/%]", "time_constant_s": "time constant [s]", "dead_time_s": "dead time [s]",
@@ -115,7 +114,7 @@ def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked, *, sample
     try:
         fitted = find()
         row |= _model(fitted)
-        with cache.unused(), unexplained():
+        with cache.unused(), unexplained(), on_one():
             begun = list[str]()
             try:
                 design = closed(fitted, asked, stage=begun.append)
@@ -125,7 +124,7 @@ def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked, *, sample
             row |= _design(design.wished) | _words(words) | _proof(design.proof)
             if not samples:
                 return row
-            return row | _sampled(row, sample_document(words, fitted, samples, design.conditions, workers=_WORKERS))
+            return row | _sampled(row, sample_document(words, fitted, samples, design.conditions))
     except HeatertuneError as problem:
         return row | {"outcome": "no log" if isinstance(problem, LogError) else stage, "reason": str(problem)}
     except Exception as problem:  # one zone must not stop the others, whatever is wrong in the program

@@ -31,10 +31,11 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.controller import Controller
 from heatertune.plc.pwm import Actuator
+from heatertune.processors import processors
 from heatertune.proof.loop import in_loop, run_of, simulate
 from heatertune.proof.scenario import Scenario
 
-__all__ = ["Beside", "beside", "processors"]
+__all__ = ["Beside", "beside"]
 
 #: any design on any heater: machine code is made for types, not for numbers
 _DESIGN: Final = PidDesign(gain_pct_per_degC=3.0, integral_time_s=150.0, derivative_time_s=0.0, sample_time_s=5.0,
@@ -46,11 +47,6 @@ _PATIENCE_S: Final = 60.0  # who waits longer compiles on his own
 _PATIENCE_FOR_PICTURES_S: Final = 10.0  # likewise
 
 _Documents = Mapping[str, Mapping[str, Any]]
-
-
-def processors() -> int:
-    """Return how many processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Beside:

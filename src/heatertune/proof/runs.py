@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,13 +16,14 @@ from heatertune.model.values import HeaterModel
 from heatertune.plc.controller import Controller
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
+from heatertune.processors import each, processors
 from heatertune.progress import Told
 from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Criterion, Limits
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge
 from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop, noise_of, plant_row, scans_of, simulate
-from heatertune.proof.measured import columns_of, joined, ordered
+from heatertune.proof.measured import Measured, columns_of, joined, ordered
 from heatertune.proof.metered import metered
 from heatertune.proof.scenario import Scenario, conditions, delayed
 from heatertune.proof.trace import Trace
@@ -29,6 +31,9 @@ from heatertune.proof.trace import Trace
 __all__ = ["Runs", "judged_once"]
 
 _Judged = tuple[Criterion, ...]
+
+#: scans from which on it pays to share them among processors
+_SHARED: Final = 100_000
 
 #: of the search that goes on: all that decides a run → what was judged of it; None: nothing is kept
 _judged: ContextVar[dict[Hashable, _Judged] | None] = ContextVar("judged", default=None)
@@ -42,6 +47,14 @@ def judged_once() -> Iterator[None]:
         yield
     finally:
         _judged.reset(mark)
+
+
+class _Part(NamedTuple):
+    """Runs under one setting: the words under it, their places among all, and how many follow them."""
+
+    loop: InLoop
+    places: list[int]
+    ahead: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,20 +193,32 @@ class Runs:
         rows = np.array([plant_row(self.cases[run][1], self.scenario) for run in runs])
         noise = np.array([noise_of(replace(self.scenario, seed=seed), self.scans)
                           for seed in seeds or [self.scenario.seed]])
-        placed = [(loop, [place for place, run in enumerate(runs) if self.cases[run][2] == loop.switches])
-                  for loop in self.loops]
-        parts, done = [], list[int]()
-        for loop, own in placed:
-            if own:
-                parts.append(metered(
-                    loop, rows[own], self.scenario, self.actuator, self.limits, noise, np.zeros((1, 1)),
-                    ahead=len(runs) - len(done) - len(own)))
-                done += own
-                tell(len(done))
-        back = np.argsort(done)
-        columns = columns_of(ordered(joined(parts), back), self.limits)
+
+        def run(part: _Part) -> Measured:
+            return metered(
+                part.loop, rows[part.places], self.scenario, self.actuator, self.limits,
+                noise[part.places] if seeds else noise, np.zeros((1, 1)), ahead=part.ahead)
+
+        shared = self.loops[0].core.compiles and len(runs) * self.scans > _SHARED
+        workers = processors() if shared else 1
+        parts, measured = self._parts(runs, workers), list[Measured]()
+        for part, found in zip(parts, each(run, parts, workers), strict=True):
+            measured.append(found)
+            tell(len(runs) - part.ahead)
+        back = np.argsort(np.concatenate([part.places for part in parts]))
+        columns = columns_of(ordered(joined(measured), back), self.limits)
         labels = [self.label(run) for run in runs]
         return list(zip(*(column.criteria(labels) for column in columns), strict=True))
+
+    def _parts(self, runs: Sequence[int], workers: int) -> list[_Part]:
+        """Return the runs in parts, those under each setting shared among so many."""
+        parts, ahead = list[_Part](), len(runs)
+        for loop in self.loops:
+            own = [place for place, run in enumerate(runs) if self.cases[run][2] == loop.switches]
+            for places in (own[worker::workers] for worker in range(min(workers, len(own)))):
+                ahead -= len(places)
+                parts.append(_Part(loop, places, ahead))
+        return parts
 
 
 def _check(

@@ -21,9 +21,7 @@ What is drawn, each independently:
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
@@ -36,6 +34,7 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
+from heatertune.processors import mapped, processors
 from heatertune.proof.criteria import Limits
 from heatertune.proof.lanes.choice import alike, fits, pays
 from heatertune.proof.lanes.rows import LANES, STEP
@@ -212,13 +211,8 @@ def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, work
         return metered(drawing.controllers[part.setting], rows[part.places], drawing.scenario, drawing.actuator, limits,
                        noise, late, sizes[part.places], side_by_side=part.side_by_side)
 
-    workers = workers or os.cpu_count() or 1
-    parts = _parts(drawing, seeds, rows, count * scans // workers)
-    if workers == 1:
-        measured = joined(list(map(run, parts)))
-    else:  # threads, as a compiled kernel gives up Python's lock
-        with ThreadPoolExecutor(workers) as pool:
-            measured = joined(list(pool.map(run, parts)))
+    parts = _parts(drawing, seeds, rows, count * scans // (workers or processors()))
+    measured = joined(mapped(run, parts, workers))
     return ordered(measured, np.argsort(np.concatenate([part.places for part in parts])))
 
 

@@ -83,16 +83,16 @@ class Screen:
             InputError, OutOfRange, UnknownName: as `prove`.
         """
         badness, names = 0.0, frozenset[str]()
-        for broken in self._looks(words, conditions):
+        for broken in self._looks(words, conditions, at_once=math.isinf(bound)):
             badness = max(badness, *(sum(map(_beyond, criteria)) for criteria in broken))
             names |= {criterion.name for criteria in broken for criterion in criteria}
             if badness >= bound:
                 break
         return Look(badness, names)
 
-    def _looks(self, words: Words, conditions: Conditions) -> Iterator[list[list[Criterion]]]:
-        """Yield what runs break, the hardest first, the nights last."""
-        for runs in filter(None, (self.runs[:1], self.runs[1:])):
+    def _looks(self, words: Words, conditions: Conditions, *, at_once: bool) -> Iterator[list[list[Criterion]]]:
+        """Yield what runs break, the hardest first where not all are made at once, the nights last."""
+        for runs in filter(None, (self.runs,) if at_once else (self.runs[:1], self.runs[1:])):
             yield [self._broken(run) for run in prove(words, self.fitted, conditions, only=runs).runs]
         if self.nights:
             yield [self._broken(run, of) for of, run in self._nights(words, conditions)]

@@ -8,18 +8,17 @@ trips, the limits are made wider and others are drawn, until a whole batch passe
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.plc.pwm import Actuator
+from heatertune.processors import mapped
 from heatertune.progress import Told
 from heatertune.proof.loop import InLoop, scans_of
 from heatertune.proof.scenario import Scenario
@@ -31,7 +30,7 @@ from heatertune.proof.supervision.monitor import RING, Numbers
 from heatertune.proof.supervision.tallies import first_alarm, tally, windows
 from heatertune.units import written
 
-__all__ = ["FRESH", "Bench", "Designed", "design", "mapped"]
+__all__ = ["FRESH", "Bench", "Designed", "design"]
 
 _DRAWN: Final = 200  # heaters beside the corners
 _TURNS: Final = 2  # how often each corner is run, with other noise and loads
@@ -49,9 +48,6 @@ _MOVED_PCT: Final = 20
 _LONG: Final = 4.0  # a sensor may be silent for so many times the slowest heater's time: no longer a rule
 _AFTER: Final = 1.5  # of the slowest heater's time, for which a fault is watched
 _OFF: Final = 1 << 30
-
-_Item = TypeVar("_Item")
-_Value = TypeVar("_Value")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,15 +152,6 @@ def design(bench: Bench, checked: int = 300, *, seed: int = 0, progress: Told = 
         numbers, off = _limits(bench, bare, runs, margin / _MARGIN)
     raise InputError(
         f"no monitor: after {_BATCHES} tries a heater in order still trips it; a smaller --spread may help")
-
-
-def mapped(function: Callable[[_Item], _Value], items: Sequence[_Item]) -> list[_Value]:
-    """Return a function of each item; threads, as a compiled kernel gives up Python's lock."""
-    if not items:
-        return []
-    first = function(items[0])  # compiles, once
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        return [first, *pool.map(function, items[1:])]
 
 
 def _trips(bench: Bench, numbers: Numbers, member: Member) -> Ran | None:

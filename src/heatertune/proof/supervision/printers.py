@@ -21,8 +21,9 @@ import numpy.typing as npt
 
 from heatertune.compiled import compiled
 from heatertune.errors import InputError
+from heatertune.processors import mapped
 from heatertune.progress import Told
-from heatertune.proof.supervision.design import FRESH, Bench, mapped
+from heatertune.proof.supervision.design import FRESH, Bench
 from heatertune.proof.supervision.faults import FAULTS
 from heatertune.proof.supervision.loops import Card, Ran
 from heatertune.proof.supervision.monitor import Numbers
