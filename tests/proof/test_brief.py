@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from heatertune.model.values import Fopdt, TwoLag
@@ -51,12 +52,37 @@ def test_it_is_open_for_longer_where_a_ramp_leads_the_setpoint_back():
     assert times[3:] == pytest.approx([2.5 * _in_steps(ONE.lags_s)], rel=2e-3)
 
 
+def _with_the_boost(heaters, number=15):
+    """Times from 0.9 of 6 °C, where the boost ends, until 95 % of 40 °C have fallen, which are even in temperature."""
+    lag = heaters[0].time_constant_s
+    return [lag * math.log(40.0 / (40.0 - fallen)) for fallen in np.linspace(0.9 * 6.0, 0.95 * 40.0, number)]
+
+
+def test_the_more_a_scan_of_full_power_leads_on_the_closer_together_are_the_lengths_with_a_boost():
+    boost = Boost(within_degC=6.0, again_degC=39.0)
+    slower = replace(ONE, time_constant_s=120.0)
+    # 100 °C in 100 s, of 40 °C on the way: in 10 ms 0.025 %, in 1 s 2.5 %, in 2 s 5 %, in 10 s 25 %
+    for scan_s, number in ((0.01, 12), (1.0, 15), (2.0, 30), (10.0, 96)):
+        words = ROOM.encode(replace(DESIGN, sample_time_s=scan_s), Scaling()).boosted(boost)
+        lengths = Cooling(ROOM, words, ROOM.decode(words), STORY, [ONE, slower]).restarts_s()
+        for expected in _with_the_boost([ONE], number):
+            assert min(abs(each / expected - 1.0) for each in lengths) < 1e-6
+        assert number <= len(lengths) <= number + 9  # those without a boost, too
+
+
+def test_where_no_length_is_far_enough_off_for_a_boost_there_is_none():
+    boosted = WORDS.boosted(Boost(within_degC=43.0, again_degC=50.0))
+    assert Cooling(ROOM, boosted, REALISED, STORY, [ONE]).restarts_s() == Cooling(ROOM, WORDS, REALISED, STORY, [ONE]).restarts_s()
+
+
 def test_it_ends_before_a_boost_takes_the_heater_back():
     boosted = WORDS.boosted(Boost(within_degC=6.0, again_degC=8.0))
     falls = 100.0 * math.log(40.0 / 32.0)  # 8 of the 40 °C, by itself
     full = _in_steps(ONE.lags_s)
     assert falls < 0.85 * full
-    assert Cooling(ROOM, boosted, REALISED, STORY, [ONE]).openings_s() == pytest.approx([0.95 * falls, 0.98 * falls])
+    others = _with_the_boost([ONE])
+    assert others[0] < 0.95 * falls
+    assert Cooling(ROOM, boosted, REALISED, STORY, [ONE]).openings_s() == pytest.approx(sorted([*others, 0.95 * falls, 0.98 * falls]))
 
 
 def test_without_an_i_part_nothing_is_summed_up():
@@ -91,7 +117,8 @@ def test_where_p_never_asks_for_full_power_the_heater_is_cold():
 def test_it_is_restarted_before_a_boost_takes_the_heater_back():
     boosted = WORDS.boosted(Boost(within_degC=6.0, again_degC=8.0))
     falls = 100.0 * math.log(40.0 / 32.0)
-    assert Cooling(ROOM, boosted, REALISED, STORY, [ONE]).restarts_s() == pytest.approx([0.95 * falls, 0.98 * falls])
+    assert Cooling(ROOM, boosted, REALISED, STORY, [ONE]).restarts_s() == pytest.approx(
+        sorted([*_with_the_boost([ONE]), 0.95 * falls, 0.98 * falls]))
     assert Cooling(ROOM, WORDS, None, STORY, [ONE]).restarts_s() == []
 
 
