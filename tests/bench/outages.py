@@ -6,7 +6,8 @@ back, while the setpoint rises, in a cold start, with a loss of the PLC's supply
 before it is closed and rises after; at the edge of Marlin's window at many instants. Told is what breaks the limit of
 overshoot after an open circuit by more than a tenth, or is not in the band at the end; and what breaks it by more than two
 hundredths after any of 28 lengths from 0.08 to 12 TN, just before a boost takes the heater back, or after any of 68 lengths, and
-losses of the PLC's supply, until it is 30 to 97 % cold, where there is a boost. Status 1 where something is.
+losses of the PLC's supply, until it is 30 to 97 % cold, where there is a boost; and after 84 rises of the setpoint by parts of its
+range, and 25 from where a boost begins, which is given from 30,000 on. Status 1 where something is.
 
 Found in this way: a boost that took the heater back within the dead time, so that the proof never saw it nearly do so;
 Marlin's window, which is a boost that no word of the program tells of; and its edge, where the sum begins anew and P may ask
@@ -19,6 +20,7 @@ lengths. Of those that the proof passes now the farthest is told by what this pr
 import math
 import sys
 import tempfile
+from dataclasses import replace
 from fractions import Fraction
 from unittest import mock
 
@@ -43,7 +45,13 @@ _AGAIN = (0.8, 0.95, 0.99, 1.0, 1.01, 1.1, 1.4)  # of the time in which a boost 
 
 def asked(seed, target):
     """Return (heater, what is asked for) of a number; from 10,000 on the heaters are plain ones, as in an office, from
-    20,000 on any that Marlin may hold at its window's edge, designed for as it is asked."""
+    20,000 on any that Marlin may hold at its window's edge, designed for as it is asked, from 30,000 on those from 0 on for a
+    range of setpoints from 12 % of the way up."""
+    if seed >= 30_000:
+        model, wanted = asked(seed - 30_000, target)
+        high = wanted.conditions.setpoint_degC
+        low = round(model.ambient_degC + 0.12 * (high - model.ambient_degC), 1)
+        return model, replace(wanted, conditions=replace(wanted.conditions, setpoint_degC=(low, high)))
     if seed >= 20_000:
         return _at_an_edge(seed)
     rng = np.random.default_rng([seed, TARGETS[target][0], 20261124])
@@ -188,6 +196,19 @@ def restarts(library, b, limits):
     return sorted(((_share(each, b, limits, "restart"), share) for each, share in zip(seen, shares, strict=True)), reverse=True)
 
 
+def rises(library, b, limits, lowest):
+    """Return (overshoot as a share of its limit, setpoint before [°C]) of rises from setpoints of use, likewise."""
+    told, lows = Night(b), np.linspace(lowest, b.setpoint, 84, endpoint=False)
+    if b.boost:
+        lows = [*lows, *(low for share in np.linspace(0.97, 1.03, 25) if (low := b.setpoint - share * b.boost[1]) > lowest)]
+    for low in lows:
+        told.then("setpoint", kind="change", asked=low)
+        told.then("setpoint", kind="change", asked=b.setpoint)
+    with mock.patch.object(second_opinion, "story", return_value=told.parts):
+        seen = opinion(library, b, limits, longer=0.0).seen[2::2]
+    return sorted(((_share(each, b, limits, "change"), low) for each, low in zip(seen, lows, strict=True)), reverse=True)
+
+
 def _share(seen, b, limits, what="reheat"):
     """Return the overshoot as a share of its limit."""
     share, degrees = limits[f"{what}_overshoot"] or math.inf, limits[f"{what}_overshoot in degC"] or math.inf
@@ -231,6 +252,10 @@ def main(first=0, last=6, *targets):
                     if (warm := restarts(library, bench_of(model, design, settings), _limits(design.proof.limits) | {"iae": math.inf})[0])[0] > SHORT_SLACK:
                         wrong += 1
                         print(seed, target, settings, f"{warm[0]:.3f} of the limit where it is restarted after {warm[1]:.2g} of the way down", flush=True)
+                    lowest = design.conditions.lowest_degC
+                    if lowest is not None and (rise := rises(library, bench_of(model, design, settings), _limits(design.proof.limits), lowest)[0])[0] > SHORT_SLACK:
+                        wrong += 1
+                        print(seed, target, settings, f"{rise[0]:.3f} of the limit where the setpoint rises from {rise[1]:.4g} °C", flush=True)
                     if peak[0] > SHORT_SLACK:
                         short += 1
                         print(seed, target, design.proof.words.boost or "", settings, f"{peak[0]:.3f} of the limit after {peak[1]:.2g} TN", flush=True)

@@ -15,7 +15,7 @@ from heatertune.proof.closing import closed
 from heatertune.proof.fitted import prove
 from tests.bench import second_opinion
 from tests.bench.false_passes import _limits
-from tests.bench.outages import Night, asked, bench_of, restarts
+from tests.bench.outages import Night, asked, bench_of, restarts, rises
 from tests.bench.second_opinion import SWITCHES, compiled, opinion
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
@@ -40,6 +40,26 @@ def test_a_boost_that_lasts_a_scan_longer_after_another_time_without_supply_does
     benches = [bench_of(model, replace(design, proof=proof), settings) for settings in settings_to_prove(controller_for(target).switches)]
     library, limits = compiled(tmp_path), _limits(proof.limits) | {"iae": math.inf}
     assert max(restarts(library, b, limits)[0][0] for b in benches) > beyond
+
+
+@pytest.mark.parametrize(("number", "target", "within_degC", "again_degC"), [(30_001, "simple-pid", 9.64, 14.5), (30_030, "arduino-pid", 16.3, 24.4)])
+def test_a_boost_that_no_part_of_the_range_begins_does_not_pass(tmp_path, number, target, within_degC, again_degC):
+    model, wanted = asked(number, target)
+    design = closed(model_by_hand(model), replace(wanted, as_is=True))
+    words = design.proof.words.boosted(Boost(within_degC=single(within_degC), again_degC=single(again_degC)))
+    proof = prove(words, model_by_hand(model), design.conditions)
+    change = next(criterion for criterion in proof.criteria if criterion.name == "change_overshoot")
+    assert change.value < 0.2 * change.limit, "from the lowest setpoint on, which the boost leads"
+    assert "part-change" in [finding.name for finding in proof.heard.findings]
+    assert proof.verdict == "NOT PROVEN"
+    benches = [bench_of(model, replace(design, proof=proof), settings) for settings in settings_to_prove(controller_for(target).switches)]
+    library, limits = compiled(tmp_path), _limits(proof.limits)
+    seen = max(rises(library, b, limits, design.conditions.lowest_degC)[0] for b in benches)
+    assert seen[0] > 1.1
+    mended = closed(model_by_hand(model), wanted)
+    assert mended.proof.verdict == "PASS"
+    benches = [bench_of(model, mended, settings) for settings in settings_to_prove(controller_for(target).switches)]
+    assert max(rises(library, b, limits, design.conditions.lowest_degC)[0] for b in benches)[0] <= 1.0
 
 
 def _stays(library, model, design, monkeypatch):

@@ -10,8 +10,8 @@ from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.proof.brief import Cooling
-from heatertune.proof.night import nights_of
-from heatertune.proof.scenario import Mains, PlcPower, Scenario
+from heatertune.proof.night import heat_up, nights_of
+from heatertune.proof.scenario import Mains, NewSetpoint, PlcPower, Scenario
 
 ONE = Fopdt(gain_degC_per_pct=1.0, time_constant_s=100.0, dead_time_s=10.0, ambient_degC=20.0)
 TWO = TwoLag(gain_degC_per_pct=1.0, time_constant_s=100.0, second_time_constant_s=40.0, dead_time_s=10.0, ambient_degC=20.0)
@@ -73,6 +73,47 @@ def test_the_more_a_scan_of_full_power_leads_on_the_closer_together_are_the_leng
 def test_where_no_length_is_far_enough_off_for_a_boost_there_is_none():
     boosted = WORDS.boosted(Boost(within_degC=43.0, again_degC=50.0))
     assert Cooling(ROOM, boosted, REALISED, STORY, [ONE]).restarts_s() == Cooling(ROOM, WORDS, REALISED, STORY, [ONE]).restarts_s()
+
+
+IN_USE = replace(STORY, disturbances=(*STORY.disturbances, NewSetpoint(time_s=4000.0, setpoint_degC=30.0), NewSetpoint(
+    time_s=6000.0, setpoint_degC=60.0)), rests_s=(500.0, 0.0, 50.0, 50.0, 50.0))
+
+
+_NOT_YET = np.array([0.95, 0.98, 0.985, 0.99, 0.992, 0.994, 0.996, 0.998])  # of 8 °C, from where on the boost leads
+
+
+@pytest.mark.parametrize(("within_degC", "again_degC", "rises"), [(6.0, 8.0, True), (20.0, 31.0, False)])
+def test_the_setpoint_rises_by_parts_of_its_range_where_a_boost_may_lead_the_whole(within_degC, again_degC, rises):
+    boosted = WORDS.boosted(Boost(within_degC=within_degC, again_degC=again_degC))
+    lows = Cooling(ROOM, boosted, REALISED, IN_USE, [ONE]).lows_degC()
+    assert lows == (pytest.approx(sorted([*(60.0 - 8.0 * _NOT_YET), *np.linspace(54.6, 30.0, 15)], reverse=True)) if rises else [])
+    assert Cooling(ROOM, WORDS, REALISED, IN_USE, [ONE]).lows_degC() == []
+    assert Cooling(ROOM, boosted, REALISED, STORY, [ONE]).lows_degC() == []
+
+
+def test_a_cooler_is_asked_for_less_cold_setpoints_in_between():
+    boosted = WORDS.boosted(Boost(within_degC=6.0, again_degC=8.0))
+    cold = replace(IN_USE, setpoint_degC=-20.0, disturbances=(*STORY.disturbances, NewSetpoint(
+        time_s=4000.0, setpoint_degC=10.0), NewSetpoint(time_s=6000.0, setpoint_degC=-20.0)))
+    cooler = replace(ONE, gain_degC_per_pct=-1.0)
+    lows = Cooling(ROOM, boosted, replace(REALISED, gain_pct_per_degC=-3.0), cold, [cooler]).lows_degC()
+    assert lows == pytest.approx(sorted([*(-20.0 + 8.0 * _NOT_YET), *np.linspace(-14.6, 10.0, 15)]))
+
+
+def test_the_rises_come_one_after_the_other_each_with_its_way_down():
+    *_, night = nights_of(IN_USE, [ONE], lows_degC=(50.0, 40.0))
+    assert night.name == "part-change"
+    assert [(each.time_s, each.setpoint_degC) for each in night.scenario.disturbances] == [
+        (550.0, 50.0), (2550.0, 60.0), (5550.0, 40.0), (7550.0, 60.0)]
+    assert night.scenario.rests_s == (50.0, 0.0, 50.0, 0.0, 50.0)
+    assert night.scenario.duration_s == 10550.0
+    assert night.told == "Where the setpoint rises from 40 to 50 °C back to its highest"
+
+
+def test_of_a_story_the_heat_up_alone_is_left_where_words_have_no_such_night():
+    alone = heat_up(IN_USE)
+    assert (alone.disturbances, alone.rests_s, alone.duration_s) == ((), (500.0,), 1000.0)
+    assert heat_up(alone) == alone
 
 
 def test_it_ends_before_a_boost_takes_the_heater_back():

@@ -16,6 +16,8 @@ way back, until K·e alone asks for full power: the same judge saw the peak at 0
 A boost ends at a scan, up to one later than it might. Over the length before it, what it overshoots by is a saw with a
 tooth for each scan that it lasts, as high as what full power adds in one: lengths stand so close together that some
 come near a tip. The same judge saw 6 of 65 designs with a boost up to a third beyond their limit between two lengths.
+So it is over how far the setpoint rises; and from just before the distance at which the boost begins, the controller
+alone leads the way, which it does not from the lowest setpoint of use.
 """
 
 from __future__ import annotations
@@ -29,13 +31,14 @@ from heatertune.model.values import HeaterModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc.controller import Controller
 from heatertune.plc.words import Words
-from heatertune.proof.scenario import Scenario, conditions
+from heatertune.proof.scenario import NewSetpoint, Scenario, conditions
 
 __all__ = ["Cooling"]
 
 _SHARES: Final = (0.85, 1.0, 1.7)  # of the time until full power is asked for
 _LED: Final = 2.5  # likewise, where a ramp leads the setpoint back
 _NEARLY: Final = (0.95, 0.98)  # of the time until a boost takes the heater back
+_NOT_YET: Final = (0.95, 0.98, 0.985, 0.99, 0.992, 0.994, 0.996, 0.998)  # of how far a boost begins; a call may be late
 _WARM: Final = (0.6, 0.65, 0.7, 0.75, 0.8)  # of the distance at which P alone asks for full power
 _COLD: Final = 0.95  # share of the way to the ambient after which a heater is cold, as a story's restart has it
 _NEAR: Final = 0.9  # of the distance at which a boost ends: nearer to the setpoint there is none
@@ -90,19 +93,29 @@ class Cooling(NamedTuple):
             falls = [time_to(again_degC / abs(step), *model.lags_s) for model, step in self._steps]
             lengths_s = [min(each, _NEARLY[-1] * max(falls)) for each in lengths_s]
             lengths_s += [share * end for end in (min(falls), max(falls)) for share in _NEARLY]
-        boost = self.words.boost
-        return sorted({*lengths_s, *self._boosted_s(again_degC if boost is None else boost.within_degC)})
+        (model, step), *_ = self._steps
+        return sorted({*lengths_s, *(
+            time_to(far / abs(step), *model.lags_s) for far in self._far_degC(again_degC, _COLD * abs(step)))})
 
-    def _boosted_s(self, ends_degC: float) -> Iterator[float]:
-        """Yield lengths from where the nominal heater is as near as a boost ends until it is cold [s]."""
+    def lows_degC(self) -> list[float]:
+        """Return setpoints of use from which a rise may overshoot more than from the lowest, with a boost [°C]."""
+        asked, again_degC = self.scenario.setpoint_degC, self.controller.again_degC(self.words)
+        lows = (event.setpoint_degC for event in self.scenario.disturbances if isinstance(event, NewSetpoint))
+        low = next(lows, asked)
+        if again_degC is None or again_degC >= abs(asked - low):
+            return []
+        far = [*(share * again_degC for share in _NOT_YET), *self._far_degC(again_degC, abs(asked - low))]
+        return [asked - math.copysign(each, asked - low) for each in sorted(far)]
+
+    def _far_degC(self, again_degC: float, farthest_degC: float) -> Iterator[float]:
+        """Yield distances from the setpoint, from where a boost ends to the farthest [°C]."""
+        nearest = _NEAR * (again_degC if self.words.boost is None else self.words.boost.within_degC)
         most_pct, scan_s = self.controller.most_power_pct(self.words), self.controller.timing(self.words).scan_s
         rise = scan_s * max(abs(most_pct * model.gain_degC_per_pct / step) / sum(model.lags_s)
                             for model, step in self._steps)
-        number = math.ceil(min(max(_PER_RISE * rise, _FEWEST), _MOST))
-        (model, step), *_ = self._steps
-        nearest = _NEAR * ends_degC / abs(step)
-        for place in range(number if nearest < _COLD else 0):
-            yield time_to(nearest + (_COLD - nearest) * place / (number - 1), *model.lags_s)
+        number = math.ceil(min(max(_PER_RISE * rise, _FEWEST), _MOST)) if nearest < farthest_degC else 0
+        for place in range(number):
+            yield nearest + (farthest_degC - nearest) * place / (number - 1)
 
     @property
     def _steps(self) -> list[tuple[HeaterModel, float]]:

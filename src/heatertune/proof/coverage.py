@@ -20,7 +20,7 @@ class Coverage:
         open_points: False: only the default settings of the controller's switches, for a quick comparison.
         only: label of a model and settings of each run, by the controller's direct form alone; None: every model under
             every setting.
-        night: with `only`: the heat-up and another open circuit alone, by its name, see `heatertune.proof.night`.
+        night: with `only`: the heat-up and one of `heatertune.proof.night` alone, by its name, if the words have it.
         draws: False: no more than one draw of the noise; see `heatertune.proof.noise`.
         progress: told how many runs are done, as "18 of 54 runs".
     """

@@ -55,7 +55,7 @@ def prove(
         conditions: what is assumed; None: the defaults.
         first_look: only the nominal model under the default settings, in the same scenario; `export` refuses it.
         only: only these runs, label of a model and settings, in the same scenario; `export` refuses it too.
-        night: with `only`: the heat-up and another open circuit alone, by its name, see `heatertune.proof.night`.
+        night: with `only`: the heat-up and one of `heatertune.proof.night` alone, by its name, if the words have it.
         progress: told how many runs are done.
         changed: fields of `Conditions` that are other than in `conditions`.
 

@@ -1,6 +1,7 @@
 """What passes, when the heater's circuit is open for longer or shorter than in the story, or the setpoint rises after.
 
-And when the PLC loses its supply until the heater is neither hot nor cold.
+And when the PLC loses its supply until the heater is neither hot nor cold, or the setpoint rises by a part of its
+range.
 
 Most controllers stop summing somewhere, and how long it is open changes nothing. One that does not asks for more power
 the longer it waits, so no story is long enough: what it does after a longer one leaves its words unproven.
@@ -29,14 +30,18 @@ from heatertune.proof.scenario import Disturbance, Mains, NewSetpoint, PlcPower,
 from heatertune.proof.verdict import Heard
 from heatertune.units import written
 
-__all__ = ["JUDGED", "OVERSHOOTS", "Night", "briefly", "nights_of", "winds_up", "wound"]
+__all__ = ["JUDGED", "OVERSHOOTS", "Night", "briefly", "heat_up", "nights_of", "winds_up", "wound"]
 
 #: criteria of the way back from an open circuit, and after a start-up of the PLC
 _REHEATED: Final = ("reheat_overshoot", f"reheat_overshoot{IN_DEGC}")
 _RESTARTED: Final = ("restart_overshoot", f"restart_overshoot{IN_DEGC}")
-_LONGER, _RISING, _BRIEF, _WARM = "winds-up", "stays-at-limit", "briefly-open", "warm-restart"
+_CHANGED: Final = ("change_overshoot", f"change_overshoot{IN_DEGC}")
+_LONGER, _RISING, _BRIEF, _WARM, _PART = "winds-up", "stays-at-limit", "briefly-open", "warm-restart", "part-change"
+#: what is broken there is of a story's kind, and other gains may mend it
+_MENDED: Final = frozenset({_BRIEF, _WARM, _PART})
 #: name of what is found → criteria that tell which run is the hardest
-OVERSHOOTS: Final = {_LONGER: _REHEATED, _RISING: _REHEATED, _BRIEF: _REHEATED, _WARM: _RESTARTED}
+OVERSHOOTS: Final = {
+    _LONGER: _REHEATED, _RISING: _REHEATED, _BRIEF: _REHEATED, _WARM: _RESTARTED, _PART: _CHANGED}
 #: name of what is found → criteria that count
 JUDGED: Final = {**OVERSHOOTS, _RISING: (*_REHEATED, "reheat_time")}
 _TIMES: Final = 4.0  # as long as in the story
@@ -73,16 +78,18 @@ class Night(NamedTuple):
 
 def nights_of(
     scenario: Scenario, models: Sequence[HeaterModel], brief_s: Sequence[float] = (), warm_s: Sequence[float] = (),
+    lows_degC: Sequence[float] = (),
 ) -> Iterator[Night]:
     """Yield the longest open circuit of a story right after the heat-up: longer, closed at the lower setpoint, shorter.
 
-    And a restart of the PLC between the shortest and the longest.
+    And a restart of the PLC between the shortest and the longest, and rises of the setpoint by less than the range.
 
     Args:
         scenario: the story; none of its circuits may be closed again.
         models: the heaters.
         brief_s: how long a shorter one lasts, each [s].
         warm_s: how long the PLC is without supply, each [s].
+        lows_degC: setpoints from which it rises again, each [°C].
     """
     opened = {number: closed.time_s - event.time_s
               for number, (event, closed) in enumerate(pairwise(scenario.disturbances))
@@ -94,6 +101,14 @@ def nights_of(
     if warm_s and back is not None and scenario.rests_s:
         told = f"Where the PLC is restarted after {_minutes(warm_s)} without supply"
         yield Night(_WARM, _each(scenario, back, warm_s), told, "; the limit is kept where the heater is hot, or cold")
+    fall = next((number for number, pair in enumerate(pairwise(scenario.disturbances))
+                 if all(isinstance(event, NewSetpoint) for event in pair)), None)
+    if lows_degC and fall is not None and scenario.rests_s:
+        falls, rises = scenario.disturbances[fall:fall + 2]
+        befores = [NewSetpoint(time_s=falls.time_s, setpoint_degC=low) for low in lows_degC]
+        told = f"Where the setpoint rises from {min(lows_degC):.4g} to {max(lows_degC):.4g} °C back to its highest"
+        yield Night(_PART, _each(scenario, fall, [rises.time_s - falls.time_s] * len(befores), befores), told,
+                    "; the limit is kept from the lowest setpoint on")
 
 
 def _opened(
@@ -107,6 +122,12 @@ def _opened(
     if brief_s and scenario.rests_s:
         told = f"After {_minutes(brief_s)} with an open circuit"
         yield Night(_BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
+
+
+def heat_up(scenario: Scenario) -> Scenario:
+    """Return the heat-up of a story alone."""
+    end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
+    return replace(scenario, disturbances=(), rests_s=scenario.rests_s[:1], duration_s=end_s)
 
 
 def _longer(scenario: Scenario, number: int, proven_s: float) -> Night:
@@ -145,14 +166,23 @@ def _rising(scenario: Scenario, number: int, low_degC: float, models: Sequence[H
         "circuit"), most=_SLACK)
 
 
-def _each(scenario: Scenario, number: int, lengths_s: Sequence[float]) -> Scenario:
-    """Return the heat-up and then, of each length, what begins with an event of a story and ends with the next one."""
+def _each(
+    scenario: Scenario, number: int, lengths_s: Sequence[float], befores: Sequence[Disturbance] = ()
+) -> Scenario:
+    """Return the heat-up and then, of each length, what begins with an event of a story and ends with the next one.
+
+    Args:
+        scenario: the story.
+        number: of the event.
+        lengths_s: each [s].
+        befores: events in its place; none: it.
+    """
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
     begins, back = scenario.disturbances[number:number + 2]
     back_s, rest_s = ends[number + 2] - ends[number + 1], scenario.rests_s[number + 2]
     time_s, events, rests = ends[0] - scenario.rests_s[0] + rest_s, list[Disturbance](), [rest_s]
-    for length_s in lengths_s:
-        events += [replace(begins, time_s=time_s), replace(back, time_s=time_s + length_s)]
+    for length_s, before in zip(lengths_s, befores or [begins] * len(lengths_s), strict=True):
+        events += [replace(before, time_s=time_s), replace(back, time_s=time_s + length_s)]
         rests += [0.0, rest_s]
         time_s += length_s + back_s
     return replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
@@ -180,9 +210,9 @@ def winds_up(heard: Heard) -> bool:
 
 
 def briefly(heard: Heard) -> frozenset[str]:
-    """Return what is broken after a shorter open circuit or a restart in between, where nothing else was found.
+    """Return what is broken after a shorter open circuit, a restart or a change in between, if nothing else was found.
 
     These are criteria of a story, and other gains may mend them, as they mend what fails.
     """
     found = wound(heard)
-    return frozenset(name for each in found for name in JUDGED[each]) if found <= {_BRIEF, _WARM} else frozenset()
+    return frozenset(name for each in found for name in JUDGED[each]) if found <= _MENDED else frozenset()

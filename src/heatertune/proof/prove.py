@@ -27,7 +27,7 @@ from heatertune.proof.document import OutcomeView, ProofView, RunView, digested
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judge import judge, of_words
 from heatertune.proof.measured import band_of
-from heatertune.proof.night import OVERSHOOTS, Night, nights_of
+from heatertune.proof.night import OVERSHOOTS, Night, heat_up, nights_of
 from heatertune.proof.noise import drawn, nearest
 from heatertune.proof.runs import Runs
 from heatertune.proof.scenario import Scenario
@@ -192,8 +192,8 @@ def prove_models(
     acceptance, coverage, design = acceptance or Acceptance(), coverage or Coverage(), controller.decode(words)
     limits = acceptance.limits
     if coverage.night is not None:
-        scenario = next(night.scenario for night in _nights(controller, words, scenario, models)
-                        if night.name == coverage.night)
+        nights = {night.name: night.scenario for night in _nights(controller, words, scenario, models)}
+        scenario = nights.get(coverage.night, heat_up(scenario))  # other words may have had it
     runs = Runs.of(controller, words, models, scenario, actuator, limits, coverage, interlock=interlock)
     traced = remember(partial(runs.traced, direct=not coverage.open_points))  # a quick look waits for no listing
     judged = runs.judged()
@@ -293,7 +293,7 @@ def _nights(
 ) -> Iterator[Night]:
     heaters = [model for _, model in models]
     cooling = Cooling(controller, words, controller.decode(words), scenario, heaters)
-    return nights_of(scenario, heaters, cooling.openings_s(), cooling.restarts_s())
+    return nights_of(scenario, heaters, cooling.openings_s(), cooling.restarts_s(), cooling.lows_degC())
 
 
 def _with_band(heard: Heard, limits: Limits, resolution_degC: float) -> Heard:
