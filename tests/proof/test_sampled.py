@@ -10,6 +10,7 @@ from heatertune.errors import DocumentError, InputError
 from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, judge, prove_samples, replay
 from heatertune.proof.document import SamplesView
 from heatertune.proof.verdict import verdict_of_samples
+from heatertune.report.text import samples_rows
 
 PWM = Actuator(pwm_period_s=10.0)
 SCENARIO = Scenario(setpoint_degC=45.0, duration_s=900.0)
@@ -52,6 +53,16 @@ def test_a_sample_is_run_again_under_its_own_setting(drawing):
     assert {round(trace.model.time_constant_s / 20.0) for trace in traces} == {8, 9}, "both heaters under both settings"
     assert overshoot.worst == pytest.approx(max(found), rel=1e-9)
     assert 4 + int(np.argmax(found)) == proof.worst_seed
+
+
+def test_a_limit_that_has_to_be_reached_is_told_as_such(drawing):
+    asked = replace(LIMITS, power_reserve_pct=10.0)
+    proof = prove_samples(drawing(Spread(heater=(0.02, 0.02, 0.5))), asked, 8)
+    bounds = {spot.name: spot.bound for spot in proof.criteria}
+    assert {name for name, bound in bounds.items() if bound == ">="} == {"power_reserve"}
+    told = {row[0]: row[5] for row in samples_rows(proof.to_document())}
+    assert told["power reserve"] == ">= 10"
+    assert told["overshoot"].startswith("<= ")
 
 
 def test_a_setting_without_a_sample_is_not_proven(drawing):

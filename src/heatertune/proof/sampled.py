@@ -26,6 +26,7 @@ class Spot:
         name: of the criterion, as in `judge`.
         unit: of all its numbers.
         limit: with several disturbances that of the worst sample; None: the number informs.
+        bound: ">=" where it has to be reached, else "<=".
         median, p95, p99, worst: of its value over the samples; the largest is the worst, or, where it has to reach its
             limit, the smallest.
         passing: share of the samples that keep the limit, 0…1.
@@ -34,6 +35,7 @@ class Spot:
     name: str
     unit: str
     limit: float | None
+    bound: str
     median: float
     p95: float
     p99: float
@@ -114,11 +116,11 @@ def prove_samples(
         broken += ~ok
         strain = np.maximum(strain, used)
         limit = None if column.limits is None else column.limits[np.argmax(used)].item()
-        sign = -1.0 if column.at_least else 1.0
+        sign, bound = (-1.0, ">=") if column.at_least else (1.0, "<=")
         median, p95, p99, most = (
             sign * np.quantile(sign * column.values, [0.5, 0.95, 0.99, 1.0], method="higher")).tolist()
-        spots.append(Spot(name=column.name, unit=column.unit, limit=limit, median=median, p95=p95, p99=p99, worst=most,
-                          passing=float(np.mean(ok))))
+        spots.append(Spot(name=column.name, unit=column.unit, limit=limit, bound=bound, median=median, p95=p95, p99=p99,
+                          worst=most, passing=float(np.mean(ok))))
     worst = int(np.lexsort((-strain, -broken))[0])
     ran = np.array([drawing.setting(drawn) for drawn in range(seed, seed + count)])
     shares = [float(np.mean(broken[ran == number] == 0.0)) if number in ran else None

@@ -244,7 +244,7 @@ def samples_rows(samples: Document) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [("criterion", "median", "95 %", "99 %", "worst", "limit", "unit", "keep it")]
     for name, spot in samples["criteria"].items():
         numbers = ["never" if spot[key] is None else figure(spot[key]) for key in ("median", "p95", "p99", "worst")]
-        limit = "" if spot["limit"] is None else f"<= {figure(spot['limit'])}"
+        limit = "" if spot["limit"] is None else f"{spot.get('bound', '<=')} {figure(spot['limit'])}"
         kept = "" if spot["limit"] is None else f"{100.0 * spot['passing']:.4g} %"
         rows.append((spaced(name), *numbers, limit, spot["unit"], kept))
     return rows
