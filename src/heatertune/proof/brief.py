@@ -38,11 +38,11 @@ __all__ = ["Cooling"]
 _SHARES: Final = (0.85, 1.0, 1.7)  # of the time until full power is asked for
 _LED: Final = 2.5  # likewise, where a ramp leads the setpoint back
 _NEARLY: Final = (0.95, 0.98)  # of the time until a boost takes the heater back
-_NOT_YET: Final = (0.95, 0.98, 0.985, 0.99, 0.992, 0.994, 0.996, 0.998)  # of how far a boost begins; a call may be late
+_NOT_YET: Final = (0.95, 0.98, 0.985, 0.99, 0.994, 0.998)  # of how far off a boost begins; a call may be late
 _WARM: Final = (0.6, 0.65, 0.7, 0.75, 0.8)  # of the distance at which P alone asks for full power
 _COLD: Final = 0.95  # share of the way to the ambient after which a heater is cold, as a story's restart has it
 _NEAR: Final = 0.9  # of the distance at which a boost ends: nearer to the setpoint there is none
-_FEWEST: Final = 12  # lengths with a boost
+_FEWEST: Final = 9  # lengths with a boost: with those without one, no more scans than a story has
 _MOST: Final = 96  # likewise
 _PER_RISE: Final = 600.0  # likewise, times the share of the way that full power leads in a scan: the height of a tooth
 _HALVINGS: Final = 50
@@ -95,7 +95,7 @@ class Cooling(NamedTuple):
             lengths_s += [share * end for end in (min(falls), max(falls)) for share in _NEARLY]
         (model, step), *_ = self._steps
         return sorted({*lengths_s, *(
-            time_to(far / abs(step), *model.lags_s) for far in self._far_degC(again_degC, _COLD * abs(step)))})
+            time_to(far / abs(step), *model.lags_s) for far in self._far_degC(_COLD * abs(step), _FEWEST))})
 
     def lows_degC(self) -> list[float]:
         """Return setpoints of use from which a rise may overshoot more than from the lowest, with a boost [°C]."""
@@ -104,17 +104,22 @@ class Cooling(NamedTuple):
         low = next(lows, asked)
         if again_degC is None or again_degC >= abs(asked - low):
             return []
-        far = [*(share * again_degC for share in _NOT_YET), *self._far_degC(again_degC, abs(asked - low))]
+        far = [*(share * again_degC for share in _NOT_YET), *self._far_degC(abs(asked - low))]
         return [asked - math.copysign(each, asked - low) for each in sorted(far)]
 
-    def _far_degC(self, again_degC: float, farthest_degC: float) -> Iterator[float]:
-        """Yield distances from the setpoint, from where a boost ends to the farthest [°C]."""
-        nearest = _NEAR * (again_degC if self.words.boost is None else self.words.boost.within_degC)
+    def _far_degC(self, farthest_degC: float, fewest: int = 0) -> Iterator[float]:
+        """Yield distances from the setpoint, from where a boost ends to the farthest [°C]; no fewer than so many.
+
+        Where all teeth together would be few, none is high enough to be looked for.
+        """
+        boost, again_degC = self.words.boost, self.controller.again_degC(self.words) or 0.0
+        nearest = _NEAR * (again_degC if boost is None else boost.within_degC)
         most_pct, scan_s = self.controller.most_power_pct(self.words), self.controller.timing(self.words).scan_s
         rise = scan_s * max(abs(most_pct * model.gain_degC_per_pct / step) / sum(model.lags_s)
                             for model, step in self._steps)
-        number = math.ceil(min(max(_PER_RISE * rise, _FEWEST), _MOST)) if nearest < farthest_degC else 0
-        for place in range(number):
+        number = min(math.ceil(_PER_RISE * rise), _MOST)
+        number = max(number if number >= _FEWEST else 0, fewest)
+        for place in range(number if nearest < farthest_degC else 0):
             yield nearest + (farthest_degC - nearest) * place / (number - 1)
 
     @property
