@@ -55,7 +55,7 @@ def by_hand(request, served):
 
 def test_a_plan_is_run_and_all_is_given_back(by_hand, tmp_path):
     serve, words, protocol, part = by_hand
-    plc = serve(rate=300.0)
+    plc = serve(rate=100.0)
     before = plc.plc.memory.image()[part]
     ended, _ = ran(plc, words, tmp_path, protocol=protocol)
     assert (ended.why, ended.restored) == ("plan", True)
