@@ -192,8 +192,9 @@ def prove_models(
     acceptance, coverage, design = acceptance or Acceptance(), coverage or Coverage(), controller.decode(words)
     limits = acceptance.limits
     if coverage.night is not None:
-        nights = {night.name: night.scenario for night in _nights(controller, words, scenario, models)}
-        scenario = nights.get(coverage.night, heat_up(scenario))  # other words may have had it
+        nights = _nights(controller, words, scenario, models)
+        scenario = next((night.scenario for night in nights if night.name == coverage.night),
+                        heat_up(scenario))  # other words may have had it
     runs = Runs.of(controller, words, models, scenario, actuator, limits, coverage, interlock=interlock)
     traced = remember(partial(runs.traced, direct=not coverage.open_points))  # a quick look waits for no listing
     judged = runs.judged()
