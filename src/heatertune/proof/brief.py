@@ -11,13 +11,17 @@ on drawn designs, see tests/bench/outages.py: a shorter one is the worst where t
 one where there is no sum outside of the proportional band, and with a boost the last one before it takes over.
 
 A PLC that is restarted begins with an empty sum. The farther the heater has cooled down, the more is summed up on the
-way back, until K·e alone asks for full power: the same judge saw the peak at 0.6 to 0.8 of that distance.
+way back, until K·e alone asks for full power: the same judge saw the peak at 0.5 to 1.2 of that distance, and at up to
+3.4 where there is no sum outside of the proportional band. So it is where the setpoint rises: from the lowest of use P
+asks for full power, and little is summed up; 3 of 128 plain designs that passed overshot by up to 1.3 of their limit
+where it rose by less.
 
-A boost ends at a scan, up to one later than it might. Over the length before it, what it overshoots by is a saw with a
-tooth for each scan that it lasts, as high as what full power adds in one: lengths stand so close together that some
-come near a tip. The same judge saw 6 of 65 designs with a boost up to a third beyond their limit between two lengths.
-So it is over how far the setpoint rises; and from just before the distance at which the boost begins, the controller
-alone leads the way, which it does not from the lowest setpoint of use.
+Power changes at scans alone, and when is a matter of chance: over the length, or the rise, what is overshot by is a saw
+with a tooth for each scan on the way, the higher the farther full power leads in one. A boost ends at a scan, too, up to
+one later than it might, and then the tooth has all of that height. Places stand so close together that some come near
+a tip: the same judge saw 6 of 65 designs with a boost up to a third beyond their limit between two lengths, and plain
+ones up to an eighth. From just before the distance at which a boost begins, the controller alone leads the way, which
+it does not from the lowest setpoint of use.
 """
 
 from __future__ import annotations
@@ -39,12 +43,16 @@ _SHARES: Final = (0.85, 1.0, 1.7)  # of the time until full power is asked for
 _LED: Final = 2.5  # likewise, where a ramp leads the setpoint back
 _NEARLY: Final = (0.95, 0.98)  # of the time until a boost takes the heater back
 _NOT_YET: Final = (0.95, 0.98, 0.985, 0.99, 0.994, 0.998)  # of how far off a boost begins; a call may be late
-_WARM: Final = (0.6, 0.65, 0.7, 0.75, 0.8)  # of the distance at which P alone asks for full power
+_LED_BY_P: Final = (0.5, 0.6, 0.7, 0.8, 0.95, 1.2, 1.6, 2.2, 3.2)  # of the distance at which P alone asks for full power
 _COLD: Final = 0.95  # share of the way to the ambient after which a heater is cold, as a story's restart has it
 _NEAR: Final = 0.9  # of the distance at which a boost ends: nearer to the setpoint there is none
-_FEWEST: Final = 9  # lengths with a boost: with those without one, no more scans than a story has
+_NEAREST: Final = 0.05  # of the way to the farthest, without a boost
+_FEWEST: Final = 24  # places on the way
 _MOST: Final = 96  # likewise
 _PER_RISE: Final = 600.0  # likewise, times the share of the way that full power leads in a scan: the height of a tooth
+_SCANS: Final = 1e6  # of a story with more no night is longer than it: a proof runs ten times as many at most
+_FEWEST_IN_MANY: Final = 9  # places with a boost then
+_NO_GAIN: Final = 1e-9  # [%/°C]: less leads nowhere
 _HALVINGS: Final = 50
 
 
@@ -67,58 +75,79 @@ class Cooling(NamedTuple):
 
     def openings_s(self) -> list[float]:
         """Return how long a circuit is open where the overshoot may have its peak [s]; none without an I part."""
-        if self.design is None or math.isinf(self.design.integral_time_s):
+        if self._summing is None:
             return []
         most_pct = self.controller.most_power_pct(self.words)
-        times = [_saturates_s(model, step, self.design, most_pct) for model, step in self._steps]
+        times = [_saturates_s(model, step, self._summing, most_pct) for model, step in self._steps]
         middle = math.sqrt(min(times) * max(times))
         shares = _SHARES if self.words.ramp is None else (*_SHARES, _LED)
-        return self._with_boosts([share * middle for share in shares])
+        return self._with_more([share * middle for share in shares])
 
     def restarts_s(self) -> list[float]:
         """Return how long a PLC is off where its restart may overshoot most [s]; none without an I part."""
-        if self.design is None or math.isinf(self.design.integral_time_s):
+        if self._summing is None:
             return []
-        full_degC = self.controller.most_power_pct(self.words) / abs(self.design.gain_pct_per_degC)
-        times = [[time_to(min(share * full_degC / abs(step), _COLD), *model.lags_s) for share in _WARM]
+        full_degC = self.controller.most_power_pct(self.words) / abs(self._summing.gain_pct_per_degC)
+        times = [[time_to(min(share * full_degC / abs(step), _COLD), *model.lags_s) for share in _LED_BY_P]
                  for model, step in self._steps]
-        return self._with_boosts([math.sqrt(min(each) * max(each)) for each in zip(*times, strict=True)])
+        return self._with_more([math.sqrt(min(each) * max(each)) for each in zip(*times, strict=True)])
 
-    def _with_boosts(self, lengths_s: list[float]) -> list[float]:
-        """Return lengths in order, those after which a boost takes over put right before that, and some with one."""
+    def lows_degC(self) -> list[float]:
+        """Return setpoints from which a rise may overshoot more than from the lowest of use [°C]; none without I."""
+        asked, again_degC = self.scenario.setpoint_degC, self.controller.again_degC(self.words)
+        changes = (event.setpoint_degC for event in self.scenario.disturbances if isinstance(event, NewSetpoint))
+        way_degC = next(changes, asked) - asked
+        if self._summing is None or way_degC == 0.0:
+            return []
+        shares = _LED_BY_P[1::2] if self._many else _LED_BY_P
+        by_p = [share * self._full_rise_degC(self._summing) for share in shares]
+        if again_degC is not None:
+            by_p = [each for each in by_p if each < again_degC] + [share * again_degC for share in _NOT_YET]
+        far = {*by_p, *self._more_degC(abs(way_degC), 0)}
+        return [asked + math.copysign(each, way_degC) for each in sorted(far) if each < abs(way_degC)]
+
+    @property
+    def _summing(self) -> PidDesign | None:
+        """The design; None where nothing is summed up."""
+        return None if self.design is None or math.isinf(self.design.integral_time_s) else self.design
+
+    @property
+    def _many(self) -> bool:
+        """Whether the story has so many scans that no night may have more."""
+        return self.scenario.duration_s > _SCANS * self.controller.timing(self.words).scan_s
+
+    def _full_rise_degC(self, design: PidDesign) -> float:
+        """Return by how much the setpoint rises where P asks for all power beside what holds it before [°C]; or 0."""
+        most_pct, gain = self.controller.most_power_pct(self.words), abs(design.gain_pct_per_degC)
+        rises = [(most_pct - step / model.gain_degC_per_pct) / max(gain - 1.0 / abs(model.gain_degC_per_pct), _NO_GAIN)
+                 for model, step in self._steps]
+        return math.sqrt(max(0.0, min(rises)) * max(rises))
+
+    def _with_more(self, lengths_s: list[float]) -> list[float]:
+        """Return lengths in order, with more all the way down; those after which a boost takes over right before."""
         again_degC = self.controller.again_degC(self.words)
-        if again_degC is None:
-            return sorted(set(lengths_s))
-        if all(again_degC < abs(step) for _, step in self._steps):
+        if again_degC is not None and all(again_degC < abs(step) for _, step in self._steps):
             falls = [time_to(again_degC / abs(step), *model.lags_s) for model, step in self._steps]
             lengths_s = [min(each, _NEARLY[-1] * max(falls)) for each in lengths_s]
             lengths_s += [share * end for end in (min(falls), max(falls)) for share in _NEARLY]
         (model, step), *_ = self._steps
-        return sorted({*lengths_s, *(
-            time_to(far / abs(step), *model.lags_s) for far in self._far_degC(_COLD * abs(step), _FEWEST))})
+        more = self._more_degC(_COLD * abs(step), 0 if again_degC is None else _FEWEST_IN_MANY)
+        return sorted({*lengths_s, *(time_to(far / abs(step), *model.lags_s) for far in more)})
 
-    def lows_degC(self) -> list[float]:
-        """Return setpoints of use from which a rise may overshoot more than from the lowest, with a boost [°C]."""
-        asked, again_degC = self.scenario.setpoint_degC, self.controller.again_degC(self.words)
-        lows = (event.setpoint_degC for event in self.scenario.disturbances if isinstance(event, NewSetpoint))
-        low = next(lows, asked)
-        if again_degC is None or again_degC >= abs(asked - low):
-            return []
-        far = [*(share * again_degC for share in _NOT_YET), *self._far_degC(abs(asked - low))]
-        return [asked - math.copysign(each, asked - low) for each in sorted(far)]
+    def _more_degC(self, farthest_degC: float, least: int) -> Iterator[float]:
+        """Yield distances from the setpoint, up to the farthest, from where a boost ends on [°C].
 
-    def _far_degC(self, farthest_degC: float, fewest: int = 0) -> Iterator[float]:
-        """Yield distances from the setpoint, from where a boost ends to the farthest [°C]; no fewer than so many.
-
-        Where all teeth together would be few, none is high enough to be looked for.
+        Args:
+            farthest_degC: of them.
+            least: how many there are where the story has too many scans for more.
         """
-        boost, again_degC = self.words.boost, self.controller.again_degC(self.words) or 0.0
-        nearest = _NEAR * (again_degC if boost is None else boost.within_degC)
+        boost, again_degC = self.words.boost, self.controller.again_degC(self.words)
+        within_degC = again_degC if boost is None else boost.within_degC
+        nearest = _NEAREST * farthest_degC if within_degC is None else _NEAR * within_degC
         most_pct, scan_s = self.controller.most_power_pct(self.words), self.controller.timing(self.words).scan_s
         rise = scan_s * max(abs(most_pct * model.gain_degC_per_pct / step) / sum(model.lags_s)
                             for model, step in self._steps)
-        number = min(math.ceil(_PER_RISE * rise), _MOST)
-        number = max(number if number >= _FEWEST else 0, fewest)
+        number = least if self._many else max(_FEWEST, min(math.ceil(_PER_RISE * rise), _MOST))
         for place in range(number if nearest < farthest_degC else 0):
             yield nearest + (farthest_degC - nearest) * place / (number - 1)
 

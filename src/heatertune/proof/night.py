@@ -106,8 +106,9 @@ def nights_of(
     if lows_degC and fall is not None and scenario.rests_s:
         falls, rises = scenario.disturbances[fall:fall + 2]
         befores = [NewSetpoint(time_s=falls.time_s, setpoint_degC=low) for low in lows_degC]
+        down_s = rises.time_s - falls.time_s - scenario.rests_s[fall + 1] + scenario.rests_s[fall + 2]
         told = f"Where the setpoint rises from {min(lows_degC):.4g} to {max(lows_degC):.4g} °C back to its highest"
-        yield Night(_PART, _each(scenario, fall, [rises.time_s - falls.time_s] * len(befores), befores), told,
+        yield Night(_PART, _each(scenario, fall, [down_s] * len(befores), befores), told,
                     "; the limit is kept from the lowest setpoint on")
 
 
