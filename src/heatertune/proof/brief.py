@@ -17,8 +17,8 @@ asks for full power, and little is summed up; 3 of 128 plain designs that passed
 where it rose by less.
 
 Power changes at scans alone, and when is a matter of chance: over the length, or the rise, what is overshot by is a saw
-with a tooth for each scan on the way, the higher the farther full power leads in one. A boost ends at a scan, too, up to
-one later than it might, and then the tooth has all of that height. Places stand so close together that some come near
+with a tooth for each scan on the way, the higher the farther full power leads in one. A boost ends at a scan, too, up
+to one later than it might, and then a tooth has all of that height. Places stand so close together that some come near
 a tip: the same judge saw 6 of 65 designs with a boost up to a third beyond their limit between two lengths, and plain
 ones up to an eighth. From just before the distance at which a boost begins, the controller alone leads the way, which
 it does not from the lowest setpoint of use.
@@ -43,7 +43,7 @@ _SHARES: Final = (0.85, 1.0, 1.7)  # of the time until full power is asked for
 _LED: Final = 2.5  # likewise, where a ramp leads the setpoint back
 _NEARLY: Final = (0.95, 0.98)  # of the time until a boost takes the heater back
 _NOT_YET: Final = (0.95, 0.98, 0.985, 0.99, 0.994, 0.998)  # of how far off a boost begins; a call may be late
-_LED_BY_P: Final = (0.5, 0.6, 0.7, 0.8, 0.95, 1.2, 1.6, 2.2, 3.2)  # of the distance at which P alone asks for full power
+_LED_BY_P: Final = (0.5, 0.6, 0.7, 0.8, 0.95, 1.2, 1.6, 2.2, 3.2)  # of how far off P alone asks for full power
 _COLD: Final = 0.95  # share of the way to the ambient after which a heater is cold, as a story's restart has it
 _NEAR: Final = 0.9  # of the distance at which a boost ends: nearer to the setpoint there is none
 _NEAREST: Final = 0.05  # of the way to the farthest, without a boost
