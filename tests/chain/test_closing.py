@@ -8,13 +8,13 @@ import pytest
 
 from heatertune.chain import prove
 from heatertune.codec import decode
-from heatertune.errors import InputError
+from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.document import PidView, to_document
 from heatertune.pid.recipe import Recipe
 from heatertune.plc import Scaling
-from heatertune.proof import Story
+from heatertune.proof import Story, closing
 from heatertune.proof.closing import Asked, closed, plainly
 from heatertune.proof.frames import Frame
 from heatertune.proof.nearest import passing_settings, tolerance_that_passes
@@ -68,6 +68,26 @@ def test_a_design_that_fails_is_closed_by_a_more_robust_one_and_the_price_is_tol
     price = 100.0 * (found.choice.search.realised.iae_load / first.choice.search.realised.iae_load - 1.0)
     assert f"costs {price:.2g} % more IAE" in found.notes[0]
     assert found.proof.heard.remarks[-1].startswith("with K times ")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("problem", "told"), [
+    (OutOfRange("time_s", 0.0, "> 0"), ["(time_s = 0.0 is out of range: must be > 0)."]),
+    (NotRepresentable("word ti", 10277.0, "0…9999 s", "another design would fit"), [])])
+def test_what_could_not_be_tried_is_told_but_where_a_plc_cannot_hold_it(failing, monkeypatch, problem, told):
+    model, asked, _ = failing
+    tries = []
+
+    def once(*given, plain=None, **others):
+        tries.append(plain)
+        if len(tries) == 2:  # the first one is the design as asked for
+            raise problem
+        return plainly(*given, plain=plain, **others)
+
+    monkeypatch.setattr(closing, "plainly", once)
+    found = closed(model, asked)
+    assert (found.proof.verdict, len(tries) > 2) == ("PASS", True)
+    assert [note.partition(" (")[2] for note in found.notes if note.startswith("Not tried: ")] == [each[1:] for each in told]
 
 
 @pytest.mark.long

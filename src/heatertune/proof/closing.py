@@ -104,10 +104,8 @@ class _Search:
         self.screen = self.screen.with_failed(proof)
         if briefly(proof.heard):
             self.screen = self.screen.with_nights([proof])
-        if self.best is None or self.place is None:
-            self.least = self.screen.badness(self.first.choice.words, self.first.conditions)
-        else:
-            self.least = self.best.badness(self.place)
+        self.least = (self.screen.badness(self.first.choice.words, self.first.conditions)
+                      if self.best is None or self.place is None else self.best.badness(self.place))
 
     def cheapest(self) -> Closed | None:
         """Return the first that passes and is not dear, else the least dear; None where nothing passes.
@@ -209,7 +207,8 @@ class _Search:
         return frame.told(frame.sample_time_s or self.first.wished.sample_time_s, self.tick_s)
 
     def hints(self, mended: Closed) -> Iterator[str]:
-        """Return what is to be said beside a design that passes: which open point it is the price of."""
+        """Yield what to say beside a design that passes: what was not tried, which open point it is the price of."""
+        yield from self.way_on.untried
         if mended.passes_with:
             return
         hanging = settings_told(self.first.proof, "the optimum")
@@ -264,7 +263,8 @@ class _Search:
         plain = self.first.proof if asked.conditions == self.first.conditions else None
         try:
             tried = plainly(self.fitted, asked, made=made, plain=plain, progress=self.progress)
-        except HeatertuneError:
+        except HeatertuneError as problem:
+            self.way_on.left_out(self.told(frame), problem)
             return None
         if tried.proof.verdict == "FAIL":
             self.failed(tried.proof)
@@ -348,7 +348,8 @@ class _Within:
             words = encode(design, asked.target, scaling=asked.scaling)
             words = self.frame.on(cooled(words, asked.conditions.cooling_gain))
             return (screen or self.search.screen).look(words, asked.conditions, bound=bound)
-        except HeatertuneError:
+        except HeatertuneError as problem:
+            self.search.way_on.left_out(self.search.told(self.frame), problem)
             return Look(math.inf)
 
     def keeps(self, place: Place, screen: Screen | None = None) -> bool:
@@ -389,10 +390,9 @@ class _Within:
 
     def made(self, place: Place) -> Made:
         """Return the design at a place and its words."""
-        design, asked, fitted = self.family.at(place), self.asked, self.search.fitted
+        design, asked, fitted, first = self.family.at(place), self.asked, self.search.fitted, self.search.first
         if design is None:
             raise InputError("no gain keeps the limits")
-        first = self.search.first
         if design is first.wished and not self.search.asked.refined:
             return first.wished, replace(first.choice, words=self.frame.on(first.choice.words))
         assessed = assessed_sampled(fitted.plants, design)

@@ -6,10 +6,10 @@ Of a program with its source's faults that is the one repaired.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
-from heatertune.errors import HeatertuneError
+from heatertune.errors import HeatertuneError, NotRepresentable
 from heatertune.model.findings import KINDS
 from heatertune.model.values import FittedModel
 from heatertune.plc import TARGETS, controller_for
@@ -48,6 +48,7 @@ class WayOn:
         progress: told what is tried.
         close: `heatertune.proof.closing.closed`.
         sooner: a control without gains that scans more often, where it was tried.
+        untried: what could not be tried, and why, each once.
     """
 
     fitted: FittedModel
@@ -56,6 +57,12 @@ class WayOn:
     progress: Told
     close: Callable[..., Closed]
     sooner: Closed | None = None
+    untried: dict[str, None] = field(default_factory=dict)
+
+    def left_out(self, changes: str, problem: HeatertuneError) -> None:
+        """Keep why some changes were not tried; that a PLC cannot hold their words is no news."""
+        if not isinstance(problem, NotRepresentable):
+            self.untried[f"Not tried: {changes or 'other gains'} ({problem})."] = None
 
     def told(self) -> Closed:
         """Return the design as asked for; its proof says which other question would be answered with PASS."""
@@ -71,7 +78,8 @@ class WayOn:
             told = "; ".join(filter(None, (why, would))) or "nothing tried mends it"
         heard = replace(proof.heard, remarks=(*proof.heard.remarks, told))
         note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
-        return replace(first, proof=replace(proof, heard=heard), notes=(*first.notes, note), passes_with=options)
+        return replace(first, proof=replace(proof, heard=heard), notes=(*first.notes, note, *self.untried),
+                       passes_with=options)
 
     def unwound(self, found: Closed) -> Closed:
         """Return a design that winds up; its proof says with which setting of an open point one passes."""
