@@ -15,7 +15,7 @@ from heatertune.proof.closing import closed
 from heatertune.proof.fitted import prove
 from tests.bench import second_opinion
 from tests.bench.false_passes import _limits
-from tests.bench.outages import Night, asked, bench_of, restarts, rises
+from tests.bench.outages import Night, asked, bench_of, changes, restarts
 from tests.bench.second_opinion import SWITCHES, compiled, opinion
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
@@ -54,12 +54,27 @@ def test_a_boost_that_no_part_of_the_range_begins_does_not_pass(tmp_path, number
     assert proof.verdict == "NOT PROVEN"
     benches = [bench_of(model, replace(design, proof=proof), settings) for settings in settings_to_prove(controller_for(target).switches)]
     library, limits = compiled(tmp_path), _limits(proof.limits)
-    seen = max(rises(library, b, limits, design.conditions.lowest_degC)[0] for b in benches)
+    seen = max(changes(library, b, limits, design.conditions.lowest_degC)[0] for b in benches)
     assert seen[0] > 1.1
     mended = closed(model_by_hand(model), wanted)
     assert mended.proof.verdict == "PASS"
     benches = [bench_of(model, mended, settings) for settings in settings_to_prove(controller_for(target).switches)]
-    assert max(rises(library, b, limits, design.conditions.lowest_degC)[0] for b in benches)[0] <= 1.0
+    assert max(changes(library, b, limits, design.conditions.lowest_degC)[0] for b in benches)[0] <= 1.0
+
+
+@pytest.mark.parametrize(("number", "target", "beyond"), [(30_008, "pband", 1.29), (30_016, "pband", 1.06)])
+def test_a_part_of_the_range_in_which_more_is_summed_up_than_in_all_of_it_does_not_pass(tmp_path, number, target, beyond):
+    # passed, before the setpoint was changed by less than its range: the sum is zero outside of the proportional band
+    model, wanted = asked(number, target)
+    plain, mended = (closed(model_by_hand(model), each) for each in (replace(wanted, as_is=True), wanted))
+    assert all(criterion.ok for criterion in plain.proof.criteria), "of the story"
+    assert [finding.name for finding in plain.proof.heard.findings] == ["part-change"]
+    assert (plain.proof.verdict, mended.proof.verdict) == ("NOT PROVEN", "PASS")
+    library, limits = compiled(tmp_path), _limits(plain.proof.limits)
+    seen = [max(changes(library, bench_of(model, design, settings), limits, wanted.conditions.lowest_degC)[0][0]
+                for settings in settings_to_prove(controller_for(target).switches)) for design in (plain, mended)]
+    assert seen[0] > beyond
+    assert seen[1] <= 1.0
 
 
 def _stays(library, model, design, monkeypatch):

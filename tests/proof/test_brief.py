@@ -168,7 +168,7 @@ def test_the_rises_come_one_after_the_other_each_with_its_way_down():
         (550.0, 50.0), (2550.0, 60.0), (5550.0, 40.0), (7550.0, 60.0)]
     assert night.scenario.rests_s == (50.0, 0.0, 50.0, 0.0, 50.0)
     assert night.scenario.duration_s == 10550.0
-    assert night.told == "Where the setpoint rises from 40 to 50 °C back to its highest"
+    assert night.told == "Where the setpoint changes between its highest and 40 to 50 °C"
     calm = replace(IN_USE, rests_s=(500.0, 0.0, 50.0, 500.0, 50.0))  # the way down is at rest for as long as the way up
     *_, night = nights_of(calm, [ONE], lows_degC=(50.0,))
     assert [each.time_s for each in night.scenario.disturbances] == [550.0, 550.0 + 2000.0 - 450.0]

@@ -67,7 +67,7 @@ KINDS: Final[dict[str, Kind]] = {
         "blocks", "it overshoots by more than its limit where the PLC is restarted while the heater is warm",
         "allow what it does then (--limit restart-overshoot), or let the heater cool down before it is switched on"),
     "part-change": Kind(
-        "blocks", "it overshoots by more than its limit where the setpoint rises by a part of its range of use",
+        "blocks", "it overshoots by more than its limit where the setpoint changes by a part of its range of use",
         "allow what it does then (--limit change-overshoot), or say a smaller range (--setpoint)"),
     "stays-at-limit": Kind(
         "blocks", "it may stay at full power where the setpoint rises while the heater warms up",

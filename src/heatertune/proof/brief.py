@@ -12,9 +12,9 @@ one where there is no sum outside of the proportional band, and with a boost the
 
 A PLC that is restarted begins with an empty sum. The farther the heater has cooled down, the more is summed up on the
 way back, until K·e alone asks for full power: the same judge saw the peak at 0.5 to 1.2 of that distance, and at up to
-3.4 where there is no sum outside of the proportional band. So it is where the setpoint rises: from the lowest of use P
-asks for full power, and little is summed up; 3 of 128 plain designs that passed overshot by up to 1.3 of their limit
-where it rose by less.
+3.4 where there is no sum outside of the proportional band. So it is where the setpoint changes: from the lowest of use P
+asks for full power, and little is summed up; 3 of 128 plain designs that passed went up to 1.3 of their limit where it
+changed by less.
 
 Power changes at scans alone, and when is a matter of chance: over the length, or the rise, what is overshot by is a saw
 with a tooth for each scan on the way, the higher the farther full power leads in one. A boost ends at a scan, too, up
@@ -93,7 +93,7 @@ class Cooling(NamedTuple):
         return self._with_more([math.sqrt(min(each) * max(each)) for each in zip(*times, strict=True)])
 
     def lows_degC(self) -> list[float]:
-        """Return setpoints from which a rise may overshoot more than from the lowest of use [°C]; none without I."""
+        """Return setpoints a change to or from which may overshoot more than of the lowest [°C]; none without I."""
         asked, again_degC = self.scenario.setpoint_degC, self.controller.again_degC(self.words)
         changes = (event.setpoint_degC for event in self.scenario.disturbances if isinstance(event, NewSetpoint))
         way_degC = next(changes, asked) - asked

@@ -1,6 +1,6 @@
 """What passes, when the heater's circuit is open for longer or shorter than in the story, or the setpoint rises after.
 
-And when the PLC loses its supply until the heater is neither hot nor cold, or the setpoint rises by a part of its
+And when the PLC loses its supply until the heater is neither hot nor cold, or the setpoint changes by a part of its
 range.
 
 Most controllers stop summing somewhere, and how long it is open changes nothing. One that does not asks for more power
@@ -82,14 +82,14 @@ def nights_of(
 ) -> Iterator[Night]:
     """Yield the longest open circuit of a story right after the heat-up: longer, closed at the lower setpoint, shorter.
 
-    And a restart of the PLC between the shortest and the longest, and rises of the setpoint by less than the range.
+    And a restart of the PLC between the shortest and the longest, and changes of the setpoint by less than the range.
 
     Args:
         scenario: the story; none of its circuits may be closed again.
         models: the heaters.
         brief_s: how long a shorter one lasts, each [s].
         warm_s: how long the PLC is without supply, each [s].
-        lows_degC: setpoints from which it rises again, each [°C].
+        lows_degC: setpoints to which it falls, and rises again, each [°C].
     """
     opened = {number: closed.time_s - event.time_s
               for number, (event, closed) in enumerate(pairwise(scenario.disturbances))
@@ -107,9 +107,9 @@ def nights_of(
         falls, rises = scenario.disturbances[fall:fall + 2]
         befores = [NewSetpoint(time_s=falls.time_s, setpoint_degC=low) for low in lows_degC]
         down_s = rises.time_s - falls.time_s - scenario.rests_s[fall + 1] + scenario.rests_s[fall + 2]
-        told = f"Where the setpoint rises from {min(lows_degC):.4g} to {max(lows_degC):.4g} °C back to its highest"
+        told = f"Where the setpoint changes between its highest and {min(lows_degC):.4g} to {max(lows_degC):.4g} °C"
         yield Night(_PART, _each(scenario, fall, [down_s] * len(befores), befores), told,
-                    "; the limit is kept from the lowest setpoint on")
+                    "; the limit is kept where it falls to its lowest, and rises from there")
 
 
 def _opened(
