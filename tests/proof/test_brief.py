@@ -91,6 +91,12 @@ def test_the_more_a_scan_of_full_power_leads_on_the_closer_together_are_the_leng
         assert number <= len(lengths) <= number + 13  # those of P, and right before the boost, too
 
 
+def test_a_first_look_has_few_places():
+    cooling = Cooling(ROOM, WORDS, REALISED, STORY, [ONE], closely=False)
+    assert len(cooling.openings_s()) == 3 + 12
+    assert _has(cooling.restarts_s(), *_falls_s(*np.linspace(0.05 * 38.0, 38.0, 12)), rel=1e-6)
+
+
 def test_without_a_boost_there_are_no_more_where_the_story_has_many_scans():
     words = ROOM.encode(replace(DESIGN, sample_time_s=0.008), Scaling())
     assert len(Cooling(ROOM, words, ROOM.decode(words), STORY, [ONE]).openings_s()) == 3

@@ -12,9 +12,9 @@ one where there is no sum outside of the proportional band, and with a boost the
 
 A PLC that is restarted begins with an empty sum. The farther the heater has cooled down, the more is summed up on the
 way back, until K·e alone asks for full power: the same judge saw the peak at 0.5 to 1.2 of that distance, and at up to
-3.4 where there is no sum outside of the proportional band. So it is where the setpoint changes: from the lowest of use P
-asks for full power, and little is summed up; 3 of 128 plain designs that passed went up to 1.3 of their limit where it
-changed by less.
+3.4 where there is no sum outside of the proportional band. So it is where the setpoint changes: from the lowest of use
+P asks for full power, and little is summed up; 3 of 128 plain designs that passed went up to 1.3 of their limit where
+it changed by less.
 
 Power changes at scans alone, and when is a matter of chance: over the length, or the rise, what is overshot by is a saw
 with a tooth for each scan on the way, the higher the farther full power leads in one. A boost ends at a scan, too, up
@@ -47,7 +47,8 @@ _LED_BY_P: Final = (0.5, 0.6, 0.7, 0.8, 0.95, 1.2, 1.6, 2.2, 3.2)  # of how far 
 _COLD: Final = 0.95  # share of the way to the ambient after which a heater is cold, as a story's restart has it
 _NEAR: Final = 0.9  # of the distance at which a boost ends: nearer to the setpoint there is none
 _NEAREST: Final = 0.05  # of the way to the farthest, without a boost
-_FEWEST: Final = 24  # places on the way
+_FEW: Final = 12  # places on the way, for a first look
+_FEWEST: Final = 24  # likewise, closely
 _MOST: Final = 96  # likewise
 _PER_RISE: Final = 600.0  # likewise, times the share of the way that full power leads in a scan: the height of a tooth
 _SCANS: Final = 1e6  # of a story with more no night is longer than it: a proof runs ten times as many at most
@@ -65,6 +66,7 @@ class Cooling(NamedTuple):
         design: as the words realise it; None where the controller is no PID.
         scenario: the story.
         models: the heaters.
+        closely: whether places stand as close together as the scans ask for; else there are a few.
     """
 
     controller: Controller
@@ -72,6 +74,7 @@ class Cooling(NamedTuple):
     design: PidDesign | None
     scenario: Scenario
     models: Sequence[HeaterModel]
+    closely: bool = True
 
     def openings_s(self) -> list[float]:
         """Return how long a circuit is open where the overshoot may have its peak [s]; none without an I part."""
@@ -147,7 +150,8 @@ class Cooling(NamedTuple):
         most_pct, scan_s = self.controller.most_power_pct(self.words), self.controller.timing(self.words).scan_s
         rise = scan_s * max(abs(most_pct * model.gain_degC_per_pct / step) / sum(model.lags_s)
                             for model, step in self._steps)
-        number = least if self._many else max(_FEWEST, min(math.ceil(_PER_RISE * rise), _MOST))
+        number = max(_FEWEST, min(math.ceil(_PER_RISE * rise), _MOST)) if self.closely else _FEW
+        number = least if self._many else number
         for place in range(number if nearest < farthest_degC else 0):
             yield nearest + (farthest_degC - nearest) * place / (number - 1)
 

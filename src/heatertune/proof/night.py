@@ -68,12 +68,19 @@ class Night(NamedTuple):
 
     def found(self, criteria: Iterable[Criterion]) -> list[Finding]:
         """Return what broken limits mean; nothing where all are kept."""
-        worst = max((each for each in criteria if each.name in JUDGED[self.name]), key=lambda each: each.strain)
+        worst = self._worst(criteria)
         if worst.strain <= self.most:
             return []
         beyond = worst.name in OVERSHOOTS[self.name]
         does = f"overshoots by {worst.value:.3g} {worst.unit}" if beyond else "does not come to rest"
         return [Finding(name=self.name, told=f"{self.told} it {does}{self.kept}.")]
+
+    def strain(self, criteria: Iterable[Criterion]) -> float:
+        """Return how much of a limit that counts here is used at most."""
+        return self._worst(criteria).strain
+
+    def _worst(self, criteria: Iterable[Criterion]) -> Criterion:
+        return max((each for each in criteria if each.name in JUDGED[self.name]), key=lambda each: each.strain)
 
 
 def nights_of(

@@ -12,17 +12,14 @@ from heatertune.plc import Words
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.fitted import prove
 from heatertune.proof.night import JUDGED, wound
-from heatertune.proof.prove import Proof, RunResult, hardest_after
+from heatertune.proof.prove import Proof, Run, RunResult, hardest_after
 from heatertune.settings import Conditions
 
-__all__ = ["NOTICEABLE", "Look", "Run", "Screen"]
+__all__ = ["NOTICEABLE", "Look", "Screen"]
 
 _MOST: Final = 10.0  # strain of a limit that is broken without end
 #: share of a limit: broken is not kept, by however little
 NOTICEABLE: Final = 1e-9
-
-#: label of a model, setting of each switch
-Run = tuple[str, Mapping[str, str]]
 
 
 class Look(NamedTuple):
