@@ -217,7 +217,7 @@ def test_a_simulator_that_tells_no_scans_any_more_is_a_lost_link_and_no_other_cl
 @pytest.mark.parametrize("fault", ["cut", "lost-reply", "black-hole"])
 def test_a_lost_link_is_a_marked_gap_and_the_log_goes_on(served, places, tmp_path, protocol, fault):
     plc = served(serve=protocol, faults=f"t=1200 {fault} until=2400", intervals=1200, **SLOW)
-    told = record(way(plc, protocol), tmp_path / "log.csv", places, Recording(timeout_s=0.2), ended=Until(plc))
+    told = record(way(plc, protocol), tmp_path / "log.csv", places, Recording(timeout_s=0.6), ended=Until(plc))
     text, rows = (tmp_path / "log.csv").read_text(), rows_of(tmp_path / "log.csv")
     gaps = re.findall(r"# gap before (\S+) s: (.*)", text)
     assert told.gaps == len(gaps) >= 1
