@@ -36,7 +36,7 @@ from heatertune.proof.trace import Trace
 from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, combined
 from heatertune.show import Shown
 
-__all__ = ["Proof", "Run", "RunResult", "hardest_after", "prove_models"]
+__all__ = ["Proof", "Run", "RunResult", "prove_models"]
 
 #: label of a model, setting of each switch
 Run = tuple[str, Mapping[str, str]]
@@ -99,6 +99,7 @@ class Proof(Shown):
         hold_degC: how far from the reading their ramp lets the setpoint be [°C]; None: as far as it goes.
         open_points: whether every setting the manual leaves open was run, not only the defaults.
         heard: what the fit found and the user knows, which no run shows.
+        nights: name of what was found in `heatertune.proof.night` → runs in which it was.
 
     Raises:
         InputError: no run.
@@ -120,6 +121,7 @@ class Proof(Shown):
     open_points: bool = True
     heard: Heard = field(default_factory=Heard)
     specification: Specification | None = None
+    nights: Mapping[str, tuple[Run, ...]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         if not (self.runs and self.criteria):
@@ -218,8 +220,10 @@ def prove_models(
             results[run] = _ran(results[run], judge(traced(run), limits, where=results[run].label))
     seeds, remarks = _with_draws(runs, results, judged) if coverage.draws else ({}, [])
     heard = replace(heard, remarks=(*heard.remarks, *remarks))
+    broken: Mapping[str, tuple[Run, ...]] = {}
     if coverage.whole and all(result.verdict == "PASS" for result in results):
-        heard = replace(heard, findings=(*heard.findings, *_after_a_night(runs, results, models, coverage)))
+        found, broken = _after_a_night(runs, results, models, coverage)
+        heard = replace(heard, findings=(*heard.findings, *found))
     return Proof(
         words=words,
         design=design,
@@ -237,6 +241,7 @@ def prove_models(
         open_points=coverage.whole,
         heard=heard,
         specification=acceptance.specification,
+        nights=broken,
     )
 
 
@@ -270,20 +275,24 @@ def _with_draws(
     return {run: draws.seed}, [draws.told]
 
 
-def hardest_after(results: Sequence[RunResult], night: str) -> list[RunResult]:
-    """Return of each setting the run that overshoots most, for its limit, after what a night tries in other lengths."""
+def _hardest_after(results: Sequence[RunResult], night: str) -> list[RunResult]:
+    """Return of each setting the run that overshoots most, for its limit, after what a night tries in other lengths.
+
+    That which overshoots most of all comes last.
+    """
     def strain(result: RunResult) -> float:
         return max(each.strain for each in result.criteria if each.name in OVERSHOOTS[night])
 
-    return list({tuple(run.switches.items()): run for run in sorted(results, key=strain)}.values())
+    return sorted({tuple(run.switches.items()): run for run in sorted(results, key=strain)}.values(), key=strain)
 
 
 def _after_a_night(
     runs: Runs, results: Sequence[RunResult], models: Sequence[tuple[str, HeaterModel]], coverage: Coverage
-) -> list[Finding]:
-    """Return what other lengths show, under each setting on the heater that overshoots most after the story's.
+) -> tuple[list[Finding], dict[str, tuple[Run, ...]]]:
+    """Return what other lengths show, and the runs that show it, by its name.
 
-    Where a few places already come near to a limit, many are looked at.
+    Each setting is run on the heater that overshoots most after the story's lengths, and on that which does so here
+    under the hardest setting: it may be another one. Where a few places come near to a limit, many are looked at.
     Whether a setting winds up does not show in the story where the setpoint is held near the reading.
     """
     def judged(night: Night, only: Sequence[Run]) -> list[tuple[Run, tuple[Criterion, ...]]]:
@@ -293,14 +302,22 @@ def _after_a_night(
 
     coarse, fine = (_nights(runs.controller, runs.words, runs.scenario, models, closely=closely)
                     for closely in (False, True))
-    found = list[Finding]()
+    findings, broken = list[Finding](), dict[str, tuple[Run, ...]]()
     for first, closer in zip(coarse, fine, strict=True):
-        told = judged(first, [(run.model, run.switches) for run in hardest_after(results, first.name)])
+        hardest = _hardest_after(results, first.name)
+        every = [(name, hardest[-1].switches) for name, _ in models]
+        told = judged(first, [*((run.model, run.switches) for run in hardest), *every])
+        (model, _), _ = max(told, key=lambda each: first.strain(each[1]))
+        others = [run for run in ((model, run.switches) for run in hardest) if run not in [ran for ran, _ in told]]
+        told += judged(first, others) if others else []
         near = [run for run, criteria in told if first.strain(criteria) > _NEAR]
         if near and closer.scenario != first.scenario:
             told += judged(closer, near)
-        found += closer.found(criterion for _, criteria in told for criterion in criteria)
-    return found
+        if found := closer.found(criterion for _, criteria in told for criterion in criteria):
+            findings += found
+            over = [run for run, criteria in told if closer.found(criteria)]
+            broken[closer.name] = tuple(run for place, run in enumerate(over) if run not in over[:place])
+    return findings, broken
 
 
 def _nights(

@@ -12,7 +12,7 @@ from heatertune.plc import Words
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.fitted import prove
 from heatertune.proof.night import JUDGED, wound
-from heatertune.proof.prove import Proof, Run, RunResult, hardest_after
+from heatertune.proof.prove import Proof, Run, RunResult
 from heatertune.settings import Conditions
 
 __all__ = ["NOTICEABLE", "Look", "Screen"]
@@ -64,8 +64,7 @@ class Screen:
         hardest = dict(self.nights)
         for name, proof in ((name, each) for each in proofs for name in wound(each.heard)):
             kept = hardest.get(name, ())
-            runs = [(run.model, run.switches) for run in hardest_after(proof.runs, name)]
-            hardest[name] = (*kept, *(run for run in runs if run not in kept))
+            hardest[name] = (*kept, *(run for run in proof.nights[name] if run not in kept))
         return replace(self, nights={name: hardest[name] for name in sorted(hardest)})
 
     def look(self, words: Words, conditions: Conditions, *, bound: float = math.inf) -> Look:
