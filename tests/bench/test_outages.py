@@ -7,21 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.chain.stages import fit
-from heatertune.log import read_log
 from heatertune.model.by_hand import model_by_hand
-from heatertune.plc import Boost, Scaling, controller_for
+from heatertune.plc import Boost, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.single import single
-from heatertune.proof.closing import Asked, closed
+from heatertune.proof.closing import closed
 from heatertune.proof.fitted import prove, setpoints_for
 from heatertune.proof.heaters import holding
-from heatertune.settings import Conditions, TuneSettings
 from tests.bench import second_opinion
 from tests.bench.false_passes import _limits
-from tests.bench.outages import Night, asked, bench_of, changes, restarts
+from tests.bench.outages import Night, asked, bench_of, changes, logged, restarts
 from tests.bench.second_opinion import SWITCHES, compiled, opinion
-from tests.bench.zones import heater, log_text
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
 
@@ -85,18 +81,13 @@ def test_a_part_of_the_range_in_which_more_is_summed_up_than_in_all_of_it_does_n
 @pytest.mark.parametrize(("number", "target"), [(126, "s7-200"), (112, "esphome")])
 def test_the_heater_that_is_the_hardest_in_a_part_of_the_range_is_found_where_it_is_another_one(tmp_path, number, target):
     # passed at 1.05 and 1.06 of the limit, when only that which overshoots most in all of the range was run
-    (tmp_path / "log.csv").write_text(log_text(number))
-    fitted, (gain, lag, _, ambient), rng = fit(read_log(tmp_path / "log.csv"), None), heater(number), np.random.default_rng([number, 7])
-    high = round(ambient + gain * rng.uniform(25, 70), 1)
-    low, interval_s = round(ambient + 0.12 * (high - ambient), 1), round(lag / rng.uniform(10, 40), 0)
-    design = closed(fitted, Asked(
-        target=target, tuned=TuneSettings(sample_time_s=interval_s), scaling=Scaling(low_degC=0.0, high_degC=float(math.ceil(1.6 * high))),
-        conditions=Conditions(setpoint_degC=(low, high))))
+    fitted, wanted = logged(number, target, tmp_path)
+    design = closed(fitted, wanted)
     assert design.proof.verdict == "PASS"
     models = holding(fitted, setpoints_for(fitted, design.conditions)[1])
     assert len(models) > 1
     library, limits = compiled(tmp_path), _limits(design.proof.limits)
-    assert max(changes(library, bench_of(model, design, settings), limits, low)[0][0]
+    assert max(changes(library, bench_of(model, design, settings), limits, wanted.conditions.lowest_degC)[0][0]
                for _, model in models for settings in settings_to_prove(controller_for(target).switches)) < 1.02
 
 

@@ -71,7 +71,8 @@ def test_a_plan_is_run_and_all_is_given_back(by_hand, tmp_path):
 
 def test_limit_link_and_somebody_elses_hand_end_it_on_each_controller(by_hand, tmp_path):
     serve, words, protocol, part = by_hand
-    hot, mild = (Steps(steps=((0.0, power), (30000.0, power))) for power in (100.0, 20.0))
+    # hot: it would come to rest at 76 °C, beyond the limit but within the sensor's range, however late somebody looks
+    hot, mild = (Steps(steps=((0.0, power), (30000.0, power))) for power in (60.0, 20.0))
 
     def cut_off(name, plc, plan=mild, **more):
         (tmp_path / name).mkdir()

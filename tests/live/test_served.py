@@ -1,9 +1,11 @@
 """What is served is what is proven, bit for bit, whatever the protocol."""
 
 import struct
+import time
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -183,6 +185,23 @@ def test_a_rate_keeps_the_clock(served):
     plc = served(step=False, rate=4000.0, intervals=300)  # a scan each millisecond
     assert plc.wait(60.0)
     assert plc.told.intervals == 300
+
+
+def test_time_in_which_the_machine_slept_is_not_made_up_for(served, monkeypatch):
+    ahead_s, real = [0.0], time.monotonic
+    monkeypatch.setattr("heatertune.live.plc.time", SimpleNamespace(monotonic=lambda: real() + ahead_s[0]))
+    plc = served(step=False, rate=100.0)  # a scan in 40 milliseconds
+    changed = plc.plc.memory.changed
+
+    def after(intervals):
+        with changed:
+            assert changed.wait_for(lambda: plc.told.intervals >= intervals, 60.0)
+        return real()
+
+    after(2)
+    ahead_s[0] = 1000.0  # 25,000 scans
+    begun, at = real(), plc.told.intervals
+    assert after(at + 6) - begun > 0.1
 
 
 @pytest.mark.parametrize(("changed", "said"), [
