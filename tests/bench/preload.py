@@ -35,7 +35,8 @@ from heatertune.plc.weg.controller import Weg
 from heatertune.plc.weg.step import COLD, State, block_of
 from heatertune.plc.weg.step import step as weg_step
 from heatertune.proof import Acceptance, Coverage, price, prove_models, setpoint_ramp
-from heatertune.proof.closing import Asked, closed, plainly
+from heatertune.proof.asked import Asked, plainly
+from heatertune.proof.closing import closed
 from heatertune.proof.fitted import actuator_for, course_for, limits_of, specified
 from heatertune.proof.heaters import labelled
 from heatertune.settings import Conditions

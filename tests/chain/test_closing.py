@@ -15,7 +15,8 @@ from heatertune.pid.document import PidView, to_document
 from heatertune.pid.recipe import Recipe
 from heatertune.plc import Scaling
 from heatertune.proof import Story, closing
-from heatertune.proof.closing import Asked, closed, plainly
+from heatertune.proof.asked import Asked, plainly
+from heatertune.proof.closing import closed
 from heatertune.proof.frames import Frame
 from heatertune.proof.nearest import passing_settings, tolerance_that_passes
 from heatertune.proof.period import ripple_degC

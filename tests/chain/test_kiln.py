@@ -8,7 +8,8 @@ from heatertune.chain import prove
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling
-from heatertune.proof.closing import Asked, closed, plainly
+from heatertune.proof.asked import Asked, plainly
+from heatertune.proof.closing import closed
 from heatertune.settings import Conditions
 
 #: the kiln of issue 13

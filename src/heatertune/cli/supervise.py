@@ -83,7 +83,7 @@ def _asked(
     if settings.pid is not None and not (schema or "").startswith("heatertune/model/"):
         asked = proving(settings)
         return asked.words, asked.fitted, asked.conditions, asked.notes
-    from heatertune.proof.closing import Asked, plainly  # noqa: PLC0415
+    from heatertune.proof.asked import Asked, plainly  # noqa: PLC0415
 
     fitted = common.model_from(settings, settings.pid)
     closed = plainly(fitted, Asked(target=common.target(settings), scaling=common.scaling(settings),

@@ -72,8 +72,8 @@ class Closed:
 
 
 def plainly(
-    fitted: FittedModel, asked: Asked, *, made: Made | None = None, plain: Proof | None = None, progress: Told = str,
-    stage: Told = str,
+    fitted: FittedModel, asked: Asked, *, made: Made | None = None, plain: Proof | None = None, text: bool = True,
+    progress: Told = str, stage: Told = str,
 ) -> Closed:
     """Return the design as asked for, proven; errors as the stages.
 
@@ -82,6 +82,7 @@ def plainly(
         asked: what for.
         made: the design and its words, where they are made already.
         plain: their proof without a ramp, where there is one already.
+        text: whether the exported text is run, too, see `heatertune.proof.exported.as_exported`.
         progress: told what begins.
         stage: told "design", "words" and "proof".
     """
@@ -96,7 +97,7 @@ def plainly(
     stage("proof")
     progress(f"proving the words on {count(len(fitted.plants), 'possible heater')}")
     proof, notes = prove_ramped(
-        choice.words, fitted, asked.setpoint_ramp, conditions, plain=plain, progress=progress)
+        choice.words, fitted, asked.setpoint_ramp, conditions, plain=plain, text=text, progress=progress)
     return Closed(wished=wished, choice=choice, proof=proof, notes=tuple(notes), conditions=conditions,
                   recipe=_recipe(asked, proof, conditions))
 

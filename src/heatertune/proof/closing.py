@@ -17,8 +17,9 @@ from heatertune.plc.cooler import cooled
 from heatertune.plc.design import encode
 from heatertune.progress import Told
 from heatertune.proof import Proof, price
-from heatertune.proof.asked import Asked, Closed, Made, made_for, plainly
+from heatertune.proof.asked import Asked, Closed, Made, plainly
 from heatertune.proof.boosts import boosts
+from heatertune.proof.exported import as_exported
 from heatertune.proof.fitted import aimed
 from heatertune.proof.frames import OF_WINDUP, Frame, frames, unwinds
 from heatertune.proof.gains import Family, Place
@@ -29,7 +30,7 @@ from heatertune.proof.screen import NOTICEABLE, Look, Screen
 from heatertune.proof.setpoint_ramp import BY_RAMP
 from heatertune.proof.way_on import WayOn
 
-__all__ = ["Asked", "Closed", "closed", "plainly"]
+__all__ = ["Asked", "Closed", "closed"]
 
 _HELPS: Final = 0.9  # of the least badness so far: where a change leaves more, no gains are looked for around it
 _DEAR: Final = 0.3  # more IAE of load disturbances: then another change may be the cheaper one
@@ -53,17 +54,18 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
     Raises:
         HeatertuneError: as the stages on the plain design.
     """
-    if asked.as_is:
-        return plainly(fitted, asked, progress=progress, stage=stage)
-    still = replace(asked, setpoint_ramp=asked.setpoint_ramp or "none")
-    first = plainly(fitted, still, made=made_for(fitted, asked, progress, stage), progress=progress, stage=stage)
-    if first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.heard)):
+    found = _closed(fitted, asked, progress, stage)
+    return replace(found, proof=as_exported(found.proof))
+
+
+def _closed(fitted: FittedModel, asked: Asked, progress: Told, stage: Told) -> Closed:
+    still = asked if asked.as_is else replace(asked, setpoint_ramp=asked.setpoint_ramp or "none")
+    first = plainly(fitted, still, text=False, progress=progress, stage=stage)
+    if asked.as_is or (first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.heard))):
         return first
     search = _Search(fitted=fitted, asked=asked, first=first, progress=progress)
-    mended = search.sooner() if first.proof.design is None else search.cheapest()
-    if mended is None:
-        return search.way_on.told()
-    return replace(mended, notes=(*mended.notes, *search.hints(mended)))
+    mended = search.cheapest() if first.proof.design else search.sooner()
+    return search.way_on.told() if mended is None else replace(mended, notes=(*mended.notes, *search.hints(mended)))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -250,9 +252,8 @@ class _Search:
 
     def tried(self, frame: Frame, made: Made) -> Closed | None:
         """Return a design with its price where it passes, with the first boost that does where the frame has one."""
-        found: Iterable[Boost | None] = [None]
-        if frame.boosted:
-            found = boosts(made[1].words, self.screen, self.framed(frame).conditions)
+        found: Iterable[Boost | None] = (
+            boosts(made[1].words, self.screen, self.framed(frame).conditions) if frame.boosted else [None])
         tried = (self.proven(frame, made, boost) for boost in found)
         return next((mended for mended in tried if mended is not None), None)
 
@@ -262,7 +263,7 @@ class _Search:
         made = made[0], replace(by, words=by.words.boosted(boost))
         plain = self.first.proof if asked.conditions == self.first.conditions else None
         try:
-            tried = plainly(self.fitted, asked, made=made, plain=plain, progress=self.progress)
+            tried = plainly(self.fitted, asked, made=made, plain=plain, text=False, progress=self.progress)
         except HeatertuneError as problem:
             self.way_on.left_out(self.told(frame), problem)
             return None
@@ -359,9 +360,7 @@ class _Within:
     def beside_a_ramp(self) -> Iterator[Place]:
         """Return what to try with a ramp: the optimum, what helped so far, and what keeps all that no ramp mends."""
         search, own = self.search, self.family.place
-        yield own
-        if search.place is not None and search.place != own:
-            yield search.place
+        yield from dict.fromkeys((own, search.place or own))
         if unled := broken_names(search.first.proof) - BY_RAMP:
             screen = Screen(fitted=search.fitted, names=frozenset(unled)).with_failed(search.first.proof)
             kept = next((place for place in self.family.places() if self.keeps(place, screen)), own)

@@ -51,7 +51,7 @@ BY_RAMP: Final = OVERSHOOTS | REHEATS | _LEFT_BEHIND
 
 def prove_ramped(
     words: Words, fitted: FittedModel, ramp: float | str | None = None, conditions: Conditions | None = None, *,
-    plain: Proof | None = None, progress: Told = str,
+    plain: Proof | None = None, text: bool = True, progress: Told = str,
 ) -> tuple[Proof, list[str]]:
     """Return the proof of words with a setpoint ramp, its words with the ramp, and what is to be told about it.
 
@@ -63,16 +63,15 @@ def prove_ramped(
             where nothing but these limits is broken, told what "auto" would find. It takes the place of a boost.
         conditions: of the proof.
         plain: the proof of these words under these conditions without a ramp, where there is one already.
+        text: whether the exported text is run, too, see `as_exported`.
         progress: told what begins.
-
-    The proof is that of the exported text, see `as_exported`.
 
     Raises:
         InputError: a ramp for a controller that has none, or as `prove`.
         OutOfRange, UnknownName: as `prove`; a rate that the controller cannot have.
     """
     proof, told = _ramped(words, fitted, ramp, conditions, plain, progress)
-    return as_exported(proof), told
+    return as_exported(proof) if text else proof, told
 
 
 def _ramped(

@@ -145,7 +145,7 @@ class WayOn:
         self.progress(f"{price.broken(self.first)} fails: trying what it would keep")
         asked = replace(self.asked, setpoint_ramp=self.asked.setpoint_ramp or "none",
                         conditions=loosened(self.asked.conditions, looser))
-        failed = plainly(self.fitted, asked, progress=self.progress).proof.verdict == "FAIL"
+        failed = plainly(self.fitted, asked, text=False, progress=self.progress).proof.verdict == "FAIL"
         return () if failed else options_of(looser)
 
     def _by_more_scans(self) -> tuple[str, ...]:
