@@ -72,8 +72,8 @@ def test_a_part_of_the_range_in_which_more_is_summed_up_than_in_all_of_it_does_n
     assert [finding.name for finding in plain.proof.heard.findings] == ["part-change"]
     assert (plain.proof.verdict, mended.proof.verdict) == ("NOT PROVEN", "PASS")
     library, limits = compiled(tmp_path), _limits(plain.proof.limits)
-    seen = [max(changes(library, bench_of(model, design, settings), limits, wanted.conditions.lowest_degC)[0][0]
-                for settings in settings_to_prove(controller_for(target).switches)) for design in (plain, mended)]
+    settings = next(each for each in settings_to_prove(controller_for(target).switches) if each["anti_windup"] == "outside_band")
+    seen = [changes(library, bench_of(model, design, settings), limits, wanted.conditions.lowest_degC)[0][0] for design in (plain, mended)]
     assert seen[0] > beyond
     assert seen[1] <= 1.0
 
