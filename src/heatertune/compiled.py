@@ -65,6 +65,9 @@ _STALE_S: Final = 30 * 86_400.0  # folders that no process used for so long are 
 
 _choosing: Final = Lock()  # where Numba is told a folder, see `_kept_in`
 
+#: functions → held by the thread that makes their machine code, or waits for it: others must not make it once more
+_entering: Final[dict[Callable[..., Any], Lock]] = {}
+
 
 def runs_compiled_as(twin: Callable[..., Any]) -> Callable[[_Plain], _Plain]:
     """Return a decorator that names what is compiled in a function's place; both must give the same, bit for bit."""
@@ -155,7 +158,8 @@ def compiled(function: _Plain, *, allocates: bool = False) -> _Plain:
         allocates: whether it, or what it calls, makes arrays. Then these are counted and calls stay calls, which costs
             little where a call is long; else nothing is counted and all is one function.
     """
-    return cast(_Plain, _door(function, allocates))
+    with _entering.setdefault(function, Lock()):
+        return cast(_Plain, _door(function, allocates))
 
 
 @contextmanager
