@@ -6,6 +6,7 @@ import shutil
 import sys
 import time
 from collections import Counter
+from threading import Barrier, Event, Thread
 
 import numpy as np
 import pytest
@@ -61,6 +62,28 @@ def test_what_is_compiled_is_found_by_the_next_process(tmp_path, place):
     assert second(3.0) == 8.0
     assert (_hits(first), _hits(second)) == (0, 1)
     assert len(machine_code(place)) == 1
+
+
+def test_two_threads_that_ask_at_once_wait_for_the_same_machine_code(tmp_path, place, monkeypatch):
+    # the proof's threads do; once the second one did not wait for the other process, and compiled for 5 s
+    outer, asked, made = _started_anew(tmp_path).outer, Barrier(3), Event()
+    monkeypatch.setitem(machine._beside, outer, lambda: made.wait(60.0))
+    doors = []
+
+    def ask():
+        asked.wait()
+        doors.append(compiled(outer))
+
+    threads = [Thread(target=ask, daemon=True) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    asked.wait()
+    threads[0].join(0.2)  # both are inside, and wait
+    assert not doors
+    made.set()
+    for thread in threads:
+        thread.join()
+    assert doors[0] is doors[1]
 
 
 @pytest.mark.parametrize(("change", "value"), [({"factor": 3.0}, 12.0), ({"inner": "x - 1.0"}, 4.0)], ids=str)

@@ -11,7 +11,11 @@ from functools import cache
 import pytest
 
 from heatertune import compiled as machine
-from heatertune.chain import ahead
+from heatertune.chain import ahead, design, second
+from heatertune.chain.whole import redraw
+from heatertune.proof import exported
+from heatertune.proof.asked import Asked
+from heatertune.proof.exported import Compared
 from heatertune.report import sections
 
 TARGET = "on-off"  # the loop that is compiled soonest; it is compared with no other
@@ -35,8 +39,8 @@ def begun(monkeypatch):
     """The processes that are begun from now on."""
     processes, begin = [], ahead._begun
 
-    def noted(targets):
-        processes.append(begin(targets))
+    def noted():
+        processes.append(begin())
         return processes[-1]
 
     monkeypatch.setattr(ahead, "_begun", noted)
@@ -45,10 +49,10 @@ def begun(monkeypatch):
 
 def door():
     """The loop as this process calls it, after a short run."""
-    (_, loop), = ahead._loops(TARGET)
+    (_, loop), = second.loops(TARGET)
     before = machine.decide(True)
     try:
-        ahead._compile(TARGET)
+        second._compile(TARGET)
     finally:
         machine.decide(before)
     return machine.compiled(loop)
@@ -70,7 +74,7 @@ def test_what_the_second_process_compiled_is_found_and_it_ends_with_the_block(fr
 @pytest.mark.long
 @pytest.mark.parametrize("told", ["import nothing_of_this_name", f"print({json.dumps(TARGET)!r})"], ids=["broken", "lies"])
 def test_whatever_ends_the_second_process_the_first_one_compiles(told, fresh, monkeypatch):
-    monkeypatch.setattr(ahead, "_begun", lambda _: subprocess.Popen(
+    monkeypatch.setattr(ahead, "_begun", lambda: subprocess.Popen(
         [sys.executable, "-c", told], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL))
     with ahead.beside(TARGET):
         own = door()
@@ -105,34 +109,51 @@ DOCUMENTS = {"log": {"name": "a log", "source": "made up", "repairs": [], "doubt
 
 @pytest.mark.long
 def test_what_the_second_process_drew_is_what_the_first_one_draws(fresh, monkeypatch):
-    monkeypatch.setattr(ahead, "_loops", lambda _: iter(()))
+    monkeypatch.setattr(ahead, "_missing", lambda _: {})
     monkeypatch.setattr(ahead, "_has_drawn", lambda: False)
-    with ahead.beside(TARGET) as second:
-        second.draw(DOCUMENTS, "log")
-        assert second.sections() == sections(DOCUMENTS, ["log"])
-    assert second.sections() == sections(DOCUMENTS, ["log"]), "kept when it has ended"
+    other = DOCUMENTS | {"log": DOCUMENTS["log"] | {"source": "made up anew"}}
+    with ahead.beside(TARGET) as drawer:
+        drawer.draw(DOCUMENTS, "log")
+        assert drawer.sections() == sections(DOCUMENTS, ["log"])
+        drawer.draw(DOCUMENTS, "log")
+        drawer.draw(other, "log")
+        assert drawer.sections() == sections(other, ["log"]), "of what was asked for last"
+    assert drawer.sections() == sections(other, ["log"]), "kept when it has ended"
 
 
-GARBAGE = ["[1, {}]", "null", '{"proof": 1}', "\0", "{"]
+@pytest.mark.long
+def test_what_the_exported_text_shows_is_in_the_report_though_it_runs_while_this_is_drawn(tmp_path, monkeypatch):
+    for told in (Compared("at 3 s it asks for 7 %"), Compared(not_run=("the end of the listing",))):
+        monkeypatch.setattr(exported, "compared", lambda *_, told=told, **__: told)
+        done = design("table4", Asked(target="s5-ob251"), out=tmp_path)
+        shown, page = done.closed.proof, (tmp_path / "report.html").read_text()
+        assert {"at 3 s it asks for 7 %", "the end of the listing"} & {text for text in (told.departs, *told.not_run) if text and text in page}
+        assert shown.verdict == json.loads((tmp_path / "data" / "proof.json").read_text())["verdict"]
+        assert (shown.verdict == "PASS") == (told.departs is None) == (tmp_path / "program_listing.txt").exists()
+        redraw(tmp_path)
+        assert (tmp_path / "report.html").read_text() == page
+
+
+GARBAGE = ["[1, {}]", '[0, {"log": 1}]', "null", '{"proof": 1}', '"log"', "\0", "{"]
 
 
 @pytest.mark.parametrize("told", ["import nothing_of_this_name", "input()", f"print(*{GARBAGE!r}, sep='\\n')"],
                          ids=["broken", "ends", "garbage"])
 def test_whatever_ends_the_second_process_the_first_one_draws(told, fresh, monkeypatch):
     monkeypatch.setattr(ahead, "_has_drawn", lambda: False)
-    monkeypatch.setattr(ahead, "_begun", lambda _: subprocess.Popen(
+    monkeypatch.setattr(ahead, "_begun", lambda: subprocess.Popen(
         [sys.executable, "-c", told], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL))
-    with ahead.beside(TARGET) as second:
-        second.draw(DOCUMENTS | {"long": {"text": "x" * 1_000_000}}, "log")
-        assert second.sections() == {}
+    with ahead.beside(TARGET) as drawer:
+        drawer.draw(DOCUMENTS | {"long": {"text": "x" * 1_000_000}}, "log")
+        assert drawer.sections() == {}
 
 
 @pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="tells when somebody else's process ends: Linux")
 def test_the_second_process_ends_when_the_first_one_is_killed(fresh):
     code = ("from heatertune.chain import ahead\n"
             "ahead.processors, begin = lambda: 2, ahead._begun\n"
-            "def told(targets):\n"
-            "    process = begin(targets)\n"
+            "def told():\n"
+            "    process = begin()\n"
             "    print(process.pid, flush=True)\n"
             "    return process\n"
             "ahead._begun = told\n"

@@ -243,6 +243,22 @@ def test_a_proof_whose_text_does_other_is_none(monkeypatch):
     assert "the exported program does other than what was proven" in verdict_line(other.to_document())
 
 
+@pytest.mark.long
+def test_the_clock_is_looked_at_in_one_run_and_each_power_in_one(monkeypatch):
+    words, looked, pulses = proven("s7-300").words, [], {}
+    heaters = HEATER, replace(HEATER, gain_degC_per_pct=0.9 * HEATER.gain_degC_per_pct)
+    proofs = [chain.prove(words, model_by_hand(heater), Conditions(setpoint_degC=51.0), first_look=True) for heater in heaters]
+    for name in ("_of_ticks", "_periods"):
+        part = getattr(of_text._Comparison, name)
+        monkeypatch.setattr(of_text._Comparison, name, lambda *given, name=name, part=part: (looked.append((name, *given[1:2])), part(*given))[1])
+    for proof in proofs:
+        assert compared(controller_for("s7-300"), words, proof.nominal, proof.known, pulses=pulses) == Compared()
+    assert [name for name, *_ in looked] == ["_of_ticks", "_periods", "_periods"]
+    (_, first), (_, second) = looked[1:]
+    assert min(len(first), len(second)) > 0
+    assert not set(first) & set(second)
+
+
 @pytest.mark.parametrize(("target", "file", "there", "instead", "named"), [
     ("s5-ob251", "program_listing.txt", ":SRW 3", ":SRX 3", r"line \d+: statement 'SRX 3'"),
     ("s5-ob251", "program_listing.txt", "JU =OUT", "JU =OFF", r"line \d+: statement 'JU =OFF'"),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,8 +28,9 @@ from heatertune.plc import controller_for
 from heatertune.plc.choose import search_document
 from heatertune.progress import Told
 from heatertune.proof import Proof
-from heatertune.proof.closing import Asked, Closed, closed
+from heatertune.proof.closing import Asked, Closed, closed_on_runs
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
+from heatertune.proof.exported import as_exported
 from heatertune.proof.pictures import pictures, robustness
 from heatertune.proof.views import ComparisonView
 from heatertune.proof.written import Written
@@ -70,6 +72,7 @@ def _told(stage: str) -> str:
 def design(
     source: str | Path | Log, asked: Asked, *, out: str | Path, read: ReadSettings | None = None,
     fitted_with: FitSettings | None = None, force: bool = False, progress: Told = str,
+    begun: Beside | None = None,
 ) -> ChainResult:
     """Run the whole chain, write every stage's document, the export files and the report.
 
@@ -83,25 +86,35 @@ def design(
         fitted_with: what is known beside the log.
         force: export whatever the verdict.
         progress: told what begins.
+        begun: what works `beside` already; None: it begins now.
 
     Raises:
         HeatertuneError: as the stages; nothing is written then.
     """
     controller_for(asked.target)  # an unknown target is refused before the long part
-    with beside(asked.target) as second:
+    with beside(asked.target) if begun is None else nullcontext(begun) as second:
         log = source if isinstance(source, Log) else read_log(source, read, errata=True)
         progress(_told("fit"))
         fitted = fit(log, fitted_with, companions=True, progress=progress)
         second.draw(_found(log, fitted), "log")
-        result = closed(fitted, asked, progress=progress, stage=lambda name: progress(_told(name)))
-        proof = result.proof
-        files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
+        found = closed_on_runs(fitted, asked, progress=progress, stage=lambda name: progress(_told(name)))
         progress(_told("report"))
-        documents = dossier(log, fitted, result.wished, proof, files,
-                            search=search_document(result.choice, fitted, result.notes), recipe=result.recipe,
-                            second=second)
+        files, documents = _drawn(log, fitted, found, force, second)
+        result = replace(found, proof=as_exported(found.proof))  # while the pictures are drawn
+        if result.proof.heard != found.proof.heard:
+            files, documents = _drawn(log, fitted, result, force, second)
         _write(documents, files, out, second)
         return ChainResult(log=log, fitted=fitted, closed=result, files=files, documents=documents)
+
+
+def _drawn(
+    log: Log, fitted: FittedModel, result: Closed, force: bool, second: Beside
+) -> tuple[Mapping[str, str | bytes], dict[str, dict[str, Any]]]:
+    """Return the export files of a design, and its documents, whose pictures are being drawn."""
+    proof = result.proof
+    files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
+    search = search_document(result.choice, fitted, result.notes)
+    return files, dossier(log, fitted, result.wished, proof, files, search, result.recipe, second)
 
 
 def write_report(

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.cli.parsing import again
 from heatertune.settings import FitSettings, WordSettings
+
+if TYPE_CHECKING:
+    from heatertune.chain.ahead import Beside
 
 __all__ = ["add_to"]
 
@@ -33,6 +36,13 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
+    from heatertune.chain.ahead import beside  # noqa: PLC0415 - the help must not wait for it
+
+    with beside(settings.target) as second:  # which begins before the rest is imported
+        return _designed(settings, second)
+
+
+def _designed(settings: argparse.Namespace, second: Beside) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.chain.documents import without_curves  # noqa: PLC0415
     from heatertune.chain.whole import TYPICAL_S  # noqa: PLC0415
@@ -48,7 +58,7 @@ def _run(settings: argparse.Namespace) -> int:
     printing.tell_taken(settings, [log], progress)
     result = chain.design(
         log, asked, out=settings.out, fitted_with=beside, force=settings.force,
-        progress=progress)
+        progress=progress, begun=second)
     effect, feed = result.fitted.disturbance, controller_for(asked.target).feed
     fed = "" if effect is None or not effect.acts or feed is None else (
         f"feed it forward: heatertune feed-forward {settings.out}")

@@ -30,7 +30,7 @@ from heatertune.proof.screen import NOTICEABLE, Look, Screen
 from heatertune.proof.setpoint_ramp import BY_RAMP
 from heatertune.proof.way_on import WayOn
 
-__all__ = ["Asked", "Closed", "closed"]
+__all__ = ["Asked", "Closed", "closed", "closed_on_runs"]
 
 _HELPS: Final = 0.9  # of the least badness so far: where a change leaves more, no gains are looked for around it
 _DEAR: Final = 0.3  # more IAE of load disturbances: then another change may be the cheaper one
@@ -41,7 +41,6 @@ _HALVINGS: Final = 3  # of the way from the optimum to gains that pass
 _SOONER: Final = 1 / 16  # of TA: what two levels swing by hangs on the dead time alone then
 
 
-@judged_once()
 def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: Told = str) -> Closed:
     """Return the first design that keeps every limit: as asked for, or changed by as little as will do.
 
@@ -54,11 +53,13 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
     Raises:
         HeatertuneError: as the stages on the plain design.
     """
-    found = _closed(fitted, asked, progress, stage)
+    found = closed_on_runs(fitted, asked, progress=progress, stage=stage)
     return replace(found, proof=as_exported(found.proof))
 
 
-def _closed(fitted: FittedModel, asked: Asked, progress: Told, stage: Told) -> Closed:
+@judged_once()
+def closed_on_runs(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: Told = str) -> Closed:
+    """Return what `closed` does before the exported text is run: for who does so a little later, with `as_exported`."""
     still = asked if asked.as_is else replace(asked, setpoint_ramp=asked.setpoint_ramp or "none")
     first = plainly(fitted, still, text=False, progress=progress, stage=stage)
     if asked.as_is or (first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.heard))):

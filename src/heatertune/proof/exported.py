@@ -298,7 +298,7 @@ class _Comparison:
             return None
         powers = self._powers | _at_ends(self._powers, actuator)
         outputs = sorted(powers.keys() - known)
-        known |= powers.keys()
+        known.update(powers)  # not "|=", which would make another set: these are the keys of a dict
         if not outputs:
             return None
         period = ticks.per_period
