@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from functools import cache
+from types import SimpleNamespace
 
 import pytest
 
@@ -134,7 +135,28 @@ def test_what_the_exported_text_shows_is_in_the_report_though_it_runs_while_this
         assert (tmp_path / "report.html").read_text() == page
 
 
-GARBAGE = ["[1, {}]", '[0, {"log": 1}]', "null", '{"proof": 1}', '"log"', "\0", "{"]
+@pytest.mark.long
+def test_who_waits_for_the_compiler_draws_meanwhile_what_nobody_draws_again(fresh, monkeypatch, capsys):
+    # this one has compiled as soon as it is told that the picture is drawn
+    told = ("import pickle, sys\nwhile not isinstance(pickle.load(sys.stdin.buffer), int): pass\n"
+            f"print({json.dumps(TARGET)!r}, flush=True)\ninput()")
+    monkeypatch.setattr(ahead, "_begun", lambda: subprocess.Popen(
+        [sys.executable, "-c", told], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL))
+    with ahead.beside(TARGET) as drawer:
+        drawer.draw(DOCUMENTS, "log")
+        drawer.waits(TARGET)
+        assert drawer.sections() == sections(DOCUMENTS, ["log"])
+    before, asked = machine.decide(None), iter([[], (0, DOCUMENTS, "log"), (1, DOCUMENTS, "log")])
+    try:
+        with pytest.raises(StopIteration):
+            second._work(SimpleNamespace(get=lambda: next(asked)), {0}, compiles=False)
+    finally:
+        machine.decide(before)
+    line, = capsys.readouterr().out.splitlines()
+    assert json.loads(line) == [1, "log", sections(DOCUMENTS, ["log"])["log"]]
+
+
+GARBAGE = ["[1, {}]", '[0, "log", 1]', '["0", "log", "drawn"]', '[7, "log", "drawn"]', '[0, "proof", "drawn"]', "null", '{"proof": 1}', '"log"', "\0", "{"]
 
 
 @pytest.mark.parametrize("told", ["import nothing_of_this_name", "input()", f"print(*{GARBAGE!r}, sep='\\n')"],

@@ -21,10 +21,10 @@ from functools import partial
 from itertools import count
 from threading import Event, Thread
 from time import monotonic
-from typing import IO, Any, Final
+from typing import IO, Any, Final, NamedTuple
 
 from heatertune.cache import folder
-from heatertune.compiled import is_kept, made_beside
+from heatertune.compiled import is_kept, machine_code, made_beside
 from heatertune.processors import processors
 
 __all__ = ["Beside", "beside"]
@@ -35,6 +35,14 @@ _PATIENCE_FOR_PICTURES_S: Final = 10.0  # likewise
 _Documents = Mapping[str, Mapping[str, Any]]
 
 
+class _Asked(NamedTuple):
+    """A section that is to be drawn: the number of the request, of what, and whether it is by now."""
+
+    request: int
+    documents: _Documents
+    drawn: Event
+
+
 class Beside:
     """The second process as the first one sees it; where there is none, nothing is ever drawn by it."""
 
@@ -42,7 +50,7 @@ class Beside:
         self._process = process
         self._made = dict[str, Event]()
         self._requests = count()
-        self._asked = dict[str, tuple[int, Event]]()  # section → the request for it, and when it is drawn
+        self._asked = dict[str, _Asked]()
         self._drawn = dict[tuple[int, str], str]()
 
     def compile(self, targets: Iterable[str]) -> None:
@@ -50,23 +58,39 @@ class Beside:
         self._made = {target: Event() for target in targets}
         self._send(_write, list(self._made), self._made.values())
 
-    def draw(self, documents: _Documents, *names: str) -> None:
-        """Have sections of the report drawn, see `heatertune.report.sections`, or drawn anew of other documents."""
-        request, drawn = next(self._requests), Event()
-        self._asked = self._asked | dict.fromkeys(names, (request, drawn))
-        self._send(_write_on, (request, dict(documents), names), [drawn])
+    def draw(self, documents: _Documents, name: str) -> None:
+        """Have a section of the report drawn, see `heatertune.report.sections`, or drawn anew of other documents."""
+        asked = _Asked(next(self._requests), dict(documents), Event())
+        self._asked = {**self._asked, name: asked}
+        self._send(_write_on, (asked.request, asked.documents, name), [asked.drawn])
 
     def sections(self) -> dict[str, str]:
-        """Return those that were drawn, and wait for those that are still to come."""
+        """Return those that were drawn, and wait for those that are still to come, or draw the last of them here."""
         until = monotonic() + _PATIENCE_FOR_PICTURES_S
-        for _, drawn in self._asked.values():
-            drawn.wait(max(0.0, until - monotonic()))
-        return {name: self._drawn[request, name] for name, (request, _) in self._asked.items()
-                if (request, name) in self._drawn}
+        while _has_drawn() and len(left := self._undrawn()) > 1:  # the first one is in work
+            self._draw(left[-1])
+        for asked in self._asked.values():
+            asked.drawn.wait(max(0.0, until - monotonic()))
+        return {name: self._drawn[asked.request, name] for name, asked in self._asked.items()
+                if (asked.request, name) in self._drawn}
 
-    def waits(self, name: str) -> bool:
-        """Wait until a loop is compiled, or no more will be."""
-        return self._made[name].wait(_PATIENCE_S)
+    def waits(self, target: str) -> None:
+        """Wait until a loop is compiled, or no more will be, and draw meanwhile what the other one did not come to."""
+        while not self._made[target].is_set() and (left := self._undrawn()):
+            self._draw(left[0])
+        self._made[target].wait(_PATIENCE_S)
+
+    def _undrawn(self) -> list[str]:
+        return [name for name, asked in self._asked.items() if not asked.drawn.is_set()]
+
+    def _draw(self, name: str) -> None:
+        """Draw a section here."""
+        from heatertune.report import sections  # noqa: PLC0415 - matplotlib only where pictures are drawn
+
+        asked = self._asked[name]
+        self._send(_write, asked.request, [])
+        self._drawn[asked.request, name] = sections(asked.documents, [name])[name]
+        asked.drawn.set()
 
     def listen(self, lines: IO[bytes]) -> None:
         """Take what is made, and in the end that no more will be."""
@@ -75,13 +99,12 @@ class Beside:
                 match json.loads(line):
                     case str() as target if target in self._made:
                         self._made[target].set()
-                    case [int() as request, dict() as told]:
-                        self._drawn |= {(request, name): text for name, text in told.items() if isinstance(text, str)}
-                        for other, drawn in self._asked.values():
-                            if other == request:
-                                drawn.set()
+                    case [int() as request, str() as name, str() as text]:
+                        self._drawn[request, name] = text
+                        if name in self._asked and self._asked[name].request == request:
+                            self._asked[name].drawn.set()
         self._process = None
-        for event in (*self._made.values(), *(drawn for _, drawn in self._asked.values())):
+        for event in (*self._made.values(), *(asked.drawn for asked in self._asked.values())):
             event.set()
 
     def _send(self, write: Callable[[IO[bytes], object], None], message: object, told: Iterable[Event]) -> None:
@@ -140,10 +163,13 @@ def _begun() -> subprocess.Popen[bytes] | None:
     """Begin the second process, with the modules of this one; None where that cannot be."""
     if not sys.executable or getattr(sys, "frozen", False):  # no interpreter but a program of its own
         return None
+    place = folder()
+    likely = ["compiles"] if place is not None and not machine_code(place) else []
     with suppress(OSError):
         return subprocess.Popen(
-            [sys.executable, "-P", "-m", "heatertune.chain.second"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL, env=os.environ | {"PYTHONPATH": os.pathsep.join(map(str, sys.path))})
+            [sys.executable, "-P", "-m", "heatertune.chain.second", *likely],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(map(str, sys.path))})
     return None
 
 

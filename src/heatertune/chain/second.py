@@ -57,33 +57,50 @@ def _compile(target: str) -> None:
     simulate(which, _words(which), _HEATER, _SCENARIO, Actuator(pwm_period_s=10.0), direct=True)
 
 
-def _receive(first: IO[bytes], asked: SimpleQueue[Any]) -> None:
-    """Take what is asked for, and end this process as soon as the first one has ended."""
+def _receive(first: IO[bytes], asked: SimpleQueue[Any], drawn: set[int]) -> None:
+    """Take what is asked for, and which pictures no more, and end this process as soon as the first one has ended."""
     with suppress(EOFError, OSError, pickle.UnpicklingError):
         while True:
-            asked.put(pickle.load(first))  # from the process that began this one
+            told = pickle.load(first)  # from the process that began this one
+            if isinstance(told, int):
+                drawn.add(told)
+            else:
+                asked.put(told)
     os._exit(1)
 
 
-def _work(asked: SimpleQueue[Any]) -> None:
-    """Compile what is asked for first, then draw, without end."""
-    from heatertune.report import sections  # noqa: PLC0415 - while the first one finds out what is to be compiled
-    from heatertune.report.style import new_figure, to_svg  # noqa: PLC0415
-
+def _work(asked: SimpleQueue[Any], drawn: set[int], compiles: bool) -> None:
+    """Compile what is asked for first, then draw what the first one did not by then, without end."""
+    if compiles:
+        import numba  # noqa: F401, PLC0415 - while the first one finds out what it is
+    else:
+        _draw_first()
     targets: Sequence[str] = asked.get()
     decide(True)
     for target in targets:
         _compile(target)
         print(json.dumps(target), flush=True)
-    to_svg(new_figure(1, 1.0)[0])  # the first picture takes longest
+    if compiles:
+        _draw_first()
+    from heatertune.report import sections  # noqa: PLC0415 - after what is waited for first
+
     documents: Mapping[str, Mapping[str, Any]]
     while True:
-        request, documents, names = asked.get()
-        print(json.dumps([request, sections(documents, names)]), flush=True)
+        request, documents, name = asked.get()
+        if request not in drawn:
+            print(json.dumps([request, name, sections(documents, [name])[name]]), flush=True)
+
+
+def _draw_first() -> None:
+    """Draw nothing: the first picture takes longest."""
+    from heatertune.report.style import new_figure, to_svg  # noqa: PLC0415 - matplotlib
+
+    to_svg(new_figure(1, 1.0)[0])
 
 
 if __name__ == "__main__":
     gc.set_threshold(100_000)  # of all that a compiler makes, little is to be freed
     _asked = SimpleQueue[Any]()
-    Thread(target=_receive, args=(sys.stdin.buffer, _asked), daemon=True).start()
-    _work(_asked)
+    _drawn = set[int]()
+    Thread(target=_receive, args=(sys.stdin.buffer, _asked, _drawn), daemon=True).start()
+    _work(_asked, _drawn, "compiles" in sys.argv)

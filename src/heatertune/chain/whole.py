@@ -99,22 +99,23 @@ def design(
         second.draw(_found(log, fitted), "log")
         found = closed_on_runs(fitted, asked, progress=progress, stage=lambda name: progress(_told(name)))
         progress(_told("report"))
-        files, documents = _drawn(log, fitted, found, force, second)
+        files, documents = _shown(log, fitted, found, force, second)
         result = replace(found, proof=as_exported(found.proof))  # while the pictures are drawn
         if result.proof.heard != found.proof.heard:
-            files, documents = _drawn(log, fitted, result, force, second)
+            files, documents = _shown(log, fitted, result, force, second)
+        documents = _compared(documents, log, fitted, result.wished, result.proof, second)
         _write(documents, files, out, second)
         return ChainResult(log=log, fitted=fitted, closed=result, files=files, documents=documents)
 
 
-def _drawn(
+def _shown(
     log: Log, fitted: FittedModel, result: Closed, force: bool, second: Beside
 ) -> tuple[Mapping[str, str | bytes], dict[str, dict[str, Any]]]:
-    """Return the export files of a design, and its documents, whose pictures are being drawn."""
+    """Return the export files of a design, and its documents without the comparison."""
     proof = result.proof
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
     search = search_document(result.choice, fitted, result.notes)
-    return files, dossier(log, fitted, result.wished, proof, files, search, result.recipe, second)
+    return files, _alone(log, fitted, result.wished, proof, files, search, result.recipe, second)
 
 
 def write_report(
@@ -140,7 +141,7 @@ def write_report(
 
 def dossier(
     log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
-    search: Mapping[str, Any] | None = None, recipe: Recipe | None = None, second: Beside | None = None,
+    search: Mapping[str, Any] | None = None, recipe: Recipe | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Return the documents of all stages, as JSON holds them: a report drawn now is one drawn later from the files.
 
@@ -152,25 +153,42 @@ def dossier(
         files: that were exported, name → content; none where the words may not leave.
         search: how the words were found, see `heatertune.plc.choose.search_document`; None: not told.
         recipe: how the design became these words; None: not told.
-        second: draws the pictures from here on but for those of the log; None: they are drawn later.
     """
+    nobody = Beside(None)
+    documents = _alone(log, fitted, wished, proof, files, search, recipe, nobody)
+    return _compared(documents, log, fitted, wished, proof, nobody)
+
+
+def _alone(
+    log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
+    search: Mapping[str, Any] | None, recipe: Recipe | None, second: Beside,
+) -> dict[str, dict[str, Any]]:
+    """Return the documents without the comparison, whose pictures are being drawn."""
     documents = _found(log, fitted) | {
         "pid": pid_document.to_document(wished, fitted, recipe),
         "words": words_document(proof.words, proof, files, search),
         "proof": proof.to_document(),
         "pictures": robustness(fitted, proof),
     }
-    second = second or Beside(None)
     second.draw(documents, "design")
     documents["pictures"] = pictures(wished, fitted, proof, documents["pictures"])
     second.draw(documents, "proof")
+    return documents
+
+
+def _compared(
+    documents: Mapping[str, dict[str, Any]], log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof,
+    second: Beside,
+) -> dict[str, dict[str, Any]]:
+    """Return the documents with the comparison, whose pictures are being drawn."""
     inputs = {name: documents[name] for name in ("model", "pid", "words", "proof")} | {"same_heater": log.same_heater}
-    documents["comparison"] = cache.cached("comparison", inputs, lambda: encode(ComparisonView(
+    comparison = cache.cached("comparison", inputs, lambda: encode(ComparisonView(
         paper=paper_runs(fitted) if log.same_heater else None,
         price=price_of_doubt(fitted, wished), rivals=rivals(fitted, wished, proof),  # last: they wait for the compiler
     )), lambda kept: encode(decode(ComparisonView, kept, "comparison")))
-    second.draw(documents, "comparison")
-    return documents
+    compared = {**documents, "comparison": comparison}
+    second.draw(compared, "comparison")
+    return compared
 
 
 def _found(log: Log, fitted: FittedModel) -> dict[str, dict[str, Any]]:
