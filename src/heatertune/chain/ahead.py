@@ -88,7 +88,7 @@ class Beside:
         from heatertune.report import sections  # noqa: PLC0415 - matplotlib only where pictures are drawn
 
         asked = self._asked[name]
-        self._send(_write, asked.request, [])
+        self._send(_write_on, asked.request, [])
         self._drawn[asked.request, name] = sections(asked.documents, [name])[name]
         asked.drawn.set()
 
@@ -180,5 +180,5 @@ def _write(pipe: IO[bytes], message: object) -> None:
 
 
 def _write_on(pipe: IO[bytes], message: object) -> None:
-    """Write what may be more than a pipe holds, without waiting for its reader."""
+    """Write without waiting for the reader: what it has still to read may fill the pipe."""
     Thread(target=_write, args=(pipe, message), daemon=True).start()

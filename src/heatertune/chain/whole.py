@@ -103,7 +103,7 @@ def design(
         result = replace(found, proof=as_exported(found.proof))  # while the pictures are drawn
         if result.proof.heard != found.proof.heard:
             files, documents = _shown(log, fitted, result, force, second)
-        documents = _compared(documents, log, fitted, result.wished, result.proof, second)
+        documents = _with_comparison(documents, log, fitted, result.wished, result.proof, second)
         _write(documents, files, out, second)
         return ChainResult(log=log, fitted=fitted, closed=result, files=files, documents=documents)
 
@@ -115,7 +115,7 @@ def _shown(
     proof = result.proof
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
     search = search_document(result.choice, fitted, result.notes)
-    return files, _alone(log, fitted, result.wished, proof, files, search, result.recipe, second)
+    return files, _without_comparison(log, fitted, result.wished, proof, files, search, result.recipe, second)
 
 
 def write_report(
@@ -155,11 +155,11 @@ def dossier(
         recipe: how the design became these words; None: not told.
     """
     nobody = Beside(None)
-    documents = _alone(log, fitted, wished, proof, files, search, recipe, nobody)
-    return _compared(documents, log, fitted, wished, proof, nobody)
+    documents = _without_comparison(log, fitted, wished, proof, files, search, recipe, nobody)
+    return _with_comparison(documents, log, fitted, wished, proof, nobody)
 
 
-def _alone(
+def _without_comparison(
     log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
     search: Mapping[str, Any] | None, recipe: Recipe | None, second: Beside,
 ) -> dict[str, dict[str, Any]]:
@@ -176,7 +176,7 @@ def _alone(
     return documents
 
 
-def _compared(
+def _with_comparison(
     documents: Mapping[str, dict[str, Any]], log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof,
     second: Beside,
 ) -> dict[str, dict[str, Any]]:
