@@ -55,12 +55,13 @@ def test_a_share_too_small_fails_and_the_text_tells_it(run, by_hand):
     assert "never" in out
     last = out.rstrip().splitlines()[-1]
     assert last.startswith("VERDICT FAIL at 40 °C in 6 runs on 1 possible heater")
-    assert "of 12 samples keep every limit" in last
+    assert "0 % of 2 samples keep every limit under sum = unlimited" in last  # of 12 in 8 settings
     assert "under sum = " in last, "the setting under which the fewest do"
     few = (*given, *KNOWN, "--samples", 12, "--mains", 60, "--quantile")
     brief = run("verify", by_hand, *few, 0.9)[1]
     assert brief.startswith("FAIL")
-    assert "of 12 samples keep every limit, 90 % must" in " ".join(brief.split())
+    assert "33.3 % of 6 samples keep every limit under " in " ".join(brief.split())
+    assert "on some the heater lacks the power for this setpoint; --samples 200 tells" in " ".join(brief.split())
     assert not run("verify", by_hand, *few, 0.2)[1].startswith("FAIL")
 
 

@@ -151,13 +151,13 @@ def test_samples_that_fail_are_no_pass_of_the_words(folder, tmp_path, capsys):
     assert main(export) == 1
     told = capsys.readouterr().err
     assert told.startswith("error: FAIL at ")
-    assert "45 % of 40 samples keep every limit under sum = unlimited" in told
+    assert "45 % of 20 samples keep every limit under sum = unlimited" in told
     assert not out.exists()
     assert main([*export, "--force"]) == 0
     words = json.loads((out / "data" / "words.json").read_text())
     assert (words["verdict"], words["forced"]) == ("FAIL", True)
     listing = (out / "DB30_listing.txt").read_text()
-    assert "45 % of 40 samples keep every limit under sum = unlimited" in listing
+    assert "45 % of 20 samples keep every limit under sum = unlimited" in listing
     assert main(["report", str(here), "--quiet"]) == 2, "its words.json still says PASS"
     assert "words.json: verdict: 'PASS'; proof.json beside it says 'FAIL': export the words again" in capsys.readouterr().err
 
@@ -167,7 +167,7 @@ def test_samples_that_pass_let_the_words_pass_and_stand_in_the_certificate(folde
     _with_samples(folder, here, 0.975)
     assert main(["export-db", str(here / "words.json"), "--target", "s5-ob251", "-o", str(out), "--quiet"]) == 0
     assert json.loads((out / "data" / "words.json").read_text())["verdict"] == "PASS"
-    assert "97.5 % of 40 samples keep every limit" in (out / "DB30_listing.txt").read_text()
+    assert "97.5 % of 20 samples keep every limit under sum = unlimited" in (out / "DB30_listing.txt").read_text()
 
 
 def _refusal(command, folder, tmp_path, proof, capsys, status=2):

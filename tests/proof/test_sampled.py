@@ -7,8 +7,11 @@ import pytest
 
 from heatertune.codec import decode, encode
 from heatertune.errors import DocumentError, InputError
-from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, judge, prove_samples, replay
+from heatertune.proof import Actuator, Drawing, Limits, Load, Mains, Scenario, Spread, judge, prove_samples, replay
 from heatertune.proof.document import SamplesView
+from heatertune.proof.events import PlcPower
+from heatertune.proof.measured import columns_of
+from heatertune.proof.samples import measure
 from heatertune.proof.verdict import verdict_of_samples
 from heatertune.report.text import samples_rows
 
@@ -21,8 +24,8 @@ LIMITS = Limits(overshoot_pct=10.0, tolerance_degC=4.0)
 
 @pytest.fixture
 def drawing(switched, words, heater):
-    def drawing(spread=NONE, **known):
-        return Drawing.of(switched, words(gain=8.0, tn=60), [heater, replace(heater, time_constant_s=180.0)], SCENARIO, spread, PWM,
+    def drawing(spread=NONE, scenario=SCENARIO, **known):
+        return Drawing.of(switched, words(gain=8.0, tn=60), [heater, replace(heater, time_constant_s=180.0)], scenario, spread, PWM,
                           known)
 
     return drawing
@@ -53,6 +56,30 @@ def test_a_sample_is_run_again_under_its_own_setting(drawing):
     assert {round(trace.model.time_constant_s / 20.0) for trace in traces} == {8, 9}, "both heaters under both settings"
     assert overshoot.worst == pytest.approx(max(found), rel=1e-9)
     assert 4 + int(np.argmax(found)) == proof.worst_seed
+
+
+def test_drawn_mains_and_the_storys_are_within_the_tolerance_of_the_supply_together(drawing):
+    # EN 50160: ±10 % of the voltage; once a story's 90 % came on top of a drawn 90 %, and no heater could hold the setpoint
+    low, high, seeds = 0.9 ** 2, 1.1 ** 2, range(60)
+    story = (Mains(time_s=300.0, share=low), Load(time_s=400.0, power_pct=-5.0), PlcPower(time_s=500.0, on=False),
+             PlcPower(time_s=510.0, on=True), Mains(time_s=700.0, share=high), Mains(time_s=900.0, share=0.0),
+             Mains(time_s=950.0, share=1.0))
+    drawn = drawing(replace(NONE, mains_pct=10.0), replace(SCENARIO, disturbances=story, duration_s=1200.0))
+    rows, sizes = drawn.heaters_of(seeds)
+    rated = np.array(drawn.rows)[[seed // len(drawn.controllers) % len(drawn.rows) for seed in seeds], 0]
+    base = rows[:, 0] / rated
+    assert low < base.min() < 0.85
+    assert 1.17 < base.max() < high
+    full = base[:, None] * sizes * np.array(drawn.scenario.mains[1:])
+    np.testing.assert_allclose(full[:, [0, 2, 3, 4, 5]], np.broadcast_to([low, low, low, high, 0.0], (60, 5)), rtol=1e-14)
+    np.testing.assert_array_equal(full[:, 6], base, "right again is as it was")
+    found = next(column for column in columns_of(measure(drawn, LIMITS, 60), LIMITS) if column.name == "recovery_overshoot")
+    for seed in (0, 7, 41):
+        again = replay(drawn, seed)
+        shares = [event.share for event in again.scenario.disturbances if isinstance(event, Mains)]
+        np.testing.assert_allclose(base[seed] * np.array(shares), [low, high, 0.0, base[seed]], rtol=1e-14)
+        value = next(each.value for each in judge(again, LIMITS) if each.name == "recovery_overshoot")
+        assert value == pytest.approx(found.values[seed], rel=1e-9)
 
 
 def test_a_limit_that_has_to_be_reached_is_told_as_such(drawing):

@@ -102,10 +102,20 @@ def test_a_proof_alone_shows_its_notes_as_far_as_there_is_room():
     assert "- The ramp is 2 °C/min.\n- 1 more to read: --verbose" in hidden
 
 
-def test_samples_stand_in_the_first_lines():
-    proof = proof_of("weg", "FAIL") | {"samples": {
-        "passing": 0.9, "quantile": 0.95, "count": 200, "settings": [{"switches": {"x": "y"}, "passing": 0.9}] * 2}}
-    assert "90 % of 200 samples keep every limit, 95 % must" in " ".join(verify_brief(proof).split())
+def test_samples_stand_in_the_first_lines_with_what_they_break_where_the_runs_break_nothing():
+    held = {"passing": 1.0, "worst": 12.0}
+    spots = {"recovery_overshoot": {"passing": 0.98, "worst": 22.0}, "overshoot": {"passing": 0.995, "worst": 21.0}, "iae": held}
+    drawn = {"passing": 0.9, "quantile": 0.95, "count": 201, "seed": 1, "criteria": {**spots, "power_reserve": held},
+             "settings": [{"switches": {"x": "y"}, "passing": 0.95}, {"switches": {"x": "z"}, "passing": 0.9}]}
+    proof = proof_of("weg", "FAIL") | {"samples": drawn}
+    proof["criteria"] = {name: criterion | {"ok": True} for name, criterion in proof["criteria"].items()}
+    said = " ".join(verify_brief(proof).split())
+    assert "90 % of 101 samples keep every limit under x = z, 95 % must" in said  # seeds 1, 3 … 201
+    assert "way on: of all samples, 2 % break recovery overshoot and 0.5 % break overshoot: a lower --ms in design or tune" in said
+    assert "more exactly" not in said
+    drawn |= {"count": 20, "criteria": {**spots, "power_reserve": {"passing": 1.0, "worst": -3.0}}}
+    said = " ".join(verify_brief(proof).split())
+    assert "on some the heater lacks the power for this setpoint; --samples 200 tells the share more exactly" in said
 
 
 WORDS = st.text(st.characters(codec="utf-8", categories=["L", "N"]), min_size=1, max_size=12)

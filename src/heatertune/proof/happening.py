@@ -63,7 +63,7 @@ def _powers(scenario: Scenario) -> list[float]:
 
 
 def _acting(number: int, event: Disturbance, power: float) -> list[_Acting]:
-    """Return what the kernels are told of a disturbance; only temperature steps and loads have a size."""
+    """Return what the kernels are told of a disturbance; temperature steps, loads and full power have a size."""
     if isinstance(event, TemperatureStep):
         return [_Acting(event.time_s, JUMP, event.temperature_degC, sized=number)]
     begins = _Acting(event.time_s, PHASE, 0.0)
@@ -71,4 +71,4 @@ def _acting(number: int, event: Disturbance, power: float) -> list[_Acting]:
         return [begins, _Acting(event.time_s, LOAD, event.power_pct, 1.0, number)]
     if isinstance(event, NewSetpoint):
         return [begins]
-    return [begins, _Acting(event.time_s, MAINS, power, 1.0)]  # also where a PLC gets its supply
+    return [begins, _Acting(event.time_s, MAINS, power, 1.0, number)]  # also where a PLC gets its supply

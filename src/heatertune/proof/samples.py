@@ -11,7 +11,8 @@ What is drawn, each independently:
 - gain and lags: lognormal, the dead time normal, as wide as the fit's 95 % intervals (`pid.uncertain.spreads_of`),
   around each candidate in turn; no dead time below what is believed;
 - mains voltage: even within ±10 %, the tolerance of the public supply (EN 50160); the power goes with its square. One
-  value for the whole run, for a sag that lasts is the one that counts;
+  value for the whole run, for a sag that lasts is the one that counts; but where the story's mains fall or rise to an
+  end of that tolerance, they do so from there, and not by as much again;
 - ambient temperature: even within ±5 °C, the span between a cold morning and a hot afternoon in a hall (this project's
   choice), the heater starting from it;
 - each temperature step and load: its size times an even factor of 0.5…1.5 (this project's choice);
@@ -43,7 +44,7 @@ from heatertune.proof.measured import Measured, joined, ordered
 from heatertune.proof.metered import metered
 from heatertune.proof.philox import normal, uniform
 from heatertune.proof.scan_noise import normals
-from heatertune.proof.scenario import Disturbance, Load, Scenario, TemperatureStep
+from heatertune.proof.scenario import Disturbance, Load, Mains, Scenario, TemperatureStep
 from heatertune.proof.trace import Trace
 from heatertune.units import check
 
@@ -171,7 +172,11 @@ class Drawing:
             gain * np.exp(drawn[:, 0]) * power, first * lags, second * lags,
             np.maximum(dead + drawn[:, 2], self.spread.least_dead_time_s) + self.delay_s, ambient + shift,
             start + shift if self.scenario.start_degC is None else start])
-        return rows, 1.0 + self.spread.disturbance_pct / 100.0 * even[:, 2:]
+        sizes = 1.0 + self.spread.disturbance_pct / 100.0 * even[:, 2:]
+        for number, (event, share) in enumerate(zip(self.scenario.disturbances, self.scenario.mains[1:], strict=True)):
+            if not isinstance(event, TemperatureStep | Load):
+                sizes[:, number] = 1.0 if share in (0.0, 1.0) else 1.0 / power  # a share of the rated power
+        return rows, sizes
 
     def scans_of(self, seeds: Sequence[int], scans: int) -> tuple[Array, Array]:
         """Return noise [°C] and delay [s] of the scans of samples, shape (n, scans), or (1, 1) where none is.
@@ -273,4 +278,6 @@ def _sized(event: Disturbance, factor: float) -> Disturbance:
     """Return a disturbance times a factor, where it has a size."""
     if isinstance(event, TemperatureStep):
         return replace(event, temperature_degC=factor * event.temperature_degC)
+    if isinstance(event, Mains):
+        return replace(event, share=factor * event.share)
     return replace(event, power_pct=factor * event.power_pct) if isinstance(event, Load) else event

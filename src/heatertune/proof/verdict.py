@@ -138,7 +138,8 @@ def sampled(proof: Mapping[str, Any]) -> list[str]:
     """Return how many samples of a proof's document keep every limit, a few words; nothing where there are none."""
     if (drawn := proof.get("samples")) is None:
         return []
-    return [f"{100.0 * drawn['passing']:.3g} % of {drawn['count']} samples keep every limit{_under(drawn)}"]
+    number, under = _fewest(drawn)
+    return [f"{100.0 * drawn['passing']:.3g} % of {number} samples keep every limit{under}"]
 
 
 def derived(proof: Mapping[str, Any]) -> str:
@@ -150,17 +151,20 @@ def derived(proof: Mapping[str, Any]) -> str:
     return combined(heard)
 
 
-def _under(drawn: Mapping[str, Any]) -> str:
-    """Return under which setting of what the manual leaves open the fewest samples pass, where there are several.
+def _fewest(drawn: Mapping[str, Any]) -> tuple[int, str]:
+    """Return how many samples ran under the setting of what the manual leaves open under which the fewest pass.
 
-    Of the setting it is what is other than assumed, which is the first one's.
+    And which one that is, where there are several: of it what is other than assumed, which is the first one's.
     """
-    ran = [one for one in drawn["settings"] if one["passing"] is not None]
+    settings = drawn["settings"]
+    ran = [number for number, one in enumerate(settings) if one["passing"] is not None]
     if len(ran) < 2:
-        return ""
-    assumed, least = ran[0]["switches"], min(ran, key=lambda one: one["passing"])["switches"]
-    other = {name: setting for name, setting in least.items() if setting != assumed[name]} or assumed
-    return f" under {', '.join(f'{name} = {setting}' for name, setting in other.items())}"
+        return drawn["count"], ""
+    least = min(ran, key=lambda number: settings[number]["passing"])
+    assumed, switches = settings[ran[0]]["switches"], settings[least]["switches"]
+    other = {name: setting for name, setting in switches.items() if setting != assumed[name]} or assumed
+    turns = range((least - drawn["seed"]) % len(settings), drawn["count"], len(settings))  # `Drawing.setting`
+    return len(turns), f" under {', '.join(f'{name} = {setting}' for name, setting in other.items())}"
 
 
 def extent(proof: Mapping[str, Any]) -> str:

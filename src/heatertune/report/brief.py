@@ -41,6 +41,8 @@ _WORST: Final = 5
 _NAMED: Final = 3
 _DOUBTS: Final = 7
 _FAILING: Final = 3
+#: samples under a setting of what a manual leaves open that tell a share of 95 % to some 2 %
+_ENOUGH: Final = 100
 #: lines of a verdict, and of what leaves it unproven
 _SAID: Final = 4
 #: words up to which each has a line with its meaning
@@ -79,15 +81,30 @@ def design_brief(documents: Mapping[str, Document], out: str, nearest: Sequence[
 
 def verify_brief(proof: Document, notes: Sequence[str] = ()) -> str:
     """Return a proof on one screen."""
-    way_on = wrapped(_way_on(proof["target"]), "way on: ") if proof["verdict"] == "FAIL" else []
+    way_on = wrapped(_way_on(proof), "way on: ") if proof["verdict"] == "FAIL" else []
     return _with_notes(notes, [*_verdict(proof), *way_on], _worst(proof), labelled(_doubts(proof), _DOUBTS))
 
 
-def _way_on(target: str) -> str:
-    repaired = [name for name in TARGETS if controller_for(name).faithful == target]
+def _way_on(proof: Document) -> str:
+    repaired = [name for name in TARGETS if controller_for(name).faithful == proof["target"]]
     if repaired:
         return f"the same program repaired: --target {repaired[0]}"
+    if proof.get("samples") and all(criterion["ok"] for criterion in proof["criteria"].values()):
+        return _of_samples(proof["samples"])
     return "heatertune design or tune with this --target looks for the least change that passes"
+
+
+def _of_samples(samples: Document) -> str:
+    """Return what drawn heaters break, and what helps where those that the log leaves possible break nothing."""
+    spots = samples["criteria"]
+    often = sorted((name for name in spots if spots[name]["passing"] < 1.0), key=lambda name: spots[name]["passing"])
+    broken = [f"{figure(100.0 * (1.0 - spots[name]['passing']), 2)} % break {_called(name)}" for name in often[:2]]
+    reserve = spots.get("power_reserve", {}).get("worst")
+    helps = ("a lower --ms in design or tune leaves more room" if reserve is None or reserve > 0.0 else
+             "on some the heater lacks the power for this setpoint")
+    enough = _ENOUGH * len(samples["settings"])
+    more = f"; --samples {enough} tells the share more exactly" if samples["count"] < enough else ""
+    return f"of all samples, {' and '.join(broken)}: {helps}{more}"
 
 
 def model_brief(model: Document, out: str | None = None) -> str:
@@ -144,8 +161,7 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
         said += f"; {on}"
     else:
         said = f"every limit is kept in {on}"
-    drawn = [f"{share.partition(' under ')[0]}, {100.0 * proof['samples']['quantile']:.4g} % must"
-             for share in sampled(proof)]
+    drawn = [f"{share}, {100.0 * proof['samples']['quantile']:.4g} % must" for share in sampled(proof)]
     lines = wrapped("; ".join([f"{where}: {said}", *drawn]), f"{verdict}  ", _SAID)
     if open_ := list(dict.fromkeys(finding["name"] for finding in blocking(proof))):
         kind, others = KINDS[open_[0]], ", ".join(open_[1:])
