@@ -24,7 +24,7 @@ from heatertune.proof.heaters import holding
 from heatertune.proof.kernel import LOAD, MAINS
 from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop, plant_row
 from heatertune.proof.scan_noise import BLOCK, block_of
-from heatertune.proof.scenario import Load, Mains, PlcPower, Scenario, TemperatureStep, delayed
+from heatertune.proof.scenario import Mains, PlcPower, Scenario, delayed
 from heatertune.settings import Conditions
 from heatertune.units import check
 
@@ -139,18 +139,9 @@ def _events(
     scenario: Scenario, row: Sequence[float], factors: Any, faults: Sequence[Fault]
 ) -> tuple[list[float], list[int], list[float]]:
     """Return the events of a scenario, sizes drawn, with those of the faults among them."""
-    sized = replace(scenario, disturbances=tuple(
-        _sized(event, factor) for event, factor in zip(scenario.disturbances, map(float, factors), strict=True)))
-    own = zip(*(column[0].tolist() for column in events_of(sized, [row[3]])), strict=True)
+    own = zip(*(column[0].tolist() for column in events_of(scenario, [row[3]], np.array([factors]))), strict=True)
     merged = sorted([*own, *heater_events(faults, row[0], row[3])])
     times, kinds, values = (list(column) for column in zip(*merged, strict=True))
     assert math.isinf(times[-1])
     assert {LOAD, MAINS}.issuperset(kinds[-1:])
     return times, kinds, values
-
-
-def _sized(event: Any, factor: float) -> Any:
-    """Return a disturbance times a factor, where it has a size."""
-    if isinstance(event, TemperatureStep):
-        return replace(event, temperature_degC=factor * event.temperature_degC)
-    return replace(event, power_pct=factor * event.power_pct) if isinstance(event, Load) else event
