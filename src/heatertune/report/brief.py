@@ -102,7 +102,9 @@ def _of_samples(samples: Document) -> str:
     reserve = spots.get("power_reserve", {}).get("worst")
     helps = ("a lower --ms in design or tune leaves more room" if reserve is None or reserve > 0.0 else
              "on some the heater lacks the power for this setpoint")
-    enough = _ENOUGH * len(samples["settings"])
+    enough, others = _ENOUGH * len(samples["settings"]), [one["passing"] for one in samples["settings"]]
+    if any(share is not None and share >= samples["quantile"] for share in others):
+        helps = f"where the controller is known to be another way, --switch tells so; {helps}"
     more = f"; --samples {enough} tells the share more exactly" if samples["count"] < enough else ""
     return f"of all samples, {' and '.join(broken)}: {helps}{more}"
 
