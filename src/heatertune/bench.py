@@ -20,6 +20,7 @@ from heatertune.model.fit import fit
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Controller, Scaling, Words, controller_for
+from heatertune.plc.open_points import settings_of
 from heatertune.processors import processors
 from heatertune.progress import Told
 from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, simulate
@@ -133,7 +134,8 @@ def speed(target: str, samples: int = 1000, *, rounds: int = 7, progress: Told =
     which = controller_for(target)
     words = which.encode(_DESIGN, Scaling())
     scans = _SCENARIO.duration_s / which.timing(words).scan_s
-    drawing = Drawing.of(which, words, [_HEATER], _SCENARIO, Spread(heater=(0.1, 0.1, 0.2)), _PWM)
+    drawing = Drawing.of(which, words, [_HEATER], _SCENARIO, Spread(heater=(0.1, 0.1, 0.2)), _PWM,
+                         settings_of(which.switches, {}))
     workers = processors()
     progress(f"{target}: compiling the loop, where it is not kept")
     start = _seconds(lambda: measure(drawing, Limits(), max(100, math.ceil(60_000 / scans)), workers=1))

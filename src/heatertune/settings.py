@@ -272,16 +272,16 @@ class SampleSettings:
     """
 
     samples: int | None = option(
-        None, int, "also prove on N drawn heaters: FAIL where too many of them break a limit", flag="--samples",
-        metavar="N", least=1.0, most=1e7)
+        None, int, "also prove on N drawn heaters: FAIL where too many of them break a limit, NOT PROVEN where N is "
+        "too small to tell", flag="--samples", metavar="N", least=1.0, most=1e7)
     seed: int = option(
         0, int, "seed of the first sample; each next one has the next number", flag="--seed", metavar="SEED",
         least=0.0, instead=("0", ""))
     replay: int | None = option(
         None, int, "run the one sample that has this seed, and judge it", flag="--replay", metavar="SEED", least=0.0)
     quantile: float = option(
-        0.95, float, "share of the samples that must keep every limit", flag="--quantile", metavar="SHARE", above=0.0,
-        most=1.0, instead=("0.95", ""))
+        0.95, float, "share of all such heaters that must keep every limit", flag="--quantile", metavar="SHARE",
+        above=0.0, most=1.0, instead=("0.95", ""))
     mains_pct: float = option(
         10.0, float, "half width of the mains voltage", unit="%", flag="--mains", least=0.0, most=99.0,
         help="mains voltage, even within ± this; the power goes with its square", instead=("10", ""))

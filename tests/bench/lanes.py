@@ -25,6 +25,7 @@ from heatertune.errors import HeatertuneError
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
+from heatertune.plc.open_points import settings_of
 from heatertune.proof import Actuator, Drawing, Limits, Load, Mains, NewSetpoint, Scenario, Spread, TemperatureStep
 from heatertune.proof.events import PlcPower
 from heatertune.proof.lanes import choice
@@ -93,7 +94,7 @@ def drawn(chance, room):
     duration = float(chance.uniform(100.0, 1500.0))
     scenario = Scenario(setpoint_degC=setpoint, duration_s=duration, noise_degC=float(chance.choice([0.0, 0.05, 1.0])),
                         disturbances=story(chance, setpoint, duration))
-    settings = {each.name: each.default for each in which.switches}
+    settings = settings_of(which.switches, {})
     spread = Spread(heater=(0.1, 0.1, float(chance.choice([0.0, 0.2 * known["dead_time_s"], 3.0]))))
     begin = int(chance.integers(10**6))
     return Drawing.of(which, words, [heater], scenario, spread, switch, settings), range(begin, begin + int(chance.choice([chance.integers(1, 17), chance.integers(17, 71)])))
@@ -128,11 +129,8 @@ def spent(work, clock=time.thread_time):
 
 def interleaved(name, drawing, yardstick, repeats=9):
     """Print nanoseconds a scan of 64 samples from the middle of 512, each way and C in turn."""
-    seeds = range(512 * len(drawing.controllers))
-    own = [seed for seed in seeds if drawing.setting(seed) == 0]
-    order = choice.alike(drawing.heaters_of(own)[0], drawing.scenario.setpoint_degC, drawing.actuator.pwm_period_s)
-    middle = [own[place] for place in order[224:288]]
-    ways = both(drawing, middle)
+    order = choice.alike(drawing.heaters_of(range(512))[0], drawing.scenario.setpoint_degC, drawing.actuator.pwm_period_s)
+    ways = both(drawing, order[224:288].tolist())
     assert not differs(ways), name
     times = np.min([[spent(work) for work in (*ways, yardstick)] for _ in range(repeats)], axis=0)
     scans = 64 * scans_of(drawing.controllers[0], drawing.scenario)
@@ -166,7 +164,7 @@ def timed(rooms):
         which = controller_for(room)
         for noise in (0.0, 0.1):
             drawing = Drawing.of(which, which.encode(loop.DESIGN, Scaling()), [loop.HEATER], replace(loop.SCENARIO, noise_degC=noise),
-                                 Spread(heater=(0.1, 0.1, 2.8)), loop.PWM)
+                                 Spread(heater=(0.1, 0.1, 2.8)), loop.PWM, settings_of(which.switches, {}))
             measure(drawing, Limits(), 400)
             for workers in (1, len(os.sched_getaffinity(0))):
                 best = min(spent(lambda w=workers, d=drawing: measure(d, Limits(), 10_000, workers=w), time.perf_counter) for _ in range(5))

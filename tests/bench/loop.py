@@ -28,6 +28,7 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.core import Core
+from heatertune.plc.open_points import settings_of
 from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, TemperatureStep
 from heatertune.proof.kernel import LOAD, Batch, Record
 from heatertune.proof.lanes import choice
@@ -194,7 +195,7 @@ def samples(target, count, workers):
     """Return seconds of wall clock that many samples take, drawn, run and measured, side by side where they fit."""
     which = controller_for(target)
     drawing = Drawing.of(which, which.encode(DESIGN, Scaling()), [HEATER], SCENARIO, Spread(heater=(0.1, 0.1, 0.2)),
-                         Actuator(pwm_period_s=10.0))
+                         Actuator(pwm_period_s=10.0), settings_of(which.switches, {}))
     return least(lambda: measure(drawing, Limits(), count, workers=workers), 2, time.perf_counter) / 1e9
 
 
@@ -213,7 +214,8 @@ def memory(target):
 def samples_once(target, count):
     """Run samples and return the bytes of what they leave."""
     which = controller_for(target)
-    drawing = Drawing.of(which, which.encode(DESIGN, Scaling()), [HEATER], SCENARIO, Spread(), Actuator(pwm_period_s=10.0))
+    drawing = Drawing.of(which, which.encode(DESIGN, Scaling()), [HEATER], SCENARIO, Spread(), Actuator(pwm_period_s=10.0),
+                         settings_of(which.switches, {}))
     found = measure(drawing, Limits(), count)
     return sum(each.nbytes for each in (found.rows, found.table, found.totals, found.ripple))
 

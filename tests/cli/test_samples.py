@@ -51,17 +51,14 @@ def test_a_share_too_small_fails_and_the_text_tells_it(run, by_hand):
     given = tuple(each for each in PROOF if each != "--json")
     status, out, _ = run("verify", by_hand, *given, "--samples", 12, "--mains", 60, "--verbose")
     assert status == 1
-    assert "12 samples from seed 0 on" in out
+    assert "samples from seed 0 on: 7 of 12 samples keep every limit under every setting, so at most 81.9 % of all do" in out
     assert "never" in out
     last = out.rstrip().splitlines()[-1]
     assert last.startswith("VERDICT FAIL at 40 °C in 6 runs on 1 possible heater")
-    assert "0 % of 2 samples keep every limit under sum = unlimited" in last  # of 12 in 8 settings
-    assert "under sum = " in last, "the setting under which the fewest do"
     few = (*given, *KNOWN, "--samples", 12, "--mains", 60, "--quantile")
     brief = run("verify", by_hand, *few, 0.9)[1]
     assert brief.startswith("FAIL")
-    assert "33.3 % of 6 samples keep every limit under " in " ".join(brief.split())
-    assert "on some the heater lacks the power for this setpoint; --samples 200 tells" in " ".join(brief.split())
+    assert "on some the heater lacks the power for this setpoint" in " ".join(brief.split())
     assert not run("verify", by_hand, *few, 0.2)[1].startswith("FAIL")
 
 
@@ -80,9 +77,9 @@ def test_what_makes_no_sense_is_refused(run, by_hand):
 @pytest.mark.long
 def test_a_sample_runs_under_the_switches_that_are_named(run, by_hand):
     given = tuple("weg" if each == "s5-ob251" else each for each in PROOF)
-    named = (*given, "--switch", "anti_windup=none")
     found = []
-    for each in (given, named):
+    for way in ("clamp", "none"):
+        each = (*given, "--switch", f"anti_windup={way}")
         sampled = json.loads(run("verify", by_hand, *each, "--samples", 1, "--seed", 7)[1])["samples"]["criteria"]
         replayed = json.loads(run("verify", by_hand, *each, "--replay", 7)[1])["criteria"]
         assert abs(sampled["iae"]["worst"] - replayed["iae"]["value"]) <= 1e-9 * replayed["iae"]["value"]

@@ -26,8 +26,8 @@ WORDS = Words(
     target="s5-ob251", sample_time_s=4.0, scaling=Scaling(low_degC=0.0, high_degC=100.0),
     values={"K": 9881, "R": 1024, "TI": 63, "TD": 0, "W": 0, "STEU": 33, "YH": 0, "BGOG": 2047, "BGUG": 0})
 NUMBERS = [None, math.nan, math.inf, -math.inf, True, "1", [], {}]
-SAMPLES = {"verdict": "PASS", "count": 20, "seed": 0, "quantile": 0.95, "passing": 1.0, "worst_seed": 0, "spread": {},
-           "criteria": {}, "settings": [{"switches": {}, "passing": 1.0}]}
+SAMPLES = {"verdict": "PASS", "count": 59, "seed": 0, "quantile": 0.95, "passing": 1.0, "worst_seed": 0, "spread": {},
+           "criteria": {}, "settings": [{"switches": {}, "kept": 59}]}
 
 
 @pytest.fixture(scope="module")
@@ -82,12 +82,11 @@ def test_what_is_no_verdict_is_not_taken_for_one(other):
         combined(["PASS", other])
 
 
-@pytest.mark.parametrize(("passing", "quantile", "settings"), [
-    (math.nan, 0.95, [1.0]), (1.0, math.nan, [1.0]), (1.0, 0.95, [math.nan]), (1.0, 0.95, [1.0, 0.9]), (0.9, 0.95, [1.0]),
-    (1.0, 0.95, []), (1.0, 0.95, [1.0, None]),
+@pytest.mark.parametrize(("count", "quantile", "kept"), [
+    (math.nan, 0.95, [59]), (59, math.nan, [59]), (59, 0.95, [math.nan]), (59, 0.95, [59, 58]), (59, 0.95, []), (59, 0.95, [60]), (0, 0.95, [0]),
 ])
-def test_samples_that_are_no_numbers_too_few_or_none_are_no_pass(passing, quantile, settings):
-    assert verdict_of_samples(passing, quantile, settings) != "PASS"
+def test_samples_that_are_no_numbers_too_few_or_none_are_no_pass(count, quantile, kept):
+    assert verdict_of_samples(count, quantile, kept) != "PASS"
 
 
 @pytest.mark.parametrize("wrong", NUMBERS)
@@ -104,8 +103,8 @@ def test_no_value_in_a_documents_runs_and_criteria_can_be_another_thing_than_a_n
 
 @pytest.mark.parametrize(("field", "wrong"), [
     *((field, wrong) for field in ("passing", "quantile", "count") for wrong in (None, math.nan, math.inf, -1, 0, "1", 2.5)),
-    ("settings", []), ("settings", None), ("settings", [{"switches": {}, "passing": None}]),
-    ("settings", [{"switches": {}, "passing": 0.5}]), ("settings", [{"switches": {}, "passing": 7.0}]),
+    ("settings", []), ("settings", None), *(("settings", [{"switches": {}, "kept": kept}]) for kept in (None, 58, 60, 59.0, -1, True)),
+    ("settings", [{"switches": {}, "passing": 1.0}]),
 ])
 def test_samples_of_a_document_are_checked_and_heard(proof, field, wrong):
     assert not _passes(proof.to_document() | {"samples": SAMPLES | {field: wrong}})

@@ -289,9 +289,11 @@ def test_the_verdict_falls_where_more_than_the_share_allowed_breaks_a_limit():
     values = _values(drawing, Limits(), 40, "iae")
     limits = Limits(iae_degC_s=float(np.sort(values)[35]), overshoot_pct=None, recovery_overshoot_pct=None,
                     tolerance_degC=30.0)
-    proof = prove_samples(drawing, limits, 40, quantile=0.9)
+    # 36 of 40 keep it: as many or more in 4.9 % of draws where 78.5 % of all do, as few or fewer in 4.6 % where 96.6 % do
+    proof = prove_samples(drawing, limits, 40, quantile=0.785)
     assert (proof.passing, proof.verdict) == (0.9, "PASS")
-    assert prove_samples(drawing, limits, 40, quantile=0.91).verdict == "FAIL"
+    verdicts = {quantile: prove_samples(drawing, limits, 40, quantile=quantile).verdict for quantile in (0.786, 0.964, 0.966)}
+    assert verdicts == {0.786: "NOT PROVEN", 0.964: "NOT PROVEN", 0.966: "FAIL"}
     assert proof.worst_seed == int(np.argmax(values))
     spot = next(each for each in proof.criteria if each.name == "iae")
     assert [spot.worst, spot.passing] == [values.max(), 0.9]

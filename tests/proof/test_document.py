@@ -133,41 +133,52 @@ def test_a_proof_of_some_settings_of_what_the_manual_leaves_open_is_refused(comm
     assert f"proof.json: runs: none on {whole[-1]['model']} under {gone}: no whole proof" in told
 
 
-def _with_samples(folder, here, passing):
-    """Copy a design, its proof with samples of which so many pass, as `verify --samples -o proof.json` writes it."""
+def _with_samples(folder, here, kept):
+    """Copy a design, its proof with samples of which so many of 200 pass, as `verify --samples -o proof.json` writes it."""
     shutil.copytree(folder, here)
     proof = json.loads((here / "proof.json").read_text())
-    verdict = "PASS" if passing >= 0.95 else "FAIL"
-    settings = [{"switches": {"sum": setting}, "passing": share} for setting, share in (("limited", 1.0), ("unlimited", passing))]
-    proof["samples"] = {"verdict": verdict, "count": 40, "seed": 0, "quantile": 0.95, "passing": passing, "settings": settings,
+    verdict = "PASS" if kept >= 196 else "FAIL" if kept <= 184 else "NOT PROVEN"
+    settings = [{"switches": {"sum": setting}, "kept": number} for setting, number in (("limited", 200), ("unlimited", kept))]
+    proof["samples"] = {"verdict": verdict, "count": 200, "seed": 0, "quantile": 0.95, "passing": kept / 200, "settings": settings,
                         "worst_seed": 3, "spread": {}, "criteria": {}}
     (here / "proof.json").write_text(json.dumps(digested(proof | {"verdict": verdict})))
 
 
 def test_samples_that_fail_are_no_pass_of_the_words(folder, tmp_path, capsys):
     here, out = tmp_path / "in", tmp_path / "out"
-    _with_samples(folder, here, 0.45)
+    _with_samples(folder, here, 90)
     export = ["export-db", str(here / "words.json"), "--target", "s5-ob251", "-o", str(out), "--quiet"]
     assert main(export) == 1
     told = capsys.readouterr().err
     assert told.startswith("error: FAIL at ")
-    assert "45 % of 20 samples keep every limit under sum = unlimited" in told
+    assert "90 of 200 samples keep every limit under sum = unlimited, so at most 51.07 % of all do" in told
     assert not out.exists()
     assert main([*export, "--force"]) == 0
     words = json.loads((out / "data" / "words.json").read_text())
     assert (words["verdict"], words["forced"]) == ("FAIL", True)
     listing = (out / "DB30_listing.txt").read_text()
-    assert "45 % of 20 samples keep every limit under sum = unlimited" in listing
+    assert "90 of 200 samples keep every limit under sum = unlimited" in listing
     assert main(["report", str(here), "--quiet"]) == 2, "its words.json still says PASS"
     assert "words.json: verdict: 'PASS'; proof.json beside it says 'FAIL': export the words again" in capsys.readouterr().err
 
 
 def test_samples_that_pass_let_the_words_pass_and_stand_in_the_certificate(folder, tmp_path):
     here, out = tmp_path / "in", tmp_path / "out"
-    _with_samples(folder, here, 0.975)
+    _with_samples(folder, here, 197)
     assert main(["export-db", str(here / "words.json"), "--target", "s5-ob251", "-o", str(out), "--quiet"]) == 0
     assert json.loads((out / "data" / "words.json").read_text())["verdict"] == "PASS"
-    assert "97.5 % of 20 samples keep every limit under sum = unlimited" in (out / "DB30_listing.txt").read_text()
+    assert "197 of 200 samples keep every limit under sum = unlimited, so at least 96.16 % of all do" in (
+        out / "DB30_listing.txt").read_text()
+
+
+def test_samples_too_few_to_tell_are_no_pass_either_and_tell_how_many_would_be_enough(folder, tmp_path, capsys):
+    here, out = tmp_path / "in", tmp_path / "out"
+    _with_samples(folder, here, 195)
+    assert main(["export-db", str(here / "words.json"), "--target", "s5-ob251", "-o", str(out), "--quiet"]) == 1
+    told = capsys.readouterr().err
+    assert told.startswith("error: NOT PROVEN at ")
+    assert "too few to say whether 95 % of all do: --samples 500" in told
+    assert not out.exists()
 
 
 def _refusal(command, folder, tmp_path, proof, capsys, status=2):

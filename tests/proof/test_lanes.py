@@ -115,14 +115,14 @@ def test_samples_of_a_default_proof_run_side_by_side(target, monkeypatch):
     drawing, count = default_drawing(target), 2000
     assert {type(event) for event in drawing.scenario.disturbances} >= {PlcPower, Mains, NewSetpoint, Load, TemperatureStep}
     seeds = range(count)
-    parts = _parts(drawing, seeds, drawing.heaters_of(seeds)[0], 1)
+    parts = _parts(drawing, drawing.heaters_of(seeds)[0], 1)
     assert sorted(np.concatenate([part.places for part in parts])) == list(seeds)
     alone = [part for part in parts if not part.side_by_side]
     if target in ALONE:
         assert len(alone) == len(parts)
     else:
         assert all(len(part.places) < 5 for part in alone)
-        assert len(alone) <= 2 * len(drawing.controllers), "one for each setting and number of lags at most"
+        assert len(alone) <= 2, "one for each number of lags at most"
 
 
 @pytest.mark.parametrize("count", [1, 7, 8, 9, 23, 33])

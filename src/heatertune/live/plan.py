@@ -111,7 +111,7 @@ def plan_for(
         drawing = drawing_for(words, fitted, spread or {}, conditions)
         (row,), (factors,) = (part.tolist() for part in drawing.heaters_of([sample]))
         block = partial(block_of, sample)
-        switches = dict(drawing.controllers[drawing.setting(sample)].switches)
+        switches = dict(drawing.controllers[0].switches)
         scenario = replace(drawing.scenario, ambient_degC=row[4], start_degC=row[5], seed=sample)
     if not story:
         scenario, factors = replace(scenario, disturbances=(), rests_s=()), np.ones(0)

@@ -79,6 +79,18 @@ def percentile_interval(values: Array) -> tuple[float, float]:
     return float(low), float(high)
 
 
+def share_bounds(kept: int, count: int) -> tuple[float, float]:
+    """Return what share of all at least, and at most, is of a kind of which `kept` of `count` draws are.
+
+    Each bound holds with 95 % confidence, exactly (C. J. Clopper and E. S. Pearson, "The use of confidence or fiducial
+    limits illustrated in the case of the binomial", Biometrika 26 (1934) 404–413); not a number where none is meant.
+    """
+    from scipy.special import betaincinv  # noqa: PLC0415 - as below
+
+    least = 0.0 if kept == 0 else float(betaincinv(kept, count - kept + 1, 0.05))
+    return least, 1.0 if kept == count else float(betaincinv(kept + 1, count - kept, 0.95))
+
+
 def student_t(freedom: float) -> float:
     """Return the 97.5 % point of Student's t with so many degrees of freedom, not necessarily whole."""
     from scipy.special import stdtrit  # noqa: PLC0415 - a tenth of a second, which no log without power needs

@@ -86,10 +86,10 @@ class RunView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SettingView:
-    """A setting of what the manual leaves open, and the share of its samples that keep every limit."""
+    """A setting of what the manual leaves open, and how many of the samples keep every limit under it."""
 
     switches: Mapping[str, str]
-    passing: float | None
+    kept: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,18 +111,24 @@ class SamplesView:
             raise DocumentError(f"count: {self.count}; no samples prove nothing")
         if not 0.0 < self.quantile <= 1.0:
             raise DocumentError(f"quantile: {self.quantile:g}; expected a share > 0 and <= 1")
-        shares = [setting.passing for setting in self.settings if setting.passing is not None]
-        if not all(0.0 <= share <= 1.0 for share in (self.passing, *shares)):
-            raise DocumentError("passing: expected shares from 0 to 1")
-        if self.passing != min(shares, default=self.passing):
-            raise DocumentError(f"passing: {self.passing:g}; under the worst setting {min(shares):g} pass")
+        if not self._kept:
+            raise DocumentError("settings: none; no run proves nothing")
+        if not 0 <= min(self._kept) <= max(self._kept) <= self.count:
+            raise DocumentError(f"settings: kept: expected numbers from 0 to {self.count}")
+        if self.passing != min(self._kept) / self.count:
+            raise DocumentError(f"passing: {self.passing:g}; under the worst setting {min(self._kept)} of "
+                                f"{self.count} pass")
         if self.verdict != self.derived:
             raise DocumentError(f"verdict: {self.verdict!r}; its values make it {self.derived!r}")
 
     @property
     def derived(self) -> str:
         """The verdict that follows from the values."""
-        return verdict_of_samples(self.passing, self.quantile, [setting.passing for setting in self.settings])
+        return verdict_of_samples(self.count, self.quantile, self._kept)
+
+    @property
+    def _kept(self) -> list[int]:
+        return [setting.kept for setting in self.settings]
 
 
 @registered(PROOF_SCHEMA)

@@ -13,6 +13,7 @@ from heatertune.plc import Words, controller_for
 from heatertune.proof import Drawing, Limits, Spread, judge, prove_samples, replay
 from heatertune.proof.fitted import actuator_for, course_for, limits_of, setpoints_for, specified
 from heatertune.proof.heaters import holding
+from heatertune.proof.sampled import hardest_setting
 from heatertune.proof.series import trace_series
 from heatertune.settings import Conditions
 from heatertune.units import check
@@ -36,7 +37,7 @@ def sample_document(
         count: how many samples.
         conditions: as for `prove`.
         seed: of the first one.
-        quantile: share of the samples that must keep every limit.
+        quantile: share of all such heaters that must keep every limit.
         spread: what else is drawn how wide, see `heatertune.proof.Spread`; what is missing has its default.
         workers: how many processors share them; None: all.
 
@@ -57,6 +58,8 @@ def replay_document(
 ) -> dict[str, Any]:
     """Return the one sample that has this seed: its heater, criteria and trace, as a JSON object.
 
+    It runs under the setting of what the manual leaves open that it bears worst of those that `conditions` leaves open.
+
     Args:
         words: what the PLC will hold.
         fitted: the heater.
@@ -69,12 +72,12 @@ def replay_document(
     """
     assumed = conditions or Conditions()
     drawing = drawing_for(words, fitted, spread or {}, assumed)
-    trace = replay(drawing, seed)
-    criteria = judge(trace, _limits(assumed, drawing))
-    model = trace.model
+    limits = _limits(assumed, drawing)
+    trace = replay(drawing, seed, hardest_setting(drawing, limits, seed))
+    criteria, model = judge(trace, limits), trace.model
     return {
         "schema": SCHEMA, "seed": seed, "verdict": "PASS" if all(criterion.ok for criterion in criteria) else "FAIL",
-        "target": words.target, "words": dict(words.values),
+        "target": words.target, "words": dict(words.values), "switches": dict(trace.switches),
         "heater": {
             "gain_degC_per_pct": model.gain_degC_per_pct, "lags_s": list(model.lags_s),
             "dead_time_s": model.dead_time_s, "ambient_degC": model.ambient_degC,

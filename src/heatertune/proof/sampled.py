@@ -1,26 +1,27 @@
-"""What many samples amount to: quantiles of each criterion, the share that keeps all limits, the worst sample."""
+"""What many samples amount to: quantiles of each criterion, how many keep all limits, the worst sample."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from heatertune.codec import encode
 from heatertune.proof.criteria import Limits
-from heatertune.proof.measured import columns_of
+from heatertune.proof.measured import Column, columns_of
 from heatertune.proof.samples import Drawing, Spread, measure
 from heatertune.proof.verdict import verdict_of_samples
 from heatertune.units import check
 
-__all__ = ["SampleProof", "Setting", "Spot", "prove_samples"]
+__all__ = ["SampleProof", "Setting", "Spot", "hardest_setting", "prove_samples"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spot:
-    """One criterion over all samples; infinite for something that never happened.
+    """One criterion over all samples, each under the setting that is worst for it; infinite for what never happened.
 
     Attributes:
         name: of the criterion, as in `judge`.
@@ -29,7 +30,7 @@ class Spot:
         bound: ">=" where it has to be reached, else "<=".
         median, p95, p99, worst: of its value over the samples; the largest is the worst, or, where it has to reach its
             limit, the smallest.
-        passing: share of the samples that keep the limit, 0…1.
+        passing: share of the samples that keep the limit under every setting, 0…1.
     """
 
     name: str
@@ -45,10 +46,10 @@ class Spot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """A setting of what the manual leaves open, and the share of its samples that keep every limit; None: no sample."""
+    """A setting of what the manual leaves open, and how many of the samples keep every limit under it."""
 
     switches: Mapping[str, str]
-    passing: float | None
+    kept: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,12 +57,12 @@ class SampleProof:
     """The verdict on many samples.
 
     Attributes:
-        count: how many samples.
+        count: how many samples, each run under every setting of what the manual leaves open.
         seed: of the first one; the others follow.
-        quantile: share of the samples that must keep every limit.
-        passing: share that does, under the setting of what the manual leaves open under which the fewest do: a
-            controller has one setting, whichever it is.
-        settings: each setting and the share that passes under it; None: it got no sample.
+        quantile: share of all such heaters that must keep every limit.
+        passing: share of the samples that does, under the setting under which the fewest do: a controller has one
+            setting, whichever it is.
+        settings: each setting and how many samples keep every limit under it.
         worst_seed: seed of the worst sample: most limits broken, then the most of a limit used.
         spread: what they were drawn from.
         criteria: by name.
@@ -78,11 +79,8 @@ class SampleProof:
 
     @property
     def verdict(self) -> str:
-        """"PASS" where at least `quantile` of the samples keep every limit under each setting, else "FAIL".
-
-        "NOT PROVEN" where a setting got no sample.
-        """
-        return verdict_of_samples(self.passing, self.quantile, [setting.passing for setting in self.settings])
+        """Whether `quantile` of all such heaters keep every limit under each setting, see `verdict_of_samples`."""
+        return verdict_of_samples(self.count, self.quantile, [setting.kept for setting in self.settings])
 
     def to_document(self) -> dict[str, Any]:
         """Return the JSON object; numbers that are not finite are null."""
@@ -100,34 +98,46 @@ def prove_samples(
         limits: that each has to keep.
         count: how many samples.
         seed: of the first one.
-        quantile: share that has to keep every limit, under each setting of what the manual leaves open.
+        quantile: share of all such heaters that has to keep every limit, under each setting.
         workers: how many processors share them; None: all.
 
     Raises:
         OutOfRange: no samples, a negative seed, a quantile outside (0, 1].
     """
     check("quantile", quantile, above=0.0, most=1.0)
-    measured = measure(drawing, limits, count, seed=seed, workers=workers)
-    broken, strain = np.zeros(count), np.zeros(count)
+    columns = list(columns_of(measure(drawing, limits, count, seed=seed, workers=workers), limits))
     spots = []
-    for column in columns_of(measured, limits):
+    for column in columns:
         used = column.strains
-        ok = used <= 1.0
-        broken += ~ok
-        strain = np.maximum(strain, used)
         limit = None if column.limits is None else column.limits[np.argmax(used)].item()
         sign, bound = (-1.0, ">=") if column.at_least else (1.0, "<=")
-        median, p95, p99, most = (
-            sign * np.quantile(sign * column.values, [0.5, 0.95, 0.99, 1.0], method="higher")).tolist()
+        values = (sign * column.values).reshape(-1, count).max(axis=0)
+        median, p95, p99, most = (sign * np.quantile(values, [0.5, 0.95, 0.99, 1.0], method="higher")).tolist()
         spots.append(Spot(name=column.name, unit=column.unit, limit=limit, bound=bound, median=median, p95=p95, p99=p99,
-                          worst=most, passing=float(np.mean(ok))))
-    worst = int(np.lexsort((-strain, -broken))[0])
-    ran = np.array([drawing.setting(drawn) for drawn in range(seed, seed + count)])
-    shares = [float(np.mean(broken[ran == number] == 0.0)) if number in ran else None
-              for number in range(len(drawing.controllers))]
-    settings = tuple(Setting(switches=controller.switches, passing=share)
-                     for controller, share in zip(drawing.controllers, shares, strict=True))
+                          worst=most, passing=float(np.mean(np.all(used.reshape(-1, count) <= 1.0, axis=0)))))
+    broken, worst = _hardest(columns)
+    kept = np.count_nonzero(broken.reshape(-1, count) == 0, axis=1).tolist()
+    settings = tuple(Setting(switches=controller.switches, kept=number)
+                     for controller, number in zip(drawing.controllers, kept, strict=True))
     return SampleProof(
-        count=count, seed=seed, quantile=quantile, settings=settings, worst_seed=seed + worst, spread=drawing.spread,
-        passing=min(share for share in shares if share is not None), criteria=tuple(spots),
+        count=count, seed=seed, quantile=quantile, settings=settings, worst_seed=seed + worst % count,
+        spread=drawing.spread, passing=min(kept) / count, criteria=tuple(spots),
     )
+
+
+def hardest_setting(drawing: Drawing, limits: Limits, seed: int) -> int:
+    """Return the number of the setting under which the sample of a seed is the worst, as in `SampleProof.worst_seed`.
+
+    Raises:
+        OutOfRange: a negative seed.
+    """
+    if len(drawing.controllers) == 1:
+        return 0
+    return _hardest(list(columns_of(measure(drawing, limits, 1, seed=seed, workers=1), limits)))[1]
+
+
+def _hardest(columns: Sequence[Column]) -> tuple[npt.NDArray[np.intp], int]:
+    """Return how many limits each run breaks, and which run breaks the most, of equals uses the most of a limit."""
+    strains = np.array([column.strains for column in columns])
+    broken = np.count_nonzero(~(strains <= 1.0), axis=0)
+    return broken, int(np.lexsort((-strains.max(axis=0), -broken))[0])

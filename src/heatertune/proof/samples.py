@@ -1,6 +1,7 @@
 """A proof on many heaters: each sample one loop whose heater, mains, room, goods and sensor are drawn.
 
-The settings of what the manual leaves open are taken in turn, so that each gets as many samples.
+Each sample lives through its story once under every setting of what the manual leaves open: a controller has one of
+them, whichever it is, and all of them are held against the same heaters.
 
 Sample number i of a run with seed S has the seed S + i, and all that is drawn for it comes from streams of Philox of
 that key (`heatertune.proof.philox`, `heatertune.proof.scan_noise`). So a sample depends neither on how many there are
@@ -95,8 +96,8 @@ class Drawing:
     """Whose samples are drawn.
 
     Attributes:
-        controllers: the words, running under each setting of what is open, in turn.
-        heaters: candidates, in turn, after each turn of the settings.
+        controllers: the words, running under each setting of what is open.
+        heaters: candidates, in turn.
         scenario: what is drawn around.
         actuator: the switch.
         spread: how far they differ.
@@ -142,7 +143,7 @@ class Drawing:
             scenario: what is drawn around.
             spread: how far samples differ.
             actuator: the switch; None: the controller makes the PWM itself.
-            switches: settings of open points that are known; the others are drawn.
+            switches: settings of open points that are known; of the others each is run.
         """
         controller.check(words)
         controller.check_ramp(words)
@@ -150,10 +151,6 @@ class Drawing:
                        for setting in settings_to_prove(controller.switches, switches)]
         return cls(controllers=controllers, heaters=heaters, scenario=scenario, spread=spread,
                    delay_s=controller.delayed_s(words.scaling), actuator=actuator_of(controllers[0], actuator))
-
-    def setting(self, seed: int) -> int:
-        """Return the number of the controller that the sample of a seed runs."""
-        return seed % len(self.controllers)
 
     def heaters_of(self, seeds: Sequence[int]) -> tuple[Array, Array]:
         """Return rows of `Batch.plants` and factors of the disturbances, shapes (n, 6) and (n, disturbances).
@@ -163,7 +160,7 @@ class Drawing:
         """
         even = uniform(seeds, _NORMAL + 2 + len(self.scenario.disturbances))
         drawn, even = normal(even[:, :_NORMAL])[:, :3] * self.spread.heater, 2.0 * even[:, _NORMAL:] - 1.0
-        turns = [seed // len(self.controllers) % len(self.rows) for seed in seeds]
+        turns = [seed % len(self.rows) for seed in seeds]
         gain, first, second, dead, ambient, start = np.array(self.rows)[turns].T
         power = (1.0 + self.spread.mains_pct / 100.0 * even[:, 0]) ** 2
         shift = self.spread.ambient_degC * even[:, 1]
@@ -194,7 +191,7 @@ class Drawing:
 
 
 def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, workers: int | None = None) -> Measured:
-    """Run samples and return what was measured.
+    """Run samples and return what was measured: all samples under the first setting, then under the next one.
 
     Args:
         drawing: what is drawn.
@@ -212,58 +209,61 @@ def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, work
     rows, sizes = drawing.heaters_of(seeds)
 
     def run(part: _Part) -> Measured:
-        noise, late = drawing.scans_of([seeds[place] for place in part.places], scans)
-        return metered(drawing.controllers[part.setting], rows[part.places], drawing.scenario, drawing.actuator, limits,
-                       noise, late, sizes[part.places], side_by_side=part.side_by_side)
+        places, (noise, late) = part.places, drawing.scans_of([seeds[place] for place in part.places], scans)
+        return joined([metered(controller, rows[places], drawing.scenario, drawing.actuator, limits, noise, late,
+                               sizes[places], side_by_side=part.side_by_side) for controller in drawing.controllers])
 
-    parts = _parts(drawing, seeds, rows, count * scans // (workers or processors()))
-    measured = joined(mapped(run, parts, workers))
-    return ordered(measured, np.argsort(np.concatenate([part.places for part in parts])))
+    settings = len(drawing.controllers)
+    parts = _parts(drawing, rows, count * settings * scans // (workers or processors()))
+    runs = [place + count * setting for part in parts for setting in range(settings) for place in part.places]
+    return ordered(joined(mapped(run, parts, workers)), np.argsort(runs))
 
 
 class _Part(NamedTuple):
-    """Samples of one call: their setting, their places among all, and whether they run side by side."""
+    """Samples of one call: their places among all, and whether they run side by side."""
 
-    setting: int
     places: npt.NDArray[np.intp]
     side_by_side: bool
 
 
-def _parts(drawing: Drawing, seeds: Sequence[int], rows: Array, scans: int) -> list[_Part]:
+def _parts(drawing: Drawing, rows: Array, scans: int) -> list[_Part]:
     """Return all samples in parts; those side by side are alike, so that edges come in the same scans.
 
     `scans` tells how much work they are to one processor.
     """
-    settings, lags = np.array([drawing.setting(seed) for seed in seeds]), (rows[:, 2] > 0.0).astype(int)
-    shaken, parts = np.full((1, 1), drawing.spread.jitter_s), list[_Part]()
+    lags, parts, shaken = (rows[:, 2] > 0.0).astype(int), list[_Part](), np.full((1, 1), drawing.spread.jitter_s)
+    fit = all(fits(controller, drawing.scenario, drawing.actuator, shaken) for controller in drawing.controllers)
     for more in np.unique(lags).tolist():
+        own = np.flatnonzero(lags == more)
+        own = own[alike(rows[own], drawing.scenario.setpoint_degC, drawing.actuator.pwm_period_s)]
         work = int(scans * np.mean(lags == more))
         worth = pays(drawing.controllers[0], drawing.actuator, work, two_lags=bool(more))
-        for number in np.unique(settings[lags == more]).tolist():
-            own = np.flatnonzero((settings == number) & (lags == more))
-            own = own[alike(rows[own], drawing.scenario.setpoint_degC, drawing.actuator.pwm_period_s)]
-            beside = worth and fits(drawing.controllers[number], drawing.scenario, drawing.actuator, shaken)
-            parts += _chunks(number, own, side_by_side=beside)
+        parts += _chunks(own, side_by_side=worth and fit)
     return parts
 
 
-def _chunks(setting: int, places: npt.NDArray[np.intp], *, side_by_side: bool) -> list[_Part]:
+def _chunks(places: npt.NDArray[np.intp], *, side_by_side: bool) -> list[_Part]:
     rest = len(places) % STEP
     beside = len(places) - (rest if rest < _LEAST else 0) if side_by_side else 0
     chunk = LANES * min(max(len(places) // (_CALLS * LANES), 1), _GROUPS)
-    return [_Part(setting, own[begin:begin + chunk], way)
+    return [_Part(own[begin:begin + chunk], way)
             for own, way in ((places[:beside], True), (places[beside:], False))
             for begin in range(0, len(own), chunk)]
 
 
-def replay(drawing: Drawing, seed: int) -> Trace:
+def replay(drawing: Drawing, seed: int, setting: int = 0) -> Trace:
     """Return the trace of the sample that has this seed: the same run, instant by instant.
+
+    Args:
+        drawing: what is drawn.
+        seed: of the sample.
+        setting: number of the controller.
 
     Raises:
         OutOfRange: a negative seed.
     """
     check("seed", seed, least=0)
-    controller = drawing.controllers[drawing.setting(seed)]
+    controller = drawing.controllers[setting]
     (row,), (factors,) = drawing.heaters_of([seed])
     (noise,), (late,) = drawing.scans_of([seed], scans_of(controller, drawing.scenario))
     gain, first, second, dead, ambient, start = row.tolist()

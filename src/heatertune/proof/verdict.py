@@ -11,13 +11,15 @@ from heatertune.codec import built, decode, encode
 from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.log.cells import count
 from heatertune.model.findings import KINDS, Finding
+from heatertune.model.statistics import share_bounds
 from heatertune.proof.period import life
 from heatertune.proof.profile import Profile
 from heatertune.proof.specification import GENERAL, NOTHING
 
 __all__ = [
     "ASSUMED", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "derived", "extent",
-    "sampled", "switched", "told_by_kind", "told_of", "verdict_first", "verdict_line", "verdict_of_samples",
+    "sampled", "samples_told", "switched", "told_by_kind", "told_of", "verdict_first", "verdict_line",
+    "verdict_of_samples",
 ]
 
 #: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use
@@ -30,6 +32,9 @@ ASSUMED: Final = {
     "dead_time_at_most_s": "dead time at most {:g} s", "sensor_delay_s": "sensor delay of {:g} s",
     "log_pwm_period_s": "PWM period of {:g} s in the log",
 }
+
+#: how many samples to ask for
+_MORE: Final = [number * 10**size for size in range(2, 7) for number in (1, 2, 5)]
 
 #: what is asked of a proof first
 FIRST: Final = ("verdict", "target", "setpoint_degC", "specification", "words", "criteria")
@@ -105,17 +110,21 @@ def combined(verdicts: Iterable[str]) -> str:
     return "FAIL" if "FAIL" in heard else NOT_PROVEN if NOT_PROVEN in heard else "PASS"
 
 
-def verdict_of_samples(passing: float, quantile: float, settings: Sequence[float | None]) -> str:
-    """Return the verdict of samples.
+def verdict_of_samples(count: int, quantile: float, kept: Sequence[int]) -> str:
+    """Return whether so many samples show, with 95 % confidence, that enough of all such heaters keep every limit.
+
+    "PASS" where they show that enough do under each setting, "FAIL" where that too few do under one of them, and
+    "NOT PROVEN" where they are too few to show either.
 
     Args:
-        passing: least share that keeps every limit.
-        quantile: share that must.
-        settings: share under each setting of what the manual leaves open; None: it got no sample.
+        count: samples, each run under every setting of what the manual leaves open.
+        quantile: share of all such heaters that must.
+        kept: how many samples keep every limit, under each setting.
     """
-    if not passing >= quantile or any(share is not None and not share >= quantile for share in settings):
-        return "FAIL"
-    return NOT_PROVEN if None in settings or not settings else "PASS"
+    if not kept:
+        return NOT_PROVEN
+    least, most = share_bounds(min(kept), count)
+    return "PASS" if least >= quantile else "FAIL" if most < quantile else NOT_PROVEN
 
 
 def blocking(proof: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -135,36 +144,45 @@ def verdict_line(proof: Mapping[str, Any]) -> str:
 
 
 def sampled(proof: Mapping[str, Any]) -> list[str]:
-    """Return how many samples of a proof's document keep every limit, a few words; nothing where there are none."""
-    if (drawn := proof.get("samples")) is None:
-        return []
-    number, under = _fewest(drawn)
-    return [f"{100.0 * drawn['passing']:.3g} % of {number} samples keep every limit{under}"]
+    """Return what the samples of a proof's document show, a few words; nothing where there are none."""
+    return [] if (drawn := proof.get("samples")) is None else [samples_told(drawn)]
+
+
+def samples_told(drawn: Mapping[str, Any]) -> str:
+    """Return how many samples keep every limit, under which setting the fewest do, and what that shows."""
+    number, quantile, kept = drawn["count"], drawn["quantile"], [one["kept"] for one in drawn["settings"]]
+    share, must = f"{min(kept)} of {number} samples keep every limit{_under(drawn['settings'])}", 100.0 * quantile
+    if (verdict := verdict_of_samples(number, quantile, kept)) != NOT_PROVEN:
+        least, most = share_bounds(min(kept), number)
+        shows = (f"least {math.floor(1e4 * least) / 100.0:.4g}" if verdict == "PASS" else
+                 f"most {math.ceil(1e4 * most) / 100.0:.4g}")
+        return f"{share}, so at {shows} % of all do (95 % confidence), {must:.4g} % must"
+    more = next((more for more in _MORE if more > number and verdict_of_samples(
+        more, quantile, [round(more * min(kept) / number)]) != NOT_PROVEN), None)
+    return f"{share}, too few to say whether {must:.4g} % of all do" + (
+        f": --samples {more}" if more else ", and more of them at this share would not say it, either")
 
 
 def derived(proof: Mapping[str, Any]) -> str:
     """Return the verdict that follows from a proof's values; what the document calls it is not asked."""
     heard = ["FAIL" if _broken(proof) else "PASS", *([NOT_PROVEN] if blocking(proof) else [])]
     if (drawn := proof.get("samples")) is not None:
-        shares = [setting["passing"] for setting in drawn["settings"]]
-        heard.append(verdict_of_samples(drawn["passing"], drawn["quantile"], shares))
+        kept = [setting["kept"] for setting in drawn["settings"]]
+        heard.append(verdict_of_samples(drawn["count"], drawn["quantile"], kept))
     return combined(heard)
 
 
-def _fewest(drawn: Mapping[str, Any]) -> tuple[int, str]:
-    """Return how many samples ran under the setting of what the manual leaves open under which the fewest pass.
+def _under(settings: Sequence[Mapping[str, Any]]) -> str:
+    """Return under which setting of what the manual leaves open the fewest samples pass, where not all do alike.
 
-    And which one that is, where there are several: of it what is other than assumed, which is the first one's.
+    Of it what is other than assumed, which is the first one's.
     """
-    settings = drawn["settings"]
-    ran = [number for number, one in enumerate(settings) if one["passing"] is not None]
-    if len(ran) < 2:
-        return drawn["count"], ""
-    least = min(ran, key=lambda number: settings[number]["passing"])
-    assumed, switches = settings[ran[0]]["switches"], settings[least]["switches"]
-    other = {name: setting for name, setting in switches.items() if setting != assumed[name]} or assumed
-    turns = range((least - drawn["seed"]) % len(settings), drawn["count"], len(settings))  # `Drawing.setting`
-    return len(turns), f" under {', '.join(f'{name} = {setting}' for name, setting in other.items())}"
+    least = min(settings, key=lambda one: one["kept"])
+    if all(one["kept"] == least["kept"] for one in settings):
+        return " under every setting" if len(settings) > 1 else ""
+    assumed = settings[0]["switches"]
+    other = [f"{name} = {setting}" for name, setting in least["switches"].items() if setting != assumed[name]]
+    return f" under {', '.join(other) or 'the settings assumed'}"
 
 
 def extent(proof: Mapping[str, Any]) -> str:

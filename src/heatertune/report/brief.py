@@ -41,8 +41,6 @@ _WORST: Final = 5
 _NAMED: Final = 3
 _DOUBTS: Final = 7
 _FAILING: Final = 3
-#: samples under a setting of what a manual leaves open that tell a share of 95 % to some 2 %
-_ENOUGH: Final = 100
 #: lines of a verdict, and of what leaves it unproven
 _SAID: Final = 4
 #: words up to which each has a line with its meaning
@@ -102,11 +100,9 @@ def _of_samples(samples: Document) -> str:
     reserve = spots.get("power_reserve", {}).get("worst")
     helps = ("a lower --ms in design or tune leaves more room" if reserve is None or reserve > 0.0 else
              "on some the heater lacks the power for this setpoint")
-    enough, others = _ENOUGH * len(samples["settings"]), [one["passing"] for one in samples["settings"]]
-    if any(share is not None and share >= samples["quantile"] for share in others):
+    if max(one["kept"] for one in samples["settings"]) >= samples["quantile"] * samples["count"]:
         helps = f"where the controller is known to be another way, --switch tells so; {helps}"
-    more = f"; --samples {enough} tells the share more exactly" if samples["count"] < enough else ""
-    return f"of all samples, {' and '.join(broken)}: {helps}{more}"
+    return f"of all samples, {' and '.join(broken)}: {helps}"
 
 
 def model_brief(model: Document, out: str | None = None) -> str:
@@ -163,8 +159,7 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
         said += f"; {on}"
     else:
         said = f"every limit is kept in {on}"
-    drawn = [f"{share}, {100.0 * proof['samples']['quantile']:.4g} % must" for share in sampled(proof)]
-    lines = wrapped("; ".join([f"{where}: {said}", *drawn]), f"{verdict}  ", _SAID)
+    lines = wrapped("; ".join([f"{where}: {said}", *sampled(proof)]), f"{verdict}  ", _SAID)
     if open_ := list(dict.fromkeys(finding["name"] for finding in blocking(proof))):
         kind, others = KINDS[open_[0]], ", ".join(open_[1:])
         lines += wrapped(f"{kind.short}; {kind.remedy}, or --accept {open_[0]}", "  not proven: ", _SAID)

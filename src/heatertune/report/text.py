@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from heatertune.plc.typed import TypedWord, typed_table, typed_words, word_text
-from heatertune.proof.verdict import verdict_line
+from heatertune.proof.verdict import samples_told, verdict_line
 from heatertune.proof.words_file import words_of
 from heatertune.report.layout import table
 from heatertune.units import NOMENCLATURE, written
@@ -16,7 +16,7 @@ __all__ = [
     "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
     "feed_forward_lines", "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "limit_text", "model_lines",
     "model_rows", "outcome_lines", "pareto_table", "quantity", "ramp_note", "samples_rows", "samples_table",
-    "samples_told", "search_notes", "spaced",
+    "search_notes", "spaced",
     "summary", "typed", "unit_text", "validation_lines", "words_table",
 ]
 
@@ -225,18 +225,10 @@ def samples_table(proof: Document) -> list[str]:
         return []
     samples = proof["samples"]
     return [
-        f"{samples['count']} samples from seed {samples['seed']} on: {samples_told(samples)}; the worst: --replay "
+        f"samples from seed {samples['seed']} on: {samples_told(samples)}: {samples['verdict']}; the worst: --replay "
         f"{samples['worst_seed']}",
         table(samples_rows(samples), right=(1, 2, 3, 4)),
     ]
-
-
-def samples_told(samples: Document) -> str:
-    """Return how many samples keep every limit, how many must, and the verdict on that."""
-    settings = len(samples["settings"])
-    worst = f" under the worst of {settings} settings that the manual leaves open" if settings > 1 else ""
-    return (f"{100.0 * samples['passing']:.4g} % keep every limit{worst}, {100.0 * samples['quantile']:.4g} % must: "
-            f"{samples['verdict']}")
 
 
 def samples_rows(samples: Document) -> list[tuple[str, ...]]:

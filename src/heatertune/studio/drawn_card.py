@@ -7,8 +7,9 @@ from typing import Any, Final
 
 from nicegui import ui
 
+from heatertune.proof.verdict import samples_told
 from heatertune.report.html import text_of
-from heatertune.report.text import samples_rows, samples_told
+from heatertune.report.text import samples_rows
 from heatertune.studio.loop import DRAWN
 from heatertune.studio.parts import card, html
 
@@ -42,11 +43,9 @@ class DrawnCard:
         self._sentence.set_visibility(samples is not None)
         self._table.set_content("" if samples is None else _table(samples))
         if samples is not None:
-            told = samples_told(samples)
-            self._sentence.set_text(
-                f"Of {samples['count']:,} drawn heaters {told}. The worst is number {samples['worst_seed']}.")
-            passed = samples["verdict"] == "PASS"
-            self._sentence.classes(remove="pass fail", add="pass" if passed else "fail")
+            verdict = samples["verdict"]
+            self._sentence.set_text(f"{verdict}: {samples_told(samples)}. The worst is number {samples['worst_seed']}.")
+            self._sentence.classes(remove="pass fail", add="pass" if verdict == "PASS" else "fail")
 
 
 def _table(samples: Mapping[str, Any]) -> str:
