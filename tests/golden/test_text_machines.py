@@ -1,8 +1,8 @@
 """The CPUs that run exported S5 and S7-300 programs in the proof, statement by statement.
 
-S5: an independent machine of the operation list, `s5_machine`. S7-300: NumPy's whole and single-precision numbers for the
-arithmetic; for bits, jumps and places by hand from "Statement List for S7-300 and S7-400", and Siemens' own addresses of
-CONT_C's instance and of OB35's start information.
+S5: an independent machine of the operation list, `s5_machine`. S7-300: one likewise, `s7_machine`, for statements in any
+order; NumPy's whole and single-precision numbers for the arithmetic; for bits, jumps and places by hand from "Statement
+List for S7-300 and S7-400", and Siemens' own addresses of CONT_C's instance and of OB35's start information.
 """
 
 import random
@@ -12,6 +12,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.golden.s5_machine import Machine
+from tests.golden.s7_machine import Machine as S7Machine
+from tests.golden.s7_machine import Stopped
 
 from heatertune.errors import InputError
 from heatertune.pid.values import PidDesign
@@ -119,6 +121,60 @@ def source(statements, *, more=HEAD, block="FUNCTION FC 1 : VOID", declared=()):
                       f"END_{block.split()[0]}\n"])
 
 
+S7_KINDS = [
+    [f"L DB1.DBD {place}" for place in range(0, 24, 4)] * 2, [f"T DB1.DBD {place}" for place in range(0, 24, 4)],
+    ["L DB1.DBW 24", "L DB1.DBW 2", "L DB1.DBB 5", "T DB1.DBW 24", "T DB1.DBW 10", "T DB1.DBB 9"],
+    ["L 0", "L 7", "L -3", "L L#100000", "L L#-1", "L 1.0", "L -2.5", "L 0.0", "L 1.0e-30", "L 3.0e38"],
+    ["TAK", "SRD 3", "ITD", "DTR", "RND", "TRUNC", "NOP 0", "CALL FC 2"], ["+R", "-R", "*R", "/R"], ["+D", "-D", "*D", "/D", "MOD", "AD", "+I", "-I"],
+    [f"{sign}{kind}" for sign in ("==", "<>", ">", ">=", "<", "<=") for kind in "IDR"],
+    [f"{name} DB1.DBX 26.{bit}" for name in ("A", "AN", "=", "S", "R") for bit in (0, 7)] + ["SET", "CLR"],
+    ["JU", "JC", "JCN", "JOS", "JC", "JCN", "JOS", "BEU"]]
+
+
+def s7_statements(chance, count, labels):
+    """Return random statements, label, operation and operand each, which jump to labels ahead and, seldom, back."""
+    lines = []
+    for place in range(count):
+        operation, _, operand = chance.choice(chance.choice(S7_KINDS)).partition(" ")
+        if operation[0] == "J":
+            operand = f"M{chance.randrange(labels) if chance.random() < 0.1 else min(labels - 1, place * labels // count + 1)}"
+        lines.append(["", operation, operand])
+    for label, place in enumerate(sorted(chance.sample(range(count), labels))):
+        lines[place][0] = f"M{label}"
+    return lines
+
+
+def twice(cpu):
+    for _ in range(2):
+        cpu.run("FC 1")
+
+
+@pytest.mark.long
+def test_any_statements_of_an_s7_300_leave_what_they_leave_in_another_machine():
+    chance, ended, stopped = random.Random(7), 0, 0
+    while ended < 250:
+        called = [line for line in s7_statements(chance, 8, 2) if line[1] != "CALL"]
+        blocks = {"FC 1": s7_statements(chance, 30, 6), "FC 2": called if {line[0] for line in called} >= {"M0", "M1"} else []}
+        text = {name: [f"{label + ': ' if label else ''}{operation} {operand}".strip() for label, operation, operand in lines]
+                for name, lines in blocks.items()}
+        data = b"".join(value.to_bytes(4, "big") for value in chance.choices([*(u32(each) for each in I32), *map(bits_of, REALS), 0x7F800001], k=6)) + bytes(4)
+        other, cpu = S7Machine(blocks, data), S7Cpu(source(text["FC 2"], more="DATA_BLOCK DB 1\nSTRUCT\n  A : DINT ;\nEND_STRUCT ;\nBEGIN\nEND_DATA_BLOCK\n",
+                                                           block="FUNCTION FC 2 : VOID") + source(text["FC 1"], more=""), {})
+        cpu.memory["DB 1"][:28] = data
+        try:
+            twice(other)
+        except Stopped:
+            with pytest.raises(InputError, match="the CPU"):
+                twice(cpu)
+            stopped += 1
+            continue
+        twice(cpu)
+        assert cpu.memory["DB 1"][:28] == other.data, text
+        assert (cpu.one, cpu.two, cpu.true, cpu.os) == (other.one, other.two, other.true, other.os), text
+        ended += 1
+    assert stopped > 25
+
+
 def made(operation, then=("T DB1.DBD 8",), head=("L DB1.DBD 0", "L DB1.DBD 4")):
     """Return what an operation makes of the double words 0 and 4: the double word 8 and the bit 12.0, of 32 bits each."""
     cpu = S7Cpu(source([*head, operation, *then]), {})
@@ -167,6 +223,17 @@ def test_arithmetic_of_the_s7_300_is_numpys(operation, kind, expected):
     ("/D", 2**32 - 2, 1), ("MOD", 2**32 - 2, 3)])
 def test_an_accumulator_holds_32_bits(operation, two, one):
     assert made(operation, ("SRD 1", "T DB1.DBD 8"))(two, one)[0] == (2**32 - 2) >> 1
+
+
+@pytest.mark.parametrize("then", [["TAK", "T DB1.DBD 8"], ["JC on", "on: TAK", "T DB1.DBD 8"], ["L DB1.DBD 0", "T DB1.DBD 8"]])
+def test_what_is_asked_for_as_a_real_keeps_its_bits_even_where_they_are_no_number(then):
+    assert made("==R", then)(0x7F800001, 0)[0] == 0x7F800001
+
+
+@pytest.mark.parametrize("line", ["L DB1.DBD 4000", "T DB1.DBD 1022", "L PIW 1023"])
+def test_a_place_beyond_its_memory_is_none_of_an_s7_300(line):
+    with pytest.raises(InputError, match=f"statement '{line}'; this is none that is known here"):
+        S7Cpu(source([line]), {})
 
 
 @pytest.mark.parametrize("kind", ["I", "D", "R"])
