@@ -47,6 +47,14 @@ def test_how_many_share_the_samples_decides_nothing(drawing):
     assert prove_samples(drawn, LIMITS, 24, workers=1) == prove_samples(drawn, LIMITS, 24, workers=3)
 
 
+def test_how_many_are_measured_at_once_decides_nothing(drawing, monkeypatch):
+    drawn, asked = drawing(Spread(heater=(0.02, 0.02, 0.5))), replace(LIMITS, power_reserve_pct=10.0, iae_degC_s=3000.0)
+    whole = prove_samples(drawn, asked, 24, seed=3)
+    assert whole.passing < 1.0
+    monkeypatch.setattr("heatertune.proof.sampled._AT_ONCE", 7)
+    assert prove_samples(drawn, asked, 24, seed=3) == whole
+
+
 def test_each_sample_is_run_under_every_setting_and_again_under_its_worst(drawing):
     drawn = drawing(Spread(heater=(0.02, 0.02, 0.5)), second="off at the limit", third="off at the limit")
     proof = prove_samples(drawn, LIMITS, 8, seed=4)

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from heatertune.codec import encode
 from heatertune.proof.criteria import Limits
-from heatertune.proof.measured import Column, columns_of
+from heatertune.proof.measured import columns_of
 from heatertune.proof.samples import Drawing, Spread, measure
 from heatertune.proof.verdict import verdict_of_samples
 from heatertune.units import check
 
 __all__ = ["SampleProof", "Setting", "Spot", "hardest_setting", "prove_samples"]
+
+Array = npt.NDArray[np.float64]
+
+_AT_ONCE: Final = 10_000  # samples of which all is kept that was measured: some kilobytes each
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,24 +109,72 @@ def prove_samples(
         OutOfRange: no samples, a negative seed, a quantile outside (0, 1].
     """
     check("quantile", quantile, above=0.0, most=1.0)
-    columns = list(columns_of(measure(drawing, limits, count, seed=seed, workers=workers), limits))
-    spots = []
-    for column in columns:
-        used = column.strains
-        limit = None if column.limits is None else column.limits[np.argmax(used)].item()
-        sign, bound = (-1.0, ">=") if column.at_least else (1.0, "<=")
-        values = (sign * column.values).reshape(-1, count).max(axis=0)
-        median, p95, p99, most = (sign * np.quantile(values, [0.5, 0.95, 0.99, 1.0], method="higher")).tolist()
-        spots.append(Spot(name=column.name, unit=column.unit, limit=limit, bound=bound, median=median, p95=p95, p99=p99,
-                          worst=most, passing=float(np.mean(np.all(used.reshape(-1, count) <= 1.0, axis=0)))))
-    broken, worst = _hardest(columns)
-    kept = np.count_nonzero(broken.reshape(-1, count) == 0, axis=1).tolist()
+    check("samples", count, least=1)
+    found = [_run(drawing, limits, min(_AT_ONCE, count - begun), seed + begun, workers)
+             for begun in range(0, count, _AT_ONCE)]
+    broken, strain = (np.concatenate([getattr(part, name) for part in found], axis=1) for name in ("broken", "strain"))
+    kept = np.count_nonzero(broken == 0, axis=1).tolist()
     settings = tuple(Setting(switches=controller.switches, kept=number)
                      for controller, number in zip(drawing.controllers, kept, strict=True))
     return SampleProof(
-        count=count, seed=seed, quantile=quantile, settings=settings, worst_seed=seed + worst % count,
-        spread=drawing.spread, passing=min(kept) / count, criteria=tuple(spots),
-    )
+        count=count, seed=seed, quantile=quantile, settings=settings, spread=drawing.spread,
+        passing=min(kept) / count, worst_seed=seed + _hardest(broken, strain) % count,
+        criteria=tuple(_spot(each) for each in zip(*(part.criteria for part in found), strict=True)))
+
+
+class _Criterion(NamedTuple):
+    """One criterion of some samples: under its worst setting the value of each, what strains, and what is allowed."""
+
+    name: str
+    unit: str
+    at_least: bool
+    values: Array
+    strain: Array
+    limit: float | None  # of the one that strains most
+
+
+class _Found(NamedTuple):
+    """What some samples amount to: of each, under each setting, how many limits it breaks and the most it uses of one.
+
+    Arrays of shape (settings, samples).
+    """
+
+    criteria: list[_Criterion]
+    broken: npt.NDArray[np.intp]
+    strain: Array
+
+
+def _run(drawing: Drawing, limits: Limits, count: int, seed: int, workers: int | None) -> _Found:
+    columns = list(columns_of(measure(drawing, limits, count, seed=seed, workers=workers), limits))
+    strains = np.array([column.strains.reshape(-1, count) for column in columns])
+    criteria = [
+        _Criterion(
+            name=column.name, unit=column.unit, at_least=column.at_least, strain=strain.max(axis=0),
+            values=_sign(column.at_least) * (_sign(column.at_least) * column.values).reshape(-1, count).max(axis=0),
+            limit=None if column.limits is None else column.limits[np.argmax(strain)].item())
+        for column, strain in zip(columns, strains, strict=True)]
+    return _Found(criteria, np.count_nonzero(~(strains <= 1.0), axis=0), strains.max(axis=0))
+
+
+def _spot(parts: Sequence[_Criterion]) -> Spot:
+    first, values, strain = parts[0], *(np.concatenate([getattr(part, name) for part in parts])
+                                        for name in ("values", "strain"))
+    sign = _sign(first.at_least)
+    median, p95, p99, most = (sign * np.quantile(sign * values, [0.5, 0.95, 0.99, 1.0], method="higher")).tolist()
+    return Spot(
+        name=first.name, unit=first.unit, limit=max(parts, key=lambda part: float(part.strain.max())).limit,
+        bound=">=" if first.at_least else "<=", median=median, p95=p95, p99=p99, worst=most,
+        passing=float(np.mean(strain <= 1.0)))
+
+
+def _sign(at_least: bool) -> float:
+    """Return by what values are multiplied so that the largest is the worst."""
+    return -1.0 if at_least else 1.0
+
+
+def _hardest(broken: npt.NDArray[np.intp], strain: Array) -> int:
+    """Return the number of the run that breaks the most limits, of equals the one that uses most of one."""
+    return int(np.lexsort((-strain.ravel(), -broken.ravel()))[0])
 
 
 def hardest_setting(drawing: Drawing, limits: Limits, seed: int) -> int:
@@ -133,11 +185,5 @@ def hardest_setting(drawing: Drawing, limits: Limits, seed: int) -> int:
     """
     if len(drawing.controllers) == 1:
         return 0
-    return _hardest(list(columns_of(measure(drawing, limits, 1, seed=seed, workers=1), limits)))[1]
-
-
-def _hardest(columns: Sequence[Column]) -> tuple[npt.NDArray[np.intp], int]:
-    """Return how many limits each run breaks, and which run breaks the most, of equals uses the most of a limit."""
-    strains = np.array([column.strains for column in columns])
-    broken = np.count_nonzero(~(strains <= 1.0), axis=0)
-    return broken, int(np.lexsort((-strains.max(axis=0), -broken))[0])
+    found = _run(drawing, limits, 1, seed, 1)
+    return _hardest(found.broken, found.strain)

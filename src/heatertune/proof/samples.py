@@ -215,8 +215,8 @@ def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, work
 
     settings = len(drawing.controllers)
     parts = _parts(drawing, rows, count * settings * scans // (workers or processors()))
-    runs = [place + count * setting for part in parts for setting in range(settings) for place in part.places]
-    return ordered(joined(mapped(run, parts, workers)), np.argsort(runs))
+    runs = [part.places + count * setting for part in parts for setting in range(settings)]
+    return ordered(joined(mapped(run, parts, workers)), np.argsort(np.concatenate(runs)))
 
 
 class _Part(NamedTuple):
