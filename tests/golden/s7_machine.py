@@ -125,7 +125,7 @@ class Machine:
             dividend, divisor = int(self.meant(two, "D")), int(self.meant(one, "D"))
             if divisor == 0:
                 raise Stopped
-            share = int(np.fix(np.longdouble(dividend) / np.longdouble(divisor)))
+            share = int(np.trunc(np.longdouble(dividend) / np.longdouble(divisor)))
             return (share if operation == "/D" else dividend - share * divisor) % 2**32
         sign, kind = operation[0], operation[-1]
         if kind == "R":
