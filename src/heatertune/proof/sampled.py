@@ -123,7 +123,7 @@ def prove_samples(
 
 
 class _Criterion(NamedTuple):
-    """One criterion of some samples: under its worst setting the value of each, what strains, and what is allowed."""
+    """One criterion of some samples: of each its worst value, signed so that the largest is the worst, and strain."""
 
     name: str
     unit: str
@@ -150,7 +150,7 @@ def _run(drawing: Drawing, limits: Limits, count: int, seed: int, workers: int |
     criteria = [
         _Criterion(
             name=column.name, unit=column.unit, at_least=column.at_least, strain=strain.max(axis=0),
-            values=_sign(column.at_least) * (_sign(column.at_least) * column.values).reshape(-1, count).max(axis=0),
+            values=(_sign(column.at_least) * column.values).reshape(-1, count).max(axis=0),
             limit=None if column.limits is None else column.limits[np.argmax(strain)].item())
         for column, strain in zip(columns, strains, strict=True)]
     return _Found(criteria, np.count_nonzero(~(strains <= 1.0), axis=0), strains.max(axis=0))
@@ -159,8 +159,8 @@ def _run(drawing: Drawing, limits: Limits, count: int, seed: int, workers: int |
 def _spot(parts: Sequence[_Criterion]) -> Spot:
     first, values, strain = parts[0], *(np.concatenate([getattr(part, name) for part in parts])
                                         for name in ("values", "strain"))
-    sign = _sign(first.at_least)
-    median, p95, p99, most = (sign * np.quantile(sign * values, [0.5, 0.95, 0.99, 1.0], method="higher")).tolist()
+    median, p95, p99, most = (_sign(first.at_least) * np.quantile(
+        values, [0.5, 0.95, 0.99, 1.0], method="higher")).tolist()
     return Spot(
         name=first.name, unit=first.unit, limit=max(parts, key=lambda part: float(part.strain.max())).limit,
         bound=">=" if first.at_least else "<=", median=median, p95=p95, p99=p99, worst=most,

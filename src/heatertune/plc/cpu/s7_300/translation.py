@@ -205,7 +205,7 @@ class Translated(Translation):
 
     def _write(self, at: int) -> None:
         """Write the accumulators that are read behind a part, or by what is called."""
-        read = ("one", "two") if self.lines[at].operation == "CALL" else self._read[self._part_of[at]]
+        read = _SLOTS if self.lines[at].operation == "CALL" else self._read[self._part_of[at]]
         held: dict[_Slot, _Value] = {"one": self._one, "two": self._two}
         written = {slot: bits for slot in held if slot in read and (bits := self._as(held[slot], "bits")) != slot}
         if written:
