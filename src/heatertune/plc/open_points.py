@@ -12,7 +12,7 @@ that the step reads. Nothing goes by position: fields may stand in any order.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
@@ -20,9 +20,19 @@ from typing import Any, Final, NamedTuple, cast, get_args, get_type_hints
 
 from heatertune.errors import UnknownName
 
-__all__ = ["NothingOpen", "Switch", "assumed", "declared", "settings_of", "settings_to_prove"]
+__all__ = ["NothingOpen", "Switch", "always", "assumed", "declared", "never", "settings_of", "settings_to_prove"]
 
 _ALL_TOGETHER: Final = 8  # up to so many combinations of settings all are run
+
+
+def always(_parameters: Any) -> bool:
+    """Return True: a run may show how the switch is set, whatever the words."""
+    return True
+
+
+def never(_parameters: Any) -> bool:
+    """Return False: no run shows how the switch is set, as none takes the controller where it counts."""
+    return False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +47,8 @@ class Switch:
         told: settings that a program follows which is told of them; they are proven where the user says them alone.
         chosen: whether the user chooses it, and the export does as chosen: the proof runs the setting chosen and the
             default, which a PLC that forgets falls back to.
+        shows: what the step takes first → whether a run may show how it is set; where it cannot, every setting gives
+            the same, bit for bit, and one of them is run for all.
     """
 
     name: str
@@ -45,6 +57,7 @@ class Switch:
     in_manual: bool = False
     told: tuple[str, ...] = ()
     chosen: bool = False
+    shows: Callable[[Any], bool] = always
 
     @property
     def settings(self) -> tuple[str, ...]:

@@ -59,6 +59,7 @@ class InLoop:
         unit_degC, zero_degC: a reading r means zero + unit·r [°C].
         resolution_degC: step of the input module [°C]; 0: none.
         words, switches: see `Trace`.
+        shown: the switches that a run may show, with their settings: words that have the same run alike, bit for bit.
     """
 
     core: Core
@@ -76,6 +77,7 @@ class InLoop:
     resolution_degC: float = 0.0
     words: Words | None = None
     switches: Mapping[str, str] = field(default_factory=dict)
+    shown: frozenset[tuple[str, str]] = frozenset()
 
 
 def simulate(
@@ -326,6 +328,7 @@ def in_loop(
     lowest, highest = controller.ends(words)
     unit = (high - low) / (highest - lowest)
     none, ramp = type(asked[0])(0), words.ramp
+    settings = settings_of(controller.switches, switches)
     return InLoop(
         core=replace(core, stored=single) if isinstance(asked[0], float) else core,
         parameters=running.parameters,
@@ -341,5 +344,7 @@ def in_loop(
         zero_degC=low - unit * lowest,
         resolution_degC=words.scaling.span_degC / controller.sensor(words.scaling).counts,
         words=words,
-        switches=settings_of(controller.switches, switches),
+        switches=settings,
+        shown=frozenset((switch.name, settings[switch.name]) for switch in controller.switches
+                        if switch.shows(running.parameters)),
     )

@@ -190,25 +190,32 @@ class Runs:
             seeds: of each one's noise, all being under one setting; none: the scenario's for all.
             tell: told how many are done.
         """
-        rows = np.array([plant_row(self.cases[run][1], self.scenario) for run in runs])
+        drawn = seeds or [self.scenario.seed] * len(runs)
+        keys = [(self.cases[run][0], self._shown(run), seed) for run, seed in zip(runs, drawn, strict=True)]
+        once = dict(zip(reversed(keys), reversed(runs), strict=True))  # the first of those alike
+        rows = np.array([plant_row(self.cases[run][1], self.scenario) for run in once.values()])
         noise = np.array([noise_of(replace(self.scenario, seed=seed), self.scans)
-                          for seed in seeds or [self.scenario.seed]])
+                          for *_, seed in (once if seeds else keys[:1])])
 
         def run(part: _Part) -> Measured:
             return metered(
                 part.loop, rows[part.places], self.scenario, self.actuator, self.limits,
                 noise[part.places] if seeds else noise, np.zeros((1, 1)), ahead=part.ahead)
 
-        shared = self.loops[0].core.compiles and len(runs) * self.scans > _SHARED
+        shared = self.loops[0].core.compiles and len(once) * self.scans > _SHARED
         workers = processors() if shared else 1
-        parts, measured = self._parts(runs, workers), list[Measured]()
+        parts, measured = self._parts(list(once.values()), workers), list[Measured]()
         for part, found in zip(parts, each(run, parts, workers), strict=True):
             measured.append(found)
             tell(len(runs) - part.ahead)
-        back = np.argsort(np.concatenate([part.places for part in parts]))
-        columns = columns_of(ordered(joined(measured), back), self.limits)
+        back = dict(zip(once, np.argsort(np.concatenate([part.places for part in parts])), strict=True))
+        columns = columns_of(ordered(joined(measured), np.array([back[key] for key in keys])), self.limits)
         labels = [self.label(run) for run in runs]
         return list(zip(*(column.criteria(labels) for column in columns), strict=True))
+
+    def _shown(self, run: int) -> frozenset[tuple[str, str]]:
+        """Return what a run shows of its setting: runs of one heater that show the same are the same, bit for bit."""
+        return next(loop.shown for loop in self.loops if loop.switches == self.cases[run][2])
 
     def _parts(self, runs: Sequence[int], workers: int) -> list[_Part]:
         """Return the runs in parts, those under each setting shared among so many."""

@@ -211,12 +211,15 @@ def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, work
     def run(part: _Part) -> Measured:
         places, (noise, late) = part.places, drawing.scans_of([seeds[place] for place in part.places], scans)
         return joined([metered(controller, rows[places], drawing.scenario, drawing.actuator, limits, noise, late,
-                               sizes[places], side_by_side=part.side_by_side) for controller in drawing.controllers])
+                               sizes[places], side_by_side=part.side_by_side) for controller in differing.values()])
 
-    settings = len(drawing.controllers)
-    parts = _parts(drawing, rows, count * settings * scans // (workers or processors()))
-    runs = [part.places + count * setting for part in parts for setting in range(settings)]
-    return ordered(joined(mapped(run, parts, workers)), np.argsort(np.concatenate(runs)))
+    # of settings that no run tells apart, one is run for all
+    differing = {controller.shown: controller for controller in drawing.controllers}
+    parts = _parts(drawing, rows, count * len(differing) * scans // (workers or processors()))
+    runs = [part.places + count * setting for part in parts for setting in range(len(differing))]
+    back = np.argsort(np.concatenate(runs)).reshape(len(differing), count)
+    settings = [list(differing).index(controller.shown) for controller in drawing.controllers]
+    return ordered(joined(mapped(run, parts, workers)), back[settings].ravel())
 
 
 class _Part(NamedTuple):

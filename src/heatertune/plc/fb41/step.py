@@ -58,7 +58,7 @@ class Assumptions(NamedTuple):
         why="whether the I part takes the mean of two errors or the last one",
     )] = False
     whole_cycle: Annotated[bool, Switch(
-        name="derivative_lag", means={"half_cycle": False, "whole_cycle": True},
+        name="derivative_lag", means={"half_cycle": False, "whole_cycle": True}, shows=lambda own: own[0].d_sel,
         why="whether CYCLE/2 or CYCLE is added to TM_LAG: the bilinear or the backward form of the lag",
     )] = False
     only_held: Annotated[bool, Switch(

@@ -30,19 +30,20 @@ class Assumptions(NamedTuple):
 
     anti_windup: Annotated[int, Switch(
         name="anti_windup", means={"held": HELD, "tracking": WITHIN, "outside_band": OUTSIDE},
+        shows=lambda own: own[0].growth != 0.0,
         why="what becomes of I at a limit: it does not go on in that direction; it is held so that K·e + I is within "
             "the limits; it is zero while the reading is outside the proportional band",
     )] = HELD
     on_error: Annotated[bool, Switch(
-        name="derivative", means={"reading": False, "error": True},
+        name="derivative", means={"reading": False, "error": True}, shows=lambda own: own[0].slope != 0.0,
         why="whether D follows the reading alone, or the error, steps of the setpoint included",
     )] = False
     slow: Annotated[bool, Switch(
-        name="derivative_lag", means={"eighth": False, "quarter": True},
+        name="derivative_lag", means={"eighth": False, "quarter": True}, shows=lambda own: own[0].slope != 0.0,
         why="time constant of the derivative's filter: TV/8 or TV/4",
     )] = False
     filtered: Annotated[bool, Switch(
-        name="setpoint", means={"as_it_is": False, "filtered": True},
+        name="setpoint", means={"as_it_is": False, "filtered": True}, shows=lambda own: own[0].follows > 0.0,
         why="whether the setpoint goes through the filter of a 2-PID, which begins at the first reading; α as the "
             "words have it, 0.65 where they have none",
     )] = False
@@ -51,7 +52,7 @@ class Assumptions(NamedTuple):
         why="floating point; or I in 32 bits, in steps of 100 %/(100·2^24) that cut, and the output in steps of 0.1 %",
     )] = False
     displayed: Annotated[bool, Switch(
-        name="reading", means={"fine": False, "display": True},
+        name="reading", means={"fine": False, "display": True}, shows=lambda own: own[0].tenth > 1.0,
         why="whether the law sees the input's own steps, or setpoint and reading rounded to 0.1 °C as the display does",
     )] = False
 

@@ -60,6 +60,7 @@ class Assumptions(NamedTuple):
     )] = NEW
     lag: Annotated[int, Switch(
         name="derivative_lag", means={"backward": BACKWARD, "tustin": TUSTIN, "ramp": RAMP, "step": STEP},
+        shows=lambda own: own[0].past != 0.0 or own[0].kick != 0.0,
         why="how the lag a·TD is sampled: its share of the past is a·TD/(a·TD + T), (a·TD − T/2)/(a·TD + T/2), or "
             "exp(−T/(a·TD)), so that D is exact for a reading that runs in straight lines (ramp) or in steps (step)",
     )] = BACKWARD

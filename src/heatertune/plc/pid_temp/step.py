@@ -12,6 +12,7 @@ to OutputCool.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.open_points import Switch, declared
@@ -48,7 +49,9 @@ class CoolingAssumptions(NamedTuple):
 
     anti_windup: Annotated[int, _OPEN["anti_windup"]] = 0
     integral: Annotated[int, _OPEN["integral"]] = 0
-    lag: Annotated[int, _OPEN["lag"]] = 0
+    lag: Annotated[int, replace(
+        _OPEN["lag"], shows=lambda own: any(block.past != 0.0 or block.kick != 0.0 for block in own[0][:2])
+    )] = 0
     zero_history: Annotated[bool, _OPEN["zero_history"]] = False
     cools: Annotated[int, Switch(
         name="parameter_set", means={"now": NOW, "output": OUTPUT, "both": BOTH},

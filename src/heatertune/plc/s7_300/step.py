@@ -46,7 +46,7 @@ class Assumptions(NamedTuple):
         why='the document clamps "the adjusted bias": whether one that was not adjusted is clamped to 0…1 as well',
     )] = False
     starts_at_zero: Annotated[bool, Switch(
-        name="first_reading", means={"taken": False, "zero": True},
+        name="first_reading", means={"taken": False, "zero": True}, shows=lambda own: own[0].rate != 0.0,
         why="whether PV_{n−1} of the first call is that call's reading, or 0 with a kick of the derivative part",
     )] = False
 

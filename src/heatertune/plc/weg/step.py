@@ -17,7 +17,7 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.open_points import Switch
+from heatertune.plc.open_points import Switch, never
 from heatertune.plc.single import LARGEST, divided, exponential, single
 
 __all__ = ["BLOCK", "CALLER", "CLAMP", "COLD", "FREEZE", "SKIPPED", "Assumptions", "Block", "Inputs", "State",
@@ -42,15 +42,15 @@ class Assumptions(NamedTuple):
         why="what becomes of i at a limit: held so that Kp·e + i is within the limits; kept as it was; summed on",
     )] = CLAMP
     manual_unlimited: Annotated[bool, Switch(
-        name="manual", means={"limited": False, "unlimited": True},
+        name="manual", means={"limited": False, "unlimited": True}, shows=never,
         why="whether ManualSetPoint is held within MinimumOutput and MaximumOutput",
     )] = False
     bumpless: Annotated[bool, Switch(
-        name="manual_return", means={"held": False, "bumpless": True},
+        name="manual_return", means={"held": False, "bumpless": True}, shows=never,
         why="while ManualSetPoint is the output: filter, e(k−1) and i wait; or follow, i being Output − Kp·e",
     )] = False
     exact_filter: Annotated[bool, Switch(
-        name="filter", means={"implicit": False, "exact": True},
+        name="filter", means={"implicit": False, "exact": True}, shows=lambda own: own[0].share != 1.0,
         why="share of the way per call: Ts/(Tau + Ts), or 1 − exp(−Ts/Tau)",
     )] = False
     by_parts: Annotated[bool, Switch(
