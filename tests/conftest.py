@@ -8,7 +8,6 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from contextlib import contextmanager
 from pathlib import Path
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before NumPy reads it: each process of the tests has a core, not all of them
@@ -117,31 +116,18 @@ def machine_code(request, run_folder):
 
 
 def _compile_in_turn(patch, locks):
-    """Let one process at a time compile a function: the next one finds it on disk, and no entry is lost."""
-    from numba.core.dispatcher import Dispatcher  # noqa: PLC0415 - after the variables that a machine sets for Numba
-
-    compile_plainly, held = Dispatcher.compile, set()
+    """Let one process at a time compile a function: the next one finds it on disk."""
+    enter = compiled._Machine._entered
     locks.mkdir(parents=True, exist_ok=True)
 
-    @contextmanager
-    def turn(function):
+    def enter_in_turn(machine, *given):
+        function = machine._function
         name = hashlib.sha256(f"{function.__module__}.{function.__qualname__}".encode()).hexdigest()[:16]
-        if name in held:  # it calls itself
-            yield
-            return
         with (locks / name).open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
-            held.add(name)
-            try:
-                yield
-            finally:
-                held.remove(name)
+            return enter(machine, *given)
 
-    def compile_in_turn(self, signature):
-        with turn(self.py_func):
-            return compile_plainly(self, signature)
-
-    patch.setattr(Dispatcher, "compile", compile_in_turn)
+    patch.setattr(compiled._Machine, "_entered", enter_in_turn)
 
 
 @pytest.fixture(scope="session")

@@ -162,7 +162,7 @@ def _compiled() -> Finding:
         off = "switched off: every process compiles"
         return Finding(name="cache of compiled code", found=off, ok=True, needed=False)
     kept = machine_code(place)
-    megabytes = sum(data.stat().st_size for index in kept for data in index.parent.glob(f"{index.stem}.*.nbc")) / 1e6
+    megabytes = sum(path.stat().st_size for path in kept) / 1e6
     state = f"warm, {len(kept)} functions, {megabytes:.1f} MB" if kept else "cold: the first run compiles some seconds"
     return Finding(
         name="cache of compiled code", found=f"{place}; {state}", ok=_writable(place), needed=False,

@@ -123,11 +123,9 @@ def test_the_cache_counts_what_it_keeps(monkeypatch, tmp_path):
 def test_compiled_code_is_warm_once_something_of_it_is_kept(monkeypatch, tmp_path):
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path))
     assert "cold" in doctor._compiled().found
-    for name in ("kernel", "laws"):  # as numba names index and data of a function
-        place = tmp_path / f"compiled-{name}" / "temperature_77ed"
-        place.mkdir(parents=True)
-        (place / f"{name}.simulate-39.py311.nbi").write_bytes(b"")
-        (place / f"{name}.simulate-39.py311.1.nbc").write_bytes(bytes(150_000))
+    for name in ("compiled-1/_simulate-0123456789abcdef.code", "compiled-2/price-0123456789abcdef.code"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).write_bytes(bytes(150_000))
     told = doctor._compiled()
     assert told.ok
     assert told.found == f"{tmp_path}; warm, 2 functions, 0.3 MB"

@@ -14,7 +14,7 @@ import heatertune
 SOURCE = ROOT / "src" / "heatertune"
 STAGES = ("heater", "log", "model", "pid", "plc", "proof", "report")
 FREE = ("units", "terms", "errors", "options", "progress", "settings", "documents", "codec", "files", "writing", "cache",
-        "compiled", "inlined", "lazy", "show", "handed", "commissioned", "processors")
+        "compiled", "compiler", "native", "plain", "lazy", "show", "handed", "commissioned", "processors")
 MODULES = sorted(SOURCE.rglob("*.py"))
 
 

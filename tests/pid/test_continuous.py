@@ -35,11 +35,14 @@ LOAD = np.array([[1.0, 0.0, 0.0, 0.0]])
 
 
 def _price(*given):
-    return compiled(continuous.price, allocates=True)(*given)
+    heaters, *_, finer, _ = given
+    return compiled(continuous.price, calls=True)(*given, continuous.space_for(0, heaters, finer).queue)
 
 
 def _pieces(*given):
-    return compiled(continuous.pieces, allocates=True)(*given)
+    space = continuous.space_for(len(given[0]), np.empty((0, 4)), 1.0)
+    count = compiled(continuous.pieces, calls=True)(*given, space)
+    return space.ends[:, :count][:, ::-1]
 
 
 def _heater(dead, lag=1.0, gain=1.0):

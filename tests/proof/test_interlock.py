@@ -6,9 +6,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from heatertune.compiled import bound
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.model.values import Fopdt
+from heatertune.plain import bound
 from heatertune.plc.cpu.one_bit.machine import State
 from heatertune.proof import Actuator, Interlock, Scenario, TemperatureStep, judge, prove_models, simulate
 from heatertune.proof.criteria import Limits

@@ -9,10 +9,12 @@ import pytest
 from llvmlite.binding import get_host_cpu_features, llvm_version_info
 
 from heatertune import compiled as machine
-from heatertune.compiled import bound, compiled
+from heatertune.compiled import compiled
+from heatertune.compiler import overload
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
+from heatertune.plain import bound
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.plc.core import as_it_is
 from heatertune.proof import Actuator, Limits, Load, Mains, NewSetpoint, Scenario, TemperatureStep
@@ -177,9 +179,7 @@ VECTORS = pytest.mark.skipif(llvm_version_info[0] < 22 or not get_host_cpu_featu
 
 def operations(function, *given):
     """Return how many sums and products the compiler left alone, and how many it made vectors of."""
-    machine_code = machine._machine(function, allocates=False)  # what is kept on disk has no text
-    machine_code(*given)
-    text = next(iter(machine_code.inspect_llvm().values()))
+    text = overload(function, given).library.get_llvm_str()
     return [len(re.findall(rf"= f(?:mul|add|sub|div) {kind}", text)) for kind in ("(?:float|double)", r"<\d+ x")]
 
 

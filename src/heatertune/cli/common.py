@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.errors import InputError
-from heatertune.plc.targets import COOLING, NAMES, TARGETS
+from heatertune.plc.targets import COOLING, FAITHFUL, NAMES
 from heatertune.settings import Conditions, FitSettings, ReadSettings, SensorSettings, TuneSettings, WordSettings
 
 if TYPE_CHECKING:
@@ -113,16 +113,13 @@ def target(settings: argparse.Namespace) -> str:
         UnknownName: --faithful for a target that has no such version.
     """
     from heatertune.errors import UnknownName  # noqa: PLC0415
-    from heatertune.plc import controller_for  # noqa: PLC0415
 
     if not settings.faithful:
         cools = options.given(Conditions, settings).get("cooling_gain") is not None
         return COOLING.get(settings.target, settings.target) if cools else str(settings.target)
-    faithful = controller_for(settings.target).faithful
-    if faithful is None:
-        with_one = [name for name in TARGETS if controller_for(name).faithful]
-        raise UnknownName("target with --faithful", settings.target, with_one)
-    return faithful
+    if settings.target not in FAITHFUL:
+        raise UnknownName("target with --faithful", settings.target, FAITHFUL)
+    return FAITHFUL[settings.target]
 
 
 def asked(settings: argparse.Namespace) -> Asked:

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from heatertune.compiled import runs_compiled_as
+from heatertune.plain import runs_compiled_as
 
 __all__ = ["decay", "decayed", "logarithm", "logarithm_beside_1"]
 

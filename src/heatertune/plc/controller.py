@@ -76,7 +76,6 @@ class Controller(Led, ABC):
         most_gain: (scaling, design) → the largest K in size that the words hold beside its times [%/°C]; None: any of
             use.
         most_power: (word that limits the output from above, its value at 100 %); None: there is none.
-        faithful: target that is the same as its source prints it, faults included; None: there is none.
         baseline: target of the two-level control that a report holds it against; None: it is that one.
         interval_s: values → the sampling interval that the words themselves hold [s]; None: they hold none, or another
             than the real one is allowed.
@@ -122,7 +121,6 @@ class Controller(Led, ABC):
     integers: ClassVar[tuple[str, str, str] | None] = None
     most_gain: ClassVar[staticmethod[[Scaling, PidDesign], float] | None] = None
     most_power: ClassVar[tuple[str, Number] | None] = None
-    faithful: ClassVar[str | None] = None
     baseline: ClassVar[str | None] = "on-off"
     interval_s: ClassVar[staticmethod[[Mapping[str, Number]], float] | None] = None
     consistent: ClassVar[staticmethod[[Words], None] | None] = None

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from heatertune.compiled import runs_compiled_as
+from heatertune.plain import runs_compiled_as
 
 __all__ = ["LARGEST", "divided", "exponential", "is_single", "narrowed", "real_of", "single", "word_of"]
 

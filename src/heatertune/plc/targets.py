@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["ALIKE", "COOLING", "GROUPS", "NAMES", "TARGETS"]
+__all__ = ["ALIKE", "COOLING", "FAITHFUL", "GROUPS", "NAMES", "REPAIRED", "TARGETS"]
 
 #: what holds the controller → its controllers, by their names on the command line
 GROUPS: Final[dict[str, tuple[str, ...]]] = {
@@ -29,6 +29,10 @@ ALIKE: Final[dict[str, tuple[str, ...]]] = {
 
 #: target that heats → the same one with a cooler beside the heater, in the same package
 COOLING: Final[dict[str, str]] = {"pid-temp": "pid-temp-cooling"}
+
+#: target → the same as its source prints it, faults included; and back
+FAITHFUL: Final[dict[str, str]] = {"s7-200": "s7-200-paper", "iec-pid": "iec-pid-text"}
+REPAIRED: Final[dict[str, str]] = {faithful: name for name, faithful in FAITHFUL.items()}
 
 #: every name on the command line → its package
 NAMES: Final[dict[str, str]] = TARGETS | {make: TARGETS[name] for name, makes in ALIKE.items() for make in makes} | {

@@ -7,6 +7,7 @@ is left open; so is what a program does after the first `_MOST_CALLS` and `_MOST
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -15,6 +16,7 @@ from typing import Any, Final, NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.cache import cached
 from heatertune.errors import InputError
 from heatertune.model.findings import Finding
 from heatertune.plc.controller import Controller, controller_for
@@ -56,7 +58,7 @@ class Compared(NamedTuple):
 def as_exported(proof: Proof) -> Proof:
     """Return a proof, not proven where it passes, but what is exported is known to be wrong, or its text does other.
 
-    What the text does is looked at in the nominal and in the worst run.
+    What the text does is looked at in the nominal and in the worst run; for the same runs of the same words, once.
     """
     if proof.verdict != "PASS":
         return proof
@@ -65,14 +67,37 @@ def as_exported(proof: Proof) -> Proof:
         finding = Finding(name="known-faults", told=known[0])
         heard = replace(heard, findings=(*heard.findings, finding))
         proof = replace(proof, heard=heard)
+    runs = {proof.runs[run].label: proof.traced(run) for run in dict.fromkeys((0, proof.worst_run))}
+    departs, not_run = cached(
+        "text", {"words": repr(proof.words), "known": dict(proof.known),
+                 "runs": {label: _digest(trace) for label, trace in runs.items()}},
+        lambda: _all_compared(controller, proof, runs)._asdict(),
+        lambda told: Compared(told["departs"], tuple(told["not_run"])))
+    found = () if departs is None else (Finding(name="exported-text", told=departs),)
+    not_tested = tuple(dict.fromkeys((*heard.not_tested, *not_run)))
+    return replace(proof, heard=replace(heard, findings=(*heard.findings, *found), not_tested=not_tested))
+
+
+def _digest(trace: Trace) -> str:
+    """Return a digest of all in a run that the text is compared with."""
+    told = repr((trace.model, trace.scenario, trace.actuator, dict(trace.switches), trace.interlock, trace.cut_s))
+    digest = hashlib.sha256(told.encode())
+    for column in (trace.time_s, trace.reading_degC, trace.followed_degC, trace.power_asked_pct, trace.edge_time_s,
+                   trace.edge_pct):
+        digest.update(column.tobytes())
+    return digest.hexdigest()
+
+
+def _all_compared(controller: Controller, proof: Proof, runs: Mapping[str, Trace]) -> Compared:
+    """Return what running the text beside runs shows, the first departure of all; by their labels."""
     pulses: dict[str, set[Number]] = {}
-    for run in dict.fromkeys((0, proof.worst_run)):
-        departs, not_run = compared(controller, proof.words, proof.traced(run), proof.known, pulses=pulses)
+    not_run: dict[str, None] = {}
+    for label, trace in runs.items():
+        departs, left = compared(controller, proof.words, trace, proof.known, pulses=pulses)
         if departs is not None:
-            finding = Finding(name="exported-text", told=f"{proof.runs[run].label}: {departs}")
-            return replace(proof, heard=replace(heard, findings=(*heard.findings, finding)))
-        heard = replace(heard, not_tested=tuple(dict.fromkeys((*heard.not_tested, *not_run))))
-    return replace(proof, heard=heard)
+            return Compared(f"{label}: {departs}", tuple(not_run))
+        not_run |= dict.fromkeys(left)
+    return Compared(not_run=tuple(not_run))
 
 
 def compared(

@@ -19,10 +19,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import bound
 from heatertune.errors import InputError
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.values import HeaterModel
+from heatertune.plain import bound
 from heatertune.plc.controller import Controller, controller_for
 from heatertune.plc.feed_forward import FeedForward
 from heatertune.plc.open_points import settings_to_prove

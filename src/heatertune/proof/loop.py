@@ -10,9 +10,10 @@ from typing import Any, Final, cast
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import bound, compiled, worth_compiling
+from heatertune.compiled import compiled, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
+from heatertune.plain import bound
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core
 from heatertune.plc.open_points import settings_of

@@ -12,10 +12,10 @@ import math
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from heatertune.compiled import bound
 from heatertune.heater import exact
 from heatertune.heater.elementary import decay, decayed, logarithm, logarithm_beside_1
 from heatertune.heater.exact import Factors, advanced
+from heatertune.plain import bound
 
 __all__ = ["MOST_ROUNDS", "Flow", "Plant", "Search", "area", "closer", "factors", "moved", "plant_from",
            "reached", "searched_from", "turn"]

@@ -12,7 +12,7 @@ from typing import Final
 from heatertune.errors import HeatertuneError, NotRepresentable
 from heatertune.model.findings import KINDS
 from heatertune.model.values import FittedModel
-from heatertune.plc import TARGETS, controller_for
+from heatertune.plc.targets import REPAIRED
 from heatertune.progress import Told
 from heatertune.proof import price
 from heatertune.proof.asked import Asked, Closed, plainly
@@ -92,7 +92,7 @@ class WayOn:
         return replace(found, proof=replace(found.proof, heard=heard), notes=(*found.notes, note), passes_with=options)
 
     def _by_repair(self) -> tuple[str, ...]:
-        target = next((name for name in TARGETS if controller_for(name).faithful == self.asked.target), None)
+        target = REPAIRED.get(self.asked.target)
         if target is None:
             return ()
         self.progress(f"{price.broken(self.first)} fails: trying the same program repaired, {target}")

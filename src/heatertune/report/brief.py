@@ -14,7 +14,7 @@ from typing import Any, Final
 from heatertune.log.cells import count
 from heatertune.model.findings import KINDS
 from heatertune.plc.controller import controller_for
-from heatertune.plc.targets import TARGETS
+from heatertune.plc.targets import REPAIRED
 from heatertune.plc.typed import TypedWord, as_typed
 from heatertune.proof.period import life
 from heatertune.proof.verdict import blocking, sampled, told_by_kind
@@ -84,9 +84,8 @@ def verify_brief(proof: Document, notes: Sequence[str] = ()) -> str:
 
 
 def _way_on(proof: Document) -> str:
-    repaired = [name for name in TARGETS if controller_for(name).faithful == proof["target"]]
-    if repaired:
-        return f"the same program repaired: --target {repaired[0]}"
+    if proof["target"] in REPAIRED:
+        return f"the same program repaired: --target {REPAIRED[proof['target']]}"
     if proof.get("samples") and all(criterion["ok"] for criterion in proof["criteria"].values()):
         return _of_samples(proof["samples"])
     return "heatertune design or tune with this --target looks for the least change that passes"

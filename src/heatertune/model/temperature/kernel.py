@@ -12,9 +12,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import bound, compiled
+from heatertune.compiled import compiled
 from heatertune.heater.exact import advanced, factors
 from heatertune.model.temperature.law import ControllerLaw
+from heatertune.plain import bound
 
 __all__ = ["CONSTANTS", "OWN", "PLANT", "simulate_many"]
 

@@ -9,6 +9,7 @@ after a load of 1), and ∫|e| ≥ |∫e|: only the part of e with the other sig
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,8 @@ from heatertune.heater.exact import apart
 from heatertune.pid.specs import ROOM
 
 __all__ = [
-    "DERIVATIVE_FILTER_N", "Four", "controller", "encirclements", "least_price", "pieces", "price", "swing",
+    "DERIVATIVE_FILTER_N", "Four", "Space", "controller", "encirclements", "least_price", "pieces", "price",
+    "space_for", "swing",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -29,6 +31,37 @@ DERIVATIVE_FILTER_N = 10.0  # N of the issue's ideal form; K. J. Åström and T.
 _MOST_PIECES = 6
 _MOST_STEPS = 60_000
 _REST = 1e-5  # share of the largest deviation, and of ∫e, below which the response has come to rest
+
+
+class Space(NamedTuple):
+    """Room to compute in, for n frequencies and a queue of q steps.
+
+    Attributes:
+        loop: G·c, shape (n,).
+        low: lower ends of what Ms, Mt and Mks exclude, an infinite one before and after, shape (3, n + 2).
+        high: upper ends, shape (3, n).
+        excluded: the intervals there are, shape (3·n, 2).
+        ends: bottoms and tops of the feasible pieces, shape (2, 6).
+        queue: a ring of the powers still to act, and of each step's mean power beside the straight line, shape (2, q).
+        corners: cost, K, ln TN and ln TV of a simplex's corners, shape (3, 4).
+    """
+
+    loop: Complex
+    low: Array
+    high: Array
+    excluded: Array
+    ends: Array
+    queue: Array
+    corners: Array
+
+
+def space_for(points: int, heaters: Array, finer: float) -> Space:
+    """Return room for so many frequencies and for the steps of these heaters, shape (p, 4) as for `price`."""
+    steps = [finer * max(32.0, 8.0 * dead / first) for _, first, _, dead in heaters.tolist()]  # at most, see `_grid`
+    return Space(
+        loop=np.empty(points, dtype=np.complex128), low=np.full((3, points + 2), math.inf), high=np.empty((3, points)),
+        excluded=np.empty((3 * points, 2)), ends=np.empty((2, _MOST_PIECES)),
+        queue=np.empty((2, math.ceil(max(steps, default=0.0)) + 2)), corners=np.empty((3, 4)))
 
 
 def _interval(alpha: float, beta: float, gamma: float) -> tuple[float, float]:
@@ -49,15 +82,12 @@ def controller(omega: Array, tn: float, tv: float) -> Complex:
     return 1.0 + part * u + 1j * (part - 1.0 / (omega * tn))
 
 
-def _exclude(omega: Array, plant: Complex, tn: float, tv: float, limits: Four, loop: Complex) -> Array:
-    """Return the intervals that Ms, Mt and Mks exclude, shape (m, 2), and fill loop with h = G·c."""
+def _exclude(omega: Array, plant: Complex, tn: float, tv: float, limits: Four, space: Space) -> int:
+    """Enter the intervals that Ms, Mt and Mks exclude, and h = G·c; return how many there are."""
     ms, mt, mks, _ = limits
     n = len(omega)
     rows = 1 + (mt < math.inf) + (mks < math.inf)
-    excluded = np.empty((rows * n, 2))
-    low = np.empty((3, n + 2))
-    low[:, 0] = low[:, n + 1] = math.inf
-    high = np.empty((3, n))
+    loop, low, high, excluded = space.loop, space.low, space.high, space.excluded
     for i in range(n):
         c = controller(omega[i], tn, tv)
         h = plant[i] * c
@@ -78,17 +108,17 @@ def _exclude(omega: Array, plant: Complex, tn: float, tv: float, limits: Four, l
             here = low[row, i + 1]
             if here < math.inf:
                 if here < low[row, i] < math.inf and here <= low[row, i + 2] < math.inf:
-                    here = _vertex(omega, low[row], i)
+                    here = _vertex(omega, low, row, i)
                 excluded[count, 0], excluded[count, 1] = here, high[row, i]
                 count += 1
-    return excluded[:count]
+    return count
 
 
-def _vertex(omega: Array, low: Array, i: int) -> float:
-    """Return the least value of the parabola over ln ω through the minimum at omega[i], which is low[i + 1]."""
-    before: float = low[i]
-    here: float = low[i + 1]
-    after: float = low[i + 2]
+def _vertex(omega: Array, low: Array, row: int, i: int) -> float:
+    """Return the least value of the parabola over ln ω through the minimum at omega[i], which is low[row, i + 1]."""
+    before: float = low[row, i]
+    here: float = low[row, i + 1]
+    after: float = low[row, i + 2]
     if not omega[i - 1] < omega[i] < omega[i + 1] < 1.3 * omega[i - 1]:
         return here  # the next plant begins, or the grid has a gap
     p, q = math.log(omega[i - 1] / omega[i]), math.log(omega[i + 1] / omega[i])
@@ -117,8 +147,8 @@ def encirclements(omega: Array, loop: Complex, gain: float) -> int:
     return max(worst, abs(count))
 
 
-def pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four) -> tuple[Array, Array]:
-    """Return bottoms and tops of the feasible pieces of K with a stable loop, the highest first, each of shape (m,).
+def pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four, space: Space) -> int:
+    """Enter bottoms and tops of the feasible pieces of K with a stable loop, the lowest first; return how many.
 
     Both ends are a hair, `ROOM`, inside; a piece that is thinner is left out.
 
@@ -128,31 +158,31 @@ def pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four) -> 
         tn: TN [s].
         tv: TV [s], 0 without a derivative part.
         limits: (Ms, Mt, Mks, shortest TV), infinite where there is none.
+        space: what is entered.
     """
-    loop = np.empty(len(omega), dtype=np.complex128)
-    excluded = _exclude(omega, plant, tn, tv, limits, loop)
+    many = _exclude(omega, plant, tn, tv, limits, space)
+    loop, excluded = space.loop, space.excluded
     ceiling = limits[2] / (1.0 + DERIVATIVE_FILTER_N if tv > 0.0 else 1.0)  # |C·S| at infinite frequency
-    bottoms, tops = np.empty(_MOST_PIECES), np.empty(_MOST_PIECES)
     count, reached = 0, 0.0
     for _ in range(_MOST_PIECES):
         top = ceiling
-        for i in range(len(excluded)):
+        for i in range(many):
             if reached < excluded[i, 0] < top:
                 top = excluded[i, 0]
         low, high = (1.0 + ROOM) * reached, (1.0 - ROOM) * top
         # a small gain is stable; higher pieces may not be
         if low < high < math.inf and (reached == 0.0 or encirclements(omega, loop, 0.5 * (low + high)) == 0):
-            bottoms[count], tops[count] = low, high
+            space.ends[0, count], space.ends[1, count] = low, high
             count += 1
         before, reached = reached, top
         while reached > before:
             before = reached
-            for i in range(len(excluded)):
+            for i in range(many):
                 if excluded[i, 0] <= before and excluded[i, 1] > reached:
                     reached = excluded[i, 1]
         if reached >= ceiling:
             break
-    return bottoms[:count][::-1], tops[:count][::-1]
+    return count
 
 
 def _grid(heater: Four, high: float, finer: float) -> tuple[float, int, float]:
@@ -188,7 +218,7 @@ def _above(v: float, w: float, t: float, h: float) -> tuple[float, float]:
 
 def swing(  # noqa: PLR0915 - one loop
     heater: Four, settings: tuple[float, float, float], setpoint: float, load: float, finer: float,
-    dear: tuple[float, float, float],
+    dear: tuple[float, float, float], queue: Array,
 ) -> tuple[float, float]:
     """Return ∫v and ∫t·v of v, the part of the deviation whose sign is not that of ∫e dt; infinite where it diverges.
 
@@ -199,6 +229,7 @@ def swing(  # noqa: PLR0915 - one loop
         load: height of its step [%], 0 where the setpoint steps.
         finer: factor of the number of steps.
         dear: (weight of ∫v, weight of ∫t·v, sum of both at which the response costs too much and is left).
+        queue: room, shape (2, q), see `Space`.
     """
     k, first, second, dead = heater
     gain, tn, tv = settings
@@ -212,22 +243,22 @@ def swing(  # noqa: PLR0915 - one loop
     sign = 1.0 if setpoint > 0.0 else -1.0
     ended = tn / (gain * k) * setpoint - tn / gain * load
     half, ratio = 0.5 * gain * past, gain * tv / h
-    queue = np.zeros(whole + 1)  # a ring of the powers still to act; `oldest` acts from now
-    lacks = np.zeros(whole + 1)  # mean power of each step beside the straight line: a short TV acts within one step
+    for i in range(whole + 1):
+        queue[0, i] = queue[1, i] = 0.0
     x1 = x2 = summed = filtered = area = moment = peak = 0.0
     e, u = setpoint, gain * (1.0 + past) * setpoint
-    queue[whole] = u
+    queue[0, whole] = u
     oldest = quiet = 0
     for i in range(_MOST_STEPS):
         following = oldest + 1 if oldest < whole else 0
-        left = load + (queue[oldest] if whole > 0 else u)
+        left = load + (queue[0, oldest] if whole > 0 else u)  # `oldest` acts from now
         kept, held = af * filtered + of * e, 0.0
         free = a1 * x1 * s1 + a2 * x2 * s2 + old * left
         rest = gain * ((summed + 0.5 * h * e) / tn - past * kept)
         if whole > 0:
             share = 0.0
-            right = load + (queue[following] if i >= whole else 0.0)  # before it acts, a step in power is not there
-            lack = lacks[following]
+            right = load + (queue[0, following] if i >= whole else 0.0)  # before it acts, a step in power is not there
+            lack = queue[1, following]  # a short TV acts within one step
         else:
             share = 1.0 - late
             right = load + late * u + share * rest
@@ -241,10 +272,10 @@ def swing(  # noqa: PLR0915 - one loop
         x1, x2 = a1 * x1 + o1 * left + n1 * right, a2 * x2 + o2 * left + n2 * right
         summed += 0.5 * h * (before + e)
         kept += nf * e
-        lacks[oldest] = (half + ratio) * kept + (half - ratio) * filtered - half * (before + e)
+        queue[1, oldest] = (half + ratio) * kept + (half - ratio) * filtered - half * (before + e)
         filtered = kept
         u = rest + direct * e
-        queue[oldest] = u
+        queue[0, oldest] = u
         oldest = following
         v, w = -sign * before, -sign * e
         t = i * h + (dead if load != 0.0 else 0.0)
@@ -277,7 +308,7 @@ def least_price(heaters: Array, weights: Array, gain: float, tn: float) -> float
 
 
 def price(
-    heaters: Array, weights: Array, gain: float, tn: float, tv: float, finer: float, best: float
+    heaters: Array, weights: Array, gain: float, tn: float, tv: float, finer: float, best: float, queue: Array
 ) -> float:
     """Return the cost: Σ over heaters and objectives of weight·value.
 
@@ -289,14 +320,15 @@ def price(
         tv: TV [s], 0 without a derivative part.
         finer: factor of the number of steps.
         best: above this the cost need not be exact.
+        queue: room, shape (2, q), see `Space`.
     """
     total = least_price(heaters, weights, gain, tn)
     for p in range(len(heaters)):
         heater = (heaters[p, 0], heaters[p, 1], heaters[p, 2], heaters[p, 3])
         load, setpoint, late = 2.0 * weights[p, 0], 2.0 * weights[p, 1], 2.0 * weights[p, 2]
         if load > 0.0 or late > 0.0:
-            area, moment = swing(heater, (gain, tn, tv), 0.0, 1.0, finer, (load, late, best - total))
+            area, moment = swing(heater, (gain, tn, tv), 0.0, 1.0, finer, (load, late, best - total), queue)
             total += load * area + late * moment
         if setpoint > 0.0:
-            total += setpoint * swing(heater, (gain, tn, tv), 1.0, 0.0, finer, (setpoint, 0.0, best - total))[0]
+            total += setpoint * swing(heater, (gain, tn, tv), 1.0, 0.0, finer, (setpoint, 0.0, best - total), queue)[0]
     return total

@@ -20,7 +20,7 @@ from heatertune.model.values import HeaterModel
 from heatertune.pid.continuous import descent
 from heatertune.pid.continuous import kernel as continuous
 from heatertune.pid.continuous.descent import Task
-from heatertune.pid.continuous.kernel import Four
+from heatertune.pid.continuous.kernel import Four, Space
 from heatertune.pid.loop.robustness import crossings
 from heatertune.pid.specs import Specs, is_boundless, refuse_boundless
 from heatertune.pid.values import Margins, PidDesign, structure_of
@@ -278,17 +278,21 @@ def _outwards(low: float, high: float, many: int) -> Array:
 
 
 def _price(heaters: Array, weights: Array, design: PidDesign, finer: float) -> float:
-    price = compiled(continuous.price, allocates=True)
-    return float(price(heaters, weights, *_settings(design), finer, math.inf))
+    queue = continuous.space_for(0, heaters, finer).queue
+    return compiled(continuous.price, calls=True)(heaters, weights, *_settings(design), finer, math.inf, queue)
 
 
 def _pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four) -> tuple[Array, Array]:
-    return compiled(continuous.pieces, allocates=True)(omega, plant, tn, tv, limits)
+    """Return bottoms and tops of the feasible pieces of K, the highest first."""
+    space = continuous.space_for(len(omega), np.empty((0, 4)), 1.0)
+    count = compiled(continuous.pieces, calls=True)(omega, plant, tn, tv, limits, space)
+    bottoms, tops = space.ends[:, :count][:, ::-1]
+    return bottoms, tops
 
 
 def _refine(problem: ContinuousProblem, density: float, start: Point, stride: float, least: float) -> Point:
-    refine = compiled(descent.refine, allocates=True)
-    return refine(_task(problem, density), start, stride, least, _STEPS / 4.0)
+    task = _task(problem, density)
+    return compiled(descent.refine, calls=True)(task, start, stride, least, _STEPS / 4.0, _space(task))
 
 
 def _task(problem: ContinuousProblem, density: float) -> Task:
@@ -296,9 +300,13 @@ def _task(problem: ContinuousProblem, density: float) -> Task:
     return omega, response, problem.heaters, problem.weights, problem.limits
 
 
+def _space(task: Task) -> Space:
+    return continuous.space_for(len(task[0]), task[2], _STEPS / 4.0)
+
+
 def _scanned(problem: ContinuousProblem, many_tn: int, many_tv: int, best: float, density: float) -> Point:
-    scan = compiled(descent.scan, allocates=True)
-    best_point = scan(_task(problem, density), *_axes(problem, many_tn, many_tv), best, _STEPS / 4.0)
+    task, axes = _task(problem, density), _axes(problem, many_tn, many_tv)
+    best_point = compiled(descent.scan, calls=True)(task, *axes, best, _STEPS / 4.0, _space(task))
     if best_point[1] == 0.0 and math.isinf(best):
         raise _impossible(problem)
     return best_point

@@ -52,7 +52,6 @@ class IecPid(Controller, name="iec-pid"):
     tick_s = HALF_WAVE_S
     ramped = boosted = True
     most_power = ("XMAX", 100.0)
-    faithful = "iec-pid-text"
     core = Core(step=step, measure=measure, flags=("upper limit", "lower limit", "overflow"), singles=True)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     interval_s, export, scan_all = staticmethod(interval_s), staticmethod(export_words), staticmethod(scan)

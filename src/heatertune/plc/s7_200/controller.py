@@ -37,7 +37,6 @@ class S7200(Controller, name="s7-200"):
     derivative_filter = 0.0
     scans_per_period = 1
     integers = ("KP", "KI", "KD")
-    faithful = "s7-200-paper"
     ramped = True
     core = Core(
         step=step, measure=count, flags=_FLAGS, own=own, started=started, restarted=restarted)

@@ -10,7 +10,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import bound, compiled, worth_a_second
+from heatertune.compiled import compiled, worth_a_second
+from heatertune.plain import bound
 from heatertune.plc.core import as_it_is, started_as_it_is
 from heatertune.plc.pwm import INSTANT_S, Actuator
 from heatertune.plc.single import narrowed

@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import bound
+from heatertune.plain import bound
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.happening import events_of
 from heatertune.proof.kernel import LOAD, MAINS, Batch, Record

@@ -10,7 +10,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import bound, compiled, worth_compiling
+from heatertune.compiled import compiled, worth_compiling
+from heatertune.plain import bound
 
 __all__ = ["KEEP", "Got", "Tape", "run_tape"]
 

@@ -1,0 +1,127 @@
+"""How Numba compiles plain functions: what others call is taken in by these, and needs no machine code of its own.
+
+The compiler spends a fifth of its time on such code, which nobody runs. Importing this imports Numba.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache as remember
+from functools import partial
+from typing import Any, Final
+
+from numba import njit, typeof
+from numba.core import types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.types.containers import BaseNamedTuple, BaseTuple
+from numba.core.types.misc import unliteral
+
+from heatertune.native import Code, Result
+from heatertune.plain import called, copied, plainly
+
+__all__ = ["object_code", "overload"]
+
+_LETTERS: Final = {types.float64: "d", types.float32: "f", types.int64: "q", types.boolean: "?"}
+
+
+class _Intermediate(JITCodeLibrary):  # type: ignore[misc]
+    """A function as others take it in: optimised, but neither made machine code nor ever run."""
+
+    @property
+    def codegen(self) -> Any:
+        """What is told where the function's surroundings are: itself."""
+        return self
+
+    def set_env(self, env_name: str, env: object) -> None:
+        """Leave the surroundings out, as no code looks at them."""
+
+    def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002 - as in Numba
+        """Return none."""
+        self._ensure_finalized()
+        return 0
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+
+class _Inlined(Compiler):  # type: ignore[misc]
+    """Numba's compiler without the last step, for what is never called from Python."""
+
+    library: type[JITCodeLibrary] = _Intermediate
+
+    def compile_extra(self, func: Any) -> Any:
+        """Compile a plain function."""
+        self.state.library = self.library(self.state.targetctx.codegen(), func.__qualname__)
+        self.state.library.enable_object_caching()
+        return super().compile_extra(func)
+
+
+class _Whole(_Inlined):
+    """Numba's compiler, which hands out the object file that it made."""
+
+    library = JITCodeLibrary
+
+
+def object_code(function: Callable[..., Any], arguments: Sequence[Any], *, calls: bool = False) -> Code:
+    """Compile a plain function for arguments of these types, with all that it calls.
+
+    Args:
+        function: in which no array is made.
+        arguments: as it is to be called with.
+        calls: whether calls stay calls; else all of them are taken in.
+
+    Raises:
+        TypeError: it returns something else than a number or a tuple of them.
+    """
+    made = overload(function, arguments, calls=calls)
+    needs = [each.name for each in made.library._final_module.functions if each.is_declaration]
+    return Code(name=made.fndesc.llvm_func_name, result=_result(function, made.signature.return_type),
+                needs=tuple(name for name in needs if not name.startswith("llvm.")),
+                made=made.library._get_compiled_object())
+
+
+def overload(function: Callable[..., Any], arguments: Sequence[Any], *, calls: bool = False) -> Any:
+    """Return what Numba makes of a plain function; arguments as `object_code`."""
+    machine, signature = _compiler(function, calls=calls, pipeline=_Whole), tuple(map(typeof, arguments))
+    machine.compile(signature)
+    return machine.overloads[signature]
+
+
+def _result(function: Callable[..., Any], kind: Any) -> Result:
+    """Return what a compiled function returns, as `Code.result`."""
+    if kind == types.none:
+        return None
+    if isinstance(kind, BaseTuple):
+        named = kind.instance_class if isinstance(kind, BaseNamedTuple) else None
+        where = "" if named is None else f"{named.__module__}:{named.__qualname__}"
+        return [where, *(_result(function, each) for each in kind)]
+    if kind not in _LETTERS:
+        raise TypeError(f"{function.__qualname__}: it returns {kind}, not a number or a tuple of them")
+    return _LETTERS[kind]
+
+
+@remember
+def _compiler(function: Callable[..., Any], *, calls: bool, pipeline: type[Compiler]) -> Any:
+    """Return a compiled copy of a plain function whose calls go to compiled copies.
+
+    None has a door to Python, and one that is only called by another no machine code of its own: half of the compiler's
+    work.
+    """
+    plain = plainly(function)
+    inside = {name: _compiler(value, calls=calls, pipeline=_Inlined) for name, value in called(plain).items()}
+    # no exceptions (a step is total), no reference counts as nothing is allocated, and all calls inlined: ten times
+    # faster
+    machine = njit(
+        nogil=True, _nrt=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True,
+        pipeline_class=pipeline, forceinline=pipeline is _Inlined and not calls)(copied(plain, inside))
+    if pipeline is _Inlined:
+        machine.get_call_template = partial(_of_types_alone, machine.get_call_template)
+    return machine
+
+
+def _of_types_alone(template: Callable[..., Any], args: Sequence[Any], named: Mapping[str, Any]) -> Any:
+    """Choose a called function by the types of its arguments: Numba would compile it anew where one is a constant."""
+    return template(tuple(map(unliteral, args)), {name: unliteral(value) for name, value in named.items()})
