@@ -172,16 +172,15 @@ def _result(result: Result) -> tuple[Any, Callable[[Any], Any]]:
     if isinstance(result, str):
         return _CTYPES[result], lambda number: number
     where, *parts = result
-    made, reads = zip(*map(_result, parts), strict=True)
-    names = [f"part_{place}" for place in range(len(parts))]
+    inside = {f"part_{place}": _result(part) for place, part in enumerate(parts)}
     module, _, name = where.rpartition(":")
     class_ = getattr(import_module(module), name) if where else None
 
     def read(there: Any) -> Any:
-        values = (read(getattr(there, name)) for name, read in zip(names, reads, strict=True))
+        values = (read(getattr(there, name)) for name, (_, read) in inside.items())
         return tuple(values) if class_ is None else class_(*values)
 
-    return type("Tuple", (ctypes.Structure,), {"_fields_": list(zip(names, made, strict=True))}), read
+    return type("Tuple", (ctypes.Structure,), {"_fields_": [(name, made) for name, (made, _) in inside.items()]}), read
 
 
 def _types(kinds: Kinds) -> list[Any]:

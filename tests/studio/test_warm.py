@@ -100,7 +100,7 @@ def test_what_it_compiles_is_all_that_a_look_and_a_proof_run_and_it_gives_the_sa
     monkeypatch.setattr(loop, "run_compiled", spied)
     warm.compile_all(["s5-ob251", "s7-200-paper"])
     machine_code = {core: loop.compiled(loop.run_of(core)) for core in cores}
-    before = {core: list(made.signatures) for core, made in machine_code.items()}
+    before = {core: (made.found, made.made) for core, made in machine_code.items()}
     assert len(before) == 3, "the words' loop, the wish's, and the paper's program without its listing, for the proof"
     looked = []
     for way in (True, False):
@@ -108,7 +108,7 @@ def test_what_it_compiles_is_all_that_a_look_and_a_proof_run_and_it_gives_the_sa
         looked.append(first_look(heater, Settings(noise_degC=0.2)))
     machine, plain = looked
     full_proof(heater, machine)
-    assert {core: list(made.signatures) for core, made in machine_code.items()} == before, "nothing compiles later"
+    assert {core: (made.found, made.made) for core, made in machine_code.items()} == before, "nothing compiles later"
     for one, two in ((machine.proof.nominal, plain.proof.nominal), (machine.wish, plain.wish)):
         assert one.temperature_degC.tobytes() == two.temperature_degC.tobytes()
 

@@ -12,13 +12,13 @@ import asyncio
 import os
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 
 from heatertune.cache import folder
 from heatertune.compiled import decide
 from heatertune.errors import HeatertuneError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
+from heatertune.native import host
 from heatertune.plc import TARGETS
 from heatertune.studio.loop import first_look
 from heatertune.studio.settings import Settings
@@ -47,7 +47,7 @@ async def warm(targets: Sequence[str] = tuple(TARGETS)) -> None:
             if beside.returncode is None:
                 beside.terminate()
         if done:
-            await asyncio.to_thread(import_module, "numba")  # half a second that no answer shall wait for
+            await asyncio.to_thread(host)  # what loads machine code: no answer shall wait for it
     except OSError:
         done = False
     decide(True if done else None)
