@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from heatertune import compiled
 from heatertune.cli import main
 from heatertune.proof.document import digested
 
@@ -28,7 +29,7 @@ def slow_modules(arguments, cache="", looked_for=SLOW):
         "except SystemExit as end: status = end.code\n"
         f"print(status, [name for name in {looked_for!r} if name in sys.modules], file=sys.stderr)"
     )
-    fresh = os.environ | {"HEATERTUNE_CACHE": str(cache)}  # kept machine code is loaded, and the compiler with it
+    fresh = os.environ | {"HEATERTUNE_CACHE": str(cache)}
     ended = subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, check=True,
                            env=fresh)
     return ended.stderr.strip()
@@ -88,6 +89,18 @@ def test_a_design_whose_words_are_rounded_is_proven_and_exported_by_none_of_the_
     asked = ("export-db", proven / "pid.json", *target, "--setpoint", "40", "--spec", "paper", "--force", "-o", tmp_path)
     assert slow_modules(asked).splitlines()[-1] == "0 []"
     assert "iae_load" in (tmp_path / "data" / "words.json").read_text()
+
+
+@pytest.mark.long
+def test_machine_code_that_is_kept_runs_without_the_compiler(proven):
+    asked = ("verify", str(proven / "pid.json"), *TARGET)
+    before = compiled.decide(True)
+    try:
+        main([*asked, "--quiet"])
+    finally:
+        compiled.decide(before)
+    ended = slow_modules(asked, compiled.folder()).splitlines()[-1]
+    assert ended in ("0 ['llvmlite']", "1 ['llvmlite']"), "numba takes 0.2 s"
 
 
 def failing(proof):
