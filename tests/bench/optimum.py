@@ -45,12 +45,18 @@ def settings(x):
     return gain, times[0], times[1] if len(times) > 1 else 0.0
 
 
+def priced(problem, gains, finer):
+    """Return the cost of K, TN and TV."""
+    queue = continuous.space_for(0, problem.heaters, finer).queue
+    return compiled(continuous.price, calls=True)(problem.heaters, problem.weights, *gains, finer, math.inf, queue)
+
+
 def slsqp_asks(problem, structure):
     """Return what SLSQP minimises and what it keeps above 0, each of the logarithms of K, TN and TV."""
     omega, response = response_grid(problem.plants, structure == "pid", 2.0)
 
     def cost(x):
-        price = compiled(continuous.price, allocates=True)(problem.heaters, problem.weights, *settings(x), 0.5, math.inf)
+        price = priced(problem, settings(x), 0.5)
         return math.log(price if 0.0 < price < 1e6 else 1e6)
 
     def room(x):
@@ -120,9 +126,11 @@ def beside(problem, design, found):
     """Return by which share another answer costs more; its K is put on the exact limit, so that both are as robust."""
     gain, tn, tv = found
     omega, response = response_grid(problem.plants, tv > 0.0, 8.0)
-    bottoms, tops = compiled(continuous.pieces, allocates=True)(omega, response, tn, tv, problem.limits)
-    kept = min([gain, *[top for bottom, top in zip(bottoms, tops, strict=True) if gain > bottom][:1]])
-    return compiled(continuous.price, allocates=True)(problem.heaters, problem.weights, kept, tn, tv, 2.0, math.inf) / problem.cost(design) - 1.0
+    space = continuous.space_for(len(omega), problem.heaters, 2.0)
+    count = compiled(continuous.pieces, calls=True)(omega, response, tn, tv, problem.limits, space)
+    ends = zip(*space.ends[:, :count][:, ::-1].tolist(), strict=True)
+    kept = min([gain, *[top for bottom, top in ends if gain > bottom][:1]])
+    return priced(problem, (kept, tn, tv), 2.0) / problem.cost(design) - 1.0
 
 
 def unsolved(dead, structure):

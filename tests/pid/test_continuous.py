@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -480,3 +481,14 @@ def test_every_random_heater_ends_with_a_feasible_design_or_a_sentence(seed):
         assert found.mt <= mt * 1.001
         assert noise <= mks * 1.001
     assert designs > 35
+
+
+@pytest.mark.parametrize("dead", [0.0, 1e-300, 3.0, 1e300])
+def test_gains_beyond_all_numbers_write_nowhere_but_in_their_room(dead):
+    # compiled code does not look where it writes: what is beside its room stays as it is
+    heaters, wild = np.array([[1.0, 20.0, 5.0, dead]]), (0.0, -1.0, 1e-308, 1e308, math.inf, math.nan)
+    for gain, tn, tv in product(wild, wild, (*wild, 1.0)):
+        room = np.full((4, 200), 7.0)
+        value = compiled(continuous.price, calls=True)(heaters, LOAD, gain, tn, tv, 1.0, math.inf, room[1:3])
+        assert np.all(room[[0, 3]] == 7.0), (gain, tn, tv)
+        assert not value < 0.0 or gain < 0.0 or tn < 0.0

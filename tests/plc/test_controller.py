@@ -128,7 +128,6 @@ def test_what_only_some_controllers_can_is_said_by_their_class():
         return {name: value for name in TARGETS if (value := getattr(controller_for(name), attribute)) is not None}
 
     assert of("integers") == {"s5-ob251": ("K", "TI", "TD"), "s7-200": ("KP", "KI", "KD")}
-    assert of("faithful") == {"s7-200": "s7-200-paper", "iec-pid": "iec-pid-text"}
     assert of("baseline") == {name: "on-off" for name in TARGETS if name != "on-off"}
     assert of("scans_per_period") == {"s7-200": 1, "s7-200-paper": 5, "s7-200-pid": 1}
     for name, words in of("integers").items():  # a search moves whole numbers only

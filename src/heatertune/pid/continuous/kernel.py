@@ -243,8 +243,9 @@ def swing(  # noqa: PLR0915 - one loop
     sign = 1.0 if setpoint > 0.0 else -1.0
     ended = tn / (gain * k) * setpoint - tn / gain * load
     half, ratio = 0.5 * gain * past, gain * tv / h
-    for i in range(whole + 1):
-        queue[0, i] = queue[1, i] = 0.0
+    if not 0 <= whole < queue.shape[1]:
+        return math.inf, math.inf  # gains beyond all numbers: the step is none
+    queue[:, :whole + 1] = 0.0
     x1 = x2 = summed = filtered = area = moment = peak = 0.0
     e, u = setpoint, gain * (1.0 + past) * setpoint
     queue[0, whole] = u
