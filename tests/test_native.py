@@ -17,7 +17,7 @@ from numba import njit
 
 from heatertune.compiled import compiled
 from heatertune.compiler import object_code
-from heatertune.native import Code, taken_apart
+from heatertune.native import Code, kinds_of
 
 
 class Pair(NamedTuple):
@@ -129,7 +129,7 @@ def test_nothing_comes_back_as_nothing_and_a_division_by_zero_as_numpy_has_it():
 ])
 def test_what_no_compiled_function_takes_is_refused_not_cut(value, told):
     with pytest.raises(TypeError, match=told):
-        taken_apart([(1.0, value)])
+        kinds_of([(1.0, value)])
 
 
 def test_a_function_that_gives_back_an_array_is_refused():
@@ -141,9 +141,10 @@ def test_code_that_needs_what_is_not_here_is_not_run():
     from heatertune.native import entry  # noqa: PLC0415 - beside its only use
 
     code = object_code(same, [1.0])
-    assert entry(code, taken_apart([1.0])[0]) is not None
-    lacking = Code(name=code.name, result=code.result, needs=("no_such_function_anywhere",), made=code.made)
-    assert entry(lacking, taken_apart([1.0])[0]) is None
+    assert entry(code, kinds_of([1.0])) is not None
+    lacking = Code(name=code.name, result=code.result, needs=("no_such_function_anywhere",), made=code.made,
+                   door=code.door)
+    assert entry(lacking, kinds_of([1.0])) is None
 
 
 def test_code_stays_where_it_is_as_long_as_it_may_be_called_and_threads_may_call_it_at_once():

@@ -25,7 +25,7 @@ from typing import Any, Final, Literal, TypeVar, cast
 
 from heatertune.cache import folder
 from heatertune.errors import InputError
-from heatertune.native import Code, Kinds, described, entry, host, taken_apart
+from heatertune.native import MISSED, Code, Kinds, described, entry, host, kinds_of
 from heatertune.plain import called, plainly
 from heatertune.writing import write_files
 
@@ -181,15 +181,19 @@ class _Machine:
         """Take a function, the folder where it is kept, and whether its calls stay calls."""
         self._function, self._place, self._calls, self._entering = function, place, calls, Lock()
         self.found, self.made = 0, 0
-        self._runs: dict[Kinds, Callable[[Sequence[Any]], Any]] = {}
+        self._runs: dict[Kinds, Callable[[tuple[Any, ...]], Any]] = {}
+        self._last: Callable[[tuple[Any, ...]], Any] = lambda _arguments: MISSED
 
     def __call__(self, *arguments: Any) -> Any:
-        """Run it."""
-        kinds, numbers = taken_apart(arguments)
-        run = self._runs.get(kinds)
-        return (self._entered(kinds, arguments) if run is None else run)(numbers)
+        """Run it: as for the arguments before, where these are of the same kinds."""
+        result = self._last(arguments)
+        if result is MISSED:
+            kinds = kinds_of(arguments)
+            run = self._runs.get(kinds) or self._entered(kinds, arguments)
+            self._last, result = run, run(arguments)
+        return result
 
-    def _entered(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[Sequence[Any]], Any]:
+    def _entered(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[tuple[Any, ...]], Any]:
         with self._entering:
             if kinds not in self._runs:
                 kept = self._kept(kinds)
@@ -197,14 +201,14 @@ class _Machine:
                 self._runs[kinds] = kept or self._compiled(kinds, arguments)
         return self._runs[kinds]
 
-    def _kept(self, kinds: Kinds) -> Callable[[Sequence[Any]], Any] | None:
+    def _kept(self, kinds: Kinds) -> Callable[[tuple[Any, ...]], Any] | None:
         """Return what is on disk, None where it is not or is torn."""
         with suppress(OSError, ValueError):
             return None if self._place is None else entry(
                 Code.from_bytes((self._place / self._name(kinds)).read_bytes()), kinds)
         return None
 
-    def _compiled(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[Sequence[Any]], Any]:
+    def _compiled(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[tuple[Any, ...]], Any]:
         """Compile it, and keep it where that can be: the disk may be full, and the folder gone by now."""
         from heatertune.compiler import object_code  # noqa: PLC0415 - Numba: 0.2 s
 

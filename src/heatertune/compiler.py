@@ -17,7 +17,7 @@ from numba.core.compiler import Compiler
 from numba.core.types.containers import BaseNamedTuple, BaseTuple
 from numba.core.types.misc import unliteral
 
-from heatertune.native import Code, Result
+from heatertune.native import Code, Result, kinds_of, packed_door
 from heatertune.plain import called, copied, plainly
 
 __all__ = ["object_code", "overload"]
@@ -80,7 +80,8 @@ def object_code(function: Callable[..., Any], arguments: Sequence[Any], *, calls
     needs = [each.name for each in made.library._final_module.functions if each.is_declaration]
     return Code(name=made.fndesc.llvm_func_name, result=_result(function, made.signature.return_type),
                 needs=tuple(name for name in needs if not name.startswith("llvm.")),
-                made=made.library._get_compiled_object())
+                made=made.library._get_compiled_object(),
+                door=packed_door(made.fndesc.llvm_func_name, kinds_of(arguments)))
 
 
 def overload(function: Callable[..., Any], arguments: Sequence[Any], *, calls: bool = False) -> Any:
