@@ -5,6 +5,7 @@ The witness is Numba's own door, which takes arguments apart by itself, and Pyth
 
 import gc
 import math
+import pickle
 from array import array
 from threading import Thread
 from typing import NamedTuple
@@ -107,6 +108,15 @@ def test_an_array_is_read_as_it_lies(layout):
     njit(weighed)(table, own)
     weights = np.add.outer(np.arange(table.shape[0]), 2.0 * np.arange(table.shape[1])) + 1.0
     assert out == own == pytest.approx(float(np.sum(table * weights)))
+
+
+def test_an_array_from_another_process_is_one_like_any_other():
+    table = pickle.loads(pickle.dumps(np.ones((2, 2))))
+    assert table.dtype is not np.dtype(float), "NumPy makes it anew"
+    run, out = compiled(weighed), np.zeros(1)
+    for given_ in (table, np.ones((2, 2)), table):
+        run(given_, out)
+        assert out == 1.0 + 3.0 + 2.0 + 4.0
 
 
 def test_arrays_of_python_and_bytes_are_taken_too():

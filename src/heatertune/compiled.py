@@ -191,6 +191,7 @@ class _Machine:
             kinds = kinds_of(arguments)
             run = self._runs.get(kinds) or self._entered(kinds, arguments)
             self._last, result = run, run(arguments)
+            assert result is not MISSED, "it was found by these kinds"
         return result
 
     def _entered(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[tuple[Any, ...]], Any]:

@@ -226,7 +226,8 @@ class _Taking:
             self._numbers += ["0", "0", size, *strides, where, *shape, *strides]
             return
         mask = _LAYOUT if marks & _IN_ROWS else _LAYOUT_IN_COLUMNS | _IN_ROWS
-        self._demand(f"type({name}) is ndarray and {name}.dtype is {self._constant(of)} and "
+        dtype = self._constant(of)  # the same one, but for arrays that came from another process
+        self._demand(f"type({name}) is ndarray and ({name}.dtype is {dtype} or {name}.dtype == {dtype}) and "
                      f"{name}.ndim == {dimensions} and {name}.flags.num & {mask} == {marks}")
         if dimensions:
             self._lines += [f"{', '.join(shape)}, = {name}.shape", f"{', '.join(strides)}, = {name}.strides"]
