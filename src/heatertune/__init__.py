@@ -12,28 +12,13 @@ The functions here are the whole chain, stage by stage, beside the values that t
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from heatertune.handed import run_by
+from heatertune.lazy import offered
 from heatertune.show import shown_by
 
 __version__ = "0.1.0"
-
-#: name → module it lives in, imported when the name is first used: `heatertune --help` needs none of them
-_HOMES = {
-    **dict.fromkeys(("design", "encode", "export", "fit", "prove", "read_log", "tune", "write_report"), "chain"),
-    **dict.fromkeys(("compare", "fit_known", "fit_together", "plan", "validate"), "chain"),
-    **dict.fromkeys(("FittedModel", "Fopdt", "TwoLag"), "model.values"),
-    **dict.fromkeys(("Actuator", "TemperatureStep", "Limits", "Load", "Proof", "Scenario"), "proof"),
-    **dict.fromkeys(("Scaling", "Words"), "plc"),
-    **dict.fromkeys(("Conditions", "FitSettings", "ReadSettings", "TuneSettings"), "settings"),
-    "Asked": "proof.closing", "Log": "log.values", "PidDesign": "pid.values", "model_by_hand": "model.by_hand",
-    **dict.fromkeys(("controller", "decode", "iae_load", "margins", "simulate"), "chain.doors"),
-    "fleet": "batch.fleets", "study": "batch.studies", "alternatives": "pid.alternatives", "choose_words": "plc.choose",
-    "draw_heaters": "pid.search.uncertain", "front": "pid.pareto", "Interval": "model.intervals",
-    "Noise": "model.experiment.fisher", **dict.fromkeys(("replay_document", "sample_document"), "proof.drawn"),
-    **dict.fromkeys(("HeatertuneError", "InputError", "NotRepresentable"), "errors"), "virtual_plc": "live.serve",
-}
 
 __all__ = [
     "Actuator",
@@ -127,11 +112,32 @@ if TYPE_CHECKING:
     from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
 
 
-def __getattr__(name: str) -> Any:
-    """Import what is named when it is first used."""
-    if name in _HOMES:
-        return getattr(import_module(f"heatertune.{_HOMES[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+# `heatertune --help` needs none of them
+__getattr__ = offered(__name__, {
+    "batch.fleets": ("fleet",),
+    "batch.studies": ("study",),
+    "chain": (
+        "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "read_log",
+        "tune", "validate", "write_report"),
+    "chain.doors": ("controller", "decode", "iae_load", "margins", "simulate"),
+    "errors": ("HeatertuneError", "InputError", "NotRepresentable"),
+    "live.serve": ("virtual_plc",),
+    "log.values": ("Log",),
+    "model.by_hand": ("model_by_hand",),
+    "model.experiment.fisher": ("Noise",),
+    "model.intervals": ("Interval",),
+    "model.values": ("FittedModel", "Fopdt", "TwoLag"),
+    "pid.alternatives": ("alternatives",),
+    "pid.pareto": ("front",),
+    "pid.search.uncertain": ("draw_heaters",),
+    "pid.values": ("PidDesign",),
+    "plc": ("Scaling", "Words"),
+    "plc.choose": ("choose_words",),
+    "proof": ("Actuator", "Limits", "Load", "Proof", "Scenario", "TemperatureStep"),
+    "proof.closing": ("Asked",),
+    "proof.drawn": ("replay_document", "sample_document"),
+    "settings": ("Conditions", "FitSettings", "ReadSettings", "TuneSettings"),
+})
 
 
 def __dir__() -> list[str]:

@@ -9,17 +9,19 @@ from typing import Any
 __all__ = ["offered"]
 
 
-def offered(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
+def offered(package: str, homes: Mapping[str, tuple[str, ...]]) -> Callable[[str], Any]:
     """Return the `__getattr__` of a package.
 
     Args:
         package: its name.
-        homes: what it offers → the module of the package that it lives in, of another name than any of them.
+        homes: module, as named within heatertune → what of it the package offers; no name of it is that of a module
+            of the package, which would hide it.
     """
+    found = {name: home for home, names in homes.items() for name in names}
 
     def get(name: str) -> Any:
-        if name in homes:
-            return getattr(import_module(f"{package}.{homes[name]}"), name)
+        if name in found:
+            return getattr(import_module(f"heatertune.{found[name]}"), name)
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
 
     return get

@@ -11,7 +11,7 @@ from typing import Final
 
 from heatertune.errors import OutOfRange
 
-__all__ = ["LARGEST", "NOMENCLATURE", "SMALLEST", "check", "degF_to_degC", "kelvin_to_degC", "written"]
+__all__ = ["LARGEST", "NOMENCLATURE", "SMALLEST", "check", "count", "degF_to_degC", "kelvin_to_degC", "written"]
 
 LARGEST: Final = 1e100
 _IN_POWERS: Final = 1e9  # from here on powers of ten are easier to read
@@ -93,3 +93,8 @@ def kelvin_to_degC(value: float) -> float:
 def written(value: float, digits: int = 4) -> str:
     """Return a number as people read it, so many digits of it: 1484, never 1.48e+03."""
     return f"{value:.0f}" if 10.0**digits <= abs(value) < _IN_POWERS else f"{value:.{digits}g}"
+
+
+def count(number: int, singular: str) -> str:
+    """Return "1 row", "2 rows"."""
+    return f"{number} {singular}" + ("s" if number != 1 else "")

@@ -40,8 +40,9 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.proof import Acceptance, Coverage, prove_models
-from heatertune.proof.fitted import actuator_for, course_for, limits_of, specified
+from heatertune.proof.fitted import actuator_for, course_for, limits_of
 from heatertune.proof.presets import PRESETS
+from heatertune.proof.spec_file import specified
 from heatertune.settings import Conditions
 from tests.bench.second_opinion import (
     OWN_PULSES,

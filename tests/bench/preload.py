@@ -37,8 +37,9 @@ from heatertune.plc.weg.step import step as weg_step
 from heatertune.proof import Acceptance, Coverage, price, prove_models, setpoint_ramp
 from heatertune.proof.asked import Asked, plainly
 from heatertune.proof.closing import closed
-from heatertune.proof.fitted import actuator_for, course_for, limits_of, specified
+from heatertune.proof.fitted import actuator_for, course_for, limits_of
 from heatertune.proof.heaters import labelled
+from heatertune.proof.spec_file import specified
 from heatertune.settings import Conditions
 from tests.bench.passes import _STEPS, case
 

@@ -38,7 +38,9 @@ def _imported(nodes):
             names = [f"{node.module}.{alias.name}" if node.module == "heatertune" else node.module for alias in node.names]
         elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
             names = [part.value for part in ast.walk(node.args[0]) if isinstance(part, ast.Constant)]
-        yield from (name.split(".")[1] for name in names if name.startswith("heatertune.") and "." in name)
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "offered":
+            names = [f"heatertune.{key.value}" for key in node.args[1].keys]
+        yield from (name.split(".")[1] for name in names if re.match(r"heatertune\.\w", name))
 
 
 @pytest.mark.parametrize("stage", STAGES)
@@ -46,6 +48,14 @@ def test_a_stage_imports_only_stages_that_sort_before_it(stage):
     for path in (SOURCE / stage).rglob("*.py"):
         for imported in _imports(path) - {"__version__"}:  # the package's own, which a record names
             assert imported in FREE or (imported in STAGES and imported <= stage), f"{path} imports {imported}"
+
+
+@pytest.mark.parametrize("package", sorted(path.parent for path in MODULES if path.name == "__init__.py"), ids=lambda package: package.name)
+def test_what_a_package_offers_is_there_and_no_module_of_its_own_hides_it(package):
+    offers = importlib.import_module(".".join(("heatertune", *package.relative_to(SOURCE).parts)))
+    for name in getattr(offers, "__all__", ()):
+        assert getattr(offers, name) is not None
+        assert not (package / f"{name}.py").exists(), f"{package} hides {name}"
 
 
 def test_what_is_free_to_all_imports_nothing_but_itself_and_nobody_imports_the_command_line():

@@ -13,7 +13,7 @@ from heatertune.plc import Scaling, Words, controller_for
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.document import checked, digested
 from heatertune.proof.fitted import prove
-from heatertune.proof.judge import _measured
+from heatertune.proof.judging import _measured
 from heatertune.proof.loop import in_loop, noise_of, plant_row, scans_of
 from heatertune.proof.measured import columns_of
 from heatertune.proof.metered import metered

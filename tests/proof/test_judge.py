@@ -14,7 +14,7 @@ from heatertune.pid.values import Margins
 from heatertune.proof import Actuator, Criterion, Limits, Load, Scenario, TemperatureStep, Trace, judge
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.judge import _stays_within
+from heatertune.proof.judging import _stays_within
 from heatertune.proof.scenario import Led, Mains, NewSetpoint, Phase, PlcPower
 
 PERIOD = 0.05

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from heatertune.errors import DocumentError, HeatertuneError, InputError, OutOfRange, UnknownName
 from heatertune.proof.criteria import Limits
-from heatertune.proof.fitted import aimed, specified, told_of_aim
+from heatertune.proof.fitted import aimed, told_of_aim
 from heatertune.proof.presets import PRESETS, preset
-from heatertune.proof.spec_file import in_force, read_spec, spec_text
+from heatertune.proof.spec_file import in_force, read_spec, spec_text, specified
 from heatertune.proof.specification import LIMITS, limits_from
 from heatertune.proof.story import Story
 from heatertune.settings import Conditions, TuneSettings

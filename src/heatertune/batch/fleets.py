@@ -22,7 +22,7 @@ from heatertune.log import read_log
 from heatertune.model.values import FittedModel
 from heatertune.plc import controller_for
 from heatertune.proof.closing import Asked
-from heatertune.proof.fitted import specified
+from heatertune.proof.spec_file import specified
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.units import check
 

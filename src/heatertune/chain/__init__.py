@@ -10,8 +10,9 @@
 There is no algorithm here: each function asks the stage that knows. `design` does it all.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from heatertune.lazy import offered
 
 __all__ = [
     "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "read_log",
@@ -29,17 +30,15 @@ if TYPE_CHECKING:
     from heatertune.proof import prove
     from heatertune.proof.targets import compare
 
-_HOMES = {
-    **dict.fromkeys(("export", "fit", "fit_known", "fit_together"), "chain.stages"),
-    **dict.fromkeys(("design", "write_report"), "chain.whole"), "plan": "chain.experiment",
-    "supervise": "chain.supervision", "validate": "chain.validation", "read_log": "log",
-    **dict.fromkeys(("encode", "tune"), "plc.design"),
-    "prove": "proof", "compare": "proof.targets",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Import a function when it is first used: an export needs no fit, and a worker no report."""
-    if name in _HOMES:
-        return getattr(import_module(f"heatertune.{_HOMES[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+# imported when it is first used: an export needs no fit, and a worker no report
+__getattr__ = offered(__name__, {
+    "chain.experiment": ("plan",),
+    "chain.stages": ("export", "fit", "fit_known", "fit_together"),
+    "chain.supervision": ("supervise",),
+    "chain.validation": ("validate",),
+    "chain.whole": ("design", "write_report"),
+    "log": ("read_log",),
+    "plc.design": ("encode", "tune"),
+    "proof": ("prove",),
+    "proof.targets": ("compare",),
+})

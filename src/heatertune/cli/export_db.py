@@ -63,7 +63,7 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
 
     from heatertune.cache import cached, release  # noqa: PLC0415
     from heatertune.model import document as model_document  # noqa: PLC0415
-    from heatertune.proof.fitted import specified  # noqa: PLC0415
+    from heatertune.proof.spec_file import specified  # noqa: PLC0415
 
     progress = printing.Progress(settings)
     asked = proving(settings)

@@ -105,7 +105,7 @@ def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Prog
     The line on what was taken is no progress: with --quiet it waits for the result, so that an error stays the only
     line; with --quiet and --json it is in the document alone.
     """
-    from heatertune.log.cells import count  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.units import count  # noqa: PLC0415 - the help must not wait for it
 
     for log in logs:
         line = [] if log.taken is None else [f"[log] {log.taken.line}"]

@@ -10,4 +10,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Log", "read_log"]
 
-__getattr__ = offered(__name__, {"Log": "values", "read_log": "read"})
+__getattr__ = offered(__name__, {"log.values": ("Log",), "log.read": ("read_log",)})

@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import LogError
-from heatertune.log.cells import Sheet, count
+from heatertune.log.cells import Sheet
 from heatertune.log.columns import Columns
 from heatertune.log.numbers import Array, refused
 from heatertune.log.values import MIN_SAMPLES
+from heatertune.units import count
 
 __all__ = ["no_readings", "one_run", "tell_gaps"]
 

@@ -12,12 +12,13 @@ from pathlib import Path
 
 from heatertune.errors import LogError
 from heatertune.files import read_bytes
-from heatertune.log.header import count, take_header
+from heatertune.log.header import take_header
 from heatertune.log.klippy import Printed, printed
 from heatertune.log.quantities import is_number, restored
 from heatertune.log.record import MARK, pwm_period_of, without_torn
+from heatertune.units import count
 
-__all__ = ["Sheet", "count", "is_number", "plain_cells", "read_sheet"]
+__all__ = ["Sheet", "is_number", "plain_cells", "read_sheet"]
 
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 _BEFORE_CLOCK = re.compile(r"(?<=\d) (?=\d{1,2}:\d\d)")

@@ -12,19 +12,15 @@ from heatertune.errors import LogError
 from heatertune.log.names import role_of
 from heatertune.log.quantities import is_number, is_quantity, says_nothing
 from heatertune.log.stamps import stamp
+from heatertune.units import count
 
-__all__ = ["count", "take_header"]
+__all__ = ["take_header"]
 
 _UNIT: Final = re.compile(
     r"[\[(]?(m?s|sec|min|h|°?[CFK]|deg ?[CF]|%|pct|m?V|m?A|k?W|[-–/]|bool|u?s?d?l?int|l?real|float|d?word|string"
     r"|date|time|datetime|double)?[\])]?", re.IGNORECASE)
 _SAMPLE: Final = 50  # rows at the end that show what a reading looks like
 _MOST_TITLES: Final = 200  # rows above the first reading
-
-
-def count(number: int, singular: str) -> str:
-    """Return "1 row", "2 rows"."""
-    return f"{number} {singular}" + ("s" if number != 1 else "")
 
 
 def take_header(

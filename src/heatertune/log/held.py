@@ -8,9 +8,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from heatertune.log.cells import count
 from heatertune.log.numbers import Array
 from heatertune.log.quantities import on_or_off
+from heatertune.units import count
 
 __all__ = ["Held", "held"]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from heatertune.errors import LogError
-from heatertune.log.header import count
+from heatertune.units import count
 
 __all__ = ["Printed", "printed"]
 

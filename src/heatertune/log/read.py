@@ -13,7 +13,7 @@ import numpy.typing as npt
 from heatertune.errors import LogError, OutOfRange
 from heatertune.log.account import Counts, Unit, Written, taken_of
 from heatertune.log.care import no_readings, one_run, tell_gaps
-from heatertune.log.cells import Sheet, count, plain_cells, read_sheet
+from heatertune.log.cells import Sheet, plain_cells, read_sheet
 from heatertune.log.clock import forwards, seconds, with_dates
 from heatertune.log.columns import Columns, find_columns, with_names
 from heatertune.log.names import ROLES
@@ -27,7 +27,7 @@ from heatertune.log.taken import Taken
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC, Log
 from heatertune.options import merged
 from heatertune.settings import ReadSettings
-from heatertune.units import degF_to_degC, kelvin_to_degC
+from heatertune.units import count, degF_to_degC, kelvin_to_degC
 
 if TYPE_CHECKING:
     from pandas import DataFrame

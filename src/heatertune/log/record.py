@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from heatertune.log.header import count
+from heatertune.units import count
 
 __all__ = ["MARK", "SWITCHED", "TORN", "pwm_period_of", "without_torn"]
 

@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import LogError
-from heatertune.log.cells import Sheet, count, is_number
+from heatertune.log.cells import Sheet, is_number
 from heatertune.log.columns import Columns
 from heatertune.log.numbers import Array, refused
+from heatertune.units import count
 
 __all__ = ["kept_rows"]
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import LogError
-from heatertune.log.cells import Sheet, count
+from heatertune.log.cells import Sheet
 from heatertune.log.clock import seconds, with_dates
 from heatertune.log.columns import NO_COLUMN, Columns, chosen
 from heatertune.log.held import held
@@ -20,6 +20,7 @@ from heatertune.log.names import is_second_choice, plain_name, role_of
 from heatertune.log.numbers import Array
 from heatertune.log.quality import good_rows, is_quality
 from heatertune.log.quantities import says_nothing
+from heatertune.units import count
 
 __all__ = ["Tagged", "Tags", "by_tags", "places"]
 

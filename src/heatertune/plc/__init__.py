@@ -5,9 +5,9 @@ What stands here is imported when it is first used: who only asks for the names 
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING
 
+from heatertune.lazy import offered
 from heatertune.plc.targets import ALIKE, COOLING, GROUPS, NAMES, TARGETS
 
 if TYPE_CHECKING:
@@ -23,22 +23,11 @@ __all__ = [
     "Running", "Scaling", "Scan", "Switch", "Timing", "WordField", "Words", "controller_for", "count",
 ]
 
-_FROM: Final = {
-    "boost": ("Boost",),
-    "controller": ("Controller", "controller_for"),
-    "core": ("Core", "Running", "Scan", "Timing", "count"),
-    "open_points": ("Switch",),
-    "ramp": ("Number", "Ramp"),
-    "words": ("Certificate", "Scaling", "WordField", "Words"),
-}
-
-
-def __getattr__(name: str) -> Any:
-    for module, names in _FROM.items():
-        if name in names:
-            return getattr(import_module(f"heatertune.plc.{module}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__ = offered(__name__, {
+    "plc.boost": ("Boost",),
+    "plc.controller": ("Controller", "controller_for"),
+    "plc.core": ("Core", "Running", "Scan", "Timing", "count"),
+    "plc.open_points": ("Switch",),
+    "plc.ramp": ("Number", "Ramp"),
+    "plc.words": ("Certificate", "Scaling", "WordField", "Words"),
+})

@@ -20,10 +20,10 @@ from heatertune.plc.design import encode
 from heatertune.plc.weg.advice import ADVICE, Change, Gains, Symptom, changed
 from heatertune.progress import Told
 from heatertune.proof import Proof, prove
-from heatertune.proof.fitted import specified
 from heatertune.proof.heaters import labelled
 from heatertune.proof.nearest import settings_told
 from heatertune.proof.recipes import finished, scaling_of
+from heatertune.proof.spec_file import specified
 from heatertune.proof.symptoms import Response, observe
 from heatertune.proof.verdict import NOT_PROVEN
 from heatertune.settings import Conditions

@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from heatertune.codec import OrInfinite, registered
 from heatertune.commissioned import AsLeftSettings
-from heatertune.log.cells import count
 from heatertune.log.values import Log
 from heatertune.model.circumstances import reading_step_degC
 from heatertune.model.mirrored import cools
@@ -33,6 +32,7 @@ from heatertune.proof.criteria import CriterionView
 from heatertune.proof.document import ProofView
 from heatertune.proof.heaters import labelled
 from heatertune.proof.scenario import WAYS
+from heatertune.units import count
 
 __all__ = ["AS_LEFT_SCHEMA", "AsLeft", "Measurement", "Outside", "as_left"]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from heatertune.log.cells import count
 from heatertune.model.values import FittedModel
 from heatertune.pid.recipe import Recipe
 from heatertune.pid.values import PidDesign
@@ -22,6 +21,7 @@ from heatertune.proof.recipes import files_of, recorded
 from heatertune.proof.refine import refine
 from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.settings import Conditions, TuneSettings, WordSettings
+from heatertune.units import count
 
 __all__ = ["Asked", "Closed", "Made", "made_for", "plainly"]
 

@@ -11,10 +11,11 @@ from heatertune.model.values import FittedModel
 from heatertune.pid.search.uncertain import spreads_of
 from heatertune.plc import Words, controller_for
 from heatertune.proof import Drawing, Limits, Spread, judge, prove_samples, replay
-from heatertune.proof.fitted import actuator_for, course_for, limits_of, setpoints_for, specified
+from heatertune.proof.fitted import actuator_for, course_for, limits_of, setpoints_for
 from heatertune.proof.heaters import holding
 from heatertune.proof.sampled import hardest_setting
 from heatertune.proof.series import trace_series
+from heatertune.proof.spec_file import specified
 from heatertune.settings import Conditions
 from heatertune.units import check
 

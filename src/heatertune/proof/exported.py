@@ -27,7 +27,7 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.single import real_of, word_of
 from heatertune.plc.words import Certificate, Words
 from heatertune.proof.loop import in_loop
-from heatertune.proof.prove import Proof
+from heatertune.proof.proving import Proof
 from heatertune.proof.trace import Trace
 
 __all__ = ["Compared", "as_exported", "compared"]

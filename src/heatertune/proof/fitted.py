@@ -23,16 +23,15 @@ from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Limits
 from heatertune.proof.heaters import default_setpoint, holding, unreached
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.prove import Proof, prove_models
-from heatertune.proof.spec_file import in_force
-from heatertune.proof.specification import NOTHING, Specification
+from heatertune.proof.proving import Proof, prove_models
+from heatertune.proof.spec_file import specified
+from heatertune.proof.specification import Specification
 from heatertune.proof.story import story_for
 from heatertune.proof.verdict import Heard
 from heatertune.settings import Conditions, TuneSettings
 
 __all__ = [
-    "actuator_for", "aimed", "course_for", "default_pwm_period_s", "limits_of", "prove", "setpoints_for", "specified",
-    "told_of_aim",
+    "actuator_for", "aimed", "course_for", "default_pwm_period_s", "limits_of", "prove", "setpoints_for", "told_of_aim",
 ]
 
 #: of the band of soaks: as near to the ambient a heater has to be before a profile
@@ -151,19 +150,6 @@ def _heaters_switch(conditions: Conditions, words: Words) -> Actuator:
     return switched_by(
         rule, pwm_period_s=period, minimum_on_s=conditions.minimum_on_s,
         minimum_off_s=conditions.minimum_off_s, resolution_s=resolution)
-
-
-def specified(conditions: Conditions) -> Specification:
-    """Return the specification in force: options in place of what the preset or file says.
-
-    Raises:
-        InputError, UnknownName: as `in_force`.
-    """
-    own = {"tolerance": conditions.tolerance_degC, "step-power": conditions.step_power_pct}
-    units = {"tolerance": "degC", "step-power": "%"}
-    flags = [f"{name}={NOTHING if math.isinf(value) else f'{float(value)!r} {units[name]}'}"
-             for name, value in own.items() if value is not None]
-    return in_force(conditions.spec, [*flags, *conditions.limit], conditions.profile)
 
 
 def aimed(tuned: TuneSettings, conditions: Conditions) -> TuneSettings:

@@ -16,7 +16,7 @@ from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.night import OVERSHOOTS as OF_NIGHTS
 from heatertune.proof.night import briefly
 from heatertune.proof.period import holding_power_pct, ripple_at
-from heatertune.proof.prove import Proof
+from heatertune.proof.proving import Proof
 from heatertune.proof.setpoint_ramp import OVERSHOOTS, REHEATS
 from heatertune.settings import TuneSettings
 

@@ -11,9 +11,10 @@ from heatertune.model.values import FittedModel
 from heatertune.plc import Words, controller_for
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.document import LIMIT_OF
-from heatertune.proof.fitted import prove, specified
-from heatertune.proof.prove import Proof, RunResult
+from heatertune.proof.fitted import prove
+from heatertune.proof.proving import Proof, RunResult
 from heatertune.proof.screen import Screen
+from heatertune.proof.spec_file import specified
 from heatertune.proof.specification import LIMITS
 from heatertune.settings import Conditions
 from heatertune.units import written

@@ -11,7 +11,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.proof.heaters import labelled
 from heatertune.proof.ideal import simulate_wish
-from heatertune.proof.prove import Proof
+from heatertune.proof.proving import Proof
 from heatertune.proof.scenario import delayed, named, phases_of
 from heatertune.proof.series import curve_series, trace_series
 from heatertune.proof.trace import Trace

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.log.cells import count
 from heatertune.model.values import HeaterModel
 from heatertune.proof.scenario import can_hold
-from heatertune.units import check
+from heatertune.units import check, count
 
 __all__ = ["Leg", "Profile", "Segment", "told_rate"]
 

@@ -9,9 +9,10 @@ from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.pwm import tick_for
-from heatertune.proof.fitted import setpoints_for, specified
+from heatertune.proof.fitted import setpoints_for
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.period import SWITCHES, propose_period
+from heatertune.proof.spec_file import specified
 from heatertune.settings import Conditions
 
 __all__ = ["with_pwm"]

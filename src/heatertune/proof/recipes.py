@@ -18,7 +18,6 @@ from heatertune.plc.choose import choose_words
 from heatertune.plc.cooler import cooled
 from heatertune.plc.cycle import switched
 from heatertune.proof.profile_file import read_profile
-from heatertune.proof.refine import refine
 from heatertune.proof.spec_file import in_force
 from heatertune.proof.specification import NOTHING
 from heatertune.settings import Conditions
@@ -79,6 +78,8 @@ def made_again(design: PidDesign, fitted: FittedModel, recipe: Recipe) -> WordCh
     """
     choice = choose_words(design, recipe.target, fitted, scaling=scaling_of(recipe), way=recipe.words_by)
     if recipe.refined:
+        from heatertune.proof.refine import refine  # noqa: PLC0415 - few recipes need the proof's loop
+
         choice = refine(choice, fitted, recipe.conditions)
     return replace(choice, words=finished(choice.words, recipe))
 

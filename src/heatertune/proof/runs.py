@@ -21,7 +21,7 @@ from heatertune.progress import Told
 from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Criterion, Limits
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.judge import judge
+from heatertune.proof.judging import judge
 from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop, noise_of, plant_row, scans_of, simulate
 from heatertune.proof.measured import Measured, columns_of, joined, ordered
 from heatertune.proof.metered import metered

@@ -12,7 +12,7 @@ from heatertune.plc import Words
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.fitted import prove
 from heatertune.proof.night import JUDGED, wound
-from heatertune.proof.prove import Proof, Run, RunResult
+from heatertune.proof.proving import Proof, Run, RunResult
 from heatertune.settings import Conditions
 
 __all__ = ["NOTICEABLE", "Look", "Screen"]

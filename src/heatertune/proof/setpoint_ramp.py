@@ -19,6 +19,7 @@ from heatertune.proof import Proof, prove
 from heatertune.proof.exported import as_exported
 from heatertune.proof.heaters import labelled
 from heatertune.proof.measured import band_of
+from heatertune.proof.runs import judged_once
 from heatertune.proof.scenario import conditions as conditions_of
 from heatertune.proof.screen import Screen
 from heatertune.settings import Conditions
@@ -74,6 +75,7 @@ def prove_ramped(
     return as_exported(proof) if text else proof, told
 
 
+@judged_once()
 def _ramped(
     words: Words, fitted: FittedModel, ramp: float | str | None, conditions: Conditions | None, plain: Proof | None,
     progress: Told,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
@@ -15,10 +16,24 @@ from heatertune.proof.profile import Profile
 from heatertune.proof.profile_file import profile_of_table, read_profile, table_of
 from heatertune.proof.specification import GENERAL, LIMITS, NOTHING, STORY, Part, Specification, limits_from, split
 from heatertune.proof.story import Story
+from heatertune.settings import Conditions
 
-__all__ = ["in_force", "read_spec", "spec_text"]
+__all__ = ["in_force", "read_spec", "spec_text", "specified"]
 
 _TABLES: Final = ("preset", "limits", "story", "profile")
+
+
+def specified(conditions: Conditions) -> Specification:
+    """Return the specification in force: options in place of what the preset or file says.
+
+    Raises:
+        InputError, UnknownName: as `in_force`.
+    """
+    own = {"tolerance": conditions.tolerance_degC, "step-power": conditions.step_power_pct}
+    units = {"tolerance": "degC", "step-power": "%"}
+    flags = [f"{name}={NOTHING if math.isinf(value) else f'{float(value)!r} {units[name]}'}"
+             for name, value in own.items() if value is not None]
+    return in_force(conditions.spec, [*flags, *conditions.limit], conditions.profile)
 
 
 def in_force(spec: str | None = None, limits: Sequence[str] = (), profile: str | None = None) -> Specification:

@@ -9,12 +9,12 @@ from typing import Any, Final, Literal
 
 from heatertune.codec import built, decode, encode
 from heatertune.errors import DocumentError, InputError, UnknownName
-from heatertune.log.cells import count
 from heatertune.model.findings import KINDS, Finding
 from heatertune.model.statistics import share_bounds
 from heatertune.proof.period import life
 from heatertune.proof.profile import Profile
 from heatertune.proof.specification import GENERAL, NOTHING
+from heatertune.units import count
 
 __all__ = [
     "ASSUMED", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "derived", "extent",

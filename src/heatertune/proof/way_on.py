@@ -29,7 +29,7 @@ from heatertune.proof.nearest import (
     tolerance_that_passes,
 )
 from heatertune.proof.night import winds_up, wound
-from heatertune.proof.prove import RunResult
+from heatertune.proof.proving import RunResult
 from heatertune.proof.screen import Screen
 
 __all__ = ["WayOn"]

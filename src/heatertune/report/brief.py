@@ -11,7 +11,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.log.cells import count
 from heatertune.model.findings import KINDS
 from heatertune.plc.controller import controller_for
 from heatertune.plc.targets import REPAIRED
@@ -31,6 +30,7 @@ from heatertune.report.text import (
     typed,
     unit_text,
 )
+from heatertune.units import count
 
 __all__ = ["design_brief", "model_brief", "tune_brief", "verify_brief"]
 

@@ -20,7 +20,7 @@ from heatertune.proof.acceptance import Acceptance
 from heatertune.proof.coverage import Coverage
 from heatertune.proof.document import ProofView, checked
 from heatertune.proof.heaters import labelled
-from heatertune.proof.prove import prove_models
+from heatertune.proof.proving import prove_models
 from heatertune.proof.verdict import PROOF_SCHEMA, derived, verdict_line
 from heatertune.proof.words_file import WORDS_SCHEMA, demand_same_words
 

@@ -19,10 +19,11 @@ from heatertune.plc import Words, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.processors import mapped
 from heatertune.progress import Told
-from heatertune.proof.fitted import actuator_for, setpoints_for, specified
+from heatertune.proof.fitted import actuator_for, setpoints_for
 from heatertune.proof.heaters import holding
 from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop
 from heatertune.proof.scenario import Scenario
+from heatertune.proof.spec_file import specified
 from heatertune.proof.supervision.design import FRESH, Bench, Designed, design
 from heatertune.proof.supervision.document import (
     CardView,

@@ -25,7 +25,7 @@ from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, digested
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.judge import judge, of_words
+from heatertune.proof.judging import judge, of_words
 from heatertune.proof.measured import band_of
 from heatertune.proof.night import OVERSHOOTS, Night, heat_up, nights_of
 from heatertune.proof.noise import drawn, nearest
