@@ -16,7 +16,9 @@ from heatertune.proof.closing import Asked, closed
 from heatertune.proof.drawn import sample_document
 from heatertune.proof.verdict import combined, verdict_line
 from heatertune.report.text import outcome_lines
-from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
+from heatertune.settings import Conditions, FitSettings, ReadSettings, SampleSettings, TuneSettings
+
+SAMPLES = SampleSettings(samples=20)
 
 #: a rule instead of the optimum, and a short story: what is tested is the fleet, not the search or the proof
 QUICK = ("--target", "s7-300", "--method", "simc", "--setpoint", 45, "--spec", "paper")
@@ -246,7 +248,7 @@ def test_a_zone_is_proven_on_drawn_heaters_too():
     # the samples of `verify --samples` on the same words: chain.samples, whose figures tests/proof/test_compiled.py holds
     heater = model_by_hand(Fopdt(gain_degC_per_pct=0.5, time_constant_s=120.0, dead_time_s=10.0, ambient_degC=20.0))
     asked = Asked(target="weg", tuned=TuneSettings(method="simc"), setpoint_ramp="none")
-    plain, row = zone_row("zone", lambda: heater, asked), zone_row("zone", lambda: heater, asked, samples=20)
+    plain, row = zone_row("zone", lambda: heater, asked), zone_row("zone", lambda: heater, replace(asked, drawn=SAMPLES))
     boost = Boost(within_degC=row["boost_within_degC"], again_degC=row["boost_again_degC"])  # of words, its switch's, too
     words = Words(target="weg", values=json.loads(row["words"]), scaling=Scaling(), sample_time_s=row["sample_time_s"], boost=boost)
     found = sample_document(words, heater, 20)
@@ -257,7 +259,7 @@ def test_a_zone_is_proven_on_drawn_heaters_too():
     assert "samples" not in plain
     # a load nobody can hold: power goes with the square of a mains voltage that is far too low on most samples
     weak = model_by_hand(Fopdt(gain_degC_per_pct=0.26, time_constant_s=120.0, dead_time_s=10.0, ambient_degC=20.0))
-    failed = zone_row("weak", lambda: weak, replace(asked, conditions=Conditions(setpoint_degC=44.0)), samples=20)
+    failed = zone_row("weak", lambda: weak, replace(asked, conditions=Conditions(setpoint_degC=44.0), drawn=SAMPLES))
     assert failed["outcome"] == "FAIL"
     assert "14 of 20 samples keep every limit under every setting, so at most 86.05 % of all do" in failed["reason"]
 
@@ -268,7 +270,7 @@ def test_drawn_heaters_are_switched_as_the_proof_was():
     heater = model_by_hand(Fopdt(gain_degC_per_pct=1.0, time_constant_s=38.0, dead_time_s=11.0, ambient_degC=20.0))
     conditions = Conditions(setpoint_degC=60.0, tolerance_degC=0.8)
     asked = Asked(target="s7-300", conditions=conditions, tuned=TuneSettings(sample_time_s=2.0))
-    row = zone_row("zone", lambda: heater, asked, samples=20)
+    row = zone_row("zone", lambda: heater, replace(asked, drawn=SAMPLES))
     assert row["pwm_period_s"] < row["sample_time_s"] == 2.0
     words = Words(target="s7-300", values=json.loads(row["words"]), scaling=Scaling(), sample_time_s=row["sample_time_s"])
     assert sample_document(words, heater, 20, conditions)["passing"] == 0.0

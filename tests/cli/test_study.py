@@ -11,7 +11,7 @@ from tests.conftest import ROOT
 from heatertune.batch.study_file import KEYS, read_study
 from heatertune.errors import DocumentError
 from heatertune.options import options_of
-from heatertune.settings import FitSettings
+from heatertune.settings import FitSettings, SampleSettings
 
 HAND = """
 [fixed]
@@ -93,6 +93,7 @@ def test_cases_are_every_combination_then_the_listed_ones(study):
     (HAND + "[grid]\ntarget = ['weg', 's5-ob251']\nswitches = [{}, {rails = 'x'}]\n", "[grid]: weg: unknown switch 'rails'"),
     (HAND + "input = 'rtd'\n[grid]\ntarget = ['fb41', 's5-ob251']\n", "[grid]: s5-ob251: --input rtd: an analog input 460 gives ohms"),
     (HAND + "range_high_degC = 90\ntarget = 'fb41'\n[grid]\ninput = ['4-20mA', 'rtd']\n", "[grid]: fb41: --range 0 90 beside --input rtd"),
+    (HAND + "interlock = 'heater-fan'\ntarget = 'weg'\n[grid]\nsamples = [0, 20]\n", "[grid]: samples behind an interlock"),
     ("[[case]]\ntarget = 'weg'\nlog = 'gone.csv'\n", "log 'gone.csv' cannot be read: No such file"),
     ("[[case]]\ntarget = 'weg'\nmodel = 'gone.json'\n", "gone.json: cannot be read: No such file"),
 ])
@@ -169,15 +170,15 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
         "range_low_degC": 10.0, "range_high_degC": 90.0, "switches": {"a": "b"}, "setpoint_degC": 50.0,
         "noise_degC": 0.1, "tolerance_degC": 0.7, "pwm_period_s": 8.0, "pwm_resolution_s": 0.25, "minimum_on_s": 0.5,
         "minimum_off_s": 0.75, "pwm_rule": "pid-compact", "interlock": "heater-fan", "limit_degC": 80.0,
-        "fan_stops_s": 99.0, "samples": 3, "spec": "oven", "robust": "none", "step_power_pct": 9.0,
+        "fan_stops_s": 99.0, "samples": 0, "spec": "oven", "robust": "none", "step_power_pct": 9.0,
         "profile": "/any/firing.csv", "input": "4-20mA", "cooling_gain": 0.4, "cooling_minimum_on_s": 0.2,
         "cooling_minimum_off_s": 0.3,
     }
     assert {*settings, "log", "model", *options_of(FitSettings)} == {*KEYS, "cooler"}, "no key is forgotten here"
     seen = {}
 
-    def instead(name, find, asked, *, samples):
-        seen.update(asked=asked, samples=samples, heater=find().plants[0])
+    def instead(name, find, asked):
+        seen.update(asked=asked, heater=find().plants[0])
         return {"name": name, "outcome": "PASS", "reason": None}
 
     monkeypatch.setattr(studies, "zone_row", instead)
@@ -187,11 +188,14 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
     assert (seen["heater"].gain_degC_per_pct, *seen["heater"].lags_s) == (0.5, 100.0, 9.0)
     assert (seen["heater"].dead_time_s, seen["heater"].ambient_degC) == (5.0, 21.0)
     asked = seen["asked"]
-    assert (asked.target, asked.words_by, asked.as_is, seen["samples"]) == ("fb41", "rounded", True, 3)
+    assert (asked.target, asked.words_by, asked.as_is, asked.drawn.samples) == ("fb41", "rounded", True, None)
     assert (asked.scaling.low_degC, asked.scaling.high_degC, asked.scaling.input) == (10.0, 90.0, "4-20mA")
     for part in (asked.tuned, asked.conditions):
         assert asdict(part) == {name: settings.get(name, ()) for name in asdict(part)}
     assert "accept" not in KEYS
+    alone = {name: value for name, value in settings.items() if name not in ("interlock", "limit_degC", "fan_stops_s")}
+    studies._row(ROOT, studies.Case(4, "five", alone | {"samples": 3}, None))
+    assert seen["asked"].drawn == SampleSettings(samples=3)
     studies._row(ROOT / "any", studies.Case(5, "six", settings | {"spec": "own.toml"}, None))
     assert seen["asked"].conditions.spec == str(ROOT / "any" / "own.toml")  # beside the study, as its logs
 

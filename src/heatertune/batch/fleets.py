@@ -24,7 +24,6 @@ from heatertune.plc import controller_for
 from heatertune.proof.closing import Asked
 from heatertune.proof.spec_file import specified
 from heatertune.settings import FitSettings, ReadSettings
-from heatertune.units import check
 
 __all__ = ["SCHEMA", "ZoneSettings", "find_logs", "fleet"]
 
@@ -54,19 +53,11 @@ class ZoneSettings:
         asked: what each design is asked for.
         read: how the logs are read.
         fitted_with: what is known beside them.
-        samples: on how many drawn heaters each zone's words are proven as well; 0: none.
-
-    Raises:
-        OutOfRange: a negative number of samples.
     """
 
     asked: Asked
     read: ReadSettings = field(default_factory=ReadSettings)
     fitted_with: FitSettings = field(default_factory=FitSettings)
-    samples: int = 0
-
-    def __post_init__(self) -> None:
-        check("samples", self.samples, least=0)
 
 
 def fleet(
@@ -149,7 +140,7 @@ def _sent(folder: str, name: str) -> Zone:
 
 def _zone(settings: ZoneSettings, zone: Zone) -> Row:
     """Return the row of one log; this runs on the worker."""
-    return zone_row(zone.name, partial(_fitted, settings, zone), settings.asked, samples=settings.samples)
+    return zone_row(zone.name, partial(_fitted, settings, zone), settings.asked)
 
 
 def _fitted(settings: ZoneSettings, zone: Zone) -> FittedModel:

@@ -26,7 +26,7 @@ from heatertune.options import options_of
 from heatertune.proof.closing import Asked
 from heatertune.proof.profile_file import read_profile
 from heatertune.proof.spec_file import in_force
-from heatertune.settings import Conditions, FitSettings, TuneSettings
+from heatertune.settings import Conditions, FitSettings, SampleSettings, TuneSettings
 
 __all__ = ["SCHEMA", "study"]
 
@@ -137,8 +137,9 @@ def _row(folder: Path, case: Case) -> Row:
         conditions = replace(conditions, profile=str(folder / conditions.profile))
     asked = Asked(
         target=settings["target"], scaling=scaling_of(settings), tuned=_of(TuneSettings, settings),
-        conditions=conditions, words_by=settings.get("words", "auto"), as_is=settings.get("as_is", False))
-    return _labelled(case, zone_row(case.name, partial(_heater, case), asked, samples=settings.get("samples", 0)))
+        conditions=conditions, words_by=settings.get("words", "auto"), as_is=settings.get("as_is", False),
+        drawn=SampleSettings(samples=settings.get("samples") or None))
+    return _labelled(case, zone_row(case.name, partial(_heater, case), asked))
 
 
 def _beside(folder: Path, spec: str) -> str:

@@ -50,7 +50,7 @@ KEYS: Final[Mapping[str, Option]] = {
     "range_high_degC": _key(float, "temperature at the sensor's highest reading", unit="°C"),
     "input": options_of(SensorSettings)["input"],
     **_keys(Conditions),
-    "samples": _key(int, "drawn heaters on which the words are proven, too", least=0.0),
+    "samples": _key(int, "drawn heaters on which the design is closed, too", least=0.0),
 }
 
 _RANGE: Final = ("range_low_degC", "range_high_degC")
@@ -184,7 +184,7 @@ def _demand_known(where: str | Path, kind: str, name: str, allowed: Any) -> None
 def _shapes(path: str | Path, study: Study) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Return one case of each shape with its place: those that differ only in numbers need no second look."""
     if study.grid:
-        chosen = {key: settings if key in ("target", "switches", "input") else settings[:1]
+        chosen = {key: settings if key in ("target", "switches", "input", "samples") else settings[:1]
                   for key, settings in study.grid.items()}
         for settings in product(*chosen.values()):
             yield f"{path}, [grid]", {**study.fixed, **dict(zip(chosen, settings, strict=True))}
@@ -203,6 +203,8 @@ def _check(where: str, case: Mapping[str, Any]) -> None:
     for key, needed in _NEEDS.items():
         if key in case and needed not in case:
             raise DocumentError(f"{where}: {key} without {needed}, which it belongs to")
+    if case.get("samples") and "interlock" in case:
+        raise DocumentError(f"{where}: samples behind an interlock, which they are run without: leave out either")
     missing = [key for key in _BY_HAND if key not in case]
     if "gain_degC_per_pct" in case and missing:
         raise DocumentError(f"{where}: no {missing[0]}; a model by hand needs {', '.join(_BY_HAND)}")

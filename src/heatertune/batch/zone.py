@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import fields
-from typing import Any, Final
+from typing import Final
 
 from heatertune import cache
 from heatertune.batch.values import Column, Row
@@ -18,9 +18,10 @@ from heatertune.plc import Words, controller_for
 from heatertune.plc.words import FLOATS
 from heatertune.processors import on_one
 from heatertune.proof import Proof
-from heatertune.proof.closing import Asked, closed
-from heatertune.proof.drawn import sample_document
-from heatertune.proof.verdict import blocking, combined, sampled
+from heatertune.proof.asked import Asked
+from heatertune.proof.closing_drawn import closed_on_samples
+from heatertune.proof.exported import as_exported
+from heatertune.proof.verdict import blocking, samples_told
 
 __all__ = ["HEAD", "RESULT", "lost_row", "word_columns", "zone_row"]
 
@@ -98,7 +99,7 @@ def word_columns(targets: Iterable[str]) -> tuple[Column, ...]:
     return tuple(columns.values())
 
 
-def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked, *, samples: int = 0) -> Row:
+def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked) -> Row:
     """Take a heater through the chain as `design` does; what cannot be done is told in the row, never raised.
 
     Nothing but what `find` finds is kept in the cache: a million designs would fill the disk.
@@ -107,7 +108,6 @@ def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked, *, sample
         name: of the row.
         find: reads and fits the log, or reads the model.
         asked: what the design is asked for.
-        samples: on how many drawn heaters the words are proven as well, see `sample_document`.
     """
     row: Row = {"name": name}
     stage = "no fit"
@@ -117,14 +117,11 @@ def zone_row(name: str, find: Callable[[], FittedModel], asked: Asked, *, sample
         with cache.unused(), unexplained(), on_one():
             begun = list[str]()
             try:
-                design = closed(fitted, asked, stage=begun.append)
+                design = closed_on_samples(fitted, asked, stage=begun.append)
+                proof = as_exported(design.proof)
             finally:
                 stage = f"no {begun[-1]}"
-            words = design.proof.words
-            row |= _design(design.wished) | _words(words) | _proof(design.proof)
-            if not samples:
-                return row
-            return row | _sampled(row, sample_document(words, fitted, samples, design.conditions))
+            return row | _design(design.wished) | _words(proof.words) | _proof(proof) | _sampled(proof)
     except HeatertuneError as problem:
         return row | {"outcome": "no log" if isinstance(problem, LogError) else stage, "reason": str(problem)}
     except Exception as problem:  # one zone must not stop the others, whatever is wrong in the program
@@ -161,6 +158,8 @@ def _proof(proof: Proof) -> Row:
     broken = [criterion.name for criterion in proof.criteria if not criterion.ok]
     reasons = [f"not kept: {', '.join(broken)}"] if broken else []
     reasons += [f"not proven: {criterion['name']}" for criterion in blocking(proof.heard.to_document())]
+    if proof.samples is not None and proof.samples.verdict != "PASS":
+        reasons += [samples_told(proof.samples.to_document())]
     return {
         "outcome": proof.verdict, "reason": "; ".join(reasons) or None,
         "remarks": "; ".join(proof.heard.remarks) or None,
@@ -175,13 +174,7 @@ def _proof(proof: Proof) -> Row:
     }
 
 
-def _sampled(row: Row, samples: Mapping[str, Any]) -> Row:
-    """Return what the samples say; a row is PASS where its proof and its samples are."""
-    columns: Row = {
-        "samples": samples["count"], "samples_passing_pct": 100.0 * samples["passing"],
-        "samples_worst_seed": samples["worst_seed"],
-    }
-    if samples["verdict"] == "PASS":
-        return columns
-    reason = "; ".join(filter(None, (row["reason"], *sampled({"samples": samples}))))
-    return columns | {"outcome": combined([row["outcome"], samples["verdict"]]), "reason": reason}
+def _sampled(proof: Proof) -> Row:
+    drawn = proof.samples
+    return {} if drawn is None else {
+        "samples": drawn.count, "samples_passing_pct": 100.0 * drawn.passing, "samples_worst_seed": drawn.worst_seed}

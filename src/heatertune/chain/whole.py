@@ -28,7 +28,8 @@ from heatertune.plc import controller_for
 from heatertune.plc.choose import search_document
 from heatertune.progress import Told
 from heatertune.proof import Proof
-from heatertune.proof.closing import Asked, Closed, closed_on_runs
+from heatertune.proof.asked import Asked, Closed
+from heatertune.proof.closing_drawn import closed_on_samples
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.proof.exported import as_exported
 from heatertune.proof.pictures import pictures, robustness
@@ -97,7 +98,7 @@ def design(
         progress(_told("fit"))
         fitted = fit(log, fitted_with, companions=True, progress=progress)
         second.draw(_found(log, fitted), "log")
-        found = closed_on_runs(fitted, asked, progress=progress, stage=lambda name: progress(_told(name)))
+        found = closed_on_samples(fitted, asked, progress=progress, stage=lambda name: progress(_told(name)))
         progress(_told("report"))
         files, documents = _shown(log, fitted, found, force, second)
         result = replace(found, proof=as_exported(found.proof))  # while the pictures are drawn

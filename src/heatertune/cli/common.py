@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 from heatertune import options
 from heatertune.errors import InputError
 from heatertune.plc.targets import COOLING, FAITHFUL, NAMES
-from heatertune.settings import Conditions, FitSettings, ReadSettings, SensorSettings, TuneSettings, WordSettings
+from heatertune.settings import (
+    Conditions,
+    FitSettings,
+    ReadSettings,
+    SampleSettings,
+    SensorSettings,
+    TuneSettings,
+    WordSettings,
+)
 
 if TYPE_CHECKING:
     from heatertune.model.values import FittedModel
@@ -124,14 +132,14 @@ def target(settings: argparse.Namespace) -> str:
 
 def asked(settings: argparse.Namespace) -> Asked:
     """Return what a design is asked for; errors as `heatertune.options.of`."""
-    from heatertune.proof.closing import Asked  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.asked import Asked  # noqa: PLC0415 - the help must not wait for it
 
     by = options.of(WordSettings, settings)
     return Asked(
         target=target(settings), scaling=scaling(settings), tuned=options.of(TuneSettings, settings),
         conditions=conditions(settings), interval_by_words=interval_by_words(settings), words_by=by.words_by,
         refined=by.refined, setpoint_ramp=by.setpoint_ramp, boost=by.boost, switch_kind=by.switch_kind,
-        as_is=by.as_is)
+        as_is=by.as_is, drawn=options.of(SampleSettings, settings))
 
 
 def scaling(settings: argparse.Namespace) -> Scaling:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.cli.parsing import again
-from heatertune.settings import FitSettings, WordSettings
+from heatertune.settings import FitSettings, SampleSettings, WordSettings
 
 if TYPE_CHECKING:
     from heatertune.chain.ahead import Beside
@@ -31,6 +31,7 @@ def add_to(commands: Any) -> None:
     common.add_proof_options(command)
     common.add_log_options(command)
     common.add_tuning_options(command)
+    options.add(command.add_argument_group("many heaters"), SampleSettings, but=("replay",))
     printing.add_output_options(command, brief=True)
     command.set_defaults(run=_run)
 

@@ -24,8 +24,8 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("logs", metavar="LOGS", help="a folder, a pattern in quotation marks, or a list of paths")
     batch.add_table_options(command)
-    options.add(command, SampleSettings, "samples", default=0,
-                help="prove each zone's words on N drawn heaters, too (see: verify --samples)")
+    options.add(command, SampleSettings, "samples",
+                help="close each zone's design on N drawn heaters, too (see: design --samples)")
     options.add(command, WordSettings, "words_by", "as_is")
     common.add_proof_options(command)
     common.add_log_options(command)
@@ -39,7 +39,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.report.text import outcome_lines  # noqa: PLC0415
 
     zones = ZoneSettings(asked=common.asked(settings), read=common.reading(settings),
-                         fitted_with=options.of(FitSettings, settings), samples=settings.samples)
+                         fitted_with=options.of(FitSettings, settings))
     document = fleet(settings.logs, zones, out=settings.out, workers=batch.workers(settings), resume=settings.resume,
                      progress=batch.Bar(settings, "zones"))
     printing.output(settings, document, lambda: outcome_lines(document))

@@ -32,10 +32,9 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.proof.document import digested  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.drawn import replay_document, sample_document  # noqa: PLC0415
+    from heatertune.proof.drawn import replay_document, with_samples  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415
-    from heatertune.proof.verdict import combined, verdict_first, verdict_line  # noqa: PLC0415
+    from heatertune.proof.verdict import verdict_first, verdict_line  # noqa: PLC0415
     from heatertune.report.brief import verify_brief  # noqa: PLC0415
     from heatertune.report.text import criteria_table, ramp_note, samples_table  # noqa: PLC0415
 
@@ -50,19 +49,13 @@ def _run(settings: argparse.Namespace) -> int:
         return 0 if document["verdict"] == "PASS" else 1
     progress("proving the words")
     proof, notes = prove_ramped(asked.words, fitted, asked.ramp, conditions, progress=progress)
-    document, verdicts = proof.to_document(), [proof.verdict]
     if drawn.samples is not None:
         progress(f"proving them on {drawn.samples} samples")
-        document["samples"] = sample_document(
-            proof.words, fitted, drawn.samples, conditions, seed=drawn.seed, quantile=drawn.quantile,
-            spread=drawn.spread)
-        verdicts.append(document["samples"]["verdict"])
-    verdict = document["verdict"] = combined(verdicts)
-    document = digested(document)
+    document = with_samples(proof, fitted, drawn, conditions).to_document()
     remarks, line = [*asked.notes, *ramp_note(document), *notes], verdict_line(document)
     printing.output(
         settings, document,
         lambda: "\n".join([line, criteria_table(document), *(f"- {remark}" for remark in remarks),
                            *samples_table(document), f"VERDICT {line}"]),
         brief=lambda: verify_brief(document, remarks), short=lambda: verdict_first(document))
-    return 0 if verdict == "PASS" else 1
+    return 0 if document["verdict"] == "PASS" else 1

@@ -16,11 +16,12 @@ from heatertune.plc.design import tune
 from heatertune.progress import Told
 from heatertune.proof import Proof
 from heatertune.proof.fitted import aimed, told_of_aim
+from heatertune.proof.interlock import demand_none
 from heatertune.proof.pwm_period import with_pwm
 from heatertune.proof.recipes import files_of, recorded
 from heatertune.proof.refine import refine
 from heatertune.proof.setpoint_ramp import prove_ramped
-from heatertune.settings import Conditions, TuneSettings, WordSettings
+from heatertune.settings import Conditions, SampleSettings, TuneSettings, WordSettings
 from heatertune.units import count
 
 __all__ = ["Asked", "Closed", "Made", "made_for", "plainly"]
@@ -39,6 +40,10 @@ class Asked(WordSettings):
         tuned: how the design is found.
         conditions: of the proof.
         interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
+        drawn: on which drawn heaters it has to pass as well.
+
+    Raises:
+        InputError: samples behind an interlock.
     """
 
     target: str
@@ -46,6 +51,12 @@ class Asked(WordSettings):
     tuned: TuneSettings = field(default_factory=TuneSettings)
     conditions: Conditions = field(default_factory=Conditions)
     interval_by_words: bool = False
+    drawn: SampleSettings = field(default_factory=SampleSettings)
+
+    def __post_init__(self) -> None:
+        WordSettings.__post_init__(self)
+        if self.drawn.samples is not None:
+            demand_none(self.conditions.interlock)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,51 +6,78 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
+from heatertune.options import merged
 from heatertune.pid.search.uncertain import spreads_of
 from heatertune.plc import Words, controller_for
-from heatertune.proof import Drawing, Limits, Spread, judge, prove_samples, replay
+from heatertune.proof import Drawing, Limits, Proof, Spread, judge, prove_samples, replay
 from heatertune.proof.fitted import actuator_for, course_for, limits_of, setpoints_for
 from heatertune.proof.heaters import holding
-from heatertune.proof.sampled import hardest_setting
+from heatertune.proof.interlock import demand_none
+from heatertune.proof.sampled import SampleProof, hardest_setting
 from heatertune.proof.series import trace_series
 from heatertune.proof.spec_file import specified
-from heatertune.settings import Conditions
-from heatertune.units import check
+from heatertune.settings import Conditions, SampleSettings
 
-__all__ = ["SCHEMA", "drawing_for", "replay_document", "sample_document"]
+__all__ = ["SCHEMA", "drawing_for", "replay_document", "sample_document", "sampled", "with_samples"]
 
 SCHEMA: Final = "heatertune/sample/1"
-_MOST_SAMPLES: Final = 10_000_000
 
 
-def sample_document(
-    words: Words, fitted: FittedModel, count: int, conditions: Conditions | None = None, *, seed: int = 0,
-    quantile: float = 0.95,
-    spread: Mapping[str, float] | None = None, workers: int | None = None,
-) -> dict[str, Any]:
-    """Return the verdict on many samples of the proof that `heatertune.chain.prove` makes, as its JSON object.
+def sampled(
+    words: Words, fitted: FittedModel, drawn: SampleSettings, conditions: Conditions | None = None, *,
+    workers: int | None = None,
+) -> SampleProof:
+    """Return what the samples asked for of the proof that `heatertune.chain.prove` makes amount to.
 
     Args:
         words: what the PLC will hold.
         fitted: the heater; its candidates and intervals are drawn from.
-        count: how many samples.
+        drawn: how many, from which seed on, and what is drawn how wide.
         conditions: as for `prove`.
-        seed: of the first one.
-        quantile: share of all such heaters that must keep every limit.
-        spread: what else is drawn how wide, see `heatertune.proof.Spread`; what is missing has its default.
         workers: how many processors share them; None: all.
 
     Raises:
         InputError: an interlock, which samples do not have; or as `prove`.
-        OutOfRange, UnknownName: as `prove`, or a spread, count or quantile without meaning.
+        OutOfRange, UnknownName: as `prove`.
     """
-    check("samples", count, least=1, most=_MOST_SAMPLES)
     assumed = conditions or Conditions()
-    drawing = drawing_for(words, fitted, spread or {}, assumed)
-    limits = _limits(assumed, drawing)
-    return prove_samples(drawing, limits, count, seed=seed, quantile=quantile, workers=workers).to_document()
+    drawing = drawing_for(words, fitted, drawn.spread, assumed)
+    return prove_samples(drawing, _limits(assumed, drawing), drawn.samples or 1, seed=drawn.seed,
+                         quantile=drawn.quantile, workers=workers)
+
+
+def with_samples(
+    proof: Proof, fitted: FittedModel, drawn: SampleSettings, conditions: Conditions | None = None
+) -> Proof:
+    """Return a proof that heard the samples, too, or as it is where none are asked for; errors as `sampled`."""
+    if drawn.samples is None:
+        return proof
+    return replace(proof, samples=sampled(proof.words, fitted, drawn, conditions))
+
+
+def sample_document(
+    words: Words, fitted: FittedModel, count: int, conditions: Conditions | None = None, *, seed: int = 0,
+    quantile: float = 0.95, spread: Mapping[str, float] | None = None, workers: int | None = None,
+) -> dict[str, Any]:
+    """Return the verdict on many samples, see `sampled`, as its JSON object.
+
+    Args:
+        words: what the PLC will hold.
+        fitted: the heater.
+        count: how many samples.
+        conditions: as for `prove`.
+        seed: of the first one.
+        quantile: share of all such heaters that must keep every limit.
+        spread: what else is drawn how wide, as `SampleSettings.spread` names it; what is missing has its default.
+        workers: how many processors share them; None: all.
+
+    Raises:
+        InputError, UnknownName: as `sampled`.
+        OutOfRange: likewise, or a spread, count or quantile without meaning.
+    """
+    drawn = merged(SampleSettings, SampleSettings(samples=count, seed=seed, quantile=quantile), dict(spread or {}))
+    return sampled(words, fitted, drawn, conditions, workers=workers).to_document()
 
 
 def replay_document(
@@ -100,8 +127,7 @@ def drawing_for(words: Words, fitted: FittedModel, spread: Mapping[str, float], 
         InputError: an interlock, which samples do not have; or as `heatertune.proof.fitted.prove`.
         OutOfRange, UnknownName: likewise, or a spread without meaning.
     """
-    if assumed.interlock is not None:
-        raise InputError("samples are run without an interlock: leave out --interlock, or --samples and --replay")
+    demand_none(assumed.interlock)
     setpoint, farthest = setpoints_for(fitted, assumed)
     family = [model for _, model in holding(fitted, farthest)]
     heaters = [model for _, model in holding(replace(

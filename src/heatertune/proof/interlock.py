@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.errors import UnknownName
+from heatertune.errors import InputError, UnknownName
 from heatertune.options import options_of
 from heatertune.plc.cpu.one_bit.assembler import assemble
 from heatertune.plc.cpu.one_bit.machine import START, State, Wiring, scan
@@ -24,7 +24,7 @@ from heatertune.plc.pwm import INSTANT_S
 from heatertune.settings import Conditions
 from heatertune.units import check
 
-__all__ = ["INTERLOCKS", "Interlock"]
+__all__ = ["INTERLOCKS", "Interlock", "demand_none"]
 
 #: names on the command line
 INTERLOCKS: Final = tuple(options_of(Conditions)["interlock"].choices)
@@ -38,6 +38,16 @@ _WIRING: Final = Wiring(inputs=frozenset(_BITS[name] for name in "ABCDR"))
 _BLOCK: Final = 100_000  # instants looked at in one go
 
 Array = npt.NDArray[np.float64]
+
+
+def demand_none(name: str | None) -> None:
+    """Refuse an interlock for samples, which are run without one.
+
+    Raises:
+        InputError: there is one.
+    """
+    if name is not None:
+        raise InputError("samples are run without an interlock: leave out --interlock, or --samples and --replay")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ from heatertune.proof.asked import Closed
 from heatertune.proof.night import briefly
 from heatertune.units import written
 
-__all__ = ["broken", "gains_told", "more_iae", "told"]
+__all__ = ["broken", "costs", "gains_told", "more_iae", "told"]
 
 _NOTICED: Final = 0.1  # a smaller change of heat-up or switchings is not told
 _NEAR: Final = 0.05  # a factor nearer to 1 is told with a digit more
@@ -30,7 +30,7 @@ def gains_told(first: PidDesign, other: PidDesign) -> str:
 
 def told(first: Closed, found: Closed, what: str) -> str:
     """Return the sentence of a change that passes: what failed, what was changed, and its price."""
-    price = ", ".join(_price(first, found))
+    price = costs(first, found)
     why = f"fails ({broken(first)})" if broken(first) else "winds up"
     return f"The optimum as asked for {why}; with {what} every limit is kept; {price}."
 
@@ -41,7 +41,12 @@ def more_iae(first: Closed, found: Closed) -> float:
     return 0.0 if before is None or after is None else after / before - 1.0
 
 
-def _price(first: Closed, found: Closed) -> Iterator[str]:
+def costs(first: Closed, found: Closed) -> str:
+    """Return what another design costs beside the first, for a reader."""
+    return ", ".join(_costs(first, found))
+
+
+def _costs(first: Closed, found: Closed) -> Iterator[str]:
     """Return what a change costs: load disturbances, heat-up, wear of the switch."""
     more = 100.0 * more_iae(first, found)
     yield f"a load disturbance costs {more:.2g} % more IAE" if more > _NOTHING_PCT else "IAE stays"

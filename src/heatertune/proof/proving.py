@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache as remember
 from functools import partial
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.codec import built, encode
 from heatertune.errors import InputError
@@ -35,6 +35,9 @@ from heatertune.proof.specification import Specification
 from heatertune.proof.trace import Trace
 from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, combined
 from heatertune.show import Shown
+
+if TYPE_CHECKING:
+    from heatertune.proof.sampled import SampleProof
 
 __all__ = ["Proof", "Run", "RunResult", "prove_models"]
 
@@ -100,6 +103,7 @@ class Proof(Shown):
         open_points: whether every setting the manual leaves open was run, not only the defaults.
         heard: what the fit found and the user knows, which no run shows.
         nights: name of what was found in `heatertune.proof.night` → runs in which it was.
+        samples: what the words do on drawn heaters; None: none were drawn.
 
     Raises:
         InputError: no run.
@@ -122,6 +126,7 @@ class Proof(Shown):
     heard: Heard = field(default_factory=Heard)
     specification: Specification | None = None
     nights: Mapping[str, tuple[Run, ...]] = field(default_factory=dict, repr=False)
+    samples: SampleProof | None = None
 
     def __post_init__(self) -> None:
         if not (self.runs and self.criteria):
@@ -144,10 +149,14 @@ class Proof(Shown):
 
     @property
     def verdict(self) -> str:
-        """"FAIL" where a run failed, else "NOT PROVEN" where the fit leaves open what no run shows, else "PASS"."""
+        """"FAIL" where a run or the samples failed, else "NOT PROVEN" where they leave something open, else "PASS".
+
+        What the fit leaves open no run shows; too few samples do not show what share of all heaters passes.
+        """
         heard = [NOT_PROVEN] if blocking(self.heard.to_document()) else []
         broken = ["FAIL"] if not all(criterion.ok for criterion in self.criteria) else []
-        return combined([*(run.verdict for run in self.runs), *broken, *heard])
+        drawn = [] if self.samples is None else [self.samples.verdict]
+        return combined([*(run.verdict for run in self.runs), *broken, *heard, *drawn])
 
     @property
     def setpoint_ramp(self) -> RampView | None:
@@ -166,10 +175,12 @@ class Proof(Shown):
         runs = (
             built(RunView, run, criteria={criterion.name: built(OutcomeView, criterion) for criterion in run.criteria})
             for run in self.runs)
-        return digested(encode(built(
-            ProofView, self, self.words, self.heard, words=self.words.values, runs=tuple(runs),
+        document = encode(built(
+            ProofView, self, self.words, self.heard, words=self.words.values, runs=tuple(runs), samples=None,
             criteria={criterion.name: criterion.view for criterion in self.criteria}, findings=self.heard.views,
-            digest="")))
+            digest=""))
+        drawn = {} if self.samples is None else {"samples": self.samples.to_document()}
+        return digested(document | drawn)
 
 
 def prove_models(

@@ -16,7 +16,7 @@ from heatertune.plc.controller import controller_for
 from heatertune.plc.targets import REPAIRED
 from heatertune.plc.typed import TypedWord, as_typed
 from heatertune.proof.period import life
-from heatertune.proof.verdict import blocking, sampled, told_by_kind
+from heatertune.proof.verdict import blocking, sampled, told_by_kind, verdict_of_samples
 from heatertune.report.layout import LINES, WIDTH, beside, command, cut, labelled, notes_within, screen, table, wrapped
 from heatertune.report.text import (
     NOT_IDENTIFIED,
@@ -70,7 +70,9 @@ def design_brief(documents: Mapping[str, Document], out: str, nearest: Sequence[
     notes = [*_notes(model), *_notes(pid), *search_notes(words)]
     facts = {"heater": [_heater(model)], "ideal": [_ideal(pid)]}
     files = _files(words, out)
-    said, values, worst = [*_verdict(proof, nearest), *labelled(facts, 2)], _values(words, proof), _worst(proof)
+    fails = _fails_on_samples(proof) and not nearest
+    drawn = wrapped(_of_samples(proof["samples"], closed=True), "", _SAID) if fails else []
+    said, values, worst = [*_verdict(proof, nearest), *drawn, *labelled(facts, 2)], _values(words, proof), _worst(proof)
     ends = [*files, *([hint] if hint else [])]
     room = LINES - sum(map(len, (said, values, worst, ends)))
     doubts = labelled({**_doubts(proof, _unsure(model)), "notes": _counted(notes)}, max(1, min(room, _DOUBTS)))
@@ -86,22 +88,31 @@ def verify_brief(proof: Document, notes: Sequence[str] = ()) -> str:
 def _way_on(proof: Document) -> str:
     if proof["target"] in REPAIRED:
         return f"the same program repaired: --target {REPAIRED[proof['target']]}"
-    if proof.get("samples") and all(criterion["ok"] for criterion in proof["criteria"].values()):
+    if _fails_on_samples(proof):
         return _of_samples(proof["samples"])
     return "heatertune design or tune with this --target looks for the least change that passes"
 
 
-def _of_samples(samples: Document) -> str:
-    """Return what drawn heaters break, and what helps where those that the log leaves possible break nothing."""
+def _fails_on_samples(proof: Document) -> bool:
+    """Whether drawn heaters alone break the limits."""
+    kept = all(criterion["ok"] for criterion in proof["criteria"].values())
+    return kept and proof["verdict"] == "FAIL" and "samples" in proof
+
+
+def _of_samples(samples: Document, *, closed: bool = False) -> str:
+    """Return what drawn heaters break, and what helps but a lower Ms, which a design `closed` on them has tried."""
     spots = samples["criteria"]
     often = sorted((name for name in spots if spots[name]["passing"] < 1.0), key=lambda name: spots[name]["passing"])
     broken = [f"{figure(100.0 * (1.0 - spots[name]['passing']), 2)} % break {_called(name)}" for name in often[:2]]
     reserve = spots.get("power_reserve", {}).get("worst")
-    helps = ("a lower --ms in design or tune leaves more room" if reserve is None or reserve > 0.0 else
-             "on some the heater lacks the power for this setpoint")
-    if max(one["kept"] for one in samples["settings"]) >= samples["quantile"] * samples["count"]:
-        helps = f"where the controller is known to be another way, --switch tells so; {helps}"
-    return f"of all samples, {' and '.join(broken)}: {helps}"
+    most, helps = max(one["kept"] for one in samples["settings"]), []
+    if verdict_of_samples(samples["count"], samples["quantile"], [most]) == "PASS":
+        helps += ["where the controller is known to be another way, --switch tells so"]
+    if reserve is not None and not reserve > 0.0:
+        helps += ["on some the heater lacks the power for this setpoint"]
+    elif not closed:
+        helps += ["heatertune design or fleet with --samples looks for a lower Ms that passes"]
+    return ": ".join(filter(None, (f"of all samples, {' and '.join(broken)}", "; ".join(helps))))
 
 
 def model_brief(model: Document, out: str | None = None) -> str:
