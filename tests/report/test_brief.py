@@ -112,7 +112,7 @@ def test_samples_stand_in_the_first_lines_with_what_they_break_where_the_runs_br
     said = " ".join(verify_brief(proof).split())
     assert "180 of 200 samples keep every limit under x = z, so at most 93.28 % of all do (95 % confidence), 95 % must" in said
     assert "way on: of all samples, 2 % break recovery overshoot and 0.5 % break overshoot: where the controller is known to be " in said
-    assert "--switch tells so; heatertune design or fleet with --samples looks for a lower Ms that passes" in said
+    assert "--switch tells so; heatertune design or fleet with --samples looks for the least change that passes" in said
     drawn["settings"][0]["kept"] = 195
     drawn["criteria"] = {**spots, "power_reserve": {"passing": 1.0, "worst": -3.0}}
     said = " ".join(verify_brief(proof).split())

@@ -58,14 +58,21 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
 
 
 @judged_once()
-def closed_on_runs(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: Told = str) -> Closed:
-    """Return what `closed` does before the exported text is run: for who does so a little later, with `as_exported`."""
+def closed_on_runs(
+    fitted: FittedModel, asked: Asked, *, ways_on: bool = True, progress: Told = str, stage: Told = str
+) -> Closed:
+    """Return what `closed` does before the exported text is run: for who does so a little later, with `as_exported`.
+
+    Without `ways_on` nobody wants to know what else would pass.
+    """
     still = asked if asked.as_is else replace(asked, setpoint_ramp=asked.setpoint_ramp or "none")
     first = plainly(fitted, still, text=False, progress=progress, stage=stage)
     if asked.as_is or (first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.heard))):
         return first
     search = _Search(fitted=fitted, asked=asked, first=first, progress=progress)
     mended = search.cheapest() if first.proof.design else search.sooner()
+    if not ways_on:
+        return mended or first
     return search.way_on.told() if mended is None else replace(mended, notes=(*mended.notes, *search.hints(mended)))
 
 

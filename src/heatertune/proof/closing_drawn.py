@@ -1,35 +1,36 @@
-"""The design closed on drawn heaters, too: where too few keep every limit, the first lower Ms with which enough do."""
+"""The design closed on drawn heaters, too: where too few keep every limit, it is made for the worst of them, too."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
 from heatertune.errors import HeatertuneError, InputError
-from heatertune.model.values import FittedModel
+from heatertune.model.values import Candidate, FittedModel, HeaterModel
 from heatertune.progress import Told
 from heatertune.proof import price
 from heatertune.proof.asked import Asked, Closed
 from heatertune.proof.closing import closed_on_runs
-from heatertune.proof.drawn import with_samples
-from heatertune.proof.fitted import aimed
+from heatertune.proof.drawn import drawing_for, with_samples
+from heatertune.proof.fitted import prove
+from heatertune.proof.recipes import made_again
 from heatertune.proof.sampled import SampleProof
 from heatertune.proof.verdict import samples_told, verdict_of_samples
 from heatertune.settings import SampleSettings
+from heatertune.units import count
 
 __all__ = ["closed_on_samples"]
 
-#: tried in turn; the field designs for 1.2 to 2.0, and from 1.4 on for robustness (K. J. Åström, T. Hägglund, "PID
-#: Controllers", 1995)
-_CALMER_MS: Final = (1.4, 1.25)
+_MORE: Final = 3  # drawn heaters that a design is made for, too, each time it fails
+_MOST_ROUNDS: Final = 3
 
 
 def closed_on_samples(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: Told = str) -> Closed:
-    """Return the design of `closed_on_runs`, or, where too few samples pass, the first of a lower Ms where enough do.
+    """Return the design of `closed_on_runs`, where too few samples pass made for the worst of them, too.
 
     Who looks for a design that passes on some samples finds one that suits them: what was found so is judged by as many
-    others, whose verdict stands. Where no lower Ms helps, for heaters lack the power, say, it is the design as it was
-    asked for.
+    others, whose verdict stands. Where none is found, for heaters lack the power, say, it is the design as asked for.
 
     Args:
         fitted: the heater and its candidates.
@@ -43,24 +44,71 @@ def closed_on_samples(fitted: FittedModel, asked: Asked, *, progress: Told = str
     drawn, found = asked.drawn, closed_on_runs(fitted, asked, progress=progress, stage=stage)
     if drawn.samples is None:
         return found
-    progress(f"proving the words on {drawn.samples} samples")
+    progress(f"proving the words on {count(drawn.samples, 'sample')}")
     first = _heard(found, fitted, drawn)
     if asked.as_is or found.proof.verdict == "FAIL" or _drawn(first).verdict == "PASS" or _lacks_power(first):
         return first
-    by_ms, limit = found.wished.method.startswith("optimum"), aimed(asked.tuned, asked.conditions).ms
-    tried = [ms for ms in _CALMER_MS if by_ms and ms < limit]
-    for ms in tried:
-        progress(f"too few samples keep every limit: trying Ms <= {ms:g}")
-        calmer = replace(asked, tuned=replace(asked.tuned, ms=ms))
+    mended = _made_for_more(first, found.proof.verdict, fitted, asked, progress)
+    return mended or _with_way_on(_remarked(first, "nothing tried mends the samples"), fitted, asked, progress)
+
+
+def _made_for_more(
+    first: Closed, verdict: str, fitted: FittedModel, asked: Asked, progress: Told
+) -> Closed | None:
+    """Return the first design that passes as it is made for ever more drawn heaters, too; None where none does.
+
+    Args:
+        first: the design as it was asked for, which the samples fail.
+        verdict: of it without them, which another one has to reach.
+        fitted: as `closed_on_samples`.
+        asked: likewise.
+        progress: likewise.
+    """
+    drawn, found, heaters = asked.drawn, first, dict[int, HeaterModel]()
+    drawing = drawing_for(first.proof.words, fitted, drawn.spread, first.conditions)
+    same = replace(asked, conditions=replace(asked.conditions, setpoint_degC=(  # which hangs on the heaters otherwise
+        asked.conditions.setpoint_degC or first.proof.scenario.setpoint_degC)))
+    for _ in range(_MOST_ROUNDS):
+        new = [seed for seed in _drawn(found).broken if seed not in heaters][:_MORE]
+        heaters |= {seed: drawing.heater(seed) for seed in new}
+        progress(f"too few samples keep every limit: trying a design for {len(heaters)} of them, too")
         try:
-            other = closed_on_runs(fitted, calmer, progress=progress)
-        except HeatertuneError:  # with so low a limit there is no design
-            continue
-        if other.proof.verdict != "FAIL" and _drawn(_heard(other, fitted, drawn)).verdict == "PASS":
-            others = replace(drawn, seed=drawn.seed + drawn.samples)
-            return _changed(first, _heard(other, fitted, others), f"Ms <= {ms:g}")
-    last = _remarked(first, f"no lower Ms down to {tried[-1]:g} helps the samples") if tried else first
-    return _with_way_on(last, fitted, asked, progress)
+            wider = closed_on_runs(_with(fitted, heaters), same, ways_on=False, progress=progress)
+        except HeatertuneError:  # there is no design for all of them
+            return None
+        if wider.proof.verdict not in ("PASS", verdict):
+            return None
+        bare = _proven_on(fitted, asked, wider)
+        if bare.proof.words == found.proof.words:  # what they break is none of their heaters'
+            return None
+        found = _heard(bare, fitted, drawn)
+        if bare.proof.verdict in ("PASS", verdict) and _drawn(found).verdict == "PASS":
+            others = replace(drawn, seed=drawn.seed + _drawn(first).count)
+            return _changed(first, _heard(bare, fitted, others), len(heaters))
+    return None
+
+
+def _with(fitted: FittedModel, heaters: Mapping[int, HeaterModel]) -> FittedModel:
+    """Return a fit with drawn heaters, by their seeds, among the possible ones; nothing is drawn around them."""
+    def candidate(model: HeaterModel, log: str, part: str = "") -> Candidate:
+        return Candidate(model=model, log=log, window_s=(0.0, 0.0), law="", fit_pct=0.0, rmse_degC=0.0, delta_bic=0.0,
+                         part=part)
+
+    own = fitted.candidates or (candidate(fitted.model, "by hand"),)
+    return replace(fitted, candidates=(
+        *own, *(candidate(model, "drawn", f"number {seed}") for seed, model in heaters.items())))
+
+
+def _proven_on(fitted: FittedModel, asked: Asked, wider: Closed) -> Closed:
+    """Return a design that was made for more heaters, its words as `verify` makes them again, on the possible ones."""
+    setpoint = asked.conditions.setpoint_degC
+    conditions, recipe = replace(wider.conditions, setpoint_degC=setpoint), replace(
+        wider.recipe, conditions=replace(wider.recipe.conditions, setpoint_degC=setpoint))
+    choice = made_again(wider.wished, fitted, recipe)
+    proof = prove(choice.words, fitted, conditions)
+    changes = [remark for remark in wider.proof.heard.remarks if remark.startswith("with ")]
+    heard = replace(proof.heard, remarks=(*proof.heard.remarks, *changes))
+    return replace(wider, choice=choice, proof=replace(proof, heard=heard), conditions=conditions, recipe=recipe)
 
 
 def _with_way_on(first: Closed, fitted: FittedModel, asked: Asked, progress: Told) -> Closed:
@@ -101,10 +149,14 @@ def _lacks_power(found: Closed) -> bool:
     return next(spot.p95 for spot in _drawn(found).criteria if spot.name == "power_reserve") <= 0.0
 
 
-def _changed(first: Closed, found: Closed, what: str) -> Closed:
+def _changed(first: Closed, found: Closed, more: int) -> Closed:
+    """Return a design that was made for more heaters; it says so, and what that costs."""
     before, now = (samples_told(_drawn(each).to_document()) for each in (first, found))
-    note = f"As asked for, {before}; with {what}, of as many others, {now}; {price.costs(first, found)}."
-    return replace(_remarked(found, f"with {what} for the samples"), notes=(note, *found.notes))
+    what = f"made for {more} of them, too"
+    if found.proof.design and first.proof.design and (gains := price.gains_told(first.wished, found.wished)):
+        what = f"with {gains}, {what}"
+    note = f"As asked for, {before}; {what}, of as many others, {now}; {price.costs(first, found)}."
+    return replace(_remarked(found, what.replace("them", "the drawn heaters")), notes=(note, *found.notes))
 
 
 def _remarked(found: Closed, remark: str) -> Closed:

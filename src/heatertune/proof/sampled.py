@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ __all__ = ["SampleProof", "Setting", "Spot", "hardest_setting", "prove_samples"]
 Array = npt.NDArray[np.float64]
 
 _AT_ONCE: Final = 10_000  # samples of which all is kept that was measured: some kilobytes each
+_NAMED: Final = 100  # samples that break a limit, by their seeds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,6 +69,7 @@ class SampleProof:
             setting, whichever it is.
         settings: each setting and how many samples keep every limit under it.
         worst_seed: seed of the worst sample: most limits broken, then the most of a limit used.
+        broken: seeds of the samples that break a limit, the worst first, a hundred at most; no document has them.
         spread: what they were drawn from.
         criteria: by name.
     """
@@ -80,6 +82,7 @@ class SampleProof:
     worst_seed: int
     spread: Spread
     criteria: tuple[Spot, ...]
+    broken: tuple[int, ...]
 
     @property
     def verdict(self) -> str:
@@ -88,7 +91,8 @@ class SampleProof:
 
     def to_document(self) -> dict[str, Any]:
         """Return the JSON object; numbers that are not finite are null."""
-        document: dict[str, Any] = {"verdict": self.verdict, **encode(self)}
+        document: dict[str, Any] = {"verdict": self.verdict, **encode(replace(self, broken=()))}
+        del document["broken"]
         return document | {"criteria": {spot.pop("name"): spot for spot in document["criteria"]}}
 
 
@@ -113,12 +117,13 @@ def prove_samples(
     found = [_run(drawing, limits, min(_AT_ONCE, count - begun), seed + begun, workers)
              for begun in range(0, count, _AT_ONCE)]
     broken, strain = (np.concatenate([getattr(part, name) for part in found], axis=1) for name in ("broken", "strain"))
-    kept = np.count_nonzero(broken == 0, axis=1).tolist()
+    kept, hardest = np.count_nonzero(broken == 0, axis=1).tolist(), _hardest(broken, strain)
     settings = tuple(Setting(switches=controller.switches, kept=number)
                      for controller, number in zip(drawing.controllers, kept, strict=True))
     return SampleProof(
         count=count, seed=seed, quantile=quantile, settings=settings, spread=drawing.spread,
-        passing=min(kept) / count, worst_seed=seed + _hardest(broken, strain) % count,
+        passing=min(kept) / count, worst_seed=seed + hardest[0] % count,
+        broken=tuple(dict.fromkeys(seed + run % count for run in hardest[:np.count_nonzero(broken)]))[:_NAMED],
         criteria=tuple(_spot(each) for each in zip(*(part.criteria for part in found), strict=True)))
 
 
@@ -172,9 +177,10 @@ def _sign(at_least: bool) -> float:
     return -1.0 if at_least else 1.0
 
 
-def _hardest(broken: npt.NDArray[np.intp], strain: Array) -> int:
-    """Return the number of the run that breaks the most limits, of equals the one that uses most of one."""
-    return int(np.lexsort((-strain.ravel(), -broken.ravel()))[0])
+def _hardest(broken: npt.NDArray[np.intp], strain: Array) -> list[int]:
+    """Return the numbers of the runs: first what breaks the most limits, of equals what uses most of one."""
+    runs: list[int] = np.lexsort((-strain.ravel(), -broken.ravel())).tolist()
+    return runs
 
 
 def hardest_setting(drawing: Drawing, limits: Limits, seed: int) -> int:
@@ -186,4 +192,4 @@ def hardest_setting(drawing: Drawing, limits: Limits, seed: int) -> int:
     if len(drawing.controllers) == 1:
         return 0
     found = _run(drawing, limits, 1, seed, 1)
-    return _hardest(found.broken, found.strain)
+    return _hardest(found.broken, found.strain)[0]

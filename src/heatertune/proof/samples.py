@@ -175,6 +175,11 @@ class Drawing:
                 sizes[:, number] = 1.0 if share in (0.0, 1.0) else 1.0 / power  # a share of the rated power
         return rows, sizes
 
+    def heater(self, seed: int) -> HeaterModel:
+        """Return the heater of a sample, its mains in the gain, without the controller's delay; `replay` adds more."""
+        (row,), _ = self.heaters_of([seed])
+        return _heater(row - [0.0, 0.0, 0.0, self.delay_s, 0.0, 0.0])
+
     def scans_of(self, seeds: Sequence[int], scans: int) -> tuple[Array, Array]:
         """Return noise [°C] and delay [s] of the scans of samples, shape (n, scans), or (1, 1) where none is.
 
@@ -269,12 +274,18 @@ def replay(drawing: Drawing, seed: int, setting: int = 0) -> Trace:
     controller = drawing.controllers[setting]
     (row,), (factors,) = drawing.heaters_of([seed])
     (noise,), (late,) = drawing.scans_of([seed], scans_of(controller, drawing.scenario))
-    gain, first, second, dead, ambient, start = row.tolist()
-    known = {"gain_degC_per_pct": gain, "time_constant_s": first, "dead_time_s": dead, "ambient_degC": ambient}
-    model = TwoLag(**known, second_time_constant_s=second) if second else Fopdt(**known)
+    model, start = _heater(row), float(row[5])
     disturbances = tuple(map(_sized, drawing.scenario.disturbances, factors.tolist()))
-    scenario = replace(drawing.scenario, ambient_degC=ambient, start_degC=start, disturbances=disturbances, seed=seed)
+    scenario = replace(drawing.scenario, ambient_degC=model.ambient_degC, start_degC=start, disturbances=disturbances,
+                       seed=seed)
     return traced(controller, model, scenario, drawing.actuator, noise, late)
+
+
+def _heater(row: Array) -> HeaterModel:
+    """Return the heater of a row of `Drawing.heaters_of`, shape (6,)."""
+    gain, first, second, dead, ambient, _ = row.tolist()
+    known = {"gain_degC_per_pct": gain, "time_constant_s": first, "dead_time_s": dead, "ambient_degC": ambient}
+    return TwoLag(**known, second_time_constant_s=second) if second else Fopdt(**known)
 
 
 def _sized(event: Disturbance, factor: float) -> Disturbance:

@@ -100,7 +100,7 @@ def _fails_on_samples(proof: Document) -> bool:
 
 
 def _of_samples(samples: Document, *, closed: bool = False) -> str:
-    """Return what drawn heaters break, and what helps but a lower Ms, which a design `closed` on them has tried."""
+    """Return what drawn heaters break, and what helps but a design that is `closed` on them, as this one is."""
     spots = samples["criteria"]
     often = sorted((name for name in spots if spots[name]["passing"] < 1.0), key=lambda name: spots[name]["passing"])
     broken = [f"{figure(100.0 * (1.0 - spots[name]['passing']), 2)} % break {_called(name)}" for name in often[:2]]
@@ -111,7 +111,7 @@ def _of_samples(samples: Document, *, closed: bool = False) -> str:
     if reserve is not None and not reserve > 0.0:
         helps += ["on some the heater lacks the power for this setpoint"]
     elif not closed:
-        helps += ["heatertune design or fleet with --samples looks for a lower Ms that passes"]
+        helps += ["heatertune design or fleet with --samples looks for the least change that passes"]
     return ": ".join(filter(None, (f"of all samples, {' and '.join(broken)}", "; ".join(helps))))
 
 
