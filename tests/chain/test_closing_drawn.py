@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import pytest
+from tests.conftest import heater_log
 
 from heatertune.chain import export, prove
 from heatertune.cli import main
@@ -36,6 +37,12 @@ def plain():
     return closed_on_runs(HEATER, ASKED)
 
 
+@pytest.fixture(scope="module")
+def found():
+    """The design that was made for those of them that the plain one fails on, too."""
+    return closed_on_samples(HEATER, ASKED)
+
+
 @pytest.fixture
 def heard(monkeypatch):
     """Let samples say what a test makes them say; return the seeds of the first of all that were asked for."""
@@ -57,14 +64,13 @@ def heard(monkeypatch):
     return let
 
 
-def test_a_design_that_too_few_drawn_heaters_bear_is_made_for_them_too_and_judged_by_others(plain):
+def test_a_design_that_too_few_drawn_heaters_bear_is_made_for_them_too_and_judged_by_others(plain, found):
     before = with_samples(plain.proof, HEATER, DRAWN, plain.conditions)
     assert plain.proof.verdict == "PASS"
     assert before.verdict == before.samples.verdict == "NOT PROVEN"
     with pytest.raises(ExportRefused, match=r"of 100 samples keep every limit.*too few"):
         export(before.words, before)
 
-    found = closed_on_samples(HEATER, ASKED)
     assert found.proof.verdict == "PASS"
     assert found.proof.heard.remarks[-1].endswith("made for 2 of the drawn heaters, too")
     assert all(part in found.notes[0] for part in ("of 100 samples keep", "of as many others", "IAE"))
@@ -79,8 +85,7 @@ def test_a_design_that_too_few_drawn_heaters_bear_is_made_for_them_too_and_judge
     assert sampled(found.proof.words, HEATER, SampleSettings(samples=2000, seed=10_000), found.conditions).passing >= 0.95
 
 
-def test_the_design_that_is_written_makes_the_same_words_again():
-    found = closed_on_samples(HEATER, ASKED)
+def test_the_design_that_is_written_makes_the_same_words_again(found):
     view = decode(PidView, json.loads(json.dumps(to_document(found.wished, HEATER, found.recipe))), "pid.json")
     again = made_again(view.value, view.model.value, view.made_for)
     assert again.words == found.proof.words == found.choice.words
@@ -131,3 +136,17 @@ def test_samples_behind_an_interlock_are_refused_before_anything_is_read(tmp_pat
     words = ("design", str(tmp_path / "none.csv"), "--target", "weg", "--samples", "9", "--interlock", "heater-fan")
     assert main([*words, "--out", str(tmp_path / "out")]) == 2
     assert "samples are run without an interlock" in capsys.readouterr().err
+
+
+def test_the_command_exports_what_samples_passed_and_every_page_says_so(tmp_path, capsys):
+    (tmp_path / "zone.csv").write_text(heater_log(0.5, 1))
+    asked = ["design", str(tmp_path / "zone.csv"), "--target", "weg", "--samples", "100", "--out", str(tmp_path / "out"), "--verbose"]
+    assert main(asked) == 0
+    told = "of 100 samples keep every limit under every setting"
+    assert told in capsys.readouterr().out
+    assert told in (tmp_path / "out" / "weg_pid_call.st").read_text(encoding="utf-8")
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<h3>On drawn heaters</h3>" in page
+    assert told in page.split("<h3>On drawn heaters</h3>")[0], "the record, too"
+    proof = json.loads((tmp_path / "out" / "data" / "proof.json").read_text(encoding="utf-8"))
+    assert checked(proof, "proof.json")["samples"]["verdict"] == proof["verdict"] == "PASS"

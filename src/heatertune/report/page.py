@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from heatertune.plc import controller_for
+from heatertune.proof.verdict import samples_told
 from heatertune.report import plots
 from heatertune.report.conditions import assumed, limits, specification
 from heatertune.report.glossary import glossary
@@ -19,6 +20,7 @@ from heatertune.report.text import (
     figure,
     hypothesis_rows,
     model_rows,
+    samples_rows,
 )
 
 __all__ = ["render", "sections"]
@@ -176,6 +178,16 @@ def _design(documents: Documents) -> str:
     )
 
 
+def _on_drawn_heaters(proof: Document) -> str:
+    """Return what drawn heaters showed, if there were any."""
+    if "samples" not in proof:
+        return ""
+    heads, *rows = samples_rows(proof["samples"])
+    told = f"{proof['samples']['verdict']}: {samples_told(proof['samples'])}."
+    source = "heater, mains voltage, room, goods and sensor drawn; each sample under the setting that is worst for it"
+    return f"<h3>On drawn heaters</h3><p>{text_of(told)}</p>{table(heads, rows, numeric=(1, 2, 3, 4), source=source)}"
+
+
 def _proof(documents: Documents) -> str:
     proof, pictures = documents["proof"], documents["pictures"]
     rows = []
@@ -190,6 +202,7 @@ def _proof(documents: Documents) -> str:
     return (
         "<h2>Proof</h2>"
         + table(heads, rows, numeric=(1, 2), source="closed loop of the PLC's own arithmetic; each line names its run")
+        + _on_drawn_heaters(proof)
         + (f"<h3>Known faults of this controller</h3>{bullets(proof['faults'])}" if proof["faults"] else "")
         + picture(plots.plot_loop(nominal, pictures["worst"], pictures["others"], phases),
                    f"One run, {parts}; nominal: {pictures['nominal']['label']}, worst: {pictures['worst']['label']}.")

@@ -11,7 +11,7 @@ from heatertune.plc import Scaling, controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.plc.inputs import described
 from heatertune.plc.typed import TypedWord, as_typed, word_text
-from heatertune.proof.verdict import blocking, told_of
+from heatertune.proof.verdict import blocking, sampled, told_of
 from heatertune.report.as_left import judged_text, measured_text, plot_as_left, worst_text
 from heatertune.report.html import BLANK, Markup, bullets, coded, picture, steps, table, text_of, tick
 from heatertune.report.text import figure, limit_text, ramp_note, search_notes, spaced, typed
@@ -62,7 +62,7 @@ def _verdict(documents: Documents) -> str:
               for name, one in proof["criteria"].items() if not one["ok"]]
     points = [f"Not proven: {finding['told']} What closes it: {KINDS[finding['name']].remedy}."
               for finding in blocking(proof)]
-    points += told_of(proof)
+    points += [*sampled(proof), *told_of(proof)]
     forced = " The words were exported in spite of it (--force)." if documents["words"].get("forced") else ""
     return (
         f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{proof["verdict"]} at '

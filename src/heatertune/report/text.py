@@ -303,6 +303,7 @@ def summary(documents: Mapping[str, Document]) -> str:
         ("design", design_lines(pid)),
         (f"words for {words['target']}", words_table(words)),
         ("proof", criteria_table(proof)),
+        *([("drawn heaters", "\n".join(drawn))] if (drawn := samples_table(proof)) else []),
     ]
     comparison = documents["comparison"]
     if comparison["price"]:
