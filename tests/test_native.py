@@ -168,7 +168,7 @@ def test_code_stays_where_it_is_as_long_as_it_may_be_called_and_threads_may_call
     threads = [Thread(target=ask) for _ in range(4)]
     for thread in threads:
         thread.start()
-    for _ in range(20):
+    for _ in range(3):
         gc.collect()
     for thread in threads:
         thread.join()

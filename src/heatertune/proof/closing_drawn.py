@@ -26,7 +26,9 @@ _MORE: Final = 3  # drawn heaters that a design is made for, too, each time it f
 _MOST_ROUNDS: Final = 3
 
 
-def closed_on_samples(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: Told = str) -> Closed:
+def closed_on_samples(
+    fitted: FittedModel, asked: Asked, *, ways_on: bool = True, progress: Told = str, stage: Told = str
+) -> Closed:
     """Return the design of `closed_on_runs`, where too few samples pass made for the worst of them, too.
 
     Who looks for a design that passes on some samples finds one that suits them: what was found so is judged by as many
@@ -35,21 +37,24 @@ def closed_on_samples(fitted: FittedModel, asked: Asked, *, progress: Told = str
     Args:
         fitted: the heater and its candidates.
         asked: what the design is asked for; without samples it is that of `closed_on_runs`.
+        ways_on: as `closed_on_runs`.
         progress: told what begins.
         stage: as `closed_on_runs`.
 
     Raises:
         HeatertuneError: as `closed_on_runs`; as `heatertune.proof.drawn.sampled`.
     """
-    drawn, found = asked.drawn, closed_on_runs(fitted, asked, progress=progress, stage=stage)
+    drawn = asked.drawn
+    found = closed_on_runs(fitted, asked, ways_on=ways_on, progress=progress, stage=stage)
     if drawn.samples is None:
         return found
     progress(f"proving the words on {count(drawn.samples, 'sample')}")
     first = _heard(found, fitted, drawn)
     if asked.as_is or found.proof.verdict == "FAIL" or _drawn(first).verdict == "PASS" or _lacks_power(first):
         return first
-    mended = _made_for_more(first, found.proof.verdict, fitted, asked, progress)
-    return mended or _with_way_on(_remarked(first, "nothing tried mends the samples"), fitted, asked, progress)
+    if (mended := _made_for_more(first, found.proof.verdict, fitted, asked, progress)) is not None or not ways_on:
+        return mended or first
+    return _with_way_on(_remarked(first, "nothing tried mends the samples"), fitted, asked, progress)
 
 
 def _made_for_more(
@@ -122,7 +127,8 @@ def _with_way_on(first: Closed, fitted: FittedModel, asked: Asked, progress: Tol
         option = f"--switch {name}={assumed[name]}"
         progress(f"too few samples keep every limit: trying {option}")
         switches = {**asked.conditions.switches, name: assumed[name]}
-        other = closed_on_samples(fitted, replace(asked, conditions=replace(asked.conditions, switches=switches)))
+        known = replace(asked, conditions=replace(asked.conditions, switches=switches))
+        other = closed_on_samples(fitted, known, ways_on=False, progress=progress)
         if other.proof.verdict == "PASS":
             told = _remarked(first, f"would pass with {option}: find out what this controller does")
             return replace(told, passes_with=tuple(option.split()))
