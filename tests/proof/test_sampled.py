@@ -47,6 +47,25 @@ def test_how_many_share_the_samples_decides_nothing(drawing):
     assert prove_samples(drawn, LIMITS, 24, workers=1) == prove_samples(drawn, LIMITS, 24, workers=3)
 
 
+def test_those_that_break_a_limit_are_named_the_worst_first(drawing, monkeypatch):
+    drawn = drawing(Spread(heater=(0.1, 0.1, 0.5)), second="off at the limit", third="off at the limit")
+    count, values = 40, measure(drawn, LIMITS, 40, seed=7)
+    overshoots = next(column.values for column in columns_of(values, LIMITS) if column.name == "overshoot")
+    asked = replace(LIMITS, overshoot_pct=float(np.quantile(overshoots, 0.75)))
+    proof = prove_samples(drawn, asked, count, seed=7)
+    alone = {seed: [[criterion.ok for criterion in judge(replay(drawn, seed, setting), asked)] for setting in range(2)]
+             for seed in range(7, 7 + count)}
+    breaks = {seed for seed, settings in alone.items() if not all(map(all, settings))}
+    assert 0 < len(breaks) < count
+    assert set(proof.broken) == breaks
+    assert proof.broken[0] == proof.worst_seed
+    assert [max(run.count(False) for run in alone[seed]) for seed in proof.broken] == sorted(
+        (max(run.count(False) for run in alone[seed]) for seed in breaks), reverse=True)
+    assert "broken" not in proof.to_document()
+    monkeypatch.setattr("heatertune.proof.sampled._NAMED", 3)
+    assert set(prove_samples(drawn, asked, count, seed=7).broken) <= set(proof.broken[:3])
+
+
 def test_how_many_are_measured_at_once_decides_nothing(drawing, monkeypatch):
     drawn, asked = drawing(Spread(heater=(0.02, 0.02, 0.5))), replace(LIMITS, power_reserve_pct=10.0, iae_degC_s=3000.0)
     whole = prove_samples(drawn, asked, 24, seed=3)

@@ -71,21 +71,23 @@ def _made_for_more(
     """
     drawn, found, heaters = asked.drawn, first, dict[int, HeaterModel]()
     drawing = drawing_for(first.proof.words, fitted, drawn.spread, first.conditions)
-    same = replace(asked, conditions=replace(asked.conditions, setpoint_degC=(  # which hangs on the heaters otherwise
-        asked.conditions.setpoint_degC or first.proof.scenario.setpoint_degC)))
+    same = asked
+    if asked.conditions.setpoint_degC is None:  # it would hang on the heaters
+        setpoint = first.proof.scenario.setpoint_degC
+        same = replace(asked, conditions=replace(asked.conditions, setpoint_degC=setpoint))
     for _ in range(_MOST_ROUNDS):
         new = [seed for seed in _drawn(found).broken if seed not in heaters][:_MORE]
         heaters |= {seed: drawing.heater(seed) for seed in new}
         progress(f"too few samples keep every limit: trying a design for {len(heaters)} of them, too")
         try:
             wider = closed_on_runs(_with(fitted, heaters), same, ways_on=False, progress=progress)
+            if wider.proof.verdict not in ("PASS", verdict):
+                return None
+            bare = _proven_on(fitted, asked, wider)
         except HeatertuneError:  # there is no design for all of them
             return None
-        if wider.proof.verdict not in ("PASS", verdict):
-            return None
-        bare = _proven_on(fitted, asked, wider)
-        if bare.proof.words == found.proof.words:  # what they break is none of their heaters'
-            return None
+        if (bare.proof.words, bare.conditions) == (found.proof.words, found.conditions):
+            return None  # what they break a limit by is not their heaters
         found = _heard(bare, fitted, drawn)
         if bare.proof.verdict in ("PASS", verdict) and _drawn(found).verdict == "PASS":
             others = replace(drawn, seed=drawn.seed + _drawn(first).count)

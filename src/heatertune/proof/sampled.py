@@ -21,7 +21,7 @@ __all__ = ["SampleProof", "Setting", "Spot", "hardest_setting", "prove_samples"]
 Array = npt.NDArray[np.float64]
 
 _AT_ONCE: Final = 10_000  # samples of which all is kept that was measured: some kilobytes each
-_NAMED: Final = 100  # samples that break a limit, by their seeds
+_NAMED: Final = 500  # runs that break a limit whose samples are named
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +69,7 @@ class SampleProof:
             setting, whichever it is.
         settings: each setting and how many samples keep every limit under it.
         worst_seed: seed of the worst sample: most limits broken, then the most of a limit used.
-        broken: seeds of the samples that break a limit, the worst first, a hundred at most; no document has them.
+        broken: seeds of samples that break a limit, the worst first, of very many some; no document has them.
         spread: what they were drawn from.
         criteria: by name.
     """
@@ -122,8 +122,8 @@ def prove_samples(
                      for controller, number in zip(drawing.controllers, kept, strict=True))
     return SampleProof(
         count=count, seed=seed, quantile=quantile, settings=settings, spread=drawing.spread,
-        passing=min(kept) / count, worst_seed=seed + hardest[0] % count,
-        broken=tuple(dict.fromkeys(seed + run % count for run in hardest[:np.count_nonzero(broken)]))[:_NAMED],
+        passing=min(kept) / count, worst_seed=seed + int(hardest[0]) % count,
+        broken=tuple(dict.fromkeys((seed + hardest[:np.count_nonzero(broken)][:_NAMED] % count).tolist())),
         criteria=tuple(_spot(each) for each in zip(*(part.criteria for part in found), strict=True)))
 
 
@@ -177,10 +177,9 @@ def _sign(at_least: bool) -> float:
     return -1.0 if at_least else 1.0
 
 
-def _hardest(broken: npt.NDArray[np.intp], strain: Array) -> list[int]:
+def _hardest(broken: npt.NDArray[np.intp], strain: Array) -> npt.NDArray[np.intp]:
     """Return the numbers of the runs: first what breaks the most limits, of equals what uses most of one."""
-    runs: list[int] = np.lexsort((-strain.ravel(), -broken.ravel())).tolist()
-    return runs
+    return np.lexsort((-strain.ravel(), -broken.ravel()))
 
 
 def hardest_setting(drawing: Drawing, limits: Limits, seed: int) -> int:
@@ -192,4 +191,4 @@ def hardest_setting(drawing: Drawing, limits: Limits, seed: int) -> int:
     if len(drawing.controllers) == 1:
         return 0
     found = _run(drawing, limits, 1, seed, 1)
-    return _hardest(found.broken, found.strain)[0]
+    return int(_hardest(found.broken, found.strain)[0])
