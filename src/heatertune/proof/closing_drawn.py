@@ -50,7 +50,7 @@ def closed_on_samples(
         return found
     progress(f"proving the words on {count(drawn.samples, 'sample')}")
     first = _heard(found, fitted, drawn)
-    if asked.as_is or found.proof.verdict == "FAIL" or _drawn(first).verdict == "PASS" or _lacks_power(first):
+    if asked.as_is or found.proof.verdict == "FAIL" or _drawn(first).verdict == "PASS" or _hopeless(first):
         return first
     if (mended := _made_for_more(first, found.proof.verdict, fitted, asked, progress)) is not None or not ways_on:
         return mended or first
@@ -152,9 +152,11 @@ def _drawn(found: Closed) -> SampleProof:
     return found.proof.samples
 
 
-def _lacks_power(found: Closed) -> bool:
-    """Return whether one in twenty samples lacks the power for the setpoint, whatever drives it."""
-    return next(spot.p95 for spot in _drawn(found).criteria if spot.name == "power_reserve") <= 0.0
+def _hopeless(found: Closed) -> bool:
+    """Return whether no design would pass: samples so few show nothing, or one in twenty lacks the power."""
+    drawn = _drawn(found)
+    reserve = next(spot.p95 for spot in drawn.criteria if spot.name == "power_reserve")
+    return reserve <= 0.0 or verdict_of_samples(drawn.count, drawn.quantile, [drawn.count]) != "PASS"
 
 
 def _changed(first: Closed, found: Closed, more: int) -> Closed:
