@@ -50,7 +50,7 @@ def main(count="60", *targets):
                 ended["refused"] += 1
                 continue
             drawn, proof = found.proof.samples, found.proof
-            ended[f"{proof.verdict}, {'other Ms' if drawn.seed else 'as asked for'}"] += 1
+            ended[f"{proof.verdict}, {'made for drawn heaters' if drawn.seed else 'as asked for'}"] += 1
             if proof.verdict == "PASS" and drawn.seed:
                 changed += 1
                 share = sampled(proof.words, heater, MORE, found.conditions).passing
@@ -58,7 +58,7 @@ def main(count="60", *targets):
                     wrong += 1
                     print(f"{target} heater {number}: PASS, but {100.0 * share:.2f} % of {MORE.samples} keep every limit")
         print(f"{target}: " + ", ".join(f"{how} {kind}" for kind, how in sorted(ended.items())), flush=True)
-    print(f"{wrong} of {changed} designs of another Ms pass by chance")
+    print(f"{wrong} of {changed} that were made for drawn heaters pass by chance")
     return int(wrong > 1 + (1.0 - MUST) * changed)
 
 
