@@ -26,10 +26,10 @@ SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
 COMMON = "common"
 #: the folders in plc, which have a page of their own
 FOLDERS = "controllers"
-ROOMS = ("chain", "log", "heater", "model", "pid", "plc", FOLDERS, "proof", "lanes", "supervision", "report", "batch",
-         "loops", "live", COMMON)
+ROOMS = ("chain", "log", "heater", "model", "pid", "plc", FOLDERS, "proof", "closing", "lanes", "supervision", "report",
+         "batch", "loops", "live", COMMON)
 #: room → its folder, where that has another name
-_FOLDERS = {FOLDERS: "plc", "lanes": "proof/lanes", "supervision": "proof/supervision"}
+_FOLDERS = {FOLDERS: "plc", "closing": "proof/closing", "lanes": "proof/lanes", "supervision": "proof/supervision"}
 #: what is no folder of its own → what it is for
 _TOLD = {COMMON: "What all rooms may use: settings, options, units, terms, errors.",
          FOLDERS: "The folder of each controller, and the machines that run what is exported."}

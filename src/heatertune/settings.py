@@ -193,7 +193,7 @@ class WordSettings:
         refined: whether the gains are refined in the loop of the proof, see `heatertune.proof.refine.refine`.
         setpoint_ramp: [°C/min], "auto" or "none", see `heatertune.proof.setpoint_ramp.prove_ramped`; None: as the words
             have it; of a design, where nothing else helps.
-        boost: "auto" or "none", see `heatertune.proof.boosts`.
+        boost: "auto" or "none", see `heatertune.proof.closing.boosts`.
         as_is: the plain design, even where another one would pass, see `heatertune.proof.closing.closed`.
     """
 

@@ -20,7 +20,7 @@ from heatertune.errors import HeatertuneError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.proof.asked import Asked
-from heatertune.proof.closing_drawn import closed_on_samples
+from heatertune.proof.closing.on_samples import closed_on_samples
 from heatertune.proof.drawn import sampled
 from heatertune.settings import SampleSettings
 

@@ -14,10 +14,10 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.document import PidView, to_document
 from heatertune.pid.recipe import Recipe
 from heatertune.plc import Scaling
-from heatertune.proof import Story, closing
+from heatertune.proof import Story
 from heatertune.proof.asked import Asked, plainly
-from heatertune.proof.closing import closed
-from heatertune.proof.frames import Frame
+from heatertune.proof.closing import closed, search
+from heatertune.proof.closing.frames import Frame
 from heatertune.proof.nearest import passing_settings, tolerance_that_passes
 from heatertune.proof.period import ripple_degC
 from heatertune.proof.recipes import demand_same_files, files_of, finished, made_again
@@ -85,7 +85,7 @@ def test_what_could_not_be_tried_is_told_but_where_a_plc_cannot_hold_it(failing,
             raise problem
         return plainly(*given, plain=plain, **others)
 
-    monkeypatch.setattr(closing, "plainly", once)
+    monkeypatch.setattr(search, "plainly", once)
     found = closed(model, asked)
     assert (found.proof.verdict, len(tries) > 2) == ("PASS", True)
     assert [note.partition(" (")[2] for note in found.notes if note.startswith("Not tried: ")] == [each[1:] for each in told]

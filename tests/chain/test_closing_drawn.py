@@ -13,10 +13,9 @@ from heatertune.errors import ExportRefused, InputError
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.document import PidView, to_document
-from heatertune.proof import closing_drawn
 from heatertune.proof.asked import Asked
-from heatertune.proof.closing import closed_on_runs
-from heatertune.proof.closing_drawn import closed_on_samples
+from heatertune.proof.closing import closed_on_runs, on_samples
+from heatertune.proof.closing.on_samples import closed_on_samples
 from heatertune.proof.document import checked
 from heatertune.proof.drawn import sampled, with_samples
 from heatertune.proof.recipes import made_again
@@ -58,7 +57,7 @@ def heard(monkeypatch):
             return replace(proof, samples=replace(
                 true, count=100, settings=settings, passing=min(kept) / 100, broken=broken))
 
-        monkeypatch.setattr(closing_drawn, "with_samples", instead)
+        monkeypatch.setattr(on_samples, "with_samples", instead)
         return asked
 
     return let

@@ -14,7 +14,7 @@ from heatertune.plc import Ramp, controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.proof import Mains, Story, prove
 from heatertune.proof.closing import Asked, closed
-from heatertune.proof.frames import Frame, frames
+from heatertune.proof.closing.frames import Frame, frames
 from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.proof.specification import Specification
 from heatertune.proof.words_file import read_words

@@ -19,7 +19,7 @@ from heatertune.plc.words import FLOATS
 from heatertune.processors import on_one
 from heatertune.proof import Proof
 from heatertune.proof.asked import Asked
-from heatertune.proof.closing_drawn import closed_on_samples
+from heatertune.proof.closing.on_samples import closed_on_samples
 from heatertune.proof.exported import as_exported
 from heatertune.proof.verdict import blocking, samples_told
 

@@ -29,7 +29,7 @@ from heatertune.plc.choose import search_document
 from heatertune.progress import Told
 from heatertune.proof import Proof
 from heatertune.proof.asked import Asked, Closed
-from heatertune.proof.closing_drawn import closed_on_samples
+from heatertune.proof.closing.on_samples import closed_on_samples
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.proof.exported import as_exported
 from heatertune.proof.pictures import pictures, robustness

@@ -16,7 +16,7 @@ from heatertune.plc.targets import REPAIRED
 from heatertune.progress import Told
 from heatertune.proof import price
 from heatertune.proof.asked import Asked, Closed, plainly
-from heatertune.proof.frames import COARSE, calmest_pwm
+from heatertune.proof.closing.frames import COARSE, calmest_pwm
 from heatertune.proof.nearest import (
     both_that_pass,
     broken_names,

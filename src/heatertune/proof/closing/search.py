@@ -14,18 +14,18 @@ from heatertune.plc import Boost, controller_for
 from heatertune.progress import Told
 from heatertune.proof import Proof, price
 from heatertune.proof.asked import Asked, Closed, Made, plainly
-from heatertune.proof.boosts import boosts
+from heatertune.proof.closing.boosts import boosts
+from heatertune.proof.closing.frames import OF_WINDUP, Frame, frames, unwinds
+from heatertune.proof.closing.gains import Place
+from heatertune.proof.closing.way_on import WayOn
+from heatertune.proof.closing.within import Within
 from heatertune.proof.exported import as_exported
-from heatertune.proof.frames import OF_WINDUP, Frame, frames, unwinds
-from heatertune.proof.gains import Place
 from heatertune.proof.nearest import broken_names, settings_told
 from heatertune.proof.night import briefly, winds_up
 from heatertune.proof.runs import judged_once
 from heatertune.proof.screen import Look, Screen
-from heatertune.proof.way_on import WayOn
-from heatertune.proof.within import Within
 
-__all__ = ["Asked", "Closed", "closed", "closed_on_runs"]
+__all__ = ["Search", "closed", "closed_on_runs"]
 
 _DEAR: Final = 0.3  # more IAE of load disturbances: then another change may be the cheaper one
 _CHEAPER: Final = 0.8  # of the price of the first that passes: what saves less is not worth its changes

@@ -14,15 +14,15 @@ from heatertune.plc.choose import choose_words
 from heatertune.plc.cooler import cooled
 from heatertune.plc.design import encode
 from heatertune.proof.asked import Asked, Closed, Made
+from heatertune.proof.closing.frames import Frame
+from heatertune.proof.closing.gains import Family, Place
 from heatertune.proof.fitted import aimed
-from heatertune.proof.frames import Frame
-from heatertune.proof.gains import Family, Place
 from heatertune.proof.nearest import broken_names
 from heatertune.proof.screen import NOTICEABLE, Look, Screen
 from heatertune.proof.setpoint_ramp import BY_RAMP
 
 if TYPE_CHECKING:
-    from heatertune.proof.closing import Search
+    from heatertune.proof.closing.search import Search
 
 __all__ = ["Within"]
 

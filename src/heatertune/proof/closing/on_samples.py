@@ -11,7 +11,7 @@ from heatertune.model.values import Candidate, FittedModel, HeaterModel
 from heatertune.progress import Told
 from heatertune.proof import price
 from heatertune.proof.asked import Asked, Closed
-from heatertune.proof.closing import closed_on_runs
+from heatertune.proof.closing.search import closed_on_runs
 from heatertune.proof.drawn import drawing_for, with_samples
 from heatertune.proof.fitted import prove
 from heatertune.proof.recipes import made_again
