@@ -113,7 +113,7 @@ if TYPE_CHECKING:
 
 
 # `heatertune --help` needs none of them
-__getattr__ = offered(__name__, {
+__getattr__, __dir__ = offered(__name__, {
     "batch.fleets": ("fleet",),
     "batch.studies": ("study",),
     "chain": (
@@ -138,10 +138,6 @@ __getattr__ = offered(__name__, {
     "proof.drawn": ("replay_document", "sample_document"),
     "settings": ("Conditions", "FitSettings", "ReadSettings", "TuneSettings"),
 })
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
 
 
 run_by(lambda words, switches: import_module("heatertune.plc.controller").controller_for(words.target).called(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
@@ -9,8 +10,10 @@ from typing import Any
 __all__ = ["offered"]
 
 
-def offered(package: str, homes: Mapping[str, tuple[str, ...]]) -> Callable[[str], Any]:
-    """Return the `__getattr__` of a package.
+def offered(
+    package: str, homes: Mapping[str, tuple[str, ...]]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Return the `__getattr__` and the `__dir__` of a package, which lists its `__all__`.
 
     Args:
         package: its name.
@@ -24,4 +27,4 @@ def offered(package: str, homes: Mapping[str, tuple[str, ...]]) -> Callable[[str
             return getattr(import_module(f"heatertune.{found[name]}"), name)
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
 
-    return get
+    return get, lambda: sorted(sys.modules[package].__all__)

@@ -130,9 +130,11 @@ def test_a_plain_design_that_was_asked_for_and_what_no_design_passes_are_left_as
     assert found.proof.words == closed_on_runs(fitted, replace(ASKED, **changed)).proof.words
 
 
-def test_samples_behind_an_interlock_are_refused_before_anything_is_read(tmp_path, capsys):
+def test_samples_behind_an_interlock_are_refused_before_anything_is_read(plain, tmp_path, capsys):
     with pytest.raises(InputError, match="samples are run without an interlock"):
         Asked(target="weg", drawn=DRAWN, conditions=Conditions(interlock="heater-fan"))
+    with pytest.raises(InputError, match="samples: none are asked for"):
+        sampled(plain.proof.words, HEATER, SampleSettings())
     words = ("design", str(tmp_path / "none.csv"), "--target", "weg", "--samples", "9", "--interlock", "heater-fan")
     assert main([*words, "--out", str(tmp_path / "out")]) == 2
     assert "samples are run without an interlock" in capsys.readouterr().err

@@ -53,6 +53,7 @@ def test_a_stage_imports_only_stages_that_sort_before_it(stage):
 @pytest.mark.parametrize("package", sorted(path.parent for path in MODULES if path.name == "__init__.py"), ids=lambda package: package.name)
 def test_what_a_package_offers_is_there_and_no_module_of_its_own_hides_it(package):
     offers = importlib.import_module(".".join(("heatertune", *package.relative_to(SOURCE).parts)))
+    assert set(getattr(offers, "__all__", ())) <= set(dir(offers))
     for name in getattr(offers, "__all__", ()):
         assert getattr(offers, name) is not None
         assert not (package / f"{name}.py").exists(), f"{package} hides {name}"

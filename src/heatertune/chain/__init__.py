@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from heatertune.proof.targets import compare
 
 # imported when it is first used: an export needs no fit, and a worker no report
-__getattr__ = offered(__name__, {
+__getattr__, __dir__ = offered(__name__, {
     "chain.experiment": ("plan",),
     "chain.stages": ("export", "fit", "fit_known", "fit_together"),
     "chain.supervision": ("supervise",),

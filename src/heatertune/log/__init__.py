@@ -10,4 +10,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Log", "read_log"]
 
-__getattr__ = offered(__name__, {"log.values": ("Log",), "log.read": ("read_log",)})
+__getattr__, __dir__ = offered(__name__, {"log.values": ("Log",), "log.read": ("read_log",)})

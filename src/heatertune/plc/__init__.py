@@ -23,7 +23,7 @@ __all__ = [
     "Running", "Scaling", "Scan", "Switch", "Timing", "WordField", "Words", "controller_for", "count",
 ]
 
-__getattr__ = offered(__name__, {
+__getattr__, __dir__ = offered(__name__, {
     "plc.boost": ("Boost",),
     "plc.controller": ("Controller", "controller_for"),
     "plc.core": ("Core", "Running", "Scan", "Timing", "count"),

@@ -64,7 +64,7 @@ __all__ = [
     "story_for",
 ]
 
-__getattr__ = offered(__name__, {
+__getattr__, __dir__ = offered(__name__, {
     "plc.pwm": ("Actuator", "pid_compact", "pulsegen"),
     "proof.acceptance": ("Acceptance",),
     "proof.coverage": ("Coverage",),

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
+from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
 from heatertune.options import merged
 from heatertune.pid.search.uncertain import spreads_of
@@ -38,12 +39,14 @@ def sampled(
         workers: how many processors share them; None: all.
 
     Raises:
-        InputError: an interlock, which samples do not have; or as `prove`.
+        InputError: none are asked for; an interlock, which samples do not have; or as `prove`.
         OutOfRange, UnknownName: as `prove`.
     """
+    if drawn.samples is None:
+        raise InputError("samples: none are asked for; expected how many")
     assumed = conditions or Conditions()
     drawing = drawing_for(words, fitted, drawn.spread, assumed)
-    return prove_samples(drawing, _limits(assumed, drawing), drawn.samples or 1, seed=drawn.seed,
+    return prove_samples(drawing, _limits(assumed, drawing), drawn.samples, seed=drawn.seed,
                          quantile=drawn.quantile, workers=workers)
 
 

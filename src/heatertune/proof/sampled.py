@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -91,7 +91,7 @@ class SampleProof:
 
     def to_document(self) -> dict[str, Any]:
         """Return the JSON object; numbers that are not finite are null."""
-        document: dict[str, Any] = {"verdict": self.verdict, **encode(replace(self, broken=()))}
+        document: dict[str, Any] = {"verdict": self.verdict, **encode(self)}
         del document["broken"]
         return document | {"criteria": {spot.pop("name"): spot for spot in document["criteria"]}}
 

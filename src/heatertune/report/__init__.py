@@ -10,4 +10,4 @@ if TYPE_CHECKING:
 
 __all__ = ["render", "sections", "summary"]
 
-__getattr__ = offered(__name__, {"report.page": ("render", "sections"), "report.text": ("summary",)})
+__getattr__, __dir__ = offered(__name__, {"report.page": ("render", "sections"), "report.text": ("summary",)})

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Asked", "Closed", "closed", "closed_on_runs", "closed_on_samples"]
 
-__getattr__ = offered(__name__, {
+__getattr__, __dir__ = offered(__name__, {
     "proof.asked": ("Asked", "Closed"),
     "proof.closing.on_samples": ("closed_on_samples",),
     "proof.closing.search": ("closed", "closed_on_runs"),

@@ -12,6 +12,7 @@ from heatertune.progress import Told
 from heatertune.proof import price
 from heatertune.proof.asked import Asked, Closed
 from heatertune.proof.closing.search import closed_on_runs
+from heatertune.proof.closing.way_on import known_as, passes_told
 from heatertune.proof.drawn import drawing_for, with_samples
 from heatertune.proof.fitted import prove
 from heatertune.proof.recipes import made_again
@@ -126,14 +127,11 @@ def _with_way_on(first: Closed, fitted: FittedModel, asked: Asked, progress: Tol
         kept = [setting.kept for setting in drawn.settings if setting.switches[name] == assumed[name]]
         if verdict_of_samples(drawn.count, drawn.quantile, kept) != "PASS":
             continue
-        option = f"--switch {name}={assumed[name]}"
-        progress(f"too few samples keep every limit: trying {option}")
-        switches = {**asked.conditions.switches, name: assumed[name]}
-        known = replace(asked, conditions=replace(asked.conditions, switches=switches))
+        known, options = known_as(asked, {name: assumed[name]})
+        progress(f"too few samples keep every limit: trying {' '.join(options)}")
         other = closed_on_samples(fitted, known, ways_on=False, progress=progress)
         if other.proof.verdict == "PASS":
-            told = _remarked(first, f"would pass with {option}: find out what this controller does")
-            return replace(told, passes_with=tuple(option.split()))
+            return replace(_remarked(first, passes_told(options)), passes_with=options)
     return first
 
 

@@ -5,7 +5,7 @@ Of a program with its source's faults that is the one repaired.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -32,9 +32,21 @@ from heatertune.proof.night import winds_up, wound
 from heatertune.proof.proving import RunResult
 from heatertune.proof.screen import Screen
 
-__all__ = ["WayOn"]
+__all__ = ["WayOn", "known_as", "passes_told"]
 
 _HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
+
+
+def known_as(asked: Asked, settings: Mapping[str, str]) -> tuple[Asked, tuple[str, ...]]:
+    """Return what is asked for where settings of open points are known, and the options that say so."""
+    known = {**asked.conditions.switches, **settings}
+    options = tuple(word for name, setting in settings.items() for word in ("--switch", f"{name}={setting}"))
+    return replace(asked, conditions=replace(asked.conditions, switches=known)), options
+
+
+def passes_told(options: Sequence[str], changes: str = "") -> str:
+    """Return what is told of options of known settings, and of `changes`, with which a design would pass."""
+    return f"would pass with {' '.join(options)}{changes}: find out what this controller does"
 
 
 @dataclass(slots=True, kw_only=True)
@@ -110,15 +122,13 @@ class WayOn:
             suspects(proof, self._wound) if self._coarse()[0] < _HOPELESS else {})
         if not settings:
             return "", ()
-        known = {**self.asked.conditions.switches, **settings}
-        asked = replace(self.asked, conditions=replace(self.asked.conditions, switches=known))
-        options = tuple(word for name, setting in settings.items() for word in ("--switch", f"{name}={setting}"))
+        asked, options = known_as(self.asked, settings)
         self.progress(f"{price.broken(self.first)} fails: trying {' '.join(options)}")
         other = self.close(self.fitted, asked, progress=self.progress)
         if other.proof.verdict == "FAIL" or winds_up(other.proof.heard):
             return "", ()
         changes = f", {other.proof.heard.remarks[-1]}" if other.notes else ""
-        return f"would pass with {' '.join(options)}{changes}: find out what this controller does", options
+        return passes_told(options, changes), options
 
     @property
     def _wound(self) -> list[RunResult]:
