@@ -1,15 +1,19 @@
 import csv
 import json
+import os
 import re
 import shutil
 import struct
 import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from heatertune.cli import COMMANDS, parser
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Certificate, Scaling, controller_for
+from heatertune.processors import processors
 
 HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
 
@@ -65,6 +69,16 @@ def test_an_open_loop_log_of_the_users_own_goes_through(run, tmp_path):
     status, _, _ = run("design", log, "--target", "s5-ob251", "--out", out, "--setpoint", 45)
     assert status == 0
     assert (out / "report.html").stat().st_size > 50_000
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="the system does not list a process's threads")
+@pytest.mark.parametrize(("asked", "threads"), [(None, 1), ("2", 2)])
+def test_sums_have_one_order_whatever_the_machine(asked, threads):
+    around = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    begun = "import heatertune.cli, numpy, os; print(len(os.listdir('/proc/self/task')))"
+    given = around | ({} if asked is None else {"OPENBLAS_NUM_THREADS": asked})
+    told = subprocess.run([sys.executable, "-c", begun], env=given, capture_output=True, text=True, check=True).stdout
+    assert int(told) == min(threads, processors())
 
 
 @pytest.mark.long

@@ -56,6 +56,8 @@ exit status: 0 success, 1 a verdict of FAIL or NOT PROVEN, 2 bad input (one line
 # a command needs most of what it makes to its end: looking for what to free took a twentieth of its time, a tenth there
 gc.set_threshold(300_000)
 atexit.register(gc.freeze)
+# NumPy's sums: one order whatever the machine; what is summed is small, and a second thread waits more than it works
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def __getattr__(name: str) -> Any:

@@ -32,8 +32,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.proof.drawn import replay_document, with_samples  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415
+    from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.verdict import verdict_first, verdict_line  # noqa: PLC0415
     from heatertune.report.brief import verify_brief  # noqa: PLC0415
     from heatertune.report.text import criteria_table, ramp_note, samples_table  # noqa: PLC0415
@@ -42,6 +41,8 @@ def _run(settings: argparse.Namespace) -> int:
     asked, drawn = proving(settings), options.of(SampleSettings, settings)
     fitted, conditions = asked.fitted, asked.conditions
     if drawn.replay is not None:
+        from heatertune.proof.drawn import replay_document  # noqa: PLC0415 - as below
+
         if asked.ramp is not None:
             raise InputError("--replay runs the words with the ramp they have; --setpoint-ramp would be another proof")
         document = replay_document(asked.words, fitted, drawn.replay, conditions, spread=drawn.spread)
@@ -50,8 +51,11 @@ def _run(settings: argparse.Namespace) -> int:
     progress("proving the words")
     proof, notes = prove_ramped(asked.words, fitted, asked.ramp, conditions, progress=progress)
     if drawn.samples is not None:
+        from heatertune.proof.drawn import with_samples  # noqa: PLC0415 - who asks for none must not wait for it
+
         progress(f"proving them on {drawn.samples} samples")
-    document = with_samples(proof, fitted, drawn, conditions).to_document()
+        proof = with_samples(proof, fitted, drawn, conditions)
+    document = proof.to_document()
     remarks, line = [*asked.notes, *ramp_note(document), *notes], verdict_line(document)
     printing.output(
         settings, document,

@@ -9,7 +9,6 @@ from heatertune.plc.pwm import Actuator
 from heatertune.proof.criteria import Limits
 from heatertune.proof.happening import events_of
 from heatertune.proof.kernel import REST, Batch, Record
-from heatertune.proof.lanes.choice import run_side_by_side
 from heatertune.proof.loop import InLoop, program_of, pulses_of, ring_size, run_with, scans_of
 from heatertune.proof.measured import Measured, band_of, periods_at_rest, phases_measured
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter
@@ -52,6 +51,8 @@ def metered(  # noqa: PLR0913 - what differs from loop to loop stands in arrays 
     program = program_of(controller, scenario)
     batch = Batch(scans, noise_degC, late_s, rows, *events_of(scenario, dead, sizes, marks), leads)
     if side_by_side:
+        from heatertune.proof.lanes.choice import run_side_by_side  # noqa: PLC0415 - a proof alone must not wait for it
+
         run_side_by_side(controller, program, batch, actuator, meter)
     else:
         edges = np.empty(ring_size(pulses_of(max(dead) + 3.0 * controller.scan_s + period, actuator)))  # under way
