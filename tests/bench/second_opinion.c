@@ -38,7 +38,7 @@ typedef struct {
     double *value;
     double *asked;                         /* setpoint [degC]; of LED at its end */
     double *from;                          /* setpoint at the begin of LED, led straight to the end of the phase [degC] */
-    double *power;                         /* share of full power that mains and PLC let through */
+    double *power;                         /* share of the rated power that mains and PLC let through */
     int *supplied;
     double band;                           /* [degC] */
     const double *noise;                   /* of each scan of the story, or NULL */
@@ -908,7 +908,7 @@ int second_opinion(const Case *c, Found *found, double *totals)
     Sim *s = calloc(3, sizeof *s), *later = s + 1, *mark = s + 2;
     s->c = c;
     s->y = s->x = c->start;
-    s->mains = 1.0;
+    s->mains = c->power[0];
     s->seed = 88172645463325252ULL;
     for (int p = 0; p < c->phases; p++) {
         Found *f = &found[p];
@@ -938,7 +938,7 @@ int second_opinion(const Case *c, Found *found, double *totals)
 void plain_steps(const Case *c, const double *edges, int64_t count, double h, Found *found)
 {
     int64_t at = 0, i = 0;
-    double y = c->start, x = c->start, level = 0.0, mains = 1.0, load = 0.0;
+    double y = c->start, x = c->start, level = 0.0, mains = c->power[0], load = 0.0;
     int arrived = 0;
     for (int p = 0; p < c->phases; p++) {
         Found *f = &found[p];

@@ -4,8 +4,7 @@ What it knows is what manuals and documentation say: the controllers' equations 
 story and their times (proof/story.py), what each criterion means (proof/measured.py), how the exported program leads the
 setpoint (weg_pid_call.st, and the same law in whole units). All is computed here anew.
 
-What it cannot judge: margins, Ms and step power (of the words, not of a run), the ripple within a PWM period, several
-heaters at once, samples, coolers, two-level control and the program as the paper prints it, feed-forward, an interlock,
+What it cannot judge: margins, Ms and step power (of the words, not of a run), the ripple within a PWM period, coolers, two-level control and the program as the paper prints it, feed-forward, an interlock,
 the paper's times, a story with parts left out or of another size, how far a ramp of a profile lags, a profile whose
 parts are no whole PWM periods, and what an exported listing of the S7-200 does itself.
 """
@@ -13,7 +12,7 @@ parts are no whole PWM periods, and what an exported listing of the S7-200 does 
 import ctypes
 import math
 import subprocess
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +81,9 @@ class Bench:
         soak_band: as specified [°C], None: the tolerance.
         soak_in_s, soak_in_share: in what time of a soak it has to be there [s], in what share, None: not told; of both
             the sooner, of none a half.
+        family: the possible heaters whose story it lives through, (gain, lags, dead time, ambient) each; none: itself.
+        mains: what full power is of the rated one where the supply is as it is; its ends and none are where they are.
+        sizes: by what each part's event is multiplied, of a change of mains the power; none: by nothing.
     """
 
     gain: float
@@ -112,6 +114,15 @@ class Bench:
     soak_band: float | None = None
     soak_in_s: float | None = None
     soak_in_share: float | None = None
+    family: tuple = ()
+    mains: float = 1.0
+    sizes: tuple = ()
+
+    @property
+    def possible(self):
+        """The heaters for which the story is told, each a bench."""
+        return [replace(self, gain=gain, lags=lags, dead=dead, ambient=ambient, family=(), mains=1.0, sizes=())
+                for gain, lags, dead, ambient in self.family] or [self]
 
     @property
     def period(self):
@@ -125,8 +136,8 @@ class Bench:
 
     @property
     def power(self):
-        """Power that holds the setpoint [%]."""
-        return (self.setpoint - self.ambient) / self.gain
+        """Power that holds the setpoint, of what the supply gives [%]."""
+        return (self.setpoint - self.ambient) / (self.gain * self.mains)
 
     @property
     def band(self):
@@ -172,14 +183,27 @@ class Part:
 
 
 def story(b):
-    """Return the parts of a bench's story, in order, each as the documentation of proof/story.py tells it."""
-    tn = min(b.integral_time, _TOO_SLOW * b.slow) if math.isfinite(b.integral_time) else b.slow
+    """Return the parts of a bench's story, in order, with its own mains and sizes; see `_told`."""
+    parts = list(_told(b))
+    if b.mains != 1.0:  # what is not at an end of the supply's tolerance, and no open circuit, is as the supply is
+        parts = [replace(part, power=b.mains) if part.power == 1.0 else part for part in parts]
+    if not b.sizes:
+        return parts
+    return [replace(part, power=size * part.power) if part.event == "mains" else replace(part, value=size * part.value)
+            for part, size in zip(parts, b.sizes, strict=True)]
+
+
+def _told(b):
+    """Return the parts as the documentation of proof/story.py tells each, in the times of the possible heaters."""
+    every = b.possible
+    slow, step, power = (max(each) for each in zip(*((h.slow, h.setpoint - h.ambient, h.power) for h in every), strict=True))
+    tn = min(b.integral_time, _TOO_SLOW * slow) if math.isfinite(b.integral_time) else slow
     calm = max(b.period, 2.0 * math.pi * tn)
     calm = max(calm, min(_beat(b), 10.0 * calm))
-    step, loop = b.setpoint - b.ambient, 5.0 * b.slow
+    loop = 5.0 * slow
     recovers = max(loop, b.recovers_in)
     ramp = 0.0 if b.ramp is None else step / _degrees_per_second(b)
-    way = _takes(b, b.power / 100.0) + loop + ramp
+    way = max(_takes(h, h.power / 100.0) for h in every) + loop + ramp
     yield Part("heat-up", 0.0, max(way, b.heats_in), 10.0 * calm, "heat-up", asked=b.setpoint)
     state = {"asked": b.setpoint, "power": 1.0, "supplied": True}
 
@@ -188,32 +212,35 @@ def story(b):
         return Part(event, value, takes, rest, kind, up, **state)
 
     yield part("temperature-step", -0.3 * step, "recovery", up=False)
-    load = min(10.0, 95.0 - b.power)
+    load = min(10.0, 95.0 - power)
     if load > 0.0:
         yield part("load", -load, "recovery", up=False, rest=10.0 * calm)
         yield part("load", load, "recovery")
-    for event, value, kind, seconds, power in _circuits(b, tn):
+    for event, value, kind, seconds, share in _circuits(b, tn):
         yield part(event, value, kind, takes={"reheat": way, "recovery": recovers}.get(kind, seconds),
-                   rest=0.0 if kind == "off" else calm, power=power)
+                   rest=0.0 if kind == "off" else calm, power=share)
     low = b.setpoint - 0.2 * step if b.asked_low is None else b.asked_low
-    yield part("setpoint", 0.0, "change", up=False, takes=_takes(b, (b.setpoint - low) / step) + loop + ramp, rest=10.0 * calm, asked=low)
-    yield part("setpoint", 0.0, "change", takes=way, asked=b.setpoint)
-    if b.power / 0.81 <= 95.0:
-        for power, up, rest in ((0.81, False, 10.0), (1.21, True, 10.0), (1.0, False, 1.0)):
-            yield part("mains", 0.0, "recovery", up=up, rest=rest * calm, power=power)
-    for off in (0.1 * b.slow, _takes(b, 0.95)):
+    if all(h.ambient < low < b.setpoint for h in every):
+        cools = max(_takes(h, (b.setpoint - low) / (b.setpoint - h.ambient)) for h in every)
+        yield part("setpoint", 0.0, "change", up=False, takes=cools + loop + ramp, rest=10.0 * calm, asked=low)
+        yield part("setpoint", 0.0, "change", takes=way, asked=b.setpoint)
+    if power / 0.81 <= 95.0:
+        for share, up, rest in ((0.81, False, 10.0), (1.21, True, 10.0), (1.0, False, 1.0)):
+            yield part("mains", 0.0, "recovery", up=up, rest=rest * calm, power=share)
+    for off in (0.1 * slow, max(_takes(h, 0.95) for h in every)):
         yield part("plc", 0.0, "off", takes=off, rest=0.0, power=0.0, supplied=False)
         yield part("plc", 0.0, "restart", takes=way, power=1.0, supplied=True)
     if b.profile:
         near = 0.5 * (b.tolerance if b.soak_band is None else b.soak_band)
-        yield part("plc", 0.0, "off", takes=_takes(b, 1.0 - min(0.05, near / step)), rest=0.0, power=0.0, supplied=False)
+        off = max(_takes(h, 1.0 - min(0.05, near / step)) for h in every)
+        yield part("plc", 0.0, "off", takes=off, rest=0.0, power=0.0, supplied=False)
         yield from _along(b)
 
 
 def _circuits(b, tn):
     """Return event, value, kind, duration of what is "off" [s] and share of the power, of all that is told of open circuits."""
-    step, back = b.setpoint - b.ambient, ("mains", 0.0, "reheat", 0.0, 1.0)
-    for opened in (max(2.0 * tn, b.slow), max(10.0 * tn, _takes(b, 0.95))):
+    every, back = b.possible, ("mains", 0.0, "reheat", 0.0, 1.0)
+    for opened in (max(2.0 * tn, *(h.slow for h in every)), max(10.0 * tn, *(_takes(h, 0.95) for h in every))):
         yield from (("mains", 0.0, "off", opened, 0.0), back)
     again = b.boost[1] if b.boost else math.inf
     out = math.inf
@@ -221,17 +248,31 @@ def _circuits(b, tn):
         unsure = 0.5 + (b.high - b.low) / 1023.0
         again, out = b.words["PID_FUNCTIONAL_RANGE"] - unsure, b.words["PID_FUNCTIONAL_RANGE"] + unsure
     # the way down to where full power takes it back; while the circuit's dead time lasts, the reading does not fall
-    if again < step and (nearly := _takes(b, again / step) - b.dead - 2.0 * max(b.interval, b.period)) > 0.0:
-        yield from (("mains", 0.0, "off", nearly, 0.0), back)
-    if out < step:  # out of the window, the sum gone, twice, with up to 1 % of the power taken away: there it may stay
-        falls, little = _takes(b, out / step) - b.dead, min(1.0, (100.0 - b.power) / 2.0)
-        yield from (("mains", 0.0, "off", falls, 0.0), ("load", -little, "off", b.dead, 0.0), back)
-        yield from (("mains", 0.0, "off", falls, 0.0), back, ("load", little, "recovery", 0.0, 1.0))
+    longest = max(b.interval, b.period)
+    nearly = [seconds - 2.0 * longest for seconds in _falls(every, again)]
+    if nearly and nearly[1] - nearly[0] <= longest:  # the fastest heater is as fast as the slowest
+        del nearly[0]
+    for seconds in nearly:
+        if seconds > 0.0:
+            yield from (("mains", 0.0, "off", seconds, 0.0), back)
+    if falls := _falls(every, out):  # out of the window, the sum gone, twice, with up to 1 % of the power taken away: there it may stay
+        little = min(1.0, (100.0 - max(h.power for h in every)) / 2.0)
+        yield from (("mains", 0.0, "off", falls[0], 0.0), ("load", -little, "off", max(h.dead for h in every), 0.0), back)
+        yield from (("mains", 0.0, "off", falls[1], 0.0), back, ("load", little, "recovery", 0.0, 1.0))
+
+
+def _falls(every, distance):
+    """Return in what time the fastest and the slowest heater fall so far, the dead time left out; none: no way is so long."""
+    ways = [h.setpoint - h.ambient for h in every]
+    if distance >= max(ways):
+        return []
+    falls = [_takes(h, distance / way if distance < way else 0.95) - h.dead for h, way in zip(every, ways, strict=True)]
+    return [min(falls), max(falls)]
 
 
 def _along(b):
     """Return the ramps and soaks of the profile, from the ambient on."""
-    at = b.ambient
+    at = b.possible[0].ambient
     for end, ramp, soak in b.profile:
         yield Part("led", 0.0, ramp, 0.0, "ramp", end > at, end, begins_at=at)
         if soak > 0.0:

@@ -1,0 +1,380 @@
+"""Are drawn heaters drawn and judged as the documentation says? Drawn and judged a second time; run as a program.
+
+    python -m tests.bench.second_samples                                  12 zones, each on two of six controllers
+    python -m tests.bench.second_samples --first 20 --zones 4 --targets weg s7-300 --samples 500
+
+Zones are those of zones.py, their logs shortened and made noisy at random, so that intervals are wide and candidates several.
+heatertune fits a log, designs for it with samples, and says how many keep every limit. It is held against
+
+- the same heaters, rows and sizes as `Drawing.heaters_of` gives them, each living through a story of its own in
+  second_opinion.c, which keeps or breaks limits of its own: sample by sample, under each setting;
+- other heaters, drawn here by NumPy's generator from the fit's document as the head of proof/samples.py says it: the shares that
+  keep every limit (Fisher's exact test), what is drawn and each criterion (Kolmogorov and Smirnov), all at a level of 1 %
+  divided by how many comparisons there are.
+
+Sample by sample, values may differ by 0.1 % of themselves or of their limit, as in false_passes.py, and a limit that both use to
+within 0.1 % is a close call. Both judges count readings in whole steps, so a heater that is other by 1e-9, as far as the two
+ways of integration are apart, may take another turn: where the second judge, of heaters other by so little, gives both answers,
+or values as far apart as the two are, it is a close call, too, and counted. What else differs is printed. Exit status 1 where
+something does, or where a test objects.
+"""
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import fisher_exact, ks_2samp
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
+
+from heatertune.chain.stages import fit
+from heatertune.errors import HeatertuneError
+from heatertune.log import read_log
+from heatertune.model.document import to_document
+from heatertune.plc import Scaling, controller_for
+from heatertune.proof.asked import Asked
+from heatertune.proof.closing.on_samples import closed_on_samples
+from heatertune.proof.drawn import drawing_for
+from heatertune.proof.fitted import limits_of
+from heatertune.proof.measured import columns_of
+from heatertune.proof.samples import measure
+from heatertune.proof.spec_file import specified
+from heatertune.settings import Conditions, SampleSettings, TuneSettings
+from tests.bench.outages import bench_of
+from tests.bench.second_opinion import SWITCHES, TARGETS, compiled, opinion, story
+from tests.bench.zones import heater, log_text
+
+SLACK = 1e-3
+LEVEL = 0.01  # of all tests together: so often one of them objects to what is right
+LIMITS = {"overshoot": 20.0, "change_overshoot": 20.0, "restart_overshoot": 20.0, "recovery_overshoot": 20.0,
+          "reheat_overshoot": 40.0}  # `heatertune spec general`, the tolerance apart
+_ENDS = (0.9**2, 1.1**2)  # of the supply's tolerance, as power
+_HAIR = 1e-9
+_HAIRS = (-30, -10, -3, -1, 1, 3, 10, 30)
+_MORE = 2000  # heaters of the program that cost little
+_INPUTS = 40_000  # that are drawn only
+_SIGMAS = 2.0 * 1.96  # in a 95 % interval
+_SAME = {"power_reserve": "power held"}  # by its other side
+
+
+@dataclass(kw_only=True)
+class Subject:
+    """A zone and the words that were designed for it.
+
+    Attributes:
+        number, target: of the zone and the controller.
+        fitted: its model.
+        design: with the verdict on samples.
+        settings: of open points, each of which a controller may have.
+        seed: of the first sample that the verdict is about.
+    """
+
+    number: int
+    target: str
+    fitted: object
+    design: object
+    settings: list = field(default_factory=list)
+    seed: int = 0
+
+
+def subject(number, target, samples, folder):
+    """Return the design for a zone; raise HeatertuneError where there is none."""
+    rng = np.random.default_rng([number, TARGETS[target][0], 9])
+    path = Path(folder, f"zone{number}.csv")
+    path.write_text(_coarse(number), encoding="utf-8")
+    fitted, (gain, lag, _, ambient) = fit(read_log(path), None), heater(number)
+    setpoint = round(float(ambient + gain * rng.uniform(25.0, 82.0)), 1)
+    tolerance = None if rng.random() < 0.5 else round(float((setpoint - ambient) * rng.uniform(0.015, 0.05)), 2)
+    room = controller_for(target)
+    tuned = TuneSettings() if room.timer is None else TuneSettings(sample_time_s=float(round(lag / rng.uniform(10.0, 40.0))))
+    open_point = rng.choice([*SWITCHES[target]])
+    known = {switch.name: switch.default for switch in room.switches if switch.name != open_point}
+    asked = Asked(
+        target=target, scaling=Scaling(low_degC=0.0, high_degC=float(math.ceil(1.6 * setpoint))), tuned=tuned,
+        as_is=bool(rng.random() < 0.5), drawn=SampleSettings(samples=samples),
+        conditions=Conditions(setpoint_degC=setpoint, tolerance_degC=tolerance, switches=known))
+    design = closed_on_samples(fitted, asked)
+    proven = design.proof.samples
+    return Subject(number=number, target=target, fitted=fitted, design=design, seed=proven.seed,
+                   settings=[dict(setting.switches) for setting in proven.settings])
+
+
+def _coarse(number):
+    """Return a zone's log with fewer rows and more noise."""
+    rng = np.random.default_rng([number, 8])
+    head, *rows = log_text(number).splitlines()
+    noise = math.exp(rng.uniform(math.log(0.05), math.log(0.6)))
+    cells = (row.split(",") for row in rows[:int(rng.integers(60, len(rows)))])
+    return "\n".join([head, *(f"{t},{float(y) + rng.normal(0.0, noise):.2f},{u}" for t, y, u in cells), ""])
+
+
+# ---- the second draw ----------------------------------------------------------------------------------------------
+
+
+def possible(document, setpoint):
+    """Return the heaters of a model's document that can hold a setpoint, (gain, lags, dead time, ambient, whether it is no
+    end of an interval) each; all where none can."""
+    given, least = document["candidates"] or [document], document["least_dead_time_s"]
+    every = []
+    for each in given:
+        second = each.get("second_time_constant_s")
+        lags = (each["time_constant_s"],) if second is None else (each["time_constant_s"], second)
+        ambient = 20.0 if each["ambient_degC"] is None else each["ambient_degC"]
+        its = (each["gain_degC_per_pct"], lags, max(each["dead_time_s"], least), ambient)
+        if its not in [other[:4] for other in every]:
+            every.append((*its, not each.get("part")))
+    return [each for each in every if each[3] < setpoint < each[3] + 100.0 * each[0]] or every
+
+
+def spreads(document):
+    """Return the standard deviations of the logarithms of gain and lags, and of the dead time [s]."""
+    def of_logarithm(name):
+        low, high = document.get(f"{name}_ci95") or (None, None)
+        return 0.0 if low is None or high is None else (math.log(high) - math.log(low)) / _SIGMAS
+
+    dead, least = document.get("dead_time_s_ci95"), document["least_dead_time_s"]
+    sigma = 0.0
+    if dead is not None:  # open below: down to what is believed; open above: as far above the model's as below it
+        low = least if dead[0] is None else max(least, dead[0])
+        above = max(document["dead_time_s"], low) - low if dead[1] is None else None
+        sigma = (2.0 * above if above is not None else max(dead[1], low) - low) / _SIGMAS
+    return of_logarithm("gain_degC_per_pct"), of_logarithm("time_constant_s"), sigma
+
+
+def drawn(bench, document, count, rng):
+    """Return benches of heaters on days of their own."""
+    every = [each for each in possible(document, bench.setpoint) if each[4]]
+    of_gain, of_lag, of_dead = spreads(document)
+    parts, found = list(story(bench)), []
+    for number in range(count):
+        gain, lags, dead, ambient, _ = every[number % len(every)]
+        longer = math.exp(rng.normal(0.0, 1.0) * of_lag)
+        volts = rng.uniform(0.9, 1.1)
+        sizes = tuple(float(rng.uniform(0.5, 1.5)) if part.event in ("temperature-step", "load") else 1.0 for part in parts)
+        found.append(replace(
+            bench, gain=gain * math.exp(rng.normal(0.0, 1.0) * of_gain), lags=tuple(longer * lag for lag in lags),
+            dead=max(rng.normal(dead, of_dead), document["least_dead_time_s"]), ambient=ambient + rng.uniform(-5.0, 5.0),
+            mains=volts**2, sizes=sizes))
+    return found
+
+
+def given(bench, row, sizes):
+    """Return the bench of one of the program's own heaters; its mains are in the gain, its delay is the controller's."""
+    gain, first, second, dead, ambient, _ = map(float, row)
+    return replace(bench, gain=gain, lags=(first, second) if second else (first,), ambient=ambient,
+                   dead=dead - TARGETS[bench.target][2], sizes=(1.0, *map(float, sizes)))
+
+
+def told_of(bench, document, settings):
+    """Return the bench whose story is that of all possible heaters."""
+    return replace(bench, family=tuple(each[:4] for each in possible(document, bench.setpoint)), settings=settings)
+
+
+def inputs_of_rows(rows, sizes, parts):
+    """Return what is drawn by name, of the program's rows: steps and loads in °C."""
+    found = {"gain": rows[:, 0], "lag": rows[:, 1], "dead time": rows[:, 3], "ambient": rows[:, 4], "start": rows[:, 5]}
+    for number, part in enumerate(parts[1:]):
+        if part.event in ("temperature-step", "load"):
+            found[f"{part.event} {number}"] = sizes[:, number] * part.value * (rows[:, 0] if part.event == "load" else 1.0)
+        if part.event == "mains" and any(math.isclose(part.power, end) for end in _ENDS):
+            found[f"mains {number}"] = sizes[:, number] * part.power * rows[:, 0]
+    return found
+
+
+def inputs_of(benches, parts):
+    """Return the same of benches drawn here."""
+    delay = TARGETS[benches[0].target][2]
+    found = {"gain": [b.gain * b.mains for b in benches], "lag": [b.lags[0] for b in benches],
+             "dead time": [b.dead + delay for b in benches], "ambient": [b.ambient for b in benches],
+             "start": [b.ambient for b in benches]}
+    for number, part in enumerate(parts[1:]):
+        if part.event in ("temperature-step", "load"):
+            found[f"{part.event} {number}"] = [
+                b.sizes[number + 1] * part.value * (b.gain if part.event == "load" else 1.0) for b in benches]
+        if part.event == "mains" and any(math.isclose(part.power, end) for end in _ENDS):
+            found[f"mains {number}"] = [part.power * b.gain for b in benches]
+    return found
+
+
+# ---- the second judge ---------------------------------------------------------------------------------------------
+
+
+def told(library, bench):
+    """Return name → (value, limit) of all that the second judge looks at."""
+    return opinion(library, bench, LIMITS, longer=0.0).values
+
+
+def keeps(values):
+    """Return whether every limit is kept."""
+    return all(value <= limit for value, limit in values.values())
+
+
+def near(one, other, limit):
+    """Return whether two values are the same but for what measures may differ by."""
+    scale = max(abs(one), abs(other), 0.0 if math.isinf(limit) else limit)
+    return one == other or abs(one - other) <= SLACK * scale
+
+
+def apart(values, mine):
+    """Return name → (program's, the judge's, limit) of what differs between them."""
+    return {name: (values[name], value, limit) for name, (value, limit) in mine.items()
+            if name in values and not near(values[name], value, limit)}
+
+
+def differ(values, kept, mine):
+    """Return whether the program and the judge see the limits kept otherwise, and it is no close call."""
+    if kept == keeps(mine):
+        return False
+    return not any(math.isclose(values.get(name, value), limit, rel_tol=SLACK) and math.isclose(value, limit, rel_tol=SLACK)
+                   for name, (value, limit) in mine.items() if not math.isinf(limit) and limit > 0.0)
+
+
+def by_a_hair(library, bench, values, kept, mine):
+    """Return whether the judge itself, of heaters other by next to nothing, is as far from itself as the program is from it."""
+    others = [told(library, replace(bench, gain=bench.gain * (1.0 + hair * _HAIR))) for hair in _HAIRS]
+    ends = {name: [each[name][0] for each in (mine, *others)] for name in mine}
+
+    def within(name, theirs, limit):
+        low, high = min(ends[name]), max(ends[name])
+        return low <= theirs <= high or near(theirs, low, limit) or near(theirs, high, limit)
+
+    verdicts = {keeps(each) for each in (mine, *others)}
+    return (not differ(values, kept, mine) or kept in verdicts) and all(
+        within(name, theirs, limit) for name, (theirs, _, limit) in apart(values, mine).items())
+
+
+# ---- both ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(kw_only=True)
+class Found:
+    """What became of a subject.
+
+    Attributes:
+        ends: how often what was seen of the same heaters, "same", "measures", "hair", "close" or "apart".
+        unexplained: one line each.
+        shares: of each setting: (kept of the program's document, of the same heaters by the judge, of its own).
+        tests: (p, what) of each comparison of what is drawn apart.
+    """
+
+    ends: Counter = field(default_factory=Counter)
+    unexplained: list = field(default_factory=list)
+    shares: list = field(default_factory=list)
+    tests: list = field(default_factory=list)
+
+
+def programs(drawing, limits, count, seed):
+    """Return the program's values by the judge's names, shape (settings, count), and which keep every limit."""
+    columns = columns_of(measure(drawing, limits, count, seed=seed, workers=1), limits)
+    values = {_SAME.get(column.name, column.name): column.values.reshape(-1, count) for column in columns}
+    values["power held"] = 100.0 - values["power held"]
+    kept = np.all([column.strains <= 1.0 for column in columns], axis=0).reshape(-1, count)
+    return values, kept
+
+
+def judged(library, case, samples, rng):
+    """Return what became of a subject: the program's heaters one by one, others by their shares."""
+    found, design, document = Found(), case.design, json.loads(json.dumps(to_document(case.fitted)))
+    drawing = drawing_for(design.proof.words, case.fitted, {}, design.conditions)
+    limits = limits_of(specified(design.conditions), drawing.heaters)
+    plain = bench_of(drawing.heaters[0], design, case.settings[0])
+    values, kept = programs(drawing, limits, samples, case.seed)
+    rows, sizes = drawing.heaters_of(range(case.seed, case.seed + samples))
+    more, more_kept = programs(drawing, limits, _MORE, case.seed + 1_000_000)
+    own = drawn(told_of(plain, document, case.settings[0]), document, samples, rng)
+    for setting, settings in enumerate(case.settings):
+        bench = told_of(plain, document, settings)
+        seen = []
+        for number in range(samples):
+            its = {name: float(value[setting, number]) for name, value in values.items()}
+            seen.append(_compared(found, library, given(bench, rows[number], sizes[number]), its,
+                                  bool(kept[setting, number]), f"{settings} seed {case.seed + number}"))
+        others = [told(library, replace(each, settings=settings)) for each in own]
+        kept_by = sum(map(keeps, others))
+        found.shares.append((design.proof.samples.settings[setting].kept, sum(seen), kept_by))
+        of_more = int(more_kept[setting].sum())
+        p = fisher_exact([[kept_by, samples - kept_by], [of_more, _MORE - of_more]])[1]
+        found.tests.append((float(p), f"share under {settings}: {kept_by / samples:.3f} and {of_more / _MORE:.3f}"))
+        found.tests += [(_alike([each[name][0] for each in others], more[name][setting]), f"{name} under {settings}")
+                        for name in others[0] if name in more]
+    found.tests += _inputs_alike(drawing, told_of(plain, document, case.settings[0]), document, rng)
+    return found
+
+
+def _compared(found, library, bench, values, kept, where):
+    """Enter how a sample differs, and return whether the judge sees every limit kept."""
+    mine = told(library, bench)
+    otherwise, far = differ(values, kept, mine), apart(values, mine)
+    end = "same"
+    if otherwise or far:
+        end = "hair" if by_a_hair(library, bench, values, kept, mine) else "apart"
+    elif kept != keeps(mine):
+        end = "close"
+    found.ends[end] += 1
+    if end == "apart":
+        what = {name: tuple(float(f"{number:.7g}") for number in each) for name, each in far.items()}
+        found.unexplained.append(f"{where}: kept {kept} and {keeps(mine)}; {what}")
+    return keeps(mine)
+
+
+def _inputs_alike(drawing, bench, document, rng):
+    """Return (p, what) of what is drawn, many times and not run."""
+    parts = list(story(replace(bench, sizes=())))
+    theirs = inputs_of_rows(*drawing.heaters_of(range(_INPUTS)), parts)
+    mine = inputs_of(drawn(bench, document, _INPUTS, rng), parts)
+    return [(_alike(mine[name], theirs[name]), f"drawn {name}") for name in mine]
+
+
+def _alike(one, other):
+    """Return the chance of two samples being as far apart as they are, where they are of one distribution."""
+    one, other = (np.nan_to_num(np.round(each, 9), posinf=1e300) for each in (one, other))
+    return float(ks_2samp(one, other).pvalue)
+
+
+def objections(tests):
+    """Return what the tests of all subjects object to, the level shared among them."""
+    return sorted((p, what) for p, what in tests if p < LEVEL / len(tests))
+
+
+def main(words=None):
+    """Print a line for each subject and what differs; return the exit status."""
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("--first", type=int, default=0)
+    asked.add_argument("--zones", type=int, default=12)
+    asked.add_argument("--samples", type=int, default=200)
+    asked.add_argument("--targets", nargs="+", default=["weg", "s7-300", "fb41", "s5-ob251", "pid-compact", "iec-pid"])
+    asked.add_argument("--each", type=int, default=2, help="so many of the targets on each zone, in turn")
+    asked = asked.parse_args(words)
+    tests, ends = [], Counter()
+    print(f"{'target':12s} zone samples  kept of the program's heaters, by it and by the judge; of the judge's own   differences")
+    with tempfile.TemporaryDirectory() as folder:
+        library = compiled(folder)
+        for turn in range(asked.zones * asked.each):
+            number, target = asked.first + turn // asked.each, asked.targets[turn % len(asked.targets)]
+            try:
+                case = subject(number, target, asked.samples, folder)
+            except HeatertuneError as refused:
+                print(f"{target:12s} {number:4d} refused: {' '.join(str(refused).split()[:12])}", flush=True)
+                continue
+            found = judged(library, case, asked.samples, np.random.default_rng([number, TARGETS[target][0], 10]))
+            ends += found.ends
+            tests += [(p, f"{target} zone {number}: {what}") for p, what in found.tests]
+            shares = "; ".join(" ".join(f"{100.0 * kept / asked.samples:5.1f} %" for kept in each) for each in found.shares)
+            print(f"{target:12s} {number:4d} {asked.samples:7d}  {shares}   {dict(found.ends)}", flush=True)
+            for line in found.unexplained:
+                print(f"    {line}", flush=True)
+    print(f"{len(tests)} tests; the least p: {sorted(tests)[:3]}")
+    for p, what in objections(tests):
+        print(f"OBJECTION {what}: p = {p:.2g}")
+    print(f"{sum(ends.values())} runs of the same heaters: {dict(ends)}")
+    return int(bool(ends["apart"] or objections(tests)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
