@@ -279,7 +279,10 @@ def test_the_draw_has_the_spread_that_it_tells():
     assert ambient.min() == pytest.approx(19.0, abs=0.05)
     assert ambient.max() == pytest.approx(29.0, abs=0.05)
     assert np.array_equal(start, ambient)
-    assert [np.min(factors), np.max(factors)] == pytest.approx([0.5, 1.5], abs=0.005)
+    assert [np.min(factors[:, 0]), np.max(factors[:, 0])] == pytest.approx([0.5, 1.5], abs=0.005)
+    rows, factors = replace(drawing, spread=Spread()).heaters_of(range(4000))  # the load is the rated one, the gain that of the mains
+    loads = factors[:, 1] * rows[:, 0] / 0.41
+    assert [np.min(loads), np.max(loads)] == pytest.approx([0.5, 1.5], abs=0.005)
     calm = replace(drawing, spread=Spread(mains_pct=0.0, ambient_degC=0.0, disturbance_pct=0.0))
     assert calm.heaters_of([7])[0].tolist() == [[0.41, 166.0, 0.0, 14.3 + 0.48, 24.0, 24.0]]
 

@@ -117,6 +117,19 @@ def test_drawn_mains_and_the_storys_are_within_the_tolerance_of_the_supply_toget
         assert value == pytest.approx(found.values[seed], rel=1e-9)
 
 
+def test_a_load_is_the_same_whatever_the_mains(drawing):
+    # a draught takes its heat at 207 V as at 253 V; once its power went with the drawn mains, and was least where the heater is weakest
+    story = (Load(time_s=300.0, power_pct=-10.0), Load(time_s=600.0, power_pct=10.0))
+    drawn = drawing(replace(NONE, mains_pct=10.0), replace(SCENARIO, disturbances=story))
+    rows, sizes = drawn.heaters_of(range(60))
+    rated = np.array(drawn.rows)[[seed % len(drawn.rows) for seed in range(60)], :1]
+    assert np.ptp(rows[:, :1] / rated) > 0.3
+    np.testing.assert_allclose(rows[:, :1] * sizes, np.broadcast_to(rated, (60, 2)), rtol=1e-14)
+    again = replay(drawn, 7)
+    taken = [again.model.gain_degC_per_pct * event.power_pct for event in again.scenario.disturbances]
+    np.testing.assert_allclose(taken, rated[7, 0] * np.array([-10.0, 10.0]), rtol=1e-14)
+
+
 def test_a_limit_that_has_to_be_reached_is_told_as_such(drawing):
     asked = replace(LIMITS, power_reserve_pct=10.0)
     proof = prove_samples(drawing(Spread(heater=(0.02, 0.02, 0.5))), asked, 8)

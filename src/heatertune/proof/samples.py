@@ -16,7 +16,8 @@ What is drawn, each independently:
   end of that tolerance, they do so from there, and not by as much again;
 - ambient temperature: even within ±5 °C, the span between a cold morning and a hot afternoon in a hall (this project's
   choice), the heater starting from it;
-- each temperature step and load: its size times an even factor of 0.5…1.5 (this project's choice);
+- each temperature step and load: its size times an even factor of 0.5…1.5 (this project's choice); a load is a share
+  of the rated power, for goods and draughts know nothing of the mains;
 - sensor noise: Gaussian, as the scenario says;
 - delay of each scan: even within 0 and the jitter, none by default: some milliseconds are nothing to a heater.
 """
@@ -171,8 +172,10 @@ class Drawing:
             start + shift if self.scenario.start_degC is None else start])
         sizes = 1.0 + self.spread.disturbance_pct / 100.0 * even[:, 2:]
         for number, (event, share) in enumerate(zip(self.scenario.disturbances, self.scenario.mains[1:], strict=True)):
-            if not isinstance(event, TemperatureStep | Load):
-                sizes[:, number] = 1.0 if share in (0.0, 1.0) else 1.0 / power  # a share of the rated power
+            if isinstance(event, Load):  # a share of the rated power, and the gain is that of the drawn mains
+                sizes[:, number] /= power
+            elif not isinstance(event, TemperatureStep):
+                sizes[:, number] = 1.0 if share in (0.0, 1.0) else 1.0 / power  # likewise
         return rows, sizes
 
     def heater(self, seed: int) -> HeaterModel:
