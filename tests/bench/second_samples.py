@@ -26,6 +26,7 @@ import sys
 import tempfile
 from collections import Counter
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,7 @@ from heatertune.chain.stages import fit
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
 from heatertune.model.document import to_document
+from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof.asked import Asked
 from heatertune.proof.closing.on_samples import closed_on_samples
@@ -57,8 +59,8 @@ LIMITS = {"overshoot": 20.0, "change_overshoot": 20.0, "restart_overshoot": 20.0
 _ENDS = (0.9**2, 1.1**2)  # of the supply's tolerance, as power
 _HAIR = 1e-9
 _HAIRS = (-30, -10, -3, -1, 1, 3, 10, 30)
-_MORE = 2000  # heaters of the program that cost little
-_INPUTS = 40_000  # that are drawn only
+MORE = 2000  # heaters of the program that cost little
+INPUTS = 40_000  # that are drawn only
 _SIGMAS = 2.0 * 1.96  # in a 95 % interval
 _SAME = {"power_reserve": "power held"}  # by its other side
 
@@ -79,8 +81,13 @@ class Subject:
     target: str
     fitted: object
     design: object
-    settings: list = field(default_factory=list)
-    seed: int = 0
+    settings: list
+    seed: int
+
+    @cached_property
+    def document(self):
+        """The model as it is written."""
+        return json.loads(json.dumps(to_document(self.fitted)))
 
 
 def subject(number, target, samples, folder):
@@ -269,8 +276,21 @@ class Found:
     tests: list = field(default_factory=list)
 
 
-def programs(drawing, limits, count, seed):
+def drawing_of(case):
+    """Return whose samples the program draws."""
+    return drawing_for(case.design.proof.words, case.fitted, {}, case.design.conditions)
+
+
+def plain_of(case):
+    """Return the bench that all heaters of a subject differ from, under the first setting."""
+    gain, lags, dead, ambient, _ = possible(case.document, case.design.conditions.highest_degC)[0]
+    model = Fopdt(gain_degC_per_pct=gain, time_constant_s=lags[0], dead_time_s=dead, ambient_degC=ambient)
+    return told_of(bench_of(model, case.design, case.settings[0]), case.document, case.settings[0])
+
+
+def programs(case, drawing, count, seed):
     """Return the program's values by the judge's names, shape (settings, count), and which keep every limit."""
+    limits = limits_of(specified(case.design.conditions), drawing.heaters)
     columns = columns_of(measure(drawing, limits, count, seed=seed, workers=1), limits)
     values = {_SAME.get(column.name, column.name): column.values.reshape(-1, count) for column in columns}
     values["power held"] = 100.0 - values["power held"]
@@ -280,14 +300,11 @@ def programs(drawing, limits, count, seed):
 
 def judged(library, case, samples, rng):
     """Return what became of a subject: the program's heaters one by one, others by their shares."""
-    found, design, document = Found(), case.design, json.loads(json.dumps(to_document(case.fitted)))
-    drawing = drawing_for(design.proof.words, case.fitted, {}, design.conditions)
-    limits = limits_of(specified(design.conditions), drawing.heaters)
-    plain = bench_of(drawing.heaters[0], design, case.settings[0])
-    values, kept = programs(drawing, limits, samples, case.seed)
+    found, document, drawing, plain = Found(), case.document, drawing_of(case), plain_of(case)
+    values, kept = programs(case, drawing, samples, case.seed)
     rows, sizes = drawing.heaters_of(range(case.seed, case.seed + samples))
-    more, more_kept = programs(drawing, limits, _MORE, case.seed + 1_000_000)
-    own = drawn(told_of(plain, document, case.settings[0]), document, samples, rng)
+    more, more_kept = programs(case, drawing, MORE, case.seed + 1_000_000)
+    own = drawn(plain, document, samples, rng)
     for setting, settings in enumerate(case.settings):
         bench = told_of(plain, document, settings)
         seen = []
@@ -297,13 +314,13 @@ def judged(library, case, samples, rng):
                                   bool(kept[setting, number]), f"{settings} seed {case.seed + number}"))
         others = [told(library, replace(each, settings=settings)) for each in own]
         kept_by = sum(map(keeps, others))
-        found.shares.append((design.proof.samples.settings[setting].kept, sum(seen), kept_by))
+        found.shares.append((case.design.proof.samples.settings[setting].kept, sum(seen), kept_by))
         of_more = int(more_kept[setting].sum())
-        p = fisher_exact([[kept_by, samples - kept_by], [of_more, _MORE - of_more]])[1]
-        found.tests.append((float(p), f"share under {settings}: {kept_by / samples:.3f} and {of_more / _MORE:.3f}"))
+        p = fisher_exact([[kept_by, samples - kept_by], [of_more, MORE - of_more]])[1]
+        found.tests.append((float(p), f"share under {settings}: {kept_by / samples:.3f} and {of_more / MORE:.3f}"))
         found.tests += [(_alike([each[name][0] for each in others], more[name][setting]), f"{name} under {settings}")
                         for name in others[0] if name in more]
-    found.tests += _inputs_alike(drawing, told_of(plain, document, case.settings[0]), document, rng)
+    found.tests += inputs_alike(drawing, plain, document, rng)
     return found
 
 
@@ -323,11 +340,11 @@ def _compared(found, library, bench, values, kept, where):
     return keeps(mine)
 
 
-def _inputs_alike(drawing, bench, document, rng):
+def inputs_alike(drawing, bench, document, rng):
     """Return (p, what) of what is drawn, many times and not run."""
     parts = list(story(replace(bench, sizes=())))
-    theirs = inputs_of_rows(*drawing.heaters_of(range(_INPUTS)), parts)
-    mine = inputs_of(drawn(bench, document, _INPUTS, rng), parts)
+    theirs = inputs_of_rows(*drawing.heaters_of(range(INPUTS)), parts)
+    mine = inputs_of(drawn(bench, document, INPUTS, rng), parts)
     return [(_alike(mine[name], theirs[name]), f"drawn {name}") for name in mine]
 
 

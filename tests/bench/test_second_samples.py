@@ -1,0 +1,101 @@
+"""Drawn heaters are drawn and judged as a second draw and the judge in C have them, and what is drawn otherwise is seen."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heatertune.proof.samples import Drawing
+from heatertune.proof.scenario import Load
+from tests.bench import second_samples
+from tests.bench.second_opinion import compiled
+from tests.bench.second_samples import (
+    apart,
+    by_a_hair,
+    drawing_of,
+    given,
+    inputs_alike,
+    judged,
+    keeps,
+    objections,
+    plain_of,
+    programs,
+    subject,
+    told,
+    told_of,
+)
+
+pytestmark = [pytest.mark.long, pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")]
+
+SAMPLES = 12
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    return compiled(tmp_path_factory.mktemp("judge"))
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    return subject(0, "weg", SAMPLES, tmp_path_factory.mktemp("zone"))
+
+
+@pytest.fixture(autouse=True)
+def few(monkeypatch):
+    monkeypatch.setattr(second_samples, "MORE", 200)
+    monkeypatch.setattr(second_samples, "INPUTS", 8000)
+
+
+def test_the_second_draw_and_the_second_judge_say_the_same(library, case):
+    found = judged(library, case, SAMPLES, np.random.default_rng(1))
+    assert sum(found.ends.values()) == SAMPLES * len(case.settings)
+    assert not found.unexplained
+    assert not objections(found.tests)
+    assert all(theirs == mine for theirs, mine, _ in found.shares), "of the same heaters"
+
+
+def _with_loads_of_the_drawn_mains(self, seeds, of=Drawing.heaters_of):
+    rows, sizes = of(self, seeds)
+    power = rows[:, 0] / np.array(self.rows)[[seed % len(self.rows) for seed in seeds], 0]
+    for number, event in enumerate(self.scenario.disturbances):
+        if isinstance(event, Load):
+            sizes[:, number] *= power
+    return rows, sizes
+
+
+@pytest.mark.parametrize(("spread", "seen"), [
+    ({"mains_pct": 5.0}, "drawn gain"),  # ±10 % of the power and not of the voltage: not squared
+    ({"ambient_degC": 4.0}, "drawn ambient"),
+    ({"disturbance_pct": 40.0}, "drawn temperature-step 0"),
+    ({"heater": (0.0, 0.0, 0.0)}, "drawn lag"),
+    ({"least_dead_time_s": 0.0}, "drawn dead time"),
+])
+def test_what_is_drawn_otherwise_is_objected_to(case, spread, seen):
+    drawing = drawing_of(case)
+    tests = inputs_alike(replace(drawing, spread=replace(drawing.spread, **spread)), plain_of(case), case.document,
+                         np.random.default_rng(1))
+    assert seen in [what for _, what in objections(tests)]
+
+
+def test_a_load_that_goes_with_the_drawn_mains_is_objected_to(case, monkeypatch):
+    # as it was, until this program was there
+    monkeypatch.setattr(Drawing, "heaters_of", _with_loads_of_the_drawn_mains)
+    tests = inputs_alike(drawing_of(case), plain_of(case), case.document, np.random.default_rng(1))
+    assert {"drawn load 1", "drawn load 2"} == {what for _, what in objections(tests)}
+
+
+@pytest.mark.parametrize("change", [
+    lambda b: {"gain": 1.01 * b.gain}, lambda b: {"dead": b.dead + 0.5}, lambda b: {"ambient": b.ambient + 0.2},
+    lambda b: {"sizes": b.sizes[::-1]}, lambda b: {"lags": tuple(1.01 * lag for lag in b.lags)}])
+def test_the_second_judge_sees_a_heater_that_is_other(library, case, change):
+    drawing = drawing_of(case)
+    values, kept = programs(case, drawing, 1, case.seed)
+    rows, sizes = drawing.heaters_of([case.seed])
+    b = given(told_of(plain_of(case), case.document, case.settings[0]), rows[0], sizes[0])
+    its, right = {name: float(value[0, 0]) for name, value in values.items()}, told(library, b)
+    assert not apart(its, right)
+    assert bool(kept[0, 0]) == keeps(right)
+    other = replace(b, **change(b))
+    assert apart(its, told(library, other))
+    assert not by_a_hair(library, other, its, bool(kept[0, 0]), told(library, other))
