@@ -7,13 +7,21 @@ import pytest
 
 from heatertune.codec import decode, encode
 from heatertune.errors import DocumentError, InputError
+from heatertune.model.by_hand import model_by_hand
+from heatertune.model.values import Candidate, Fopdt
+from heatertune.plc import controller_for
+from heatertune.plc.choose import choose_words
+from heatertune.plc.design import tune
 from heatertune.proof import Actuator, Drawing, Limits, Load, Mains, Scenario, Spread, judge, prove_samples, replay
 from heatertune.proof.document import SamplesView
+from heatertune.proof.drawn import sample_document
 from heatertune.proof.events import PlcPower
+from heatertune.proof.fitted import prove
 from heatertune.proof.measured import columns_of
 from heatertune.proof.sampled import hardest_setting
 from heatertune.proof.samples import measure
 from heatertune.report.text import samples_rows
+from heatertune.settings import Conditions
 
 PWM = Actuator(pwm_period_s=10.0)
 SCENARIO = Scenario(setpoint_degC=45.0, duration_s=900.0)
@@ -157,3 +165,22 @@ def test_a_document_of_samples_is_checked_and_not_believed(drawing):
 def test_samples_need_a_heater(switched, words):
     with pytest.raises(InputError, match="at least one model"):
         Drawing.of(switched, words(), [], SCENARIO, NONE, PWM)
+
+
+@pytest.mark.long
+def test_times_in_lags_and_dead_time_are_those_of_the_proof():
+    # of the slowest possible heater, the ends of intervals among them; once samples had them of those alone that are drawn around
+    model = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
+    slower = replace(model, dead_time_s=30.0)
+    heaters = [Candidate(model=each, log="", window_s=(0.0, 1.0), law="", fit_pct=90.0, rmse_degC=1.0, delta_bic=0.0, part=part)
+               for each, part in ((model, ""), (slower, "dead time at its high end"))]
+    fitted = replace(model_by_hand(model), candidates=tuple(heaters))
+    words = choose_words(tune(fitted, target="weg"), "weg", fitted).words
+    known = {switch.name: switch.default for switch in controller_for("weg").switches}
+    conditions = Conditions(setpoint_degC=40.0, limit=("settling=6 T+L", "recovery=5 T+L"), switches=known)
+    found = sample_document(words, fitted, 1, conditions, workers=1)["criteria"]
+    assert found["settling_time"]["limit"] == pytest.approx(6.0 * 197.0)
+    assert found["recovery_time"]["limit"] == pytest.approx(5.0 * 197.0)
+    proven = {each.name: each.limit for each in prove(words, fitted, conditions, first_look=True).criteria}
+    assert {name: found[name]["limit"] for name in ("settling_time", "recovery_time")} == {
+        name: proven[name] for name in ("settling_time", "recovery_time")}

@@ -46,7 +46,7 @@ def sampled(
         raise InputError("samples: none are asked for; expected how many")
     assumed = conditions or Conditions()
     drawing = drawing_for(words, fitted, drawn.spread, assumed)
-    return prove_samples(drawing, _limits(assumed, drawing), drawn.samples, seed=drawn.seed,
+    return prove_samples(drawing, _limits(assumed, fitted), drawn.samples, seed=drawn.seed,
                          quantile=drawn.quantile, workers=workers)
 
 
@@ -103,7 +103,7 @@ def replay_document(
     """
     assumed = conditions or Conditions()
     drawing = drawing_for(words, fitted, spread or {}, assumed)
-    limits = _limits(assumed, drawing)
+    limits = _limits(assumed, fitted)
     trace = replay(drawing, seed, hardest_setting(drawing, limits, seed))
     criteria, model = judge(trace, limits), trace.model
     return {
@@ -118,9 +118,13 @@ def replay_document(
     }
 
 
-def _limits(assumed: Conditions, drawing: Drawing) -> Limits:
-    """Return what a sample must keep; the power that a step moves is the same on each: the proof judges it."""
-    return limits_of(specified(assumed), drawing.heaters)
+def _limits(assumed: Conditions, fitted: FittedModel) -> Limits:
+    """Return what a sample must keep, as the proof has it: times in T+L are those of the slowest possible heater.
+
+    The power that a step moves is the same on each sample: the proof judges it.
+    """
+    _, farthest = setpoints_for(fitted, assumed)
+    return limits_of(specified(assumed), [model for _, model in holding(fitted, farthest)])
 
 
 def drawing_for(words: Words, fitted: FittedModel, spread: Mapping[str, float], assumed: Conditions) -> Drawing:
