@@ -84,6 +84,7 @@ class Bench:
         family: the possible heaters whose story it lives through, (gain, lags, dead time, ambient) each; none: itself.
         mains: what full power is of the rated one where the supply is as it is; its ends and none are where they are.
         sizes: by what each part's event is multiplied, of a change of mains the power; none: by nothing.
+        noises: of each scan [°C]; None: drawn by the seed.
     """
 
     gain: float
@@ -117,6 +118,7 @@ class Bench:
     family: tuple = ()
     mains: float = 1.0
     sizes: tuple = ()
+    noises: np.ndarray | None = None
 
     @property
     def possible(self):
@@ -428,7 +430,9 @@ def _prepared(b):
     parts, (numer, denom) = list(story(b)), b.ratio
     tick, begins = b.interval / denom, [0, *ends_of(b, parts)]
     rests = [end * tick - part.rest for end, part in zip(begins[1:], parts, strict=True)]
-    noise = np.random.default_rng(b.seed).normal(0.0, b.noise, begins[-1] // denom + 2) if b.noise else np.zeros(0)
+    noise = np.zeros(0) if b.noises is None else b.noises
+    if b.noise and b.noises is None:
+        noise = np.random.default_rng(b.seed).normal(0.0, b.noise, begins[-1] // denom + 2)
     held = {
         "begin": np.array(begins, dtype=np.int64), "rest": np.array(rests),
         "kind": np.array([KINDS[part.event] for part in parts], dtype=np.int32),

@@ -1,9 +1,10 @@
 """Are drawn heaters drawn and judged as the documentation says? Drawn and judged a second time; run as a program.
 
     python -m tests.bench.second_samples                                  12 zones, each on two of six controllers
-    python -m tests.bench.second_samples --first 20 --zones 4 --targets weg s7-300 --samples 500
+    python -m tests.bench.second_samples --first 1000 --zones 4 --targets weg s7-300 --samples 500
 
-Zones are those of zones.py, their logs shortened and made noisy at random, so that intervals are wide and candidates several.
+Zones are those of zones.py, their logs shortened and made noisy at random, so that intervals are wide and candidates several; from
+1,000 on more is asked for: limits in T+L, a range of setpoints, a kind of switch, noise.
 heatertune fits a log, designs for it with samples, and says how many keep every limit. It is held against
 
 - the same heaters, rows and sizes as `Drawing.heaters_of` gives them, each living through a story of its own in
@@ -43,11 +44,10 @@ from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof.asked import Asked
 from heatertune.proof.closing.on_samples import closed_on_samples
-from heatertune.proof.drawn import drawing_for
-from heatertune.proof.fitted import limits_of
+from heatertune.proof.drawn import _limits, drawing_for
+from heatertune.proof.loop import scans_of
 from heatertune.proof.measured import columns_of
 from heatertune.proof.samples import measure
-from heatertune.proof.spec_file import specified
 from heatertune.settings import Conditions, SampleSettings, TuneSettings
 from tests.bench.outages import bench_of
 from tests.bench.second_opinion import SWITCHES, TARGETS, compiled, opinion, story
@@ -58,6 +58,7 @@ COUNTED = {"saturation": 1e-3, "switchings": 1e-3}
 LEVEL = 0.01  # of all tests together: so often one of them objects to what is right
 LIMITS = {"overshoot": 20.0, "change_overshoot": 20.0, "restart_overshoot": 20.0, "recovery_overshoot": 20.0,
           "reheat_overshoot": 40.0}  # `heatertune spec general`, the tolerance apart
+_WIDE = 1000  # from this zone on more is asked for
 _ENDS = (0.9**2, 1.1**2)  # of the supply's tolerance, as power
 _HAIR = 1e-9
 _HAIRS = (-30, -10, -3, -1, 1, 3, 10, 30)
@@ -77,6 +78,7 @@ class Subject:
         design: with the verdict on samples.
         settings: of open points, each of which a controller may have.
         seed: of the first sample that the verdict is about.
+        times: limits that are asked for, "settling" and "recovery" [T+L].
     """
 
     number: int
@@ -85,6 +87,13 @@ class Subject:
     design: object
     settings: list
     seed: int
+    times: dict
+
+    @property
+    def limits(self):
+        """What a heater must keep, by the judge's names; the band is the bench's."""
+        slowest = max(sum(lags) + dead for _, lags, dead, _, _ in possible(self.document, self.design.conditions.highest_degC))
+        return LIMITS | {f"{name}_time": share * slowest for name, share in self.times.items()}
 
     @cached_property
     def document(self):
@@ -104,14 +113,32 @@ def subject(number, target, samples, folder):
     tuned = TuneSettings() if room.timer is None else TuneSettings(sample_time_s=float(round(lag / rng.uniform(10.0, 40.0))))
     open_point = rng.choice([*SWITCHES[target]])
     known = {switch.name: switch.default for switch in room.switches if switch.name != open_point}
+    conditions, times, kind = Conditions(setpoint_degC=setpoint, tolerance_degC=tolerance, switches=known), {}, None
+    as_is = bool(rng.random() < 0.5)
+    if number >= _WIDE:
+        conditions, times, kind = _widened(conditions, rng, ambient)
     asked = Asked(
         target=target, scaling=Scaling(low_degC=0.0, high_degC=float(math.ceil(1.6 * setpoint))), tuned=tuned,
-        as_is=bool(rng.random() < 0.5), drawn=SampleSettings(samples=samples),
-        conditions=Conditions(setpoint_degC=setpoint, tolerance_degC=tolerance, switches=known))
+        as_is=as_is, drawn=SampleSettings(samples=samples), conditions=conditions, switch_kind=kind)
     design = closed_on_samples(fitted, asked)
     proven = design.proof.samples
-    return Subject(number=number, target=target, fitted=fitted, design=design, seed=proven.seed,
+    return Subject(number=number, target=target, fitted=fitted, design=design, seed=proven.seed, times=times,
                    settings=[dict(setting.switches) for setting in proven.settings])
+
+
+def _widened(conditions, rng, ambient):
+    """Return conditions with more asked for, which times are limited (in T+L), and the kind of switch."""
+    times, setpoint = {}, conditions.highest_degC
+    for name, low, high in (("settling", 4.0, 14.0), ("recovery", 2.0, 8.0)):
+        if rng.random() < 0.5:
+            times[name] = round(float(rng.uniform(low, high)), 1)
+    if rng.random() < 0.5:
+        low = round(float(ambient + rng.uniform(0.3, 0.95) * (setpoint - ambient)), 1)
+        conditions = replace(conditions, setpoint_degC=(low, setpoint))
+    if rng.random() < 0.3:
+        conditions = replace(conditions, noise_degC=round(float(rng.uniform(0.01, 0.08)), 2))
+    limits = tuple(f"{name}={value} T+L" for name, value in times.items())
+    return replace(conditions, limit=limits), times, [None, "ssr", "relay"][rng.integers(3)]
 
 
 def _coarse(number):
@@ -169,15 +196,15 @@ def drawn(bench, document, count, rng):
         found.append(replace(
             bench, gain=gain * math.exp(rng.normal(0.0, 1.0) * of_gain), lags=tuple(longer * lag for lag in lags),
             dead=max(rng.normal(dead, of_dead), document["least_dead_time_s"]), ambient=ambient + rng.uniform(-5.0, 5.0),
-            mains=volts**2, sizes=sizes))
+            mains=volts**2, sizes=sizes, seed=int(rng.integers(1 << 62))))
     return found
 
 
-def given(bench, row, sizes):
+def given(bench, row, sizes, noise):
     """Return the bench of one of the program's own heaters; its mains are in the gain, its delay is the controller's."""
     gain, first, second, dead, ambient, _ = map(float, row)
     return replace(bench, gain=gain, lags=(first, second) if second else (first,), ambient=ambient,
-                   dead=dead - TARGETS[bench.target][2], sizes=(1.0, *map(float, sizes)))
+                   dead=dead - TARGETS[bench.target][2], sizes=(1.0, *map(float, sizes)), noises=np.ascontiguousarray(noise) if bench.noise else None)
 
 
 def told_of(bench, document, settings):
@@ -214,9 +241,9 @@ def inputs_of(benches, parts):
 # ---- the second judge ---------------------------------------------------------------------------------------------
 
 
-def told(library, bench):
+def told(library, bench, limits):
     """Return name → (value, limit) of all that the second judge looks at."""
-    return opinion(library, bench, LIMITS, longer=0.0).values
+    return opinion(library, bench, limits, longer=0.0).values
 
 
 def keeps(values):
@@ -244,9 +271,9 @@ def differ(values, kept, mine):
                    for name, (value, limit) in mine.items() if not math.isinf(limit) and limit > 0.0)
 
 
-def by_a_hair(library, bench, values, kept, mine):
+def by_a_hair(library, bench, limits, values, kept):
     """Return whether the judge itself, of heaters other by next to nothing, is as far from itself as the program is from it."""
-    others = [told(library, replace(bench, gain=bench.gain * (1.0 + hair * _HAIR))) for hair in _HAIRS]
+    mine, *others = (told(library, replace(bench, gain=bench.gain * (1.0 + hair * _HAIR)), limits) for hair in (0, *_HAIRS))
     ends = {name: [each[name][0] for each in (mine, *others)] for name in mine}
 
     def within(name, theirs, limit):
@@ -286,13 +313,17 @@ def drawing_of(case):
 def plain_of(case):
     """Return the bench that all heaters of a subject differ from, under the first setting."""
     gain, lags, dead, ambient, _ = possible(case.document, case.design.conditions.highest_degC)[0]
-    model = Fopdt(gain_degC_per_pct=gain, time_constant_s=lags[0], dead_time_s=dead, ambient_degC=ambient)
-    return told_of(bench_of(model, case.design, case.settings[0]), case.document, case.settings[0])
+    model, conditions = Fopdt(gain_degC_per_pct=gain, time_constant_s=lags[0], dead_time_s=dead, ambient_degC=ambient), case.design.conditions
+    limits = case.limits
+    return told_of(replace(
+        bench_of(model, case.design, case.settings[0]), tolerance=conditions.tolerance_degC or 1.0, noise=conditions.noise_degC,
+        asked_low=conditions.lowest_degC, heats_in=limits.get("settling_time", 0.0), recovers_in=limits.get("recovery_time", 0.0)),
+        case.document, case.settings[0])
 
 
 def programs(case, drawing, count, seed):
     """Return the program's values by the judge's names, shape (settings, count), and which keep every limit."""
-    limits = limits_of(specified(case.design.conditions), drawing.heaters)
+    limits = _limits(case.design.conditions, case.fitted)
     columns = columns_of(measure(drawing, limits, count, seed=seed, workers=1), limits)
     values = {_SAME.get(column.name, column.name): column.values.reshape(-1, count) for column in columns}
     values["power held"] = 100.0 - values["power held"]
@@ -304,7 +335,7 @@ def judged(library, case, samples, rng):
     """Return what became of a subject: the program's heaters one by one, others by their shares."""
     found, document, drawing, plain = Found(), case.document, drawing_of(case), plain_of(case)
     values, kept = programs(case, drawing, samples, case.seed)
-    rows, sizes = drawing.heaters_of(range(case.seed, case.seed + samples))
+    theirs = theirs_of(drawing, range(case.seed, case.seed + samples))
     more, more_kept = programs(case, drawing, MORE, case.seed + 1_000_000)
     own = drawn(plain, document, samples, rng)
     for setting, settings in enumerate(case.settings):
@@ -312,34 +343,36 @@ def judged(library, case, samples, rng):
         seen = []
         for number in range(samples):
             its = {name: float(value[setting, number]) for name, value in values.items()}
-            seen.append(_compared(found, library, given(bench, rows[number], sizes[number]), its,
-                                  bool(kept[setting, number]), f"{settings} seed {case.seed + number}"))
-        others = [told(library, replace(each, settings=settings)) for each in own]
+            mine, end = compared(library, given(bench, *theirs[number]), case.limits, its, bool(kept[setting, number]))
+            found.ends[end] += 1
+            seen.append(keeps(mine))
+            if end == "apart":
+                found.unexplained.append(f"{settings} seed {case.seed + number}: kept {kept[setting, number]} and {seen[-1]}; "
+                                         f"{apart(its, mine)}")
+        others = [told(library, replace(each, settings=settings), case.limits) for each in own]
         kept_by = sum(map(keeps, others))
         found.shares.append((case.design.proof.samples.settings[setting].kept, sum(seen), kept_by))
         of_more = int(more_kept[setting].sum())
         p = fisher_exact([[kept_by, samples - kept_by], [of_more, MORE - of_more]])[1]
         found.tests.append((float(p), f"share under {settings}: {kept_by / samples:.3f} and {of_more / MORE:.3f}"))
-        found.tests += [(_alike([each[name][0] for each in others], more[name][setting]), f"{name} under {settings}")
-                        for name in others[0] if name in more]
+        found.tests += [(_alike([each[name][0] for each in others], more[name][setting], COUNTED.get(name, SLACK)),
+                         f"{name} under {settings}") for name in others[0] if name in more]
     found.tests += inputs_alike(drawing, plain, document, rng)
     return found
 
 
-def _compared(found, library, bench, values, kept, where):
-    """Enter how a sample differs, and return whether the judge sees every limit kept."""
-    mine = told(library, bench)
-    otherwise, far = differ(values, kept, mine), apart(values, mine)
-    end = "same"
-    if otherwise or far:
-        end = "hair" if by_a_hair(library, bench, values, kept, mine) else "apart"
-    elif kept != keeps(mine):
-        end = "close"
-    found.ends[end] += 1
-    if end == "apart":
-        what = {name: tuple(float(f"{number:.7g}") for number in each) for name, each in far.items()}
-        found.unexplained.append(f"{where}: kept {kept} and {keeps(mine)}; {what}")
-    return keeps(mine)
+def theirs_of(drawing, seeds):
+    """Return (row, sizes, noise of the scans) of each of the program's samples."""
+    noise, _ = drawing.scans_of(seeds, scans_of(drawing.controllers[0], drawing.scenario))
+    return list(zip(*drawing.heaters_of(seeds), noise if len(noise) == len(seeds) else [None] * len(seeds), strict=True))
+
+
+def compared(library, bench, limits, values, kept):
+    """Return what the judge sees of a sample, and how that differs: "same", "close", "hair" or "apart"."""
+    mine = told(library, bench, limits)
+    if differ(values, kept, mine) or apart(values, mine):
+        return mine, "hair" if by_a_hair(library, bench, limits, values, kept) else "apart"
+    return mine, "same" if kept == keeps(mine) else "close"
 
 
 def inputs_alike(drawing, bench, document, rng):
@@ -350,10 +383,16 @@ def inputs_alike(drawing, bench, document, rng):
     return [(_alike(mine[name], theirs[name]), f"drawn {name}") for name in mine]
 
 
-def _alike(one, other):
-    """Return the chance of two samples being as far apart as they are, where they are of one distribution."""
+def _alike(one, other, share=0.0):
+    """Return the chance of two samples being as far apart as they are, where they are of one distribution.
+
+    With a share, they may differ by so much of each value: where many are alike, a hair would part them.
+    """
     one, other = (np.nan_to_num(np.round(each, 9), posinf=1e300) for each in (one, other))
-    return float(ks_2samp(one, other).pvalue)
+    if not share:
+        return float(ks_2samp(one, other).pvalue)
+    sides = [ks_2samp((1.0 + share) * one, other, alternative="greater"), ks_2samp((1.0 - share) * one, other, alternative="less")]
+    return min(1.0, 2.0 * min(float(side.pvalue) for side in sides))
 
 
 def objections(tests):

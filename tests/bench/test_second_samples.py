@@ -11,19 +11,16 @@ from heatertune.proof.scenario import Load
 from tests.bench import second_samples
 from tests.bench.second_opinion import compiled
 from tests.bench.second_samples import (
-    apart,
-    by_a_hair,
+    compared,
     drawing_of,
     given,
     inputs_alike,
     judged,
-    keeps,
     objections,
     plain_of,
     programs,
     subject,
-    told,
-    told_of,
+    theirs_of,
 )
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")]
@@ -91,11 +88,7 @@ def test_a_load_that_goes_with_the_drawn_mains_is_objected_to(case, monkeypatch)
 def test_the_second_judge_sees_a_heater_that_is_other(library, case, change):
     drawing = drawing_of(case)
     values, kept = programs(case, drawing, 1, case.seed)
-    rows, sizes = drawing.heaters_of([case.seed])
-    b = given(told_of(plain_of(case), case.document, case.settings[0]), rows[0], sizes[0])
-    its, right = {name: float(value[0, 0]) for name, value in values.items()}, told(library, b)
-    assert not apart(its, right)
-    assert bool(kept[0, 0]) == keeps(right)
-    other = replace(b, **change(b))
-    assert apart(its, told(library, other))
-    assert not by_a_hair(library, other, its, bool(kept[0, 0]), told(library, other))
+    b = given(plain_of(case), *theirs_of(drawing, [case.seed])[0])
+    its = {name: float(value[0, 0]) for name, value in values.items()}
+    assert compared(library, b, case.limits, its, bool(kept[0, 0]))[1] == "same"
+    assert compared(library, replace(b, **change(b)), case.limits, its, bool(kept[0, 0]))[1] == "apart"
