@@ -232,13 +232,14 @@ static double whole_count(const Case *c, double degrees)
 static double reading_of(const Case *c, double degrees)
 {
     double n = whole_count(c, degrees);
-    if (c->target == WEG || c->target == IECPID || c->target == ESPHOME || c->target == MARLIN) return (float)(c->low + c->span * n / c->counts);
+    if (c->target == WEG || c->target == IECPID || c->target == ESPHOME || c->target == MARLIN || c->target == ARDUINO || c->target == SIMPLE)
+        return (float)(c->low + c->span * n / c->counts);
     if (c->target == COMPACT) {
         float low = (float)c->low, high = (float)(c->low + c->span), share = (float)n / 27648.0f, span = high - low;
         share = share * span;
         return share + low;
     }
-    if (c->target == KLIPPER || c->target == ARDUINO || c->target == SIMPLE || c->target == PBAND) return c->low + c->span * n / c->counts;
+    if (c->target == KLIPPER || c->target == PBAND) return c->low + c->span * n / c->counts;
     return c->target == S7200PID ? 8.0 * n : n;
 }
 
