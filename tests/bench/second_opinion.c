@@ -404,12 +404,12 @@ static double s7200(const Case *c, Memory *m, double w, double x)
     return 100.0 * (c->sw[0] ? before : width) / cycle;
 }
 
-/* PID instruction: KC, TS [s], TI, TD [min], cycle [ms]; f: bias, reading before; n: width */
+/* PID instruction: KC, TS [s], TI, TD [min], cycle [ms]; f: bias, reading before; n: width. A start initialises nothing (p. 9-92), and
+ * the program writes bias and reading before, not the setpoint */
 static double s7200pid(const Case *c, Memory *m, float w, float x)
 {
     float kc = c->words[0], ts = c->words[1], ti = c->words[2], td = c->words[3];
     float sp = w / 32000.0f, pv = x / 32000.0f, before = m->begun ? m->f[1] : pv;
-    if (!m->begun && !c->sw[1]) sp = pv;
     float e = sp - pv, mp = kc * e, ci = 60.0f * ti, cd = 60.0f * td;
     ci = ts / ci;
     ci = kc * ci;
