@@ -14,11 +14,15 @@ heatertune fits a log, designs for it with samples, and says how many keep every
   divided by how many comparisons there are.
 
 Sample by sample, values may differ by 1e-5 of themselves or of their limit, ten thousand times what the two ways of integration
-mostly do (their median is 3e-10); by 0.1 % what is counted: one of thousands of scans or pulses stands at the very end of a story. A
-limit that lies between two such values is a close call. Readings are counts, so a heater other by 1e-9 may be switched a scan
-later: what differs by more is a close call, too, where the second judge gives both answers itself, and values as far apart as the
-two are, of heaters whose gain is other by 1e-9 to 3e-8. Both kinds are counted; what else differs is printed. Exit status 1 where
+mostly do (their median is 3e-10); switchings by 0.1 %, saturation by 0.05 % of all scans: one of thousands of scans stands at
+the very end of a story, and a power that is at its limit but for the last digit of a double is so for one judge alone. A limit
+that lies between two such values is a close call. Readings are counts, so a heater other by 1e-9 may be switched a scan later:
+what differs by more is a close call, too, where the second judge gives both answers itself, and values as far apart as the two
+are, of heaters whose gain is other by 1e-9 to 3e-8. Both kinds are counted; what else differs is printed. Exit status 1 where
 something does, or where a test objects.
+
+Found in this way: a load that went with the square of the drawn mains, and was least where the heater is weakest; times in T+L of
+another heater than the proof's; and of the second judge, how the S7-200's PID begins and how readings are rounded.
 """
 
 import argparse
@@ -54,7 +58,7 @@ from tests.bench.second_opinion import SWITCHES, TARGETS, compiled, opinion, sto
 from tests.bench.zones import heater, log_text
 
 SLACK = 1e-5
-COUNTED = {"saturation": 1e-3, "switchings": 1e-3}
+COUNTED = {"saturation": 5e-4, "switchings": 1e-3}
 LEVEL = 0.01  # of all tests together: so often one of them objects to what is right
 LIMITS = {"overshoot": 20.0, "change_overshoot": 20.0, "restart_overshoot": 20.0, "recovery_overshoot": 20.0,
           "reheat_overshoot": 40.0}  # `heatertune spec general`, the tolerance apart
@@ -253,7 +257,7 @@ def keeps(values):
 
 def near(name, one, other, limit):
     """Return whether two values of a criterion are the same but for what measures may differ by."""
-    scale = max(abs(one), abs(other), 0.0 if math.isinf(limit) else limit)
+    scale = max(abs(one), abs(other), 0.0 if math.isinf(limit) else limit, 100.0 if name == "saturation" else 0.0)
     return one == other or abs(one - other) <= COUNTED.get(name, SLACK) * scale
 
 
@@ -355,7 +359,7 @@ def judged(library, case, samples, rng):
         of_more = int(more_kept[setting].sum())
         p = fisher_exact([[kept_by, samples - kept_by], [of_more, MORE - of_more]])[1]
         found.tests.append((float(p), f"share under {settings}: {kept_by / samples:.3f} and {of_more / MORE:.3f}"))
-        found.tests += [(_alike([each[name][0] for each in others], more[name][setting], COUNTED.get(name, SLACK)),
+        found.tests += [(_alike([each[name][0] for each in others], more[name][setting], 10.0 * COUNTED.get(name, SLACK)),
                          f"{name} under {settings}") for name in others[0] if name in more]
     found.tests += inputs_alike(drawing, plain, document, rng)
     return found
