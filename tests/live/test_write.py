@@ -196,6 +196,10 @@ def test_another_interval_than_the_proven_one_is_seen(made, tmp_path, capsys):
         assert main(["write", str(made), f"s7://127.0.0.1:{port}/0/2/db30", *RANGE, "--apply", "--yes", yes, "--record",
                      str(tmp_path / "r.jsonl")]) == 1
         assert "TA 6.2 s, as the simulator says; 3.1 s was proven" in " ".join(capsys.readouterr().out.split())
+        assert main(["write", str(made), f"s7://127.0.0.1:{port}/0/2/db30", "--quiet"]) == 0
+        shown = " ".join(capsys.readouterr().out.split())
+    assert "TN 111.4 s 55.69 s" in shown, shown  # TI counts calls: of 57 as of the PLC's own interval
+    assert "DIFFERENT: call interval, word K" in shown
 
 
 def test_a_proof_that_was_changed_or_does_not_pass_is_refused(made, tmp_path, plant, capsys):

@@ -12,7 +12,7 @@ from heatertune.live.change.peer import Look, runs
 from heatertune.live.change.proven import Proven
 from heatertune.plc.words import check_fields
 
-__all__ = ["Check", "Said", "checks", "refused"]
+__all__ = ["Check", "Said", "checks", "interval_found", "refused"]
 
 _NEAR: Final = 1e-9
 _COUNT: Final = 1.5  # steps of the module: so near to its end a reading is that of a broken wire
@@ -103,13 +103,19 @@ def _moves(looks: tuple[Look, Look]) -> Check:
     return Check(name, moved, "runs, a simulator" if moved else "says that it runs, but no scan came")
 
 
-def _interval(proven: Proven, standing: Standing, look: Look, said: Said) -> Check:
-    own = proven.words.sample_time_s
+def interval_found(standing: Standing, look: Look, said: Said) -> tuple[float | None, str]:
+    """Return the interval at which a PLC calls the controller [s], None where nobody tells it, and who does."""
     found, by = said.called_every_s, "as said"
     if look.told is not None:
         found, by = look.told.interval_s, "as the simulator says"
     if (held := standing.interval_s(look.content)) is not None:
         found, by = held, "by its words"
+    return found, by
+
+
+def _interval(proven: Proven, standing: Standing, look: Look, said: Said) -> Check:
+    own = proven.words.sample_time_s
+    found, by = interval_found(standing, look, said)
     if found is None:
         return Check("TA", None, f"{own:g} s was proven; the block does not hold it", f"--called-every {own:g}")
     same = abs(found - own) <= _NEAR * own

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 from heatertune.live.change.budget import MOST_WRITES
-from heatertune.live.change.cells import Part, standing
-from heatertune.live.change.guard import Check, Said, checks
+from heatertune.live.change.cells import Part, Standing, standing
+from heatertune.live.change.guard import Check, Said, checks, interval_found
 from heatertune.live.change.order import NoOrder, in_order
 from heatertune.live.change.peer import Link, Look, Peer
 from heatertune.live.change.proven import Proven
@@ -107,9 +107,18 @@ def planned(wanted: Wanted, peer: Peer) -> Planned:
                         + (", or write in manual (--in-manual)" if there.block.manual else ""))
     apart = None
     if is_block:
-        now = Side(source=wanted.address.text, kind="machine", words=there.words(look.content, proven.words),
-                   taken_over=("call interval", "sensor range", "setpoint ramp and boost"))
+        now = _now(wanted, there, look)
         then = Side(source=proven.directory, kind="words", words=proven.words, proof=proven.proof)
         apart = difference(now, then)
     return Planned(look=look, checks=found, before=look.values, after=after, parts=parts, no_order=no_order,
                    difference=apart, undone_by=there.block.undone_by)
+
+
+def _now(wanted: Wanted, there: Standing, look: Look) -> Side:
+    """Return what a PLC runs, called as often as it, its words or its user say; else as often as was proven."""
+    words = there.words(look.content, wanted.proven.words)
+    interval_s, _ = interval_found(there, look, wanted.said)
+    taken_over = () if interval_s is not None else ("call interval",)
+    return Side(source=wanted.address.text, kind="machine",
+                words=words if interval_s is None else replace(words, sample_time_s=interval_s),
+                taken_over=(*taken_over, "sensor range", "setpoint ramp and boost"))
