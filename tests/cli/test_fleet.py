@@ -161,6 +161,16 @@ def test_logs_are_found_in_folders_by_patterns_and_by_lists(logs, tmp_path, monk
         find_logs(listed)
 
 
+def test_a_link_that_leads_nowhere_is_a_log_that_cannot_be_read(tmp_path):
+    from heatertune.batch.fleets import _sent, find_logs  # noqa: PLC0415 - the slow libraries, beside their only use
+
+    (tmp_path / "share.csv").symlink_to(tmp_path / "not mounted" / "share.csv")
+    (tmp_path / "folder.csv").mkdir()
+    for logs in (tmp_path, f"{tmp_path}/*.csv"):
+        assert find_logs(logs) == (str(tmp_path), ["share.csv"])
+    assert _sent(str(tmp_path), "share.csv").problem == "cannot be read: No such file or directory"
+
+
 def test_a_log_that_vanished_is_a_row(logs):
     from heatertune.batch.fleets import _fitted, _sent  # noqa: PLC0415 - the slow libraries, beside their only use
     from heatertune.batch.zone import zone_row  # noqa: PLC0415

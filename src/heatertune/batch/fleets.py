@@ -114,13 +114,18 @@ def _found(logs: str | Path) -> tuple[Iterable[Path], str]:
     given = Path(logs)
     if given.is_dir():
         return (
-            (path for path in given.rglob("*") if path.suffix.lower() in _ENDINGS and path.is_file()),
+            (path for path in given.rglob("*") if path.suffix.lower() in _ENDINGS and _is_log(path)),
             f"files that end in {', '.join(_ENDINGS)}",
         )
     if has_magic(str(logs)) and not given.exists():
         matching = glob(str(logs), recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute pattern
-        return (path for path in map(Path, matching) if path.is_file()), "files that match"
+        return (path for path in map(Path, matching) if _is_log(path)), "files that match"
     return _listed(given), "one path per line"
+
+
+def _is_log(path: Path) -> bool:
+    """Whether a path is a file, or a link that leads nowhere now: a zone of its own, which cannot be read."""
+    return path.is_file() or (path.is_symlink() and not path.exists())
 
 
 def _listed(path: Path) -> Iterator[Path]:
