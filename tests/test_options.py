@@ -4,8 +4,10 @@ import argparse
 import math
 from dataclasses import fields
 
+import numpy as np
 import pytest
 
+import heatertune as ht
 from heatertune import options
 from heatertune.batch.study_file import KEYS
 from heatertune.cli import parser
@@ -34,6 +36,17 @@ NUMBERS = [(kind, name) for kind in KINDS for name, one in options.options_of(ki
 WILD = (math.nan, -math.inf, 1e308, -1e308, 10**400, "12", [1.0])
 
 
+@pytest.fixture(scope="module")
+def model():
+    heater = ht.Fopdt(gain_degC_per_pct=0.8, time_constant_s=120.0, dead_time_s=8.0, ambient_degC=21.0)
+    return ht.model_by_hand(heater)
+
+
+@pytest.fixture(scope="module")
+def words(model):
+    return ht.encode(ht.tune(model), target="s7-300")
+
+
 @pytest.mark.parametrize(("kind", "name"), NUMBERS)
 @pytest.mark.parametrize("value", WILD, ids=str)
 def test_a_number_that_is_none_or_beyond_all_heaters_is_refused_by_name_and_range_in_one_line(kind, name, value):
@@ -52,6 +65,15 @@ def test_the_smallest_number_of_all_is_taken_or_refused(kind, name):
     except InputError:
         with pytest.raises(InputError):
             kind(**{name: 5e-324})
+
+
+@pytest.mark.parametrize("sixty", [60, np.float32(60.0), np.float64(60.0), np.int64(60)], ids=lambda one: type(one).__name__)
+def test_a_whole_number_or_one_of_numpy_is_the_same_number_for_all_that_follow(sixty, model, words):
+    assert {type(Conditions(setpoint_degC=sixty).setpoint_degC), type(Conditions(noise_degC=sixty).noise_degC)} == {float}
+    assert list(map(type, Conditions(setpoint_degC=(sixty - 20, sixty)).setpoint_degC)) == [float, float]
+    assert type(SampleSettings(samples=np.int64(60)).samples) is int
+    proofs = [ht.prove(words, model, setpoint_degC=setpoint) for setpoint in (sixty, 60.0)]
+    assert proofs[0].to_document() == proofs[1].to_document()
 
 
 @pytest.mark.parametrize(("value", "rule"), [("nan", "a finite number"), ("-1", ">= 0"), ("1e308", f"within ±{LARGEST:g}")])

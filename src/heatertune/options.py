@@ -89,6 +89,17 @@ class Option:
             for number in value if (self.several or self.pair) and isinstance(value, tuple) else (value,):
                 self._check_number(number, called)
 
+    def plain(self, value: Any) -> Any:
+        """Return a checked value with whole numbers as a `float` where it is one, and NumPy's as Python's own.
+
+        Compiled loops take each type of a number for another program, or for none.
+        """
+        if isinstance(value, tuple):
+            return tuple(map(self.plain, value))
+        if self.kind is float and isinstance(value, Real):
+            return float(value)
+        return int(value) if self.kind is int and isinstance(value, Integral) else value
+
     def _check_number(self, value: Any, called: str) -> None:
         if not isinstance(value, Integral if self.kind is int else Real):
             raise OutOfRange(called, value, "a whole number" if self.kind is int else "a number")
@@ -194,7 +205,7 @@ def options_of(kind: type) -> dict[str, Option]:
 
 
 def checked(settings: Any) -> None:
-    """Refuse what a dataclass of options cannot hold; its `__post_init__` calls this.
+    """Refuse what a dataclass of options cannot hold, and make its numbers plain; its `__post_init__` calls this.
 
     Raises:
         OutOfRange, UnknownName: as `Option.check`.
@@ -203,6 +214,7 @@ def checked(settings: Any) -> None:
     options = options_of(type(settings))
     for name, one in options.items():
         one.check(getattr(settings, name), name)
+        object.__setattr__(settings, name, one.plain(getattr(settings, name)))
     _demand_needed(options, {name: getattr(settings, name) for name in options}, "name")
 
 
