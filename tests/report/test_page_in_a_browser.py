@@ -5,7 +5,12 @@ import re
 
 import numpy as np
 import pytest
+from tests.report.conftest import DESIGN, HEATER
 
+from heatertune import chain
+from heatertune.chain.whole import dossier
+from heatertune.log.values import Log
+from heatertune.model.by_hand import model_by_hand
 from heatertune.report import render
 
 #: A4 without the margins of the print style, 13 mm above and below, 12 mm beside, in CSS pixels of 1/96 inch
@@ -154,6 +159,22 @@ def test_the_words_show_their_values_on_a_telephone_without_scrolling_sideways(s
         box = value.bounding_box()
         assert 0.0 <= box["x"] <= box["x"] + box["width"] <= 390.0
         assert value.evaluate("(cell) => cell.scrollWidth <= cell.clientWidth")
+
+
+@pytest.mark.parametrize("target", ["pid-compact", "esphome", "simple-pid", "fb41"])
+def test_no_word_stands_on_another_nor_beyond_the_page(target, browser, tmp_path, documents):
+    fitted = model_by_hand(HEATER)
+    proof = chain.prove(chain.encode(DESIGN, target), fitted, setpoint_degC=40.0)
+    log = Log(name="own", source="own", **{name: documents["log"][name] for name in ("time_s", "temperature_degC")})
+    page = tmp_path / "report.html"
+    page.write_text(render(dossier(log, fitted, DESIGN, proof, {"words.txt": b""})), encoding="utf-8")
+    with browser.new_context(viewport={"width": 1280, "height": 720}, offline=True) as context:
+        shown = context.new_page()
+        shown.goto(page.as_uri())
+        room = [table.evaluate("one => [one.scrollWidth, one.offsetWidth, one.parentElement.clientWidth / (one.parentElement"
+                               ".className == 'two' ? 2 : 1)]") for table in shown.locator("table.words").all()]
+    assert room
+    assert all(wide <= drawn <= most for wide, drawn, most in room), room
 
 
 def test_it_prints_on_eight_pages_of_a4_with_nothing_cut(shown):

@@ -7,15 +7,19 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from tests.report.conftest import DESIGN
+from tests.report.conftest import DESIGN, HEATER
 
 from heatertune import chain
+from heatertune.chain.whole import dossier
 from heatertune.codec import encode
 from heatertune.errors import UnknownName
+from heatertune.log.values import Log
+from heatertune.model.by_hand import model_by_hand
 from heatertune.plc import TARGETS, controller_for
 from heatertune.plc.commissioning import SECTIONS, commissioning
 from heatertune.proof.spec_file import in_force
 from heatertune.report import render
+from heatertune.report.brief import design_brief
 from heatertune.report.conditions import specification
 from heatertune.report.html import coded, table, text_of, tick
 from heatertune.report.live import panels, panels_json
@@ -88,6 +92,16 @@ def test_every_word_stands_in_typing_order_with_its_address_and_format_and_a_box
     assert boxes[: len(fields)] == [f"word-{f.name}" for f in fields]
     assert len(boxes) == len(set(boxes))
     assert sum(box.startswith("step-") for box in boxes) == sum(map(len, commissioning("s5-ob251").steps.values()))
+
+
+def test_a_block_that_keeps_its_interval_is_called_as_often_as_the_terminal_says():
+    fitted, design = model_by_hand(HEATER), DESIGN  # its TA is 4 s
+    proof = chain.prove(chain.encode(design, "pid-compact"), fitted, setpoint_degC=40.0)
+    log = Log(name="own", source="own", time_s=np.arange(30.0), temperature_degC=22.0 + np.arange(30.0))
+    documents = dossier(log, fitted, design, proof, {"words.scl": b""})
+    called = re.search(r"call every [\d.]+ s", design_brief(documents, "out")).group()
+    assert called != "call every 4 s"
+    assert called in record(documents)
 
 
 def test_every_criterion_stands_with_value_unit_and_run(documents, seen):

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune.model.findings import KINDS
-from heatertune.plc.controller import controller_for
 from heatertune.plc.targets import REPAIRED
 from heatertune.plc.typed import TypedWord, as_typed
 from heatertune.proof.period import life
@@ -20,6 +19,7 @@ from heatertune.proof.verdict import blocking, sampled, told_by_kind, verdict_of
 from heatertune.report.layout import LINES, WIDTH, beside, command, cut, labelled, notes_within, screen, table, wrapped
 from heatertune.report.text import (
     NOT_IDENTIFIED,
+    called_every_s,
     criterion_value,
     figure,
     limit_text,
@@ -268,10 +268,7 @@ def _facts(words: Document, proof: Document) -> str:
     """Return what has to be so around the words: interval, sensor, PWM, ramp."""
     scale, switch = words["scaling"], proof["actuator"]
     sensor = f" of {scale['input']}" if scale.get("input") else ""
-    called = words["sample_time_s"]
-    if switch is not None and controller_for(words["target"]).own_pwm[0] is not None:  # a block that keeps TA itself
-        called = switch.get("resolution_s", called)
-    facts = [f"call every {figure(called)} s",
+    facts = [f"call every {figure(called_every_s(words, switch))} s",
              f"sensor{sensor} {figure(scale['low_degC'])} to {figure(scale['high_degC'])} °C"]
     if switch is not None:
         facts.append(f"PWM of {figure(switch['pwm_period_s'])} s")

@@ -14,8 +14,9 @@ from heatertune.plc.typed import TypedWord, as_typed, word_text
 from heatertune.proof.verdict import blocking, sampled, told_of
 from heatertune.report.as_left import judged_text, measured_text, plot_as_left, worst_text
 from heatertune.report.html import BLANK, Markup, bullets, coded, picture, steps, table, text_of, tick
-from heatertune.report.text import figure, limit_text, ramp_note, search_notes, spaced, typed
+from heatertune.report.text import called_every_s, figure, limit_text, ramp_note, search_notes, spaced, typed
 from heatertune.report.written import in_plc, written
+from heatertune.units import count
 
 __all__ = ["head", "record", "remedies"]
 
@@ -28,7 +29,7 @@ _INTO_SERVICE: Final = ("Where the words go", "The first minutes")
 _OF_WORDS: Final = ("stability", "ms", "gain_margin", "phase_margin", "step_power", "overflow", "interlock_trips")
 _SHORT: Final = 160  # characters of all words in one cell
 _SIDE_BY_SIDE: Final = 5  # words from which on they stand in two columns
-_MOST_LETTERS: Final = 46  # of address and name of a word, for two columns to stand side by side
+_MOST_LETTERS: Final = 34  # of the longest word and of the longest value, for two columns to leave their meaning room
 
 
 def head(documents: Documents) -> str:
@@ -67,8 +68,8 @@ def _verdict(documents: Documents) -> str:
     return (
         f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{proof["verdict"]} at '
         f"{figure(proof['scenario']['setpoint_degC'])} °C</p>"
-        f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {models} possible heaters, each under "
-        f"every setting of what the manual leaves open.{forced}</p>{bullets([*broken, *points])}"
+        f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {count(models, 'possible heater')}, "
+        f"each under every setting of what the manual leaves open.{forced}</p>{bullets([*broken, *points])}"
     )
 
 
@@ -77,20 +78,29 @@ def _words(documents: Documents) -> str:
     document = documents["words"]
     rows, scale = typed(document), document["scaling"]
     refused = '<p class="fail">Not to be typed in: these words are not proven.</p>' if _refused(document) else ""
-    fits = all(len(row.address) + len(row.name) <= _MOST_LETTERS for row in rows)
-    half = (len(rows) + 1) // 2 if len(rows) > _SIDE_BY_SIDE and fits else len(rows)
-    source = controller_for(document["target"]).title
-    columns = [_column(part) for part in (rows[:half], rows[half:]) if part]
+    half = (len(rows) + 1) // 2 if len(rows) > _SIDE_BY_SIDE and _is_narrow(rows) else len(rows)
+    source, called = controller_for(document["target"]).title, called_every_s(document, documents["proof"]["actuator"])
+    columns = "".join(_column(part) for part in (rows[:half], rows[half:]) if part)
+    down = ", down the first column, then the second" if half < len(rows) else ""
+    if down:
+        columns = f'<div class="two">{columns}</div>'
     files = " ".join(f"<code>{text_of(name)}</code>" for name in document["files"])
     listed = f"<p>Files for the PLC: {files}</p>" if files else ""
     return (
-        f"<h2>Words for {text_of(document['target'])}</h2>{refused}<p>In the order in which they are typed in, down "
-        f"the first column, then the second. Sensor {described(Scaling(**scale))}; call every "
-        f"{figure(document['sample_time_s'])} s. The setpoint of the proof, {figure(document['setpoint_degC'])} °C, is "
+        f"<h2>Words for {text_of(document['target'])}</h2>{refused}<p>In the order in which they are typed in"
+        f"{down}. Sensor {described(Scaling(**scale))}; call every "
+        f"{figure(called)} s. The setpoint of the proof, {figure(document['setpoint_degC'])} °C, is "
         f"{word_text(document['setpoint_units'])} units.</p>"
-        f'<div class="two">{"".join(columns)}</div><p class="soft">Source: {text_of(source)}</p>'
+        f'{columns}<p class="soft">Source: {text_of(source)}</p>'
         f"{bullets(ramp_note(document))}{listed}"
     )
+
+
+def _is_narrow(rows: Sequence[TypedWord]) -> bool:
+    """Whether two columns of words stand side by side: neither a word nor its value is broken in lines."""
+    names = max(len(row.name) if row.address == row.name else len(f"{row.address} {row.name}") for row in rows)
+    values = max(len(f"{as_typed(one, row.format)} {row.format}") for row in rows for one in (row.first, row.then))
+    return names + values <= _MOST_LETTERS
 
 
 def _refused(words: Document) -> bool:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from heatertune.plc.controller import controller_for
 from heatertune.plc.typed import TypedWord, typed_table, typed_words, word_text
 from heatertune.proof.verdict import samples_told, verdict_line
 from heatertune.proof.words_file import words_of
@@ -180,6 +181,13 @@ def words_table(words: Document) -> str:
 def typed(words: Document) -> tuple[TypedWord, ...]:
     """Return the words of a document as they are typed in."""
     return typed_words(words_of(words, words["target"], "words.json"), words["setpoint_degC"])
+
+
+def called_every_s(words: Document, switch: Document | None) -> float:
+    """Return the interval at which a program calls the controller [s]: TA; of a block that keeps it, a PWM step."""
+    if switch is None or controller_for(words["target"]).own_pwm[0] is None:
+        return float(words["sample_time_s"])
+    return float(switch.get("resolution_s", words["sample_time_s"]))
 
 
 def ramp_note(words: Document) -> list[str]:
