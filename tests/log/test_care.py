@@ -1,5 +1,7 @@
 """Dirt of real logs: what is left out is told by line and value, and nothing is put in its place."""
 
+from datetime import datetime, timedelta
+
 import numpy as np
 import pytest
 
@@ -129,6 +131,15 @@ def test_a_clock_that_goes_back_is_no_new_run(tmp_path):
     rows[60][0] = "5"
     with pytest.raises(LogError, match=r"line 62.*goes backwards"):
         _read(tmp_path, rows)
+
+
+def test_a_clock_put_back_at_the_end_of_summer_time_is_told_with_what_reads_the_log(tmp_path):
+    path, begin = tmp_path / "october.csv", datetime(2025, 10, 26, 2, 50)
+    instants = [begin + timedelta(seconds=10 * i - (3600 if i >= 60 else 0)) for i in range(240)]
+    path.write_text("time,temp_C\n" + "".join(f"{at},{20 + 0.1 * i:.1f}\n" for i, at in enumerate(instants)))
+    with pytest.raises(LogError, match=r"summer time.*--log-interval 10 counts the rows"):
+        read_log(path)
+    assert read_log(path, sample_time_s=10.0).time_s[-1] == 2390.0
 
 
 @pytest.mark.parametrize("readings", [["85"], ["0"], ["85", "85"], ["85"] * 9, ["0"] * 6, ["150.5"], ["180", "170", "160"], ["-40"]])

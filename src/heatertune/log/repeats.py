@@ -20,6 +20,7 @@ Rows = npt.NDArray[np.intp]
 _SHOWN: Final = 5  # line numbers told
 _MOST_LOST: Final = 0.1  # share of the rows that a clock with coarse steps may cost
 _MOST_TAGS: Final = 100
+_HOUR_S: Final = 3600.0
 _TOLD: Final = 0.95  # of the instants a column has to tell apart
 
 
@@ -35,7 +36,7 @@ def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -
     if np.any(steps < 0):
         row = int(np.flatnonzero(steps < 0)[0]) + 1
         before = sheet.rows[row - 1][columns.index["time"]]
-        raise refused(sheet, columns, "time", row, "the time goes backwards:", f"not before {before}")
+        raise refused(sheet, columns, "time", row, "the time goes backwards:", f"not before {before}{_put_back(steps)}")
     dropped = np.flatnonzero(steps == 0) + 1
     kept = np.ones(len(time), dtype=np.bool_)
     kept[dropped] = False
@@ -50,6 +51,14 @@ def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -
     note = f"{count(len(dropped), 'row')} at the time of the row before dropped (line {lines})"
     repairs.append(f"{note}; {len(other)} of them with another reading." if other else f"{note}.")
     return kept, len(dropped) - len(other)
+
+
+def _put_back(steps: Array) -> str:
+    """Return what helps where a clock was put back by an hour, once, as at the end of summer time; else nothing."""
+    usual = float(np.median(steps))
+    if np.count_nonzero(steps < 0) > 1 or not abs(float(steps.min()) + _HOUR_S - usual) <= max(usual, 1.0):
+        return ""
+    return f"; where the clock was put back by an hour (end of summer time), --log-interval {usual:g} counts the rows"
 
 
 def _otherwise(sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows) -> list[int]:
