@@ -202,3 +202,10 @@ def test_the_period_that_nobody_chose_is_whole_ticks_of_the_s5(interval):
     assert 0.01 <= actuator.resolution_s <= 0.1
     assert min(interval, 4.9) <= period <= 10.0
     assert default_pwm_period_s(73.21, tick_s=0.1) == 73.21 / 8.0
+
+
+@pytest.mark.parametrize("period", [1e-9, 9e-4])
+def test_a_period_shorter_than_any_pwm_of_a_heater_is_refused(period):
+    with pytest.raises(OutOfRange, match=r"pwm_period_s = .* >= 0.001"):
+        Actuator(pwm_period_s=period, resolution_s=period)
+    assert Actuator(pwm_period_s=1e-3, resolution_s=1e-3).pwm_period_s == 1e-3

@@ -24,6 +24,8 @@ RULES: Final = {"pulsegen": "drop", "pid-compact": "carry", "burst": "carry"}
 _RULES: Final = ("drop", "carry")
 #: of 50 Hz mains [s]
 HALF_WAVE_S: Final = 0.01
+#: of any PWM that drives a heater: an Arduino's fastest is about so short [s]
+_SHORTEST_S: Final = 1e-3
 #: a period of fewer ticks gets a finer tick: steps of 2 %
 _LEAST_TICKS: Final = 50
 #: parts of a target's tick, the coarsest first
@@ -63,8 +65,8 @@ class Actuator:
         cooling_minimum_on_s, cooling_minimum_off_s: its shortest pulse and pause; None: any [s].
 
     Raises:
-        OutOfRange: a time that is not positive, a resolution above the period, minimum times that leave no pulse,
-            an unknown rule.
+        OutOfRange: a period below 1 ms, a time that is not positive, a resolution above the period, minimum times that
+            leave no pulse, an unknown rule.
         UnknownName: an unknown block.
     """
 
@@ -79,7 +81,7 @@ class Actuator:
     cooling_minimum_off_s: float | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
-        check("pwm_period_s", self.pwm_period_s, above=0.0)
+        check("pwm_period_s", self.pwm_period_s, least=_SHORTEST_S)
         check("resolution_s", self.resolution_s, above=0.0, most=self.pwm_period_s)
         check("minimum_on_s", self.minimum_on_s, least=0.0, most=self.pwm_period_s)
         check("minimum_off_s", self.minimum_off_s, least=0.0, most=self.pwm_period_s - self.minimum_on_s)
