@@ -13,13 +13,14 @@ heatertune fits a log, designs for it with samples, and says how many keep every
   keep every limit (Fisher's exact test), what is drawn and each criterion (Kolmogorov and Smirnov), all at a level of 1 %
   divided by how many comparisons there are.
 
-Sample by sample, values may differ by 1e-5 of themselves or of their limit, ten thousand times what the two ways of integration
-mostly do (their median is 3e-10); switchings by 0.1 %, saturation by 0.05 % of all scans: one of thousands of scans stands at
-the very end of a story, and a power that is at its limit but for the last digit of a double is so for one judge alone. A limit
-that lies between two such values is a close call. Readings are counts, so a heater other by 1e-9 may be switched a scan later:
-what differs by more is a close call, too, where the second judge gives both answers itself, and values as far apart as the two
-are, of heaters whose gain is other by 1e-9 to 3e-8. Both kinds are counted; what else differs is printed. Exit status 1 where
-something does, or where a test objects.
+Sample by sample, values may differ by 1e-5 of themselves or of their limit, ten thousand times what the two ways of
+integration mostly do (their median is 3e-10); switchings by 0.5 %, saturation by 0.05 % of all scans: one of thousands of
+scans, and of hundreds of pulses, begins at the very end of a story, which the program counts alone, and a power that is at
+its limit but for the last digit of a double is so for one judge alone. A limit that lies between two such values is a close
+call. Readings are counts, so a heater other by 1e-9 may be switched a scan later: what differs by more is a close call, too,
+where the second judge gives both answers itself, and values as far apart as the two are, of heaters whose gain is other by
+1e-9 to 3e-8. Both kinds are counted; what else differs is printed. Exit status 1 where something does, or where a test
+objects.
 
 Found in this way: a load that went with the square of the drawn mains, and was least where the heater is weakest; times in T+L of
 another heater than the proof's; and of the second judge, how the S7-200's PID begins and how readings are rounded.
@@ -54,21 +55,20 @@ from heatertune.proof.measured import columns_of
 from heatertune.proof.samples import measure
 from heatertune.settings import Conditions, SampleSettings, TuneSettings
 from tests.bench.outages import bench_of
+from tests.bench.second_draw import drawn, given, inputs_of, inputs_of_rows, possible, told_of
 from tests.bench.second_opinion import SWITCHES, TARGETS, compiled, opinion, story
 from tests.bench.zones import heater, log_text
 
 SLACK = 1e-5
-COUNTED = {"saturation": 5e-4, "switchings": 1e-3}
+COUNTED = {"saturation": 5e-4, "switchings": 5e-3}
 LEVEL = 0.01  # of all tests together: so often one of them objects to what is right
 LIMITS = {"overshoot": 20.0, "change_overshoot": 20.0, "restart_overshoot": 20.0, "recovery_overshoot": 20.0,
           "reheat_overshoot": 40.0}  # `heatertune spec general`, the tolerance apart
 _WIDE = 1000  # from this zone on more is asked for
-_ENDS = (0.9**2, 1.1**2)  # of the supply's tolerance, as power
 _HAIR = 1e-9
 _HAIRS = (-30, -10, -3, -1, 1, 3, 10, 30)
 MORE = 2000  # heaters of the program that cost little
 INPUTS = 40_000  # that are drawn only
-_SIGMAS = 2.0 * 1.96  # in a 95 % interval
 _SAME = {"power_reserve": "power held"}  # by its other side
 
 
@@ -152,94 +152,6 @@ def _coarse(number):
     noise = math.exp(rng.uniform(math.log(0.05), math.log(0.6)))
     cells = (row.split(",") for row in rows[:int(rng.integers(60, len(rows)))])
     return "\n".join([head, *(f"{t},{float(y) + rng.normal(0.0, noise):.2f},{u}" for t, y, u in cells), ""])
-
-
-# ---- the second draw ----------------------------------------------------------------------------------------------
-
-
-def possible(document, setpoint):
-    """Return the heaters of a model's document that can hold a setpoint, (gain, lags, dead time, ambient, whether it is no
-    end of an interval) each; all where none can."""
-    given, least = document["candidates"] or [document], document["least_dead_time_s"]
-    every = []
-    for each in given:
-        second = each.get("second_time_constant_s")
-        lags = (each["time_constant_s"],) if second is None else (each["time_constant_s"], second)
-        ambient = 20.0 if each["ambient_degC"] is None else each["ambient_degC"]
-        its = (each["gain_degC_per_pct"], lags, max(each["dead_time_s"], least), ambient)
-        if its not in [other[:4] for other in every]:
-            every.append((*its, not each.get("part")))
-    return [each for each in every if each[3] < setpoint < each[3] + 100.0 * each[0]] or every
-
-
-def spreads(document):
-    """Return the standard deviations of the logarithms of gain and lags, and of the dead time [s]."""
-    def of_logarithm(name):
-        low, high = document.get(f"{name}_ci95") or (None, None)
-        return 0.0 if low is None or high is None else (math.log(high) - math.log(low)) / _SIGMAS
-
-    dead, least = document.get("dead_time_s_ci95"), document["least_dead_time_s"]
-    sigma = 0.0
-    if dead is not None:  # open below: down to what is believed; open above: as far above the model's as below it
-        low = least if dead[0] is None else max(least, dead[0])
-        above = max(document["dead_time_s"], low) - low if dead[1] is None else None
-        sigma = (2.0 * above if above is not None else max(dead[1], low) - low) / _SIGMAS
-    return of_logarithm("gain_degC_per_pct"), of_logarithm("time_constant_s"), sigma
-
-
-def drawn(bench, document, count, rng):
-    """Return benches of heaters on days of their own."""
-    every = [each for each in possible(document, bench.setpoint) if each[4]]
-    of_gain, of_lag, of_dead = spreads(document)
-    parts, found = list(story(bench)), []
-    for number in range(count):
-        gain, lags, dead, ambient, _ = every[number % len(every)]
-        longer = math.exp(rng.normal(0.0, 1.0) * of_lag)
-        volts = rng.uniform(0.9, 1.1)
-        sizes = tuple(float(rng.uniform(0.5, 1.5)) if part.event in ("temperature-step", "load") else 1.0 for part in parts)
-        found.append(replace(
-            bench, gain=gain * math.exp(rng.normal(0.0, 1.0) * of_gain), lags=tuple(longer * lag for lag in lags),
-            dead=max(rng.normal(dead, of_dead), document["least_dead_time_s"]), ambient=ambient + rng.uniform(-5.0, 5.0),
-            mains=volts**2, sizes=sizes, seed=int(rng.integers(1 << 62))))
-    return found
-
-
-def given(bench, row, sizes, noise):
-    """Return the bench of one of the program's own heaters; its mains are in the gain, its delay is the controller's."""
-    gain, first, second, dead, ambient, _ = map(float, row)
-    return replace(bench, gain=gain, lags=(first, second) if second else (first,), ambient=ambient,
-                   dead=dead - TARGETS[bench.target][2], sizes=(1.0, *map(float, sizes)), noises=np.ascontiguousarray(noise) if bench.noise else None)
-
-
-def told_of(bench, document, settings):
-    """Return the bench whose story is that of all possible heaters."""
-    return replace(bench, family=tuple(each[:4] for each in possible(document, bench.setpoint)), settings=settings)
-
-
-def inputs_of_rows(rows, sizes, parts):
-    """Return what is drawn by name, of the program's rows: steps and loads in °C."""
-    found = {"gain": rows[:, 0], "lag": rows[:, 1], "dead time": rows[:, 3], "ambient": rows[:, 4], "start": rows[:, 5]}
-    for number, part in enumerate(parts[1:]):
-        if part.event in ("temperature-step", "load"):
-            found[f"{part.event} {number}"] = sizes[:, number] * part.value * (rows[:, 0] if part.event == "load" else 1.0)
-        if part.event == "mains" and any(math.isclose(part.power, end) for end in _ENDS):
-            found[f"mains {number}"] = sizes[:, number] * part.power * rows[:, 0]
-    return found
-
-
-def inputs_of(benches, parts):
-    """Return the same of benches drawn here."""
-    delay = TARGETS[benches[0].target][2]
-    found = {"gain": [b.gain * b.mains for b in benches], "lag": [b.lags[0] for b in benches],
-             "dead time": [b.dead + delay for b in benches], "ambient": [b.ambient for b in benches],
-             "start": [b.ambient for b in benches]}
-    for number, part in enumerate(parts[1:]):
-        if part.event in ("temperature-step", "load"):
-            found[f"{part.event} {number}"] = [
-                b.sizes[number + 1] * part.value * (b.gain if part.event == "load" else 1.0) for b in benches]
-        if part.event == "mains" and any(math.isclose(part.power, end) for end in _ENDS):
-            found[f"mains {number}"] = [part.power * b.gain for b in benches]
-    return found
 
 
 # ---- the second judge ---------------------------------------------------------------------------------------------
@@ -359,7 +271,7 @@ def judged(library, case, samples, rng):
         of_more = int(more_kept[setting].sum())
         p = fisher_exact([[kept_by, samples - kept_by], [of_more, MORE - of_more]])[1]
         found.tests.append((float(p), f"share under {settings}: {kept_by / samples:.3f} and {of_more / MORE:.3f}"))
-        found.tests += [(_alike([each[name][0] for each in others], more[name][setting], 10.0 * COUNTED.get(name, SLACK)),
+        found.tests += [(_alike([each[name][0] for each in others], more[name][setting], 2.0 * COUNTED.get(name, SLACK)),
                          f"{name} under {settings}") for name in others[0] if name in more]
     found.tests += inputs_alike(drawing, plain, document, rng)
     return found
@@ -394,8 +306,8 @@ def _alike(one, other, share=0.0):
     """
     one, other = (np.nan_to_num(np.round(each, 9), posinf=1e300) for each in (one, other))
     if not share:
-        return float(ks_2samp(one, other).pvalue)
-    sides = [ks_2samp((1.0 + share) * one, other, alternative="greater"), ks_2samp((1.0 - share) * one, other, alternative="less")]
+        return float(ks_2samp(one, other, method="asymp").pvalue)
+    sides = [ks_2samp((1.0 + way * share) * one, other, alternative=side, method="asymp") for way, side in ((1, "greater"), (-1, "less"))]
     return min(1.0, 2.0 * min(float(side.pvalue) for side in sides))
 
 
@@ -413,7 +325,7 @@ def main(words=None):
     asked.add_argument("--targets", nargs="+", default=["weg", "s7-300", "fb41", "s5-ob251", "pid-compact", "iec-pid"])
     asked.add_argument("--each", type=int, default=2, help="so many of the targets on each zone, in turn")
     asked = asked.parse_args(words)
-    tests, ends = [], Counter()
+    tests, ends, asked.each = [], Counter(), min(asked.each, len(asked.targets))
     print(f"{'target':12s} zone samples  kept of the program's heaters, by it and by the judge; of the judge's own   differences")
     with tempfile.TemporaryDirectory() as folder:
         library = compiled(folder)

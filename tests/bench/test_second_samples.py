@@ -9,11 +9,11 @@ import pytest
 from heatertune.proof.samples import Drawing
 from heatertune.proof.scenario import Load
 from tests.bench import second_samples
+from tests.bench.second_draw import given
 from tests.bench.second_opinion import compiled
 from tests.bench.second_samples import (
     compared,
     drawing_of,
-    given,
     inputs_alike,
     judged,
     objections,

@@ -271,7 +271,7 @@ def test_a_zone_is_proven_on_drawn_heaters_too():
     weak = model_by_hand(Fopdt(gain_degC_per_pct=0.26, time_constant_s=120.0, dead_time_s=10.0, ambient_degC=20.0))
     failed = zone_row("weak", lambda: weak, replace(asked, conditions=Conditions(setpoint_degC=44.0), drawn=SAMPLES))
     assert failed["outcome"] == "FAIL"
-    assert "14 of 20 samples keep every limit under every setting, so at most 86.05 % of all do" in failed["reason"]
+    assert "13 of 20 samples keep every limit under every setting, so at most 82.27 % of all do" in failed["reason"]
 
 
 @pytest.mark.long
