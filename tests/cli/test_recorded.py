@@ -51,6 +51,18 @@ def test_a_design_is_proven_and_exported_as_it_passed_and_an_old_file_is_still_r
 
 
 @pytest.mark.long
+def test_what_a_design_that_fails_found_is_its_way_on_as_long_as_nothing_else_is_asked(run, tmp_path):
+    # once `verify` sent its user back to the very `tune` that had found nothing
+    heater, path = ("--gain", 0.5, "--time-constant", 120, "--dead-time", 10, "--ambient", 20), tmp_path / "pid.json"
+    assert run("tune", *heater, "--target", "on-off", "--tolerance", 0.01, "--quiet", "-o", path)[0] == 1
+    found = json.loads(path.read_text())["made_for"]["way_on"]
+    said = " ".join(run("verify", path, "--target", "on-off", "--quiet")[1].split())
+    assert f"way on: found when it was designed: {found}" in said
+    other = " ".join(run("verify", path, "--target", "on-off", "--quiet", "--tolerance", 0.02)[1].split())
+    assert "way on: heatertune design or tune with this --target looks for the least change" in other
+
+
+@pytest.mark.long
 def test_an_option_takes_the_place_of_what_the_file_says_and_that_is_told(run, led):
     status, out, _ = run("verify", led, "--target", "s7-300", "--quiet", "--setpoint-ramp", "none", "--setpoint", 38,
                          "--limit", "overshoot=50%", "--verbose")

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -13,6 +14,7 @@ import pytest
 from heatertune.cli import COMMANDS, parser, printing, terminal
 from heatertune.cli.line import Line
 from heatertune.cli.parsing import again
+from heatertune.errors import InputError
 from heatertune.plc import TARGETS
 
 
@@ -231,3 +233,33 @@ def test_another_shell_is_refused_in_one_line(run):
     assert (status, out) == (2, "")
     assert err.startswith("error: ")
     assert len(err.splitlines()) == 1
+
+
+def _shown_on(stream, monkeypatch):
+    monkeypatch.setattr(sys, "stdout", stream)
+    printing.output(SimpleNamespace(json=False, json_full=False, verbose=True), {}, lambda: "VERDICT FAIL")
+
+
+def test_a_reader_that_went_away_takes_no_verdict_with_it(monkeypatch):
+    # `heatertune verify … | head -1` under pipefail: a status of 0 was taken for PASS
+    reads, writes = os.pipe()
+    os.close(reads)
+    with os.fdopen(writes, "w") as stream:
+        _shown_on(stream, monkeypatch)  # returns, and the command goes on to its status
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no file that is always full")
+def test_a_result_that_cannot_be_written_is_no_fault_of_the_program(monkeypatch):
+    with Path("/dev/full").open("w") as stream, pytest.raises(InputError, match=r"^the result: cannot be written: No space left"):
+        _shown_on(stream, monkeypatch)
+
+
+@pytest.mark.long
+def test_the_status_of_words_that_fail_is_1_whoever_reads_on(tmp_path):
+    heater = ("--gain", "0.5", "--time-constant", "120", "--dead-time", "10", "--ambient", "20")
+    limits = ("--target", "weg", "--limit", "settling=1 s", "--as-is", "-o", str(tmp_path / "pid.json"))
+    reads, writes = os.pipe()
+    os.close(reads)
+    ended = subprocess.run([sys.executable, "-m", "heatertune", "tune", *heater, *limits], stdout=writes, stderr=subprocess.PIPE, check=False)
+    os.close(writes)
+    assert (ended.returncode, ended.stderr) == (1, b"")

@@ -144,7 +144,8 @@ def test_an_interval_that_a_timer_cannot_keep_is_refused_in_one_wording(target, 
     allowed = f"{timer.shortest_s:g}…{timer.longest_s:g} s in steps of {timer.step_s:g} s"
     with pytest.raises(NotRepresentable) as refused:
         controller_for(target).encode(design, Scaling())
-    assert str(refused.value) == f"sampling interval TA would be {ta:g}, allowed {allowed}; {nearest:g} s would fit"
+    remedy = f"{nearest:g} s would fit (tune --sample-time {nearest:g})"
+    assert str(refused.value) == f"sampling interval TA would be {ta:g}, allowed {allowed}; {remedy}"
 
 
 def test_an_interval_is_kept_as_the_timer_counts_it():

@@ -97,6 +97,7 @@ def test_a_proof_alone_shows_its_notes_as_far_as_there_is_room():
     assert f"- {9 - shown} more to read: --verbose" in screen
     assert 0 < shown < 9
     assert "way on: heatertune design or tune" in screen
+    assert "way on: found when it was designed: would pass at" in verify_brief(proof_of("weg", "FAIL"), notes, "would pass at 3 °C")
     hidden = verify_brief(proof_of("weg", "PASS"), ["Ljung-Box is 3.", "The ramp is 2 °C/min."])
     assert "Ljung" not in hidden
     assert "- The ramp is 2 °C/min.\n- 1 more to read: --verbose" in hidden

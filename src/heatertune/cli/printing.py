@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 import textwrap
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 from heatertune.cli.line import LINE
 from heatertune.cli.parsing import FULL
 from heatertune.cli.terminal import painted
+from heatertune.errors import InputError
 
 if TYPE_CHECKING:
     from heatertune.log.values import Log
@@ -140,17 +142,31 @@ def output(
         summary: it as text, for --verbose.
         brief: what matters most of it as text; None: the summary is short enough.
         short: what programs need of it, for --json; None: all.
+
+    Raises:
+        InputError: it cannot be written; a reader that went away is none.
     """
     from heatertune.documents import to_json  # noqa: PLC0415
 
     LINE.end()
     if settings.json_full or settings.json:
-        print(to_json(document if settings.json_full or short is None else short()), end="")
+        _print_result(to_json(document if settings.json_full or short is None else short()))
         return
     _print_lines(getattr(settings, "taken", ()))
-    print(painted((summary if brief is None or settings.verbose else brief)(), sys.stdout))
+    _print_result(painted((summary if brief is None or settings.verbose else brief)(), sys.stdout) + "\n")
     if brief is not None and settings.verbose and not settings.quiet:
         print(_TERMS, file=sys.stderr)
+
+
+def _print_result(text: str) -> None:
+    """Print a result, to nobody where the reader of a pipe went away: the exit status is still that of the verdict."""
+    try:
+        print(text, end="", flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as problem:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what waits to be written would fail again
+        raise InputError(f"the result: cannot be written: {problem.strerror}") from problem
 
 
 def save(path: str | None, document: Mapping[str, Any]) -> None:

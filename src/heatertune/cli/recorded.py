@@ -33,6 +33,7 @@ class Proving:
         conditions: of the proof.
         ramp: another way of the setpoint than the words have, see `heatertune.proof.setpoint_ramp.prove_ramped`.
         notes: what was taken from the file, and what options took its place, one sentence each.
+        way_on: where they fail, what was found when they were made for the very same; None: nobody looked.
     """
 
     words: Words
@@ -41,6 +42,7 @@ class Proving:
     conditions: Conditions
     ramp: float | str | None
     notes: tuple[str, ...]
+    way_on: str | None = None
 
 
 def proving(settings: argparse.Namespace) -> Proving:
@@ -63,7 +65,7 @@ def proving(settings: argparse.Namespace) -> Proving:
     recipe, notes = in_force(settings, kept, settings.pid)
     choice = made_again(design, fitted, recipe)
     return Proving(words=choice.words, choice=choice, fitted=fitted, conditions=recipe.conditions, ramp=ramp,
-                   notes=tuple(notes))
+                   notes=tuple(notes), way_on=recipe.way_on if recipe == kept else None)
 
 
 def in_force(settings: argparse.Namespace, kept: Recipe | None, where: str) -> tuple[Recipe, list[str]]:

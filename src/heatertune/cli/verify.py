@@ -61,5 +61,5 @@ def _run(settings: argparse.Namespace) -> int:
         settings, document,
         lambda: "\n".join([line, criteria_table(document), *(f"- {remark}" for remark in remarks),
                            *samples_table(document), f"VERDICT {line}"]),
-        brief=lambda: verify_brief(document, remarks), short=lambda: verdict_first(document))
+        brief=lambda: verify_brief(document, remarks, asked.way_on), short=lambda: verdict_first(document))
     return 0 if document["verdict"] == "PASS" else 1

@@ -45,6 +45,7 @@ class Recipe:
         boost: None: the controller always has the heater.
         conditions: of the proof.
         files: "spec" and "profile" → digest of what that file asked for, where there is one.
+        way_on: of words that fail, what was found when they were made: what would pass, or that nothing tried does.
 
     Raises:
         OutOfRange, UnknownName: what the options of these names cannot be.
@@ -60,6 +61,7 @@ class Recipe:
     boost: BoostView | None = field(default=None, metadata=LEFT_OUT)
     conditions: Conditions
     files: Mapping[str, str] = field(default_factory=dict)
+    way_on: str | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         SensorSettings(range_degC=self.range_degC, input=self.input)

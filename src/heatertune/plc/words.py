@@ -253,7 +253,7 @@ def kept_by(timer: Timer, sample_time_s: float) -> float:
     steps = round(min(max(sample_time_s, low), high) / step)
     if not abs(sample_time_s / step - steps) <= 1e-6:
         raise NotRepresentable("sampling interval TA", sample_time_s, f"{low:g}…{high:g} s in steps of {step:g} s",
-                               f"{steps * step:g} s would fit")
+                               f"{steps * step:g} s would fit (tune --sample-time {steps * step:g})")
     return round(1000.0 * sample_time_s) / 1000.0
 
 

@@ -79,13 +79,15 @@ def design_brief(documents: Mapping[str, Document], out: str, nearest: Sequence[
     return screen(said, values, worst, [*doubts, *ends])
 
 
-def verify_brief(proof: Document, notes: Sequence[str] = ()) -> str:
-    """Return a proof on one screen."""
-    way_on = wrapped(_way_on(proof), "way on: ") if proof["verdict"] == "FAIL" else []
+def verify_brief(proof: Document, notes: Sequence[str] = (), found: str | None = None) -> str:
+    """Return a proof on one screen; `found` is the way on that was found when the words were made, see `Recipe`."""
+    way_on = wrapped(_way_on(proof, found), "way on: ") if proof["verdict"] == "FAIL" else []
     return _with_notes(notes, [*_verdict(proof), *way_on], _worst(proof), labelled(_doubts(proof), _DOUBTS))
 
 
-def _way_on(proof: Document) -> str:
+def _way_on(proof: Document, found: str | None) -> str:
+    if found is not None:
+        return f"found when it was designed: {found}"
     if proof["target"] in REPAIRED:
         return f"the same program repaired: --target {REPAIRED[proof['target']]}"
     if _fails_on_samples(proof):

@@ -17,7 +17,7 @@ _SWITCH: Final = re.compile(r",? and say --switch \w+=\S+?(?=[.;]|$)|--switch (\
 _LIMIT: Final = re.compile(r"--limit ([\w-]+)=(\S+)")
 _TOLERANCE: Final = re.compile(r"--tolerance ([\d.]*\d)")
 _INTERVAL: Final = re.compile(r"--sample-time ([\d.]*\d)(?= --)")
-_BURST: Final = re.compile(r" \(--pwm-rule burst\)")
+_BURST: Final = re.compile(r", and tried without --switch-kind")
 
 #: options that are one setting each
 _FIELDS: Final = {"--tolerance": "tolerance_degC", "--sample-time": "sample_time_s"}

@@ -86,12 +86,12 @@ class WayOn:
         if not told:
             options = (options or self._by_more_scans() or self._by_tolerance() or self._by_limits()
                        or self._by_both())
-            would = f"would pass at {' '.join(options)}" if options else ""
-            told = "; ".join(filter(None, (why, would))) or "nothing tried mends it"
+            would = f"would pass at {' '.join(options)}" if options else "nothing tried mends it"
+            told = "; ".join(filter(None, (why, would)))
         heard = replace(proof.heard, remarks=(*proof.heard.remarks, told))
         note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
         return replace(first, proof=replace(proof, heard=heard), notes=(*first.notes, note, *self.untried),
-                       passes_with=options)
+                       passes_with=options, recipe=replace(first.recipe, way_on=told))
 
     def unwound(self, found: Closed) -> Closed:
         """Return a design that winds up; its proof says with which setting of an open point one passes."""
@@ -142,9 +142,10 @@ class WayOn:
         calm = None if self.asked.conditions.pwm_period_s else calmest_pwm(proof, self.fitted.plants)
         if calm is None or "limit_cycle" not in broken_names(proof):
             return 0.0, ""
+        bursts = "were tried, too" if self.asked.switch_kind is None else "are calmer, and tried without --switch-kind"
         told = (f"at the calmest PWM of a solid-state relay, {calm.period_s:.3g} s, the ripple is "
                 f"{calm.ripple_degC:.2g} °C and one half-wave is {calm.half_wave_degC:.2g} °C, asked ±{tolerance:.3g} "
-                "°C: bursts of a power controller (--pwm-rule burst) would be calmer")
+                f"°C: bursts of a power controller {bursts}")
         return calm.share(tolerance), told
 
     def _by_limits(self) -> tuple[str, ...]:
