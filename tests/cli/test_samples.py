@@ -67,7 +67,8 @@ def test_what_makes_no_sense_is_refused(run, by_hand):
     for wrong, named in ((("--samples", 0), "samples"), (("--samples", 3, "--quantile", 0), "quantile"),
                          (("--samples", 3, "--mains", 120), "--mains"), (("--replay", -1), "--replay"),
                          (("--samples", 3, "--ambient-spread", 30), "spread of the ambient"),
-                         (("--samples", 3, "--jitter", 1e9), "jitter_s"),
+                         (("--samples", 3, "--jitter", 1e9), "jitter_s"), (("--samples", 3, "--replay", 1), "give one of them"),
+                         (("--limit", "ms=0.9"), "limit ms = 0.9 is out of range: must be >= 1"),
                          (("--samples", 3, "--interlock", "heater-fan"), "without an interlock")):
         status, _, err = run("verify", by_hand, *PROOF, *wrong)
         assert status == 2, wrong

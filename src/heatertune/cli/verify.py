@@ -45,6 +45,8 @@ def _run(settings: argparse.Namespace) -> int:
 
         if asked.ramp is not None:
             raise InputError("--replay runs the words with the ramp they have; --setpoint-ramp would be another proof")
+        if drawn.samples is not None:
+            raise InputError("--replay runs one sample, --samples many: give one of them")
         document = replay_document(asked.words, fitted, drawn.replay, conditions, spread=drawn.spread)
         printing.output(settings, document, lambda: f"{criteria_table(document)}\nVERDICT {document['verdict']}")
         return 0 if document["verdict"] == "PASS" else 1

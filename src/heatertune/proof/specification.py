@@ -52,6 +52,7 @@ class Limit:
         example: a value, as a user would write it.
         at_least: whether the value must be reached; otherwise it must not be exceeded.
         demanded: whether a limit there must be: nothing cannot be asked for.
+        least: no value is below it, so that to ask for less would be to ask for nothing that there is.
     """
 
     what: str
@@ -59,6 +60,7 @@ class Limit:
     example: str
     at_least: bool = False
     demanded: bool = False
+    least: float = 0.0
 
 
 def _of_time(field_: str) -> dict[str, Measure]:
@@ -101,7 +103,7 @@ LIMITS: Final[dict[str, Limit]] = {
         example="50 %"),
     "switchings": Limit(
         what="how often the heater is switched on", units={"/h": Measure("switchings_per_h")}, example="30 /h"),
-    "ms": Limit(what="maximum sensitivity Ms", units={"": Measure("ms")}, example="1.7"),
+    "ms": Limit(what="maximum sensitivity Ms", units={"": Measure("ms")}, example="1.7", least=1.0),
     "gain-margin": Limit(
         what="factor by which the heater's gain may grow", units={"": Measure("gain_margin")}, example="2.5",
         at_least=True),
@@ -309,7 +311,7 @@ def _quantity(name: str, text: str) -> tuple[float, str]:
         raise InputError(f"limit {name} is {text!r}, with {given}; expected {expected}")
     number = float(spelled[1])
     try:
-        check(name, number, least=0.0)
+        check(name, number, least=LIMITS[name].least)
     except OutOfRange as problem:
         raise OutOfRange(f"limit {name}", number, problem.rule) from None
     return number, unit
