@@ -17,13 +17,14 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.cooler import cooled
 from heatertune.plc.pwm import pid_compact
-from heatertune.proof import Limits, judge, simulate
+from heatertune.proof import Drawing, Limits, Spread, judge, replay, simulate
 from heatertune.proof.closing import Asked, closed
 from heatertune.proof.exported import Compared, compared
 from heatertune.proof.fitted import actuator_for, course_for, prove
 from heatertune.proof.loop import in_loop, noise_of, plant_row, scans_of
 from heatertune.proof.measured import columns_of
 from heatertune.proof.metered import metered
+from heatertune.proof.samples import measure
 from heatertune.proof.scenario import Load, Mains, NewSetpoint, PlcPower, Scenario, TemperatureStep
 from heatertune.proof.switch import heat_after, period_of, switched_off, times_on
 from heatertune.settings import Conditions, TuneSettings
@@ -120,6 +121,35 @@ def test_the_cooler_keeps_its_power_where_the_mains_of_the_heater_fail():
     trace = simulate(PID_TEMP, WORDS, HEATER, scenario, SWITCH)
     held = trace.temperature_degC[trace.time_s > 1200.0]
     assert np.abs(held - 65.0).max() < 1.0  # 80 % of load, 50 needed: it goes on cooling
+
+
+DRAWN = Scenario(setpoint_degC=65.0, duration_s=1500.0, disturbances=(
+    Load(time_s=500.0, power_pct=80.0), Mains(time_s=1000.0, share=0.81)))
+
+
+def test_the_cooler_is_as_strong_whatever_the_mains_of_a_drawn_heater():
+    # once its power went with the square of the drawn mains, with the heater's: 73 % asked for at 207 V, 50 % at 253 V
+    drawing = Drawing.of(PID_TEMP, WORDS, [HEATER], DRAWN, Spread(ambient_degC=0.0, disturbance_pct=0.0), SWITCH)
+    power = drawing.heaters_of(range(40))[0][:, 0] / HEATER.gain_degC_per_pct
+    for seed in (int(power.argmin()), int(power.argmax())):
+        trace = replay(drawing, seed)
+        late = trace.time_s > 1100.0
+        assert trace.power_asked_pct[late].mean() == pytest.approx(-60.0, abs=0.2), "27 of 45 °C"
+        assert np.ptp(trace.stretches[trace.stretches[:, 0] > 1100.0, 3]) == pytest.approx(45.0, rel=1e-12)
+    assert np.ptp(power) > 0.3
+
+
+def test_a_drawn_heater_with_a_cooler_is_measured_as_it_is_replayed_and_compiled_as_plainly(monkeypatch):
+    drawing, found = Drawing.of(PID_TEMP, WORDS, [HEATER], STORY, Spread(), SWITCH), []
+    for at_once in (False, True):
+        monkeypatch.setattr(machine, "_PLAIN_SCANS", -1 if at_once else 10**12)
+        found.append(measure(drawing, Limits(), 3, workers=1))
+    for name in ("rows", "table", "totals", "ripple"):
+        assert np.array_equal(*(getattr(each, name) for each in found)), name
+    for seed in range(3):
+        judged = judge(replay(drawing, seed), Limits())
+        for column, each in zip(columns_of(found[1], Limits()), judged, strict=True):
+            assert column.values[seed] == pytest.approx(each.value, rel=1e-6, abs=1e-6), each.name
 
 
 def test_a_run_without_a_plc_does_not_cool():

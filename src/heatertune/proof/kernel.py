@@ -32,12 +32,11 @@ from heatertune.proof.meter import (
 )
 from heatertune.proof.plant import Flow, Plant, factors, moved, plant_from, turn
 from heatertune.proof.program import Program, asked_now, moves
-from heatertune.proof.switch import edge_at, heat_after, period_of, switched_off, times_on
+from heatertune.proof.switch import AS_TOLD, as_strong, edge_at, heat_after, period_of, switched_off, times_on
 
 __all__ = [
     "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Batch", "Clock", "Events", "Record", "apart", "changed",
-    "divided",
-    "measure", "measured", "restarted", "run", "run_all", "started", "step", "ticked_on",
+    "divided", "measure", "measured", "restarted", "run", "run_all", "started", "step", "ticked_on",
 ]
 
 #: what an event does: all lags jump, the load grows, the mains change, the heater is switched, a phase begins (as it
@@ -92,7 +91,8 @@ class Record(NamedTuple):
 class Batch(NamedTuple):
     """Many loops of one controller: what differs between them, one row for each; see `run` for the meaning.
 
-    Of a plant the numbers of `Plant` and the temperature at the start. One row of noise or delays may serve all.
+    Of a plant the numbers of `Plant` and the temperature at the start. One row of noise or delays may serve all, and
+    one number of `cooling`, by which the cooler's power is multiplied.
     """
 
     scans: int
@@ -103,6 +103,7 @@ class Batch(NamedTuple):
     event_kind: Places
     event_value: Places
     leads: Places = NOT_LED
+    cooling: Places = AS_TOLD
 
 
 def step(_parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_start: bool) -> tuple[Any, ...]:
@@ -241,8 +242,8 @@ def run_all(  # noqa: PLR0913 - as `run`
         counted = run(
             parameters, started(parameters, state), sensor, Clock(scan_s, batch.scans, noise, late), program,
             plant_from(row[0], row[1], row[2], row[3], row[4]), row[5],
-            Events(batch.event_time[i], batch.event_kind[i], batch.event_value[i], batch.leads), pwm, cut, edges,
-            record,
+            Events(batch.event_time[i], batch.event_kind[i], batch.event_value[i], batch.leads),
+            as_strong(pwm, batch.cooling[i % len(batch.cooling)]), cut, edges, record,
             Meter(meter.measures, meter.setpoints, meter.band, meter.period, meter.wrong, meter.phases[i],
                   meter.totals[i], meter.high[i], meter.low[i], meter.leads),
         )
@@ -390,9 +391,7 @@ def divided(meter: Meter, seen: Seen, rest: Rest, flow: Flow, kind: int) -> tupl
     return seen, rest
 
 
-def _end(
-    meter: Meter, seen: Seen, rest: Rest, edges: Places, switched: int, end: float
-) -> None:
+def _end(meter: Meter, seen: Seen, rest: Rest, edges: Places, switched: int, end: float) -> None:
     """Write down the last phase, and how often the heater was switched on until the end."""
     if not meter.measures:
         return

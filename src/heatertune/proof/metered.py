@@ -13,6 +13,7 @@ from heatertune.proof.loop import InLoop, program_of, pulses_of, ring_size, run_
 from heatertune.proof.measured import Measured, band_of, periods_at_rest, phases_measured
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter
 from heatertune.proof.scenario import Scenario
+from heatertune.proof.switch import AS_TOLD
 
 __all__ = ["metered"]
 
@@ -21,7 +22,7 @@ Array = npt.NDArray[np.float64]
 
 def metered(  # noqa: PLR0913 - what differs from loop to loop stands in arrays of its own
     controller: InLoop, rows: Array, scenario: Scenario, actuator: Actuator, limits: Limits, noise_degC: Array,
-    late_s: Array, sizes: Array | None = None, *, side_by_side: bool = False, ahead: int = 0,
+    late_s: Array, sizes: Array | None = None, *, cooling: Array = AS_TOLD, side_by_side: bool = False, ahead: int = 0,
 ) -> Measured:
     """Run a controller on heaters and return what the kernel's meter found.
 
@@ -34,6 +35,7 @@ def metered(  # noqa: PLR0913 - what differs from loop to loop stands in arrays 
         noise_degC: of the readings, see `Clock`; a row for each heater, or one for all.
         late_s: of the scans, likewise.
         sizes: by what each disturbance is multiplied, a row for each heater; None: by nothing.
+        cooling: by what the power of the cooler is multiplied, see `Batch`.
         side_by_side: whether they run so, all of them fitting (`heatertune.proof.lanes`); it changes no bit.
         ahead: how many such loops are sure to follow.
     """
@@ -49,7 +51,7 @@ def metered(  # noqa: PLR0913 - what differs from loop to loop stands in arrays 
     leads = np.array(scenario.leads)
     meter = Meter(True, np.array(scenario.setpoints_degC), band, period, wrong, table, totals, high, low, leads)
     program = program_of(controller, scenario)
-    batch = Batch(scans, noise_degC, late_s, rows, *events_of(scenario, dead, sizes, marks), leads)
+    batch = Batch(scans, noise_degC, late_s, rows, *events_of(scenario, dead, sizes, marks), leads, cooling)
     if side_by_side:
         from heatertune.proof.lanes.choice import run_side_by_side  # noqa: PLC0415 - a proof alone must not wait for it
 

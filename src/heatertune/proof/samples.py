@@ -13,7 +13,8 @@ What is drawn, each independently:
   around each candidate in turn; no dead time below what is believed;
 - mains voltage: even within ±10 %, the tolerance of the public supply (EN 50160); the power goes with its square. One
   value for the whole run, for a sag that lasts is the one that counts; but where the story's mains fall or rise to an
-  end of that tolerance, they do so from there, and not by as much again;
+  end of that tolerance, they do so from there, and not by as much again; a cooler beside the heater, a fan or a valve,
+  is as strong as ever, as it is where the story's mains change;
 - ambient temperature: even within ±5 °C, the span between a cold morning and a hot afternoon in a hall (this project's
   choice), the heater starting from it;
 - each temperature step and load: its size times an even factor of 0.5…1.5 (this project's choice); a load is a share
@@ -47,6 +48,7 @@ from heatertune.proof.metered import metered
 from heatertune.proof.philox import normal, uniform
 from heatertune.proof.scan_noise import normals
 from heatertune.proof.scenario import Disturbance, Load, Mains, Scenario, TemperatureStep
+from heatertune.proof.switch import AS_TOLD
 from heatertune.proof.trace import Trace
 from heatertune.units import check
 
@@ -163,7 +165,7 @@ class Drawing:
         drawn, even = normal(even[:, :_NORMAL])[:, :3] * self.spread.heater, 2.0 * even[:, _NORMAL:] - 1.0
         turns = [seed % len(self.rows) for seed in seeds]
         gain, first, second, dead, ambient, start = np.array(self.rows)[turns].T
-        power = (1.0 + self.spread.mains_pct / 100.0 * even[:, 0]) ** 2
+        power = self._power_of(even[:, 0])
         shift = self.spread.ambient_degC * even[:, 1]
         lags = np.exp(drawn[:, 1])
         rows = np.column_stack([
@@ -177,6 +179,20 @@ class Drawing:
             elif not isinstance(event, TemperatureStep):
                 sizes[:, number] = 1.0 if share in (0.0, 1.0) else 1.0 / power  # likewise
         return rows, sizes
+
+    def cooling_of(self, seeds: Sequence[int]) -> Array:
+        """Return `Batch.cooling` of samples: the cooler beside a heater knows nothing of the mains in its gain.
+
+        Args:
+            seeds: of the n samples.
+        """
+        if self.actuator.cooling_gain is None:
+            return AS_TOLD
+        return 1.0 / self._power_of(2.0 * uniform(seeds, _NORMAL + 1)[:, _NORMAL] - 1.0)
+
+    def _power_of(self, even: Array) -> Array:
+        """Return what full power is of the rated one, for mains from −1, the lowest, to 1, the highest."""
+        return (1.0 + self.spread.mains_pct / 100.0 * even) ** 2
 
     def heater(self, seed: int) -> HeaterModel:
         """Return the heater of a sample, its mains in the gain, without the controller's delay; `replay` adds more."""
@@ -218,8 +234,10 @@ def measure(drawing: Drawing, limits: Limits, count: int, *, seed: int = 0, work
 
     def run(part: _Part) -> Measured:
         places, (noise, late) = part.places, drawing.scans_of([seeds[place] for place in part.places], scans)
+        cooling = drawing.cooling_of([seeds[place] for place in part.places])
         return joined([metered(controller, rows[places], drawing.scenario, drawing.actuator, limits, noise, late,
-                               sizes[places], side_by_side=part.side_by_side) for controller in differing.values()])
+                               sizes[places], cooling=cooling, side_by_side=part.side_by_side)
+                       for controller in differing.values()])
 
     # of settings that no run tells apart, one is run for all
     differing = {controller.shown: controller for controller in drawing.controllers}
@@ -277,11 +295,13 @@ def replay(drawing: Drawing, seed: int, setting: int = 0) -> Trace:
     controller = drawing.controllers[setting]
     (row,), (factors,) = drawing.heaters_of([seed])
     (noise,), (late,) = drawing.scans_of([seed], scans_of(controller, drawing.scenario))
-    model, start = _heater(row), float(row[5])
+    model, start, actuator = _heater(row), float(row[5]), drawing.actuator
+    if actuator.cooling_gain is not None:
+        actuator = replace(actuator, cooling_gain=actuator.cooling_gain * float(drawing.cooling_of([seed])[0]))
     disturbances = tuple(map(_sized, drawing.scenario.disturbances, factors.tolist()))
     scenario = replace(drawing.scenario, ambient_degC=model.ambient_degC, start_degC=start, disturbances=disturbances,
                        seed=seed)
-    return traced(controller, model, scenario, drawing.actuator, noise, late)
+    return traced(controller, model, scenario, actuator, noise, late)
 
 
 def _heater(row: Array) -> HeaterModel:

@@ -7,11 +7,22 @@ that at 0. Plain functions of numbers, as in `heatertune.proof.kernel`.
 from __future__ import annotations
 
 import math
+from typing import Final
+
+import numpy as np
 
 from heatertune.plc.pwm import Switches, on_time
 from heatertune.proof.meter import Places
 
-__all__ = ["edge_at", "heat_after", "period_of", "switched_off", "times_on"]
+__all__ = ["AS_TOLD", "as_strong", "edge_at", "heat_after", "period_of", "switched_off", "times_on"]
+
+#: by what the power of coolers is multiplied that are as strong as the switch says
+AS_TOLD: Final = np.ones(1)
+
+
+def as_strong(pwm: Switches, share: float) -> Switches:
+    """Return a switch whose cooler is so many times as strong."""
+    return Switches(pwm.heat, pwm.cool, share * pwm.cooling)
 
 
 def edge_at(edges: Places, number: int) -> float:
