@@ -20,7 +20,8 @@ What is drawn, each independently:
 - each temperature step and load: its size times an even factor of 0.5…1.5 (this project's choice); a load is a share
   of the rated power, for goods and draughts know nothing of the mains;
 - sensor noise: Gaussian, as the scenario says;
-- delay of each scan: even within 0 and the jitter, none by default: some milliseconds are nothing to a heater.
+- delay of each scan: even within 0 and the jitter, none by default: some milliseconds are nothing to a heater;
+  the story ends when it ends, with a scan that is not late.
 """
 
 from __future__ import annotations
@@ -211,6 +212,7 @@ class Drawing:
             noise = normals(seeds, scans, self.scenario.noise_degC)
         if self.spread.jitter_s > 0.0 and not self.controllers[0].pwm_period_s:
             late = self.spread.jitter_s * uniform(seeds, scans, _LATE)
+            late[:, -1] = 0.0  # with the last one the story ends
         return noise, late
 
 
