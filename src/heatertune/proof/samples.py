@@ -21,7 +21,7 @@ What is drawn, each independently:
   of the rated power, for goods and draughts know nothing of the mains;
 - sensor noise: Gaussian, as the scenario says;
 - delay of each scan: even within 0 and the jitter, none by default: some milliseconds are nothing to a heater;
-  the story ends when it ends, with a scan that is not late.
+  the first one, with which the PWM begins, and the last one, with which the story ends, are not late.
 """
 
 from __future__ import annotations
@@ -212,7 +212,7 @@ class Drawing:
             noise = normals(seeds, scans, self.scenario.noise_degC)
         if self.spread.jitter_s > 0.0 and not self.controllers[0].pwm_period_s:
             late = self.spread.jitter_s * uniform(seeds, scans, _LATE)
-            late[:, -1] = 0.0  # with the last one the story ends
+            late[:, [0, -1]] = 0.0  # with the first one the PWM begins, with the last one the story ends
         return noise, late
 
 
