@@ -185,6 +185,19 @@ def test_the_story_ends_with_the_profile_from_cold():
     assert [phase.rest_s for phase in phases_of(scenario, 1e6, 0.0)][3] == pytest.approx(begin + 250.0)
 
 
+def test_a_scan_at_the_begin_of_a_part_of_a_profile_belongs_to_it():
+    # 2.1 s added up is a last digit later than the scan of that instant: the part began a scan later, the PLC was without supply
+    for scan_s in (4.2, 2.1, 0.7, 0.716):
+        loop, scans = replace(LOOP, scan_s=scan_s, pwm_period_s=scan_s, sample_time_s=scan_s), range(1, 60)
+        firing = Profile(name="", segments=tuple(
+            Segment(target_degC=60.0 + k % 2, ramp_s=200 * scan_s * k, soak_s=scan_s * k) for k in scans))
+        scenario = story_for([HEATER], loop, Story(profile=firing), setpoint_degC=60.0).scenario
+        times = [event.time_s for event in scenario.disturbances if isinstance(event, Led)]
+        assert len(times) == 2 * len(scans)
+        for each in (*times, scenario.duration_s):
+            assert each == round(each / scan_s) * scan_s
+
+
 def test_what_a_soak_may_settle_in_is_the_users():
     def rests(**limits):
         course = story_for([HEATER], replace(LOOP, soak_settles_s=Limits(**limits).soak_settles_s),

@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 from heatertune.proof.criteria import Limits
 from heatertune.proof.scenario import Scenario
 
 __all__ = ["Course", "Loop"]
+
+#: scans by which instants differ that are the same
+_SAME: Final = 1e-7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +45,11 @@ class Loop:
     again_degC: float | None = None
     forgets_degC: float | None = None
     cooling_gain: float = 0.0
+
+    def instant(self, seconds: float) -> float:
+        """Return an instant, a scan's where it is one but for its last digits: a scan would miss what is later."""
+        scans = round(seconds / self.scan_s)
+        return scans * self.scan_s if abs(seconds / self.scan_s - scans) <= _SAME else seconds
 
     @property
     def step_s(self) -> float:

@@ -216,10 +216,10 @@ class _Teller:
         profile.demand_followed(list(zip(self.models, self.ambients_degC, strict=True)))
         cold = 1.0 - min(1.0 - _COLD, self.loop.cold_degC / abs(self.step_degC))
         off_s, legs = scenario.duration_s, self._legs(profile)
-        on_s = off_s + self.scans(self._longest_s(cold for _ in self.models)) * self.loop.scan_s
-        led = [Led(time_s=on_s + leg.begin_s, from_degC=leg.from_degC, setpoint_degC=leg.to_degC,
+        on_s = self.loop.instant(off_s + self.scans(self._longest_s(cold for _ in self.models)) * self.loop.scan_s)
+        led = [Led(time_s=self.loop.instant(on_s + leg.begin_s), from_degC=leg.from_degC, setpoint_degC=leg.to_degC,
                    duration_s=leg.duration_s) for leg in legs]
-        ends = [*(event.time_s for event in led[1:]), led[-1].time_s + led[-1].duration_s]
+        ends = [*(event.time_s for event in led[1:]), self.loop.instant(led[-1].time_s + led[-1].duration_s)]
         rests = [min(self._judged_s(leg), end - event.time_s)
                  for leg, event, end in zip(legs, led, ends, strict=True)]
         return replace(scenario, duration_s=ends[-1], rests_s=(*scenario.rests_s, 0.0, *rests),
