@@ -10,8 +10,8 @@ kind, two ends of the setpoints and ramps with a holdback, from 1,000,000 on lim
 heatertune and any, from 6,000,000 on heaters of printers no slower than those are. heatertune proves the words. Where no limit
 of the runs is broken, second_opinion.c runs the whole story again, and then its rests for 50 stories more, to see what
 hunts or drifts later; a short story is measured in steps of a millisecond, too. A false PASS breaks a limit by more than
-0.1 %, the share by which measures may differ. What differs is printed as a line of JSON; exit status 1 where something
-does.
+0.1 %. Whatever the verdict, all that both measure in the story has to be the same but for close calls (close_calls.py).
+What differs is printed as a line of JSON; exit status 1 where something does.
 
 A PASS with noise says that at least 95 % of all draws of the noise keep every limit, with 95 % confidence: the judge runs
 the story with 40 draws of its own. At most 5 of 100 such PASSes may have a larger share than 5 % of draws that break a
@@ -44,6 +44,7 @@ from heatertune.proof.fitted import actuator_for, course_for, limits_of
 from heatertune.proof.presets import PRESETS
 from heatertune.proof.spec_file import specified
 from heatertune.settings import Conditions
+from tests.bench.close_calls import apart, by_a_hair, differ, named
 from tests.bench.second_opinion import (
     OWN_PULSES,
     SWITCHES,
@@ -65,6 +66,7 @@ _DRAWS = 40  # of a noise that the proof has not seen
 _FIRST_DRAW = 1_000
 _TOO_MANY = 0.05  # of them may break a limit
 _OF_WORDS = {"stability", "ms", "gain_margin", "phase_margin", "step_power"}
+_FLAGS = "overflow"  # of which the judge knows what is no number alone
 _WIDE = 100_000  # from this case on more is drawn, those before stay as they were
 _WIDER = 1_000_000  # and from this on again
 _ALONG = 2_000_000  # and again
@@ -347,24 +349,26 @@ def judged(library, number, target, longer=LONGER, draws=_DRAWS):
     if case["end"] == "PASS" and bench.noise:
         case["end"] = _proven(words, model, conditions, draws=True).runs[0].verdict
         case["runs"] = case["end"] == "PASS"
+    limits = _limits(proof.limits)
+    case |= {"measures": {}, "wrong": {}}
+    case |= _measured_apart(library, bench, limits, proof, kept=set(case["not kept"]) <= {*_OF_WORDS, _FLAGS})
     if not case["runs"]:
         return case
-    limits = _limits(proof.limits)
     case["longer"] = min(longer, _LONGER_NOISY if bench.noise else longer, _MOST_PULSES * bench.period / proof.scenario.duration_s)
     told = opinion(library, bench, limits, longer=case["longer"])
-    case["noise"], case["measures"] = bench.noise / bench.band, _apart(proof, told)
+    case["noise"] = bench.noise / bench.band
     case["at"] = {name: value / limit for name, (value, limit) in told.values.items()} | told.later
     later = () if bench.noise else told.later
-    case["wrong"] = {name: share for name, share in case["at"].items()
-                     if not share <= 1.0 + SLACK and (name in told.values or name in later)}
+    case["wrong"] |= {name: share for name, share in case["at"].items()
+                      if not share <= 1.0 + SLACK and (name in told.values or name in later)}
     if bench.noise and case["end"] == "PASS":
-        case["later"] = max(told.later.values())
+        case["later"] = max(told.later.values(), default=0.0)
         case["draws broken"] = _broken_draws(library, bench, limits, draws)
     case["wrong"] |= _story_apart(bench, proof.scenario)
     if told.begins[-1] <= _PLAIN_S:
         edges, plain = proof.traced(0).edge_time_s, dict[str, float]()
         for step_s in _PLAIN_STEPS_S:
-            plain = _apart(proof, in_plain_steps(library, bench, limits, edges, step=step_s), step_s)
+            plain = _apart_in_steps(proof, in_plain_steps(library, bench, limits, edges, step=step_s), step_s)
             if max(plain.values()) <= SLACK:
                 break
         case["plain"] = max(plain.values())
@@ -378,10 +382,20 @@ def _broken_draws(library, bench, limits, count):
     return sum(any(value > limit * (1.0 + SLACK) for value, limit in told.values.values()) for told in draws) / count
 
 
-def _apart(proof, told, step_s=0.0):
+def _measured_apart(library, bench, limits, proof, *, kept):
+    """Return what the story's measures are that differ, and under "wrong" which of them are no close call."""
+    values = named({each.name: each.value for each in proof.criteria if each.name != _FLAGS})
+    told = opinion(library, bench, limits, longer=0.0).values
+    found = apart(values, told)
+    if not found and not differ(values, kept, told):
+        return {}
+    wrong = {} if by_a_hair(library, bench, limits, values, kept) else {"measures": found or told}
+    return {"measures": found, "wrong": wrong}
+
+
+def _apart_in_steps(proof, told, step_s):
     """Return by which share the proof's integral and times differ from another's, times by more than two of its steps."""
-    names = ("settling_time", "recovery_time", *(() if step_s else ("soak_deviation", "peak")))  # pulses end within steps
-    values = {"iae": told.iae} | {name: told.values[name][0] for name in names if name in told.values}
+    values = {"iae": told.iae} | {name: told.values[name][0] for name in ("settling_time", "recovery_time") if name in told.values}
     criteria = {each.name: each.value for each in proof.criteria}
     unseen = {"settling_time": 2.0 * step_s, "recovery_time": 2.0 * step_s}
     return {name: max(0.0, abs(criteria[name] - value) - unseen.get(name, 0.0)) / value
@@ -407,7 +421,7 @@ def main():
     parser.add_argument("--longer", type=float, default=LONGER, help="by how many stories the rests go on")
     parser.add_argument("--keep", type=Path, help="file to which each case is written, a line of JSON each")
     asked = parser.parse_args()
-    ends, wrong, noisy, cut = Counter(), 0, [], []
+    ends, wrong, hairs, noisy, cut = Counter(), 0, 0, [], []
     with tempfile.TemporaryDirectory() as folder:
         library = compiled(folder)
         for number in range(asked.first, asked.first + asked.count):
@@ -417,6 +431,7 @@ def main():
                 cut.append(case["longer"])
             if "draws broken" in case:
                 noisy.append(case)
+            hairs += bool(case.get("measures")) and "measures" not in case["wrong"]
             if case.get("wrong"):
                 wrong += 1
                 print(json.dumps(case), flush=True)
@@ -425,7 +440,7 @@ def main():
                     out.write(json.dumps(case) + "\n")
     for (target, end, kept), count in sorted(ends.items()):
         print(f"{target:12s} {end:10s} {kept:22s} {count}")
-    print(f"{wrong} disagreements; {len(cut)} cases without noise went on for fewer stories, {min(cut, default=asked.longer):.3g} the fewest")
+    print(f"{wrong} disagreements, {hairs} close calls; {len(cut)} cases without noise went on for fewer stories, {min(cut, default=asked.longer):.3g} the fewest")
     often = [case["draws broken"] for case in noisy if case["draws broken"] > _TOO_MANY]
     share = sum(case["draws broken"] for case in noisy) / max(1, len(noisy))
     print(f"{len(noisy)} PASSes with noise: {share:.2%} of draws break a limit, in {len(often)} more than 5 % (the most in "

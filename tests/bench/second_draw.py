@@ -58,11 +58,12 @@ def drawn(bench, document, count, rng):
     return found
 
 
-def given(bench, row, sizes, noise):
+def given(bench, row, sizes, noise, late):
     """Return the bench of one of the program's own heaters; its mains are in the gain, its delay is the controller's."""
     gain, first, second, dead, ambient, _ = map(float, row)
     return replace(bench, gain=gain, lags=(first, second) if second else (first,), ambient=ambient,
-                   dead=dead - TARGETS[bench.target][2], sizes=(1.0, *map(float, sizes)), noises=np.ascontiguousarray(noise) if bench.noise else None)
+                   dead=dead - TARGETS[bench.target][2], sizes=(1.0, *map(float, sizes)), noises=np.ascontiguousarray(noise) if bench.noise else None,
+                   lates=np.ascontiguousarray(late) if bench.jitter else None)
 
 
 def told_of(bench, document, settings):

@@ -44,6 +44,8 @@ typedef struct {
     const double *noise;                   /* of each scan of the story, or NULL */
     int64_t noises;
     double sigma;                          /* of the noise after the story */
+    const double *late;                    /* by how much each scan of the story comes late [s], or NULL */
+    int64_t lates;
     double longer;                         /* the time beyond each rest, of the story's duration */
 } Case;
 
@@ -67,6 +69,7 @@ typedef struct {
     Memory m;
     long double now;
     int64_t k, j, calls, origin;           /* origin: of the PWM periods, of which j have begun [ticks] */
+    double shift;                          /* by how much they begin late [s] */
     double y, x, level, carried, asked_pct, word;
     int phase, dark, arrived;              /* dark: no supply at the last scan; arrived: events whose power has reached the heater */
     double mains, load;
@@ -752,10 +755,15 @@ static void falls(Sim *s, long double at)
     else if (s->count && last->level == 0.0 && last->due > at + s->c->dead) last->due = at + s->c->dead;
 }
 
+static double late_by(const Sim *s) { return s->c->late != NULL && s->k < s->c->lates ? s->c->late[s->k] : 0.0; }
+static long double scan_at(const Sim *s) { return s->k * s->c->scan * (long double)s->c->tick + late_by(s); }
+static long double pulse_at(const Sim *s) { return (s->origin + s->j * s->c->period) * (long double)s->c->tick + s->shift; }
+
 static void scan(Sim *s)
 {
     const Case *c = s->c;
     int64_t now = s->k * c->scan;
+    double late = late_by(s);
     double wanted = setpoint_of(s);
     double noise = 0.0;
     if (c->noise != NULL) noise = !s->beyond && s->k < c->noises ? c->noise[s->k] : c->sigma * normal(&s->seed);
@@ -763,12 +771,17 @@ static void scan(Sim *s)
     if (!c->supplied[s->phase]) {
         s->calls = 0;
         s->dark = 1;
-        falls(s, now * (long double)c->tick);
+        falls(s, now * (long double)c->tick + late);
         s->asked_pct = 0.0;
         memset(&s->m, 0, sizeof s->m);
         return;
     }
-    if (s->dark && s->origin + s->j * c->period != now) { s->origin = now; s->j = 0; }  /* the exported PWM begins anew */
+    long double next = pulse_at(s) - now * (long double)c->tick;
+    if (s->dark && fabsl(next) > 1e-9L && fabsl(next - c->period * (long double)c->tick) > 1e-9L) {
+        s->origin = now;                   /* the exported PWM begins anew, with this scan */
+        s->shift = late;
+        s->j = 0;
+    }
     s->dark = 0;
     double reading = reading_of(c, s->y + noise), asked = reading_of(c, wanted);
     if (c->ramp == 0.0)
@@ -796,7 +809,7 @@ static void pulse(Sim *s)
     else if (wanted > period - c->least_off + near || on > period - c->least_off + near || on > period - near)
         on = period;
     s->carried = c->carries ? wanted - on : 0.0;
-    long double begin = (s->origin + s->j * c->period) * (long double)c->tick;
+    long double begin = pulse_at(s);
     s->j++;
     if (on > 0.0 && s->last_level == 0.0) send(s, begin, 1.0);
     if (on < period && s->last_level == 1.0) send(s, begin + on, 0.0);
@@ -818,9 +831,9 @@ static void run(Sim *s, int64_t until)
 {
     const Case *c = s->c;
     for (;;) {
-        int64_t a = s->k * c->scan, b = s->origin + s->j * c->period, next = a < b ? a : b;
-        if (next >= until) break;
-        reach(s, next * (long double)c->tick);
+        long double a = scan_at(s), b = pulse_at(s), next = a < b ? a : b;
+        if (next >= until * (long double)c->tick) break;
+        reach(s, next);
         if (a <= b) scan(s); else pulse(s);
     }
     reach(s, until * (long double)c->tick);

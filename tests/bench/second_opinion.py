@@ -85,6 +85,7 @@ class Bench:
         mains: what full power is of the rated one where the supply is as it is; its ends and none are where they are.
         sizes: by what each part's event is multiplied, of a change of mains the power; none: by nothing.
         noises: of each scan [°C]; None: drawn by the seed.
+        jitter: latest delay of a scan [s]; `lates`: of each [s]; None: drawn by the seed.
     """
 
     gain: float
@@ -119,6 +120,8 @@ class Bench:
     mains: float = 1.0
     sizes: tuple = ()
     noises: np.ndarray | None = None
+    jitter: float = 0.0
+    lates: np.ndarray | None = None
 
     @property
     def possible(self):
@@ -335,7 +338,7 @@ class _Case(ctypes.Structure):
         ("begin", ctypes.c_void_p), ("rest", ctypes.c_void_p), ("kind", ctypes.c_void_p), ("value", ctypes.c_void_p),
         ("asked", ctypes.c_void_p), ("from", ctypes.c_void_p), ("power", ctypes.c_void_p), ("supplied", ctypes.c_void_p),
         ("band", ctypes.c_double), ("noise", ctypes.c_void_p), ("noises", ctypes.c_int64), ("sigma", ctypes.c_double),
-        ("longer", ctypes.c_double),
+        ("late", ctypes.c_void_p), ("lates", ctypes.c_int64), ("longer", ctypes.c_double),
     )
 
 
@@ -433,12 +436,15 @@ def _prepared(b):
     noise = np.zeros(0) if b.noises is None else b.noises
     if b.noise and b.noises is None:
         noise = np.random.default_rng(b.seed).normal(0.0, b.noise, begins[-1] // denom + 2)
+    late = np.zeros(0) if b.lates is None else b.lates
+    if b.jitter and b.lates is None:
+        late = np.random.default_rng([b.seed, 1]).uniform(0.0, b.jitter, begins[-1] // denom + 2)
     held = {
         "begin": np.array(begins, dtype=np.int64), "rest": np.array(rests),
         "kind": np.array([KINDS[part.event] for part in parts], dtype=np.int32),
         "value": np.array([part.value for part in parts]), "asked": np.array([part.asked for part in parts]),
         "from": np.array([part.begins_at for part in parts]), "power": np.array([part.power for part in parts]),
-        "supplied": np.array([part.supplied for part in parts], dtype=np.int32), "noise": noise,
+        "supplied": np.array([part.supplied for part in parts], dtype=np.int32), "noise": noise, "late": late,
     }
     settings = [choices.index(b.settings[name]) for name, choices in SWITCHES[b.target].items()]
     ramp, calls, hold = (0.0, 1, 0.0) if b.ramp is None else b.ramp
@@ -450,7 +456,7 @@ def _prepared(b):
         dead=b.dead + delay, ambient=b.ambient, start=b.ambient, per_lag=1.0 / lag,
         per_inner=1.0 / inner if inner else 0.0, ramp=ramp, hold=hold, ramp_calls=calls,
         within=b.boost[0] if b.boost else 0.0, again=b.boost[1] if b.boost else 0.0, phases=len(parts), band=b.band,
-        noises=len(noise), sigma=b.noise,
+        noises=len(noise), sigma=b.noise, lates=len(late),
         **{name: array.ctypes.data if len(array) else None for name, array in held.items()})
     return Opinion(parts, [begin * tick for begin in begins]), case, held
 

@@ -4,7 +4,7 @@
     python -m tests.bench.second_samples --first 1000 --zones 4 --targets weg s7-300 --samples 500
 
 Zones are those of zones.py, their logs shortened and made noisy at random, so that intervals are wide and candidates several; from
-1,000 on more is asked for: limits in T+L, a range of setpoints, a kind of switch, noise.
+1,000 on more is asked for: limits in T+L, a range of setpoints, a kind of switch, noise; from 2,000 on scans are late.
 heatertune fits a log, designs for it with samples, and says how many keep every limit. It is held against
 
 - the same heaters, rows and sizes as `Drawing.heaters_of` gives them, each living through a story of its own in
@@ -13,14 +13,8 @@ heatertune fits a log, designs for it with samples, and says how many keep every
   keep every limit (Fisher's exact test), what is drawn and each criterion (Kolmogorov and Smirnov), all at a level of 1 %
   divided by how many comparisons there are.
 
-Sample by sample, values may differ by 1e-5 of themselves or of their limit, ten thousand times what the two ways of
-integration mostly do (their median is 3e-10); switchings by 0.5 %, saturation by 0.05 % of all scans: one of thousands of
-scans, and of hundreds of pulses, begins at the very end of a story, which the program counts alone, and a power that is at
-its limit but for the last digit of a double is so for one judge alone. A limit that lies between two such values is a close
-call. Readings are counts, so a heater other by 1e-9 may be switched a scan later: what differs by more is a close call, too,
-where the second judge gives both answers itself, and values as far apart as the two are, of heaters whose gain is other by
-1e-9 to 3e-8. Both kinds are counted; what else differs is printed. Exit status 1 where something does, or where a test
-objects.
+Sample by sample, both kinds of close calls (close_calls.py) are counted; what else differs is printed. Exit status 1 where
+something does, or where a test objects.
 
 Found in this way: a load that went with the square of the drawn mains, and was least where the heater is weakest; times in T+L of
 another heater than the proof's; and of the second judge, how the S7-200's PID begins and how readings are rounded.
@@ -54,22 +48,19 @@ from heatertune.proof.loop import scans_of
 from heatertune.proof.measured import columns_of
 from heatertune.proof.samples import measure
 from heatertune.settings import Conditions, SampleSettings, TuneSettings
+from tests.bench.close_calls import COUNTED, SLACK, apart, by_a_hair, differ, keeps, named, told
 from tests.bench.outages import bench_of
 from tests.bench.second_draw import drawn, given, inputs_of, inputs_of_rows, possible, told_of
-from tests.bench.second_opinion import SWITCHES, TARGETS, compiled, opinion, story
+from tests.bench.second_opinion import SWITCHES, TARGETS, compiled, story
 from tests.bench.zones import heater, log_text
 
-SLACK = 1e-5
-COUNTED = {"saturation": 5e-4, "switchings": 5e-3}
 LEVEL = 0.01  # of all tests together: so often one of them objects to what is right
 LIMITS = {"overshoot": 20.0, "change_overshoot": 20.0, "restart_overshoot": 20.0, "recovery_overshoot": 20.0,
           "reheat_overshoot": 40.0}  # `heatertune spec general`, the tolerance apart
 _WIDE = 1000  # from this zone on more is asked for
-_HAIR = 1e-9
-_HAIRS = (-30, -10, -3, -1, 1, 3, 10, 30)
+_LATE = 2000  # and from this one on scans are late
 MORE = 2000  # heaters of the program that cost little
 INPUTS = 40_000  # that are drawn only
-_SAME = {"power_reserve": "power held"}  # by its other side
 
 
 @dataclass(kw_only=True)
@@ -83,6 +74,7 @@ class Subject:
         settings: of open points, each of which a controller may have.
         seed: of the first sample that the verdict is about.
         times: limits that are asked for, "settling" and "recovery" [T+L].
+        jitter: latest delay of a scan [s].
     """
 
     number: int
@@ -92,6 +84,7 @@ class Subject:
     settings: list
     seed: int
     times: dict
+    jitter: float
 
     @property
     def limits(self):
@@ -119,14 +112,15 @@ def subject(number, target, samples, folder):
     known = {switch.name: switch.default for switch in room.switches if switch.name != open_point}
     conditions, times, kind = Conditions(setpoint_degC=setpoint, tolerance_degC=tolerance, switches=known), {}, None
     as_is = bool(rng.random() < 0.5)
+    jitter = 0.0 if number < _LATE or room.timer is None else round(tuned.sample_time_s * float(rng.uniform(0.05, 0.6)), 2)
     if number >= _WIDE:
         conditions, times, kind = _widened(conditions, rng, ambient)
     asked = Asked(
         target=target, scaling=Scaling(low_degC=0.0, high_degC=float(math.ceil(1.6 * setpoint))), tuned=tuned,
-        as_is=as_is, drawn=SampleSettings(samples=samples), conditions=conditions, switch_kind=kind)
+        as_is=as_is, drawn=SampleSettings(samples=samples, jitter_s=jitter), conditions=conditions, switch_kind=kind)
     design = closed_on_samples(fitted, asked)
     proven = design.proof.samples
-    return Subject(number=number, target=target, fitted=fitted, design=design, seed=proven.seed, times=times,
+    return Subject(number=number, target=target, fitted=fitted, design=design, seed=proven.seed, times=times, jitter=jitter,
                    settings=[dict(setting.switches) for setting in proven.settings])
 
 
@@ -154,53 +148,6 @@ def _coarse(number):
     return "\n".join([head, *(f"{t},{float(y) + rng.normal(0.0, noise):.2f},{u}" for t, y, u in cells), ""])
 
 
-# ---- the second judge ---------------------------------------------------------------------------------------------
-
-
-def told(library, bench, limits):
-    """Return name → (value, limit) of all that the second judge looks at."""
-    return opinion(library, bench, limits, longer=0.0).values
-
-
-def keeps(values):
-    """Return whether every limit is kept."""
-    return all(value <= limit for value, limit in values.values())
-
-
-def near(name, one, other, limit):
-    """Return whether two values of a criterion are the same but for what measures may differ by."""
-    scale = max(abs(one), abs(other), 0.0 if math.isinf(limit) else limit, 100.0 if name == "saturation" else 0.0)
-    return one == other or abs(one - other) <= COUNTED.get(name, SLACK) * scale
-
-
-def apart(values, mine):
-    """Return name → (program's, the judge's, limit) of what differs between them."""
-    return {name: (values[name], value, limit) for name, (value, limit) in mine.items()
-            if name in values and not near(name, values[name], value, limit)}
-
-
-def differ(values, kept, mine):
-    """Return whether the program and the judge see the limits kept otherwise, and it is no close call."""
-    if kept == keeps(mine):
-        return False
-    return not any(math.isclose(values.get(name, value), limit, rel_tol=SLACK) and math.isclose(value, limit, rel_tol=SLACK)
-                   for name, (value, limit) in mine.items() if not math.isinf(limit) and limit > 0.0)
-
-
-def by_a_hair(library, bench, limits, values, kept):
-    """Return whether the judge itself, of heaters other by next to nothing, is as far from itself as the program is from it."""
-    mine, *others = (told(library, replace(bench, gain=bench.gain * (1.0 + hair * _HAIR)), limits) for hair in (0, *_HAIRS))
-    ends = {name: [each[name][0] for each in (mine, *others)] for name in mine}
-
-    def within(name, theirs, limit):
-        low, high = min(ends[name]), max(ends[name])
-        return low <= theirs <= high or near(name, theirs, low, limit) or near(name, theirs, high, limit)
-
-    verdicts = {keeps(each) for each in (mine, *others)}
-    return (not differ(values, kept, mine) or kept in verdicts) and all(
-        within(name, theirs, limit) for name, (theirs, _, limit) in apart(values, mine).items())
-
-
 # ---- both ---------------------------------------------------------------------------------------------------------
 
 
@@ -223,7 +170,7 @@ class Found:
 
 def drawing_of(case):
     """Return whose samples the program draws."""
-    return drawing_for(case.design.proof.words, case.fitted, {}, case.design.conditions)
+    return drawing_for(case.design.proof.words, case.fitted, {"jitter_s": case.jitter}, case.design.conditions)
 
 
 def plain_of(case):
@@ -232,7 +179,7 @@ def plain_of(case):
     model, conditions = Fopdt(gain_degC_per_pct=gain, time_constant_s=lags[0], dead_time_s=dead, ambient_degC=ambient), case.design.conditions
     limits = case.limits
     return told_of(replace(
-        bench_of(model, case.design, case.settings[0]), tolerance=conditions.tolerance_degC or 1.0, noise=conditions.noise_degC,
+        bench_of(model, case.design, case.settings[0]), tolerance=conditions.tolerance_degC or 1.0, noise=conditions.noise_degC, jitter=case.jitter,
         asked_low=conditions.lowest_degC, heats_in=limits.get("settling_time", 0.0), recovers_in=limits.get("recovery_time", 0.0)),
         case.document, case.settings[0])
 
@@ -241,8 +188,7 @@ def programs(case, drawing, count, seed):
     """Return the program's values by the judge's names, shape (settings, count), and which keep every limit."""
     limits = _limits(case.design.conditions, case.fitted)
     columns = columns_of(measure(drawing, limits, count, seed=seed, workers=1), limits)
-    values = {_SAME.get(column.name, column.name): column.values.reshape(-1, count) for column in columns}
-    values["power held"] = 100.0 - values["power held"]
+    values = named({column.name: column.values.reshape(-1, count) for column in columns})
     kept = np.all([column.strains <= 1.0 for column in columns], axis=0).reshape(-1, count)
     return values, kept
 
@@ -278,9 +224,9 @@ def judged(library, case, samples, rng):
 
 
 def theirs_of(drawing, seeds):
-    """Return (row, sizes, noise of the scans) of each of the program's samples."""
-    noise, _ = drawing.scans_of(seeds, scans_of(drawing.controllers[0], drawing.scenario))
-    return list(zip(*drawing.heaters_of(seeds), noise if len(noise) == len(seeds) else [None] * len(seeds), strict=True))
+    """Return (row, sizes, noise and delays of the scans) of each of the program's samples."""
+    own = drawing.scans_of(seeds, scans_of(drawing.controllers[0], drawing.scenario))
+    return list(zip(*drawing.heaters_of(seeds), *(each if each.shape[1] > 1 else [None] * len(seeds) for each in own), strict=True))
 
 
 def compared(library, bench, limits, values, kept):
