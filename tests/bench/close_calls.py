@@ -5,7 +5,8 @@ Values may differ by 1e-5 of themselves or of their limit, ten thousand times wh
 of pulses, begins at the very end of a story, which the program counts alone, and a power that is at its limit but for the
 last digit of a double is so for one judge alone. A limit that lies between two such values is a close call. Readings are
 counts, so a heater other by 1e-9 may be switched a scan later: what differs by more is a close call, too, where the second
-judge gives both answers itself, and values as far apart as the two are, of heaters whose gain is other by 1e-9 to 3e-8.
+judge gives both answers itself, and values as far apart as the two are, of heaters whose gain is other by 1e-9 to 3e-8, or
+of an instrument whose band is other by 1e-12: errors and band are tenths of a degree, and often the same.
 """
 
 import math
@@ -16,6 +17,7 @@ from tests.bench.second_opinion import opinion
 SLACK = 1e-5
 COUNTED = {"saturation": 5e-4, "switchings": 5e-3}
 _HAIR = 1e-9
+_LAST_DIGITS = 1e-12
 _HAIRS = (-30, -10, -3, -1, 1, 3, 10, 30)
 _SAME = {"power_reserve": "power held"}  # by its other side
 
@@ -57,7 +59,11 @@ def differ(values, kept, mine):
 
 def by_a_hair(library, bench, limits, values, kept):
     """Return whether the judge itself, of heaters other by next to nothing, is as far from itself as the program is from it."""
-    mine, *others = (told(library, replace(bench, gain=bench.gain * (1.0 + hair * _HAIR)), limits) for hair in (0, *_HAIRS))
+    benches = [replace(bench, gain=bench.gain * (1.0 + hair * _HAIR)) for hair in (0, *_HAIRS)]
+    if bench.target == "pband":
+        benches += [replace(each, words=each.words | {"Pb": each.words["Pb"] * (1.0 + way * _LAST_DIGITS)})
+                    for way in (-1.0, 1.0) for each in benches]
+    mine, *others = (told(library, each, limits) for each in benches)
     ends = {name: [each[name][0] for each in (mine, *others)] for name in mine}
 
     def within(name, theirs, limit):

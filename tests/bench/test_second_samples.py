@@ -52,6 +52,20 @@ def test_the_second_draw_and_the_second_judge_say_the_same(library, case):
     assert all(theirs == mine for theirs, mine, _ in found.shares), "of the same heaters"
 
 
+def test_late_scans_are_late_for_both(library, tmp_path):
+    # PWM periods shorter than a scan is late: so it was seen that the first scan decided on those before it
+    late = subject(2001, "iec-pid", 4, tmp_path)
+    drawing, plain = drawing_of(late), plain_of(late)
+    values, kept = programs(late, drawing, 4, late.seed)
+    theirs = theirs_of(drawing, range(late.seed, late.seed + 4))
+    assert late.jitter > plain.period
+    for number in range(4):
+        its = {name: float(value[0, number]) for name, value in values.items()}
+        b = given(plain, *theirs[number])
+        assert compared(library, b, late.limits, its, bool(kept[0, number]))[1] == "same"
+        assert compared(library, replace(b, lates=0.9 * b.lates), late.limits, its, bool(kept[0, number]))[1] == "apart"
+
+
 def _with_loads_of_the_drawn_mains(self, seeds, of=Drawing.heaters_of):
     rows, sizes = of(self, seeds)
     power = rows[:, 0] / np.array(self.rows)[[seed % len(self.rows) for seed in seeds], 0]
