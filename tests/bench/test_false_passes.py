@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.bench.false_passes import SLACK, drawn, judged
+from tests.bench.false_passes import SLACK, _limits, _measured_apart, _proven, drawn, judged
 from tests.bench.second_opinion import compiled, opinion
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
@@ -34,6 +34,24 @@ def test_what_passes_keeps_its_limits_in_another_simulation_five_times_as_long(l
     assert case["runs"], case
     assert not case["wrong"], case
     assert case.get("draws broken", 0.0) <= 0.25, case
+
+
+# a profile whose parts begin at 4.2 s and 0.716 s added up; OutMax in single precision, which GCC's vectors left out; a band met to a tenth
+@pytest.mark.parametrize(("number", "target"), [(2000025, "pband"), (2000001, "s7-300"), (2000021, "arduino-pid"), (2000123, "pband")])
+@pytest.mark.long
+def test_what_is_measured_is_the_same_for_both_whatever_the_verdict(library, number, target):
+    case = judged(library, number, target, longer=0.01, draws=1)
+    assert "not kept" in case
+    assert not case["wrong"], case
+
+
+def test_what_is_measured_otherwise_is_told(library):
+    model, words, bench, conditions = drawn(4255, "weg")
+    proof = _proven(words, model, conditions, draws=False)
+    limits = _limits(proof.limits)
+    assert not _measured_apart(library, bench, limits, proof, kept=True)
+    told = _measured_apart(library, replace(bench, dead=bench.dead + 0.1), limits, proof, kept=True)
+    assert "deviation" in told["wrong"]["measures"]
 
 
 @pytest.mark.parametrize(("change", "broken"), [
