@@ -166,3 +166,26 @@ def test_where_words_cannot_be_written_one_line_says_why_and_which_to_type_in(ta
     for name, value in words.values.items():
         assert f"{name} = {value:.9g}" in said
     assert "type its words in by hand" in said
+
+
+@pytest.mark.parametrize("changed", ["before", "sha256", "parts"])
+def test_a_record_whose_bytes_are_not_those_of_its_digest_puts_nothing_back(plant, changed):
+    here = plant("fb41", "s7", INSTRUMENTS["fb41", "s7"][0])
+    assert here.write()[0] == 0
+    whole, count = here.record.read_text(), len(here.written)
+    begin, *steps = whole.splitlines(keepends=True)
+    content = json.loads(begin)
+    gain = struct.pack(">f", here.found["GAIN"]).hex()
+    if changed == "sha256":
+        content["sha256"] = "0" * 64
+    else:  # ten times the gain
+        tenfold = json.dumps(content[changed]).replace(gain, struct.pack(">f", 10.0 * here.found["GAIN"]).hex())
+        assert gain not in tenfold
+        content[changed] = json.loads(tenfold)
+    here.record.write_text("".join([json.dumps(content) + "\n", *steps]))
+    ended, said = here.rollback()
+    assert (ended, len(here.written)) == (2, count)
+    assert "no whole record of a write" in said
+    assert struct.pack(">f", here.words.values["GAIN"]) in here.image
+    here.record.write_text(whole)
+    assert here.rollback()[0] == 0

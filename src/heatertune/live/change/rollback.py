@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from heatertune.batch.lock import locked
 from heatertune.errors import DocumentError, InputError, LinkError
@@ -51,7 +53,7 @@ def before_of(path: str | Path) -> Before:
     """Return what a record says.
 
     Raises:
-        DocumentError: it is none, or not whole.
+        DocumentError: it is none, not whole, or its parts do not fit together: it was changed since.
     """
     lines = read_lines(path)
     begin = lines.begin
@@ -65,10 +67,21 @@ def before_of(path: str | Path) -> Before:
         after = {name: begin["words"][name] for name in there.block.words}
         if len(content) != there.count or any(name not in there.block.words for part in parts for name in part.names):
             raise ValueError("others than the words of the controller")
+        _check_bytes(begin, there, content, parts)
     except (KeyError, TypeError, ValueError, AttributeError) as problem:
         raise DocumentError(f"{path}, line 1: {problem}: no whole record of a write") from None
     return Before(lines=lines, address=address, standing=there, interval_s=words.sample_time_s,
                   before=there.values(content), after=after, parts=parts, yes=str(begin["sha256"])[:8])
+
+
+def _check_bytes(begin: Mapping[str, Any], there: Standing, content: bytes, parts: tuple[Part, ...]) -> None:
+    """Raise `ValueError` where the bytes of before are not those of their digest and of each part."""
+    if hashlib.sha256(content).hexdigest() != begin["sha256"]:
+        raise ValueError("sha256: not the digest of what was there before")
+    for part in parts:
+        at = there.at(part.start)
+        if content[at : at + len(part.before)] != part.before:
+            raise ValueError(f"parts: {', '.join(part.names)}: other bytes than were there before")
 
 
 def stands(before: Values, after: Values, found: Values, names: list[str]) -> tuple[Outcome, str]:
