@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from heatertune.errors import OutOfRange
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.intervals import Interval
 from heatertune.model.values import Candidate, Fopdt, TwoLag
@@ -62,3 +63,11 @@ def test_the_quantiles_are_those_of_each_heater_judged_alone():
     assert found.median < found.p95 < found.worst
     wild = ms_over((HEATER, replace(HEATER, gain_degC_per_pct=8.0)), DESIGN)
     assert (wild.unstable, wild.worst) == (1, math.inf)
+
+
+@pytest.mark.parametrize("asked", [{"count": -1}, {"count": 1.5}, {"count": None}, {"seed": -1}, {"seed": "a"}])
+def test_a_count_or_a_seed_that_is_no_whole_number_from_0_on_is_refused(asked):
+    fitted = _fitted(HEATER, gain_degC_per_pct=Interval(low=0.3, high=0.5))
+    with pytest.raises(OutOfRange, match=f"{next(iter(asked))} = .* is out of range: must be (a whole number|>= 0)"):
+        draw_heaters(fitted, **asked)
+    assert len(draw_heaters(fitted, np.int64(3), seed=np.uint8(1))) == 3
