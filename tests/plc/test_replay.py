@@ -52,7 +52,7 @@ def test_switches_are_looked_up_by_name():
 
 @pytest.mark.parametrize(("text", "named"), [
     ("", "none"), ("W\n1\n", "W, X and"), ("W,X,Q\n1,2,3\n", "Q"), ("W,X\n1,2\n3,x\n", "line 3, column X"),
-    ("W,X\n1,70000\n", "'70000'"), ("W,X\n1\n", "line 2"),
+    ("W,X\n1,70000\n", "'70000'"), ("W,X\n1\n", "line 2"), ("W,X,X\n1,2,3\n", "the column X is there twice"),
 ])
 def test_inputs_that_cannot_be_are_refused_by_line_and_column(tmp_path, text, named):
     path = tmp_path / "inputs.csv"

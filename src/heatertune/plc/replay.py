@@ -76,6 +76,9 @@ def read_inputs(path: str | Path, controller: Controller) -> list[dict[str, Numb
     expected = f"{', '.join(needed)} and, if wanted, {', '.join(others)}"
     if not set(needed) <= set(header) or not set(header) <= set(controller.inputs):
         raise LogError(f"the columns are {', '.join(header) or 'none'}", file=path, line=1, expected=expected)
+    if len(set(header)) < len(header):
+        twice = next(name for name in header if header.count(name) > 1)
+        raise LogError(f"the column {twice} is there twice", file=path, line=1, expected="each once")
     rows = []
     for line, cells in enumerate(table[1:], start=2):
         if len(cells) != len(header):
