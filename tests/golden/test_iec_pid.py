@@ -333,3 +333,12 @@ def test_a_duration_is_read_as_the_language_writes_it(literal, ms):
     back = ROOM.text(text, None, "oven.st")
     assert back.values["CYCLE"] == ms
     assert back.passed_over == ("AUTO := Auto (line 1)",)
+
+
+def test_a_text_with_more_than_the_call_says_that_the_rest_is_not_looked_at():
+    words = ROOM.encode(PidDesign(gain_pct_per_degC=2.5, integral_time_s=100.0, derivative_time_s=0.0, sample_time_s=5.0,
+                                  structure="pi", method=""), Scaling())
+    for name, text in ROOM.export(words, Certificate(verdict="PASS")).items():
+        *_, block, around = ROOM.text(text, None, name).passed_over
+        assert block.startswith("FUNCTION_BLOCK HT_IEC_PID (line "), name
+        assert around.startswith("the program around the call"), name

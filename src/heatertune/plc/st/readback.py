@@ -19,6 +19,8 @@ __all__ = ["Block", "words_in"]
 _TAG: Final = re.compile(r"<[^<>]*>")
 _COMMENT: Final = re.compile(r"\(\*.*?(?:\*\)|\Z)|//[^\r\n]*", re.DOTALL)
 _CALL: Final = re.compile(r"\b[A-Za-z_]\w*\s*\(((?:[^()]|\([^()]*\))*)\)")
+#: a block's own text, in structured text and in a PLCopen project
+_TEXT_OF: Final = re.compile(r'\bFUNCTION_BLOCK\s+(\w+)|<pou\s+name="(\w+)"\s+pouType="functionBlock"')
 #: an input that is set before the call
 _MEMBER: Final = re.compile(r"\b[A-Za-z_]\w*\.([A-Za-z_]\w*)\s*:=\s*([^;]*?)\s*;")
 _NAMED: Final = re.compile(r"([A-Za-z_]\w*)#?\s*:=")
@@ -63,7 +65,7 @@ class _Assigned(NamedTuple):
 
 
 def words_in(text: str, source: str, block: Block) -> ReadBack:
-    """Return the words in a text, and the inputs of the block that are none.
+    """Return the words in a text, and what else stands there: inputs of the block that are none, the program around.
 
     Raises:
         InputError: a line of a list that is none, a parameter that is missing, there with two values, no constant of
@@ -89,7 +91,17 @@ def words_in(text: str, source: str, block: Block) -> ReadBack:
             raise wrong(source, line, field.name, f"{value} {unit}", f"{field.comment}, no other unit")
         number = _number(field, value)
         collected.put(field.name, number, line, value)
-    return ReadBack(collected.values(), tuple(over))
+    return ReadBack(collected.values(), (*over, *(_around(text, plain, asked) if calls else ())))
+
+
+def _around(text: str, plain: str, asked: Mapping[str, WordField]) -> Iterator[str]:
+    """Yield what a program holds beside the one call of the block and what is set for it: nothing of it is compared."""
+    for match in _TEXT_OF.finditer(_blanked(_COMMENT, text)):
+        yield f"FUNCTION_BLOCK {match[1] or match[2]} (line {text.count(chr(10), 0, match.start()) + 1})"
+    rest = _blanked(_CALL, plain)
+    members = sum(match[1].upper() in asked for match in _MEMBER.finditer(rest))
+    if rest.count(":=") > members:
+        yield "the program around the call: when it is called, what else switches the heater"
 
 
 def _number(field: WordField, text: str) -> Number | None:
