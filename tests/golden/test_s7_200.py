@@ -426,12 +426,12 @@ def test_what_the_program_cannot_do_is_refused_with_a_remedy():
 
 def test_the_exports_are_the_texts_that_ran():
     words = ROOM.encode(_design(), Scaling())
-    certificate = Certificate(verdict="PASS", lines=("proven on Ü",))
+    certificate = Certificate(verdict="PASS", lines=("proven on Ü", "at −10 % of 2…3 °C"))
     (text,) = ROOM.export(words, certificate).values()
     assert [block_number(name) for name in ("OB1", "SBR0", "INT0")] == [n for n, begin in enumerate(assemble(text).begins) if begin >= 0]
     code = [line for line in text.splitlines() if not line.startswith("//")]
     assert code == [line for line in repaired_program(words).splitlines() if not line.startswith("//")]
-    assert "// verdict of the proof: PASS\r\n// proven on ?\r\n" in text
+    assert "// verdict of the proof: PASS\r\n// proven on ?\r\n// at -10 % of 2..3 degC\r\n" in text
     assert text.index("16#CB, SMB67") < text.index("\tPLS\t0") < text.index("16#CA, SMB67")
     assert "\tMOVW\t+7000, SMW68\r\n" in text
     assert "TA and PWM cycle 7 s: 28 timed interrupts of 250 ms" in text

@@ -16,6 +16,8 @@ COUNTS: Final = 255
 _INPUTS: Final = cell("IB0", 1).start
 _ADJUSTMENT_0: Final = cell("SMB28", 1).start
 
+_PLAIN: Final = str.maketrans({"°": "deg", "…": "..", "·": "*", "×": "*", "−": "-", "–": "-"})
+
 WIDTH_APPLIES: Final = Switch(
     name="width_applies", means={"this_cycle": False, "next_cycle": True},
     why="whether a width written at the start of a PWM cycle shapes that cycle or the one after",
@@ -53,7 +55,7 @@ def head(facts: Sequence[str], certificate: Certificate, by_hand: Sequence[str])
     """
     steps = [f"{number}. {step}" for number, step in enumerate(by_hand, start=1)]
     lines = [*facts, *certificate.head, "not tried in STEP 7-Micro/WIN", *(["to do by hand:", *steps] if steps else [])]
-    return [line.replace("°C", "degC").encode("ascii", "replace").decode("ascii") for line in lines]
+    return [line.translate(_PLAIN).encode("ascii", "replace").decode("ascii") for line in lines]
 
 
 def clock(values: Mapping[str, int]) -> str:
