@@ -73,6 +73,16 @@ def test_what_goes_wrong_is_told(folder, tmp_path, capsys, fault, told):
     assert all(begin >= 5990.0 for begin, _ in seen["outside_s"]), seen
 
 
+@pytest.mark.parametrize("fault", ["t=0 word K=600", "t=100 word TI=40"])
+def test_words_that_were_not_proven_are_not_well_though_the_loop_rests(folder, tmp_path, capsys, fault):
+    name, value = fault.rpartition(" ")[2].split("=")
+    with virtual_plc(folder, faults=[fault], **FAST) as plc:
+        status = main(["watch", way(plc, "s7").text, "--design", str(folder), "--for", "300", "-o", str(tmp_path / "log.csv"), "--quiet"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert (status, said.startswith("NOT WELL, ")) == (1, True)
+    assert f"other words stand there than were proven: {name} is {value}, not {read_proven(folder).words.values[name]}" in said
+
+
 def test_the_limit_cycle_of_the_pwm_is_no_swing(folder):
     """A ripple within the PWM's own period is not one of the loop: the mean of each period is looked at."""
     proven = read_proven(folder)

@@ -50,7 +50,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.live.client.address import address_of  # noqa: PLC0415
     from heatertune.live.places import places_of  # noqa: PLC0415
     from heatertune.live.recorder import Recording, record  # noqa: PLC0415
-    from heatertune.live.watching import Beside  # noqa: PLC0415
+    from heatertune.live.watching import Beside, others_there  # noqa: PLC0415
 
     address, proven = address_of(settings.address), read_proven(settings.design)
     places = places_of(proven.words)
@@ -58,16 +58,20 @@ def _run(settings: argparse.Namespace) -> int:
         raise InputError(f"{settings.design}: where {proven.words.target} shows its temperature is not known here")
     log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
     beside, monitored = Beside(proven), _monitored(settings.monitor, proven)
+    others = others_there(proven, address)
     with asked_to_end() as asked:
         so_far = record(address, log, places, Recording(
             every_s=None if monitored is None else min(1.0, 0.5 * monitored.view.scan_s), for_s=settings.for_s,
             append=settings.append, pwm_period_s=proven.view.actuator.pwm_period_s),
             shown=_shown(settings, beside, monitored), ended=lambda: bool(asked))
     LINE.end()
+    others = others or others_there(proven, address)  # somebody may have written some meanwhile
     well = beside.seen.readings > 0 and beside.seen.well  # who has seen nothing knows nothing
-    well = well and (monitored is None or not monitored.told()) and not so_far.trouble
+    well = well and not others and (monitored is None or not monitored.told()) and not so_far.trouble
+    seen = beside.seen.to_document()
+    seen["told"] = [*([others] if others else []), *seen["told"]]
     document = {"schema": "heatertune/watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
-                "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well, **beside.seen.to_document(),
+                "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well, **seen,
                 "monitor": None if monitored is None else monitored.to_document(),
                 "refit": _refitted(log, proven) if settings.refit else None}
     printing.output(settings, document, lambda: _lines(document))

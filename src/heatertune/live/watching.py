@@ -11,11 +11,15 @@ from itertools import pairwise
 from statistics import fmean
 from typing import Any, Final
 
+from heatertune.errors import InputError, LinkError
 from heatertune.live.change.band import Band, watched_s
+from heatertune.live.change.cells import standing
+from heatertune.live.change.peer import Link, Peer
 from heatertune.live.change.proven import Proven
+from heatertune.live.client.address import Address
 from heatertune.live.looking import Look
 
-__all__ = ["Beside", "Seen"]
+__all__ = ["Beside", "Seen", "others_there"]
 
 _IN_A_ROW: Final = 2  # readings outside that are more than a disturbed one
 _APART: Final = 0.2  # of the watched time; nearer stretches are told as one
@@ -132,3 +136,18 @@ class Beside:
         if half <= self._within_degC or crossings < 2 * _SWINGS:
             return None
         return half, 2.0 * (times[-1] - times[0]) / crossings
+
+
+def others_there(proven: Proven, address: Address) -> str:
+    """Return which words in a PLC are not the proven ones, a sentence; nothing where none is, or nobody can tell."""
+    words = proven.words
+    try:
+        there = standing(words, address, proven.view.known)
+        with Peer(address, there, words.sample_time_s, Link(tries=1)) as peer:
+            content = peer.look().content
+    except (InputError, LinkError):  # where they stand is not known; a lost link is told by who records
+        return ""
+    found = {name: value for name, value in there.values(content).items() if name in there.own} | there.bits(content)
+    other = [f"{name} is {value:.9g}, not {words.values[name]:.9g}" for name, value in found.items()
+             if name not in there.block.operators and value != words.values[name]]
+    return f"other words stand there than were proven: {', '.join(other)}" if other else ""
