@@ -6,6 +6,7 @@ from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import TARGETS, controller_for
+from heatertune.studio.controls import Controls
 from heatertune.studio.settings import SLIDERS, Settings, settings_for, sliders_for
 
 
@@ -62,3 +63,14 @@ def test_every_target_has_its_timer():
         assert 0.0 < timer.step_s <= timer.longest_s
         assert timer.shortest_s <= timer.longest_s
     assert controller_for("s5-ob251").timer.longest_s > 60.0
+
+
+@pytest.mark.parametrize(("field", "text", "said"), [
+    ("sample_time_s", "17", {"sample_time_s": 17.0}), ("sample_time_s", "17,5", {"sample_time_s": 17.5}),
+    ("setpoint_degC", " ", {"setpoint_degC": None}),
+    ("setpoint_degC", "6O", {}), ("sample_time_s", "17 s", {}), ("high_degC", "", {}), ("high_degC", "x", {})])
+def test_what_is_typed_moves_nothing_where_it_is_no_number(field, text, said):
+    heard, controls = [], Controls.__new__(Controls)  # without a page
+    controls._moved, controls._seen, controls._silent, controls._placed = lambda **moved: heard.append(moved), int, False, {}
+    controls._typed(next(slider for slider in SLIDERS if slider.field == field), text, 1)
+    assert (heard, controls._placed) == ([said], {field: text})

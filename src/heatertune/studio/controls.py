@@ -103,11 +103,12 @@ class Controls:
     def _typed(self, fact: Slider, text: str, move: int) -> None:
         """Move what was typed; nothing is automatic where that can be, and else, like no number, put back."""
         self._placed[fact.field] = text
+        is_nothing = not text.strip()
         try:
-            value = float(text.replace(",", ".")) if text.strip() else None
+            value = None if is_nothing else float(text.replace(",", "."))
         except ValueError:
             value = None
-        if value is not None or fact.auto:
+        if value is not None or (is_nothing and fact.auto):
             self._say(**{fact.field: value})
         else:
             self._say()
