@@ -7,11 +7,14 @@ of its name: ``time_constant_s``, ``gain_degC_per_pct``.
 from __future__ import annotations
 
 import math
+import operator
 from typing import Final
 
 from heatertune.errors import OutOfRange
 
-__all__ = ["LARGEST", "NOMENCLATURE", "SMALLEST", "check", "count", "degF_to_degC", "kelvin_to_degC", "written"]
+__all__ = [
+    "LARGEST", "NOMENCLATURE", "SMALLEST", "check", "count", "degF_to_degC", "kelvin_to_degC", "whole", "written",
+]
 
 LARGEST: Final = 1e100
 _IN_POWERS: Final = 1e9  # from here on powers of ten are easier to read
@@ -69,6 +72,20 @@ def check(field: str, value: float, *, above: float | None = None, least: float 
     for kept, rule in rules:
         if not kept:
             raise OutOfRange(field, value, rule)
+
+
+def whole(field: str, value: int, *, least: int = 0, most: int | None = None) -> int:
+    """Return a whole number, NumPy's as Python's; raise `OutOfRange` unless it is one that keeps its bounds.
+
+    Raises:
+        OutOfRange: likewise.
+    """
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise OutOfRange(field, value, "a whole number") from None
+    check(field, number, least=least, most=most)
+    return number
 
 
 def _check_size(field: str, value: float, *, above: float | None, infinite: bool) -> None:

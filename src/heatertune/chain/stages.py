@@ -68,6 +68,8 @@ def fit_together(
     """
     from heatertune.model.fit import fit_together as fit_logs  # noqa: PLC0415 - compiles; a proof needs no fit
 
+    if isinstance(logs, Log | str) or not logs:
+        raise InputError("no logs: expected a list of one log or more")
     given = merged(FitSettings, settings, changed)
     laws = () if any(log.power_pct is not None for log in logs) else _laws()
     return _kept(

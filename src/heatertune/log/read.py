@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.errors import LogError, OutOfRange
+from heatertune.errors import InputError, LogError, OutOfRange
 from heatertune.log.account import Counts, Unit, Written, taken_of
 from heatertune.log.care import no_readings, one_run, tell_gaps
 from heatertune.log.cells import Sheet, plain_cells, read_sheet
@@ -69,6 +69,7 @@ def read_log(
         changed: fields of `ReadSettings` that are other than in `settings`.
 
     Raises:
+        InputError: a source that is none of these.
         LogError: what cannot be understood, with file, line, column and value.
         UnknownName: a unit that does not exist.
     """
@@ -125,6 +126,8 @@ def _handed(source: Any) -> tuple[str, bytes]:
     if hasattr(source, "to_csv"):
         counted = source.index.name is None and source.index.dtype.kind in "iu"
         return "frame", str(source.to_csv(index=not counted, index_label=source.index.name or "time")).encode()
+    if not hasattr(source, "read"):
+        raise InputError(f"no log: {type(source).__name__}; expected a path, an open file, or a table of pandas")
     content = source.read()
     name = getattr(source, "name", "file")
     return str(name), content.encode() if isinstance(content, str) else content

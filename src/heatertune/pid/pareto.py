@@ -17,7 +17,7 @@ from heatertune.pid.continuous.tune import assessed
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.specs import OBJECTIVES, Specs
 from heatertune.pid.tune import assessed_sampled, tune
-from heatertune.units import check
+from heatertune.units import whole
 
 __all__ = ["SCHEMA", "front"]
 
@@ -51,7 +51,7 @@ def front(
     """
     if structure not in ("pi", "pid"):
         raise OutOfRange("structure", structure, "pi or pid: the offset of a P controller costs without end")
-    check("points", points, least=2, most=_MOST_POINTS)
+    points = whole("points", points, least=2, most=_MOST_POINTS)
     if not ms_low < ms_high:
         raise OutOfRange("ms_low", ms_low, f"< ms_high = {ms_high:g}")
     if cools(fitted):

@@ -19,6 +19,7 @@ from heatertune.proof.sampled import SampleProof, hardest_setting
 from heatertune.proof.series import trace_series
 from heatertune.proof.spec_file import specified
 from heatertune.settings import Conditions, SampleSettings
+from heatertune.units import whole
 
 __all__ = ["SCHEMA", "drawing_for", "replay_document", "sample_document", "sampled", "with_samples"]
 
@@ -101,7 +102,7 @@ def replay_document(
     Raises:
         InputError, OutOfRange, UnknownName: as `sample_document`.
     """
-    assumed = conditions or Conditions()
+    assumed, seed = conditions or Conditions(), whole("seed", seed)
     drawing = drawing_for(words, fitted, spread or {}, assumed)
     limits = _limits(assumed, fitted)
     trace = replay(drawing, seed, hardest_setting(drawing, limits, seed))

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from heatertune.errors import OutOfRange
 from heatertune.model.intervals import RATIO, Interval
 from heatertune.model.values import FittedModel, Fopdt, HeaterModel, TwoLag
 from heatertune.pid.loop.robustness import noise_gain, sensitivity_peaks
 from heatertune.pid.values import PidDesign
-from heatertune.units import check
+from heatertune.units import whole
 
 __all__ = ["Drawn", "draw_heaters", "drawn_of", "interval_ends", "ms_over", "peaks_on", "spreads_of"]
 
@@ -54,7 +52,7 @@ def draw_heaters(fitted: FittedModel, count: int = 200, *, seed: int = 0) -> tup
     Raises:
         OutOfRange: a count or a seed that is no whole number from 0 on.
     """
-    count, seed = (_whole(name, number) for name, number in (("count", count), ("seed", seed)))
+    count, seed = (whole(name, number) for name, number in (("count", count), ("seed", seed)))
     gain, lag, dead = spreads_of(fitted)
     ratio = _spread(fitted.combinations[RATIO][1]) if RATIO in fitted.combinations else 0.0
     together = 0.0
@@ -72,15 +70,6 @@ def draw_heaters(fitted: FittedModel, count: int = 200, *, seed: int = 0) -> tup
     turns = (plants[i % len(plants)] for i in range(count))
     return tuple(_scaled(plant, gain, lag, max(plant.dead_time_s + shift, least, 0.0))
                  for plant, (gain, lag), shift in zip(turns, factors, moved, strict=True))
-
-
-def _whole(name: str, number: int) -> int:
-    try:
-        whole = operator.index(number)
-    except TypeError:
-        raise OutOfRange(name, number, "a whole number") from None
-    check(name, whole, least=0)
-    return whole
 
 
 def peaks_on(heater: HeaterModel, design: PidDesign) -> dict[str, float]:
