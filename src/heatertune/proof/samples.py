@@ -182,7 +182,7 @@ class Drawing:
         return rows, sizes
 
     def cooling_of(self, seeds: Sequence[int]) -> Array:
-        """Return `Batch.cooling` of samples: the cooler beside a heater knows nothing of the mains in its gain.
+        """Return `Batch.cooling` of samples, shape (n,) or (1,): a cooler beside a heater knows nothing of the mains.
 
         Args:
             seeds: of the n samples.
