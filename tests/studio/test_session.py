@@ -3,12 +3,17 @@ import math
 from dataclasses import replace
 
 import pytest
-from tests.bench.documents import HEATER, own_log, write_all
+from tests.bench.documents import DESIGN, HEATER, own_log, write_all
 
 from heatertune import chain
+from heatertune.documents import to_json
 from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOfRange
+from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Candidate
-from heatertune.plc import controller_for
+from heatertune.pid import document as pid_document
+from heatertune.pid.recipe import Recipe
+from heatertune.plc import Scaling, controller_for
+from heatertune.settings import Conditions
 from heatertune.studio.loop import designed, first_look, full_proof
 from heatertune.studio.session import MOST_PINNED, Session
 from heatertune.studio.settings import Settings
@@ -261,6 +266,39 @@ def test_a_folder_of_a_design_is_opened_with_its_heater_and_settings(tmp_path):
     (tmp_path / "words.json").write_text(json.dumps(words))
     with pytest.raises(InputError, match=r"words.json: target: is missing"):
         read_source(str(tmp_path))
+
+
+@pytest.mark.long
+def test_a_folder_is_opened_with_its_very_design_and_what_moving_a_setting_would_leave_out_is_told(tmp_path):
+    # once another design for the page's own setpoint, TA, range and limits was in front, and nothing said so
+    asked = Conditions(setpoint_degC=45.0, limit=("overshoot=24%",), tolerance_degC=2.0, noise_degC=0.1, spec="paper",
+                       switches={"sum": "limited"}, accept=("winds-up",), pwm_period_s=4.0, minimum_on_s=0.5)
+    write_all(tmp_path)
+    recipe = Recipe(target="s5-ob251", range_degC=(0.0, 150.0), conditions=asked, way_on="would pass at --tolerance 3")
+    (tmp_path / "pid.json").write_text(to_json(pid_document.to_document(DESIGN, model_by_hand(HEATER), recipe)))
+    found = Session()
+    found.load(read_source(str(tmp_path)))
+    assert found.settings == Settings(
+        target="s5-ob251", structure="pi", sample_time_s=DESIGN.sample_time_s, pwm_period_s=4.0, setpoint_degC=45.0, low_degC=0.0,
+        high_degC=150.0, noise_degC=0.1, tolerance_degC=2.0, limits=("overshoot=24%",),
+        assumptions=(("sum", "limited"),), spec="paper")
+    assert found.file_error.endswith("has no place for --minimum-on, --accept; moving a setting leaves that out")
+    seen = look(found)
+    words = chain.encode(DESIGN, "s5-ob251", scaling=Scaling(low_degC=0.0, high_degC=150.0))
+    assert (seen.gains.design, seen.gains.words, seen.conditions) == (DESIGN, words, asked)
+    assert found.proof.to_document() == chain.prove(words, found.fitted, asked).to_document()
+    assert found.mend.told == f"This is the design of {tmp_path}: would pass at a tolerance of 3 °C."
+    found.change(noise_degC=0.2)
+    assert found.gains() is None, "quick ones for other settings"
+
+
+def test_a_range_of_setpoints_has_no_place_on_the_page_and_that_is_told(tmp_path):
+    write_all(tmp_path)
+    recipe = Recipe(target="s5-ob251", conditions=Conditions(setpoint_degC=(40.0, 50.0)))
+    (tmp_path / "pid.json").write_text(to_json(pid_document.to_document(DESIGN, model_by_hand(HEATER), recipe)))
+    source = read_source(str(tmp_path))
+    assert source.settings.setpoint_degC is None
+    assert source.left.endswith("has no place for --setpoint; moving a setting leaves that out")
 
 
 def test_a_built_in_table_is_read_with_its_misprints_corrected():

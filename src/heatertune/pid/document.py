@@ -17,7 +17,7 @@ from heatertune.model.values import FittedModel
 from heatertune.pid.recipe import Recipe
 from heatertune.pid.values import Margins, PidDesign, Promise, structure_of
 
-__all__ = ["SCHEMA", "PidView", "from_document", "promise_document", "read_design", "to_document"]
+__all__ = ["SCHEMA", "PidView", "from_document", "parts_of", "promise_document", "read_design", "to_document"]
 
 SCHEMA = "heatertune/pid/1"
 
@@ -118,7 +118,13 @@ def read_design(path: str | Path) -> tuple[PidDesign, FittedModel | None, Recipe
 
 def from_document(document: Mapping[str, Any], *, where: str | Path = "design") -> PidDesign:
     """Return the design of a document; errors as in `read_design`."""
-    return decode(PidView, plain(document), where).value
+    return parts_of(document, where=where)[0]
+
+
+def parts_of(document: Mapping[str, Any], *, where: str | Path = "design") -> tuple[PidDesign, Recipe | None]:
+    """Return the design of a document, and the recipe of its words where it holds one; errors as in `read_design`."""
+    view = decode(PidView, plain(document), where)
+    return view.value, view.made_for
 
 
 def promise_document(promise: Promise | None) -> dict[str, Any] | None:

@@ -84,7 +84,7 @@ class Session:
         settings: as moved.
         look: the loop of the settings that were last looked at; None before the first.
         error: why there is no design for the settings, one line; "" where there is one.
-        file_error: why the last file was not taken, one line; "" where it was.
+        file_error: why the last file was not taken, or what of it, one line; "" where all was.
         fault: what went wrong inside, one line; "" where nothing did.
     """
 
@@ -116,6 +116,10 @@ class Session:
         ticket = self.begin(source.log)
         if source.fitted is not None:
             self.fit_done(ticket, source.fitted)
+            self.settings, self.file_error = source.settings, source.left
+            if source.found is not None:
+                self._taken.add(self.key)
+                self.found(self.key, source.found)
 
     def begin(self, log: Log, known: FitSettings | None = None) -> int:
         """Take a new log; return the ticket of its fit. Heater and loop of the log before stay until it is done."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 from heatertune import chain
 from heatertune.chain.documents import read_documents
@@ -11,27 +13,51 @@ from heatertune.log.tables import BUILT_IN
 from heatertune.log.values import Log
 from heatertune.model.document import from_document
 from heatertune.model.values import FittedModel
+from heatertune.options import options_of
+from heatertune.pid import document as pid_document
+from heatertune.pid.recipe import Recipe
+from heatertune.pid.values import PidDesign
+from heatertune.plc.choose import search_document
 from heatertune.progress import Told
-from heatertune.settings import FitSettings
-from heatertune.studio.settings import Settings
+from heatertune.proof.asked import Closed
+from heatertune.proof.presets import PRESETS
+from heatertune.proof.recipes import demand_same_files, made_again
+from heatertune.proof.specification import GENERAL
+from heatertune.settings import Conditions, FitSettings
+from heatertune.studio.loop import Found, Gains
+from heatertune.studio.settings import Settings, settings_for
 
 __all__ = ["Source", "fit_log", "read_source"]
+
+#: conditions of a proof that are settings of the page
+_SHOWN: Final = ("setpoint_degC", "pwm_period_s", "tolerance_degC", "limit", "noise_degC", "switches")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Source:
-    """What a path holds: a log, settings to begin with, and the heater where it is known already."""
+    """What a path holds: a log, settings to begin with, and the heater where it is known already.
+
+    Attributes:
+        log: that is in front.
+        settings: to begin with; of a folder those of its design.
+        fitted: None: it is to be fitted.
+        found: the design of a folder; None: there is none, or it does not say how its words were made.
+        left: what of it the page has no place for, one line; "" where there is nothing.
+    """
 
     log: Log
     settings: Settings
     fitted: FittedModel | None = None
+    found: Found | None = None
+    left: str = ""
 
 
 def read_source(source: str) -> Source:
     """Return what a log file, a built-in table or a folder holds.
 
     Raises:
-        InputError: a file that is no log, a folder without the documents of `heatertune design`.
+        InputError: a file that is no log, a folder without the documents of `heatertune design`, a specification that
+            has changed since.
     """
     if not Path(source).is_dir():
         built_in = source.lower() in BUILT_IN
@@ -41,8 +67,46 @@ def read_source(source: str) -> Source:
     columns = {name: held[name] for name in ("name", "source", "time_s", "temperature_degC", "power_pct",
                                               "setpoint_degC")}
     log = Log(**columns, repairs=tuple(held["repairs"]), doubts=tuple(held["doubts"]))
+    fitted, design, recipe = from_document(documents["model"]), *pid_document.parts_of(documents["pid"])
     settings = Settings(target=documents["words"]["target"], structure=documents["pid"]["structure"])
-    return Source(log=log, settings=settings, fitted=from_document(documents["model"]))
+    if recipe is None:
+        return Source(log=log, settings=settings_for(fitted, settings), fitted=fitted)
+    lost = ", ".join(_without_place(recipe))
+    return Source(
+        log=log, settings=_as_made(settings, design.sample_time_s, recipe), fitted=fitted,
+        found=_found(design, fitted, recipe, source),
+        left=f"{source}: the page has no place for {lost}; moving a setting leaves that out" if lost else "")
+
+
+def _found(design: PidDesign, fitted: FittedModel, recipe: Recipe, source: str) -> Found:
+    """Return the design of a folder as the page takes one that it found; errors as the stages."""
+    demand_same_files(recipe, (), source)
+    choice = made_again(design, fitted, recipe)
+    proof = chain.prove(choice.words, fitted, recipe.conditions)
+    closed = Closed(wished=design, choice=choice, proof=proof, conditions=recipe.conditions, recipe=recipe,
+                    notes=(": ".join(filter(None, (f"This is the design of {source}", recipe.way_on))),))
+    return Found(closed=closed, gains=Gains(
+        design=design, words=choice.words, search=search_document(choice, fitted), recipe=recipe,
+        conditions=recipe.conditions, proof=proof))
+
+
+def _as_made(start: Settings, sample_time_s: float, recipe: Recipe) -> Settings:
+    """Return the settings of a design, as far as the page has them."""
+    asked, (low, high) = recipe.conditions, recipe.range_degC
+    return replace(
+        start, sample_time_s=sample_time_s, pwm_period_s=asked.pwm_period_s, low_degC=low, high_degC=high,
+        setpoint_degC=None if isinstance(asked.setpoint_degC, tuple) else asked.setpoint_degC, input=recipe.input,
+        noise_degC=asked.noise_degC, tolerance_degC=asked.tolerance_degC, limits=asked.limit,
+        assumptions=tuple(asked.switches.items()), spec=asked.spec if asked.spec in PRESETS else GENERAL)
+
+
+def _without_place(recipe: Recipe) -> Iterator[str]:
+    """Yield the options of a design that the page does not have."""
+    asked = recipe.conditions
+    placed = {*_SHOWN, *(["spec"] if asked.spec in PRESETS else [])}
+    placed -= {"setpoint_degC"} if isinstance(asked.setpoint_degC, tuple) else set()
+    yield from (one.flag for name, one in options_of(Conditions).items()
+                if name not in placed and getattr(asked, name) != one.default)
 
 
 def fit_log(log: Log, progress: Told = str, known: FitSettings | None = None) -> FittedModel:
