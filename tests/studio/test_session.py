@@ -12,7 +12,8 @@ from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Candidate
 from heatertune.pid import document as pid_document
 from heatertune.pid.recipe import Recipe
-from heatertune.plc import Scaling, controller_for
+from heatertune.plc import controller_for
+from heatertune.proof.recipes import made_again
 from heatertune.settings import Conditions
 from heatertune.studio.loop import designed, first_look, full_proof
 from heatertune.studio.session import MOST_PINNED, Session
@@ -274,18 +275,19 @@ def test_a_folder_is_opened_with_its_very_design_and_what_moving_a_setting_would
     asked = Conditions(setpoint_degC=45.0, limit=("overshoot=24%",), tolerance_degC=2.0, noise_degC=0.1, spec="paper",
                        switches={"sum": "limited"}, accept=("winds-up",), pwm_period_s=4.0, minimum_on_s=0.5)
     write_all(tmp_path)
+    design = replace(DESIGN, method="optimum (Ms <= 1.5 on 2 models)")
     recipe = Recipe(target="s5-ob251", range_degC=(0.0, 150.0), conditions=asked, way_on="would pass at --tolerance 3")
-    (tmp_path / "pid.json").write_text(to_json(pid_document.to_document(DESIGN, model_by_hand(HEATER), recipe)))
+    (tmp_path / "pid.json").write_text(to_json(pid_document.to_document(design, model_by_hand(HEATER), recipe)))
     found = Session()
     found.load(read_source(str(tmp_path)))
     assert found.settings == Settings(
-        target="s5-ob251", structure="pi", sample_time_s=DESIGN.sample_time_s, pwm_period_s=4.0, setpoint_degC=45.0, low_degC=0.0,
-        high_degC=150.0, noise_degC=0.1, tolerance_degC=2.0, limits=("overshoot=24%",),
+        target="s5-ob251", structure="pi", ms=1.5, sample_time_s=design.sample_time_s, pwm_period_s=4.0, setpoint_degC=45.0,
+        low_degC=0.0, high_degC=150.0, noise_degC=0.1, tolerance_degC=2.0, limits=("overshoot=24%",),
         assumptions=(("sum", "limited"),), spec="paper")
     assert found.file_error.endswith("has no place for --minimum-on, --accept; moving a setting leaves that out")
     seen = look(found)
-    words = chain.encode(DESIGN, "s5-ob251", scaling=Scaling(low_degC=0.0, high_degC=150.0))
-    assert (seen.gains.design, seen.gains.words, seen.conditions) == (DESIGN, words, asked)
+    words = made_again(design, found.fitted, recipe).words  # as `heatertune verify` takes them
+    assert (seen.gains.design, seen.gains.words, seen.conditions) == (design, words, asked)
     assert found.proof.to_document() == chain.prove(words, found.fitted, asked).to_document()
     assert found.mend.told == f"This is the design of {tmp_path}: would pass at a tolerance of 3 °C."
     found.change(noise_degC=0.2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,6 +30,8 @@ from heatertune.studio.settings import Settings, settings_for
 
 __all__ = ["Source", "fit_log", "read_source"]
 
+#: what a design says of the limit it was asked for
+_MS: Final = re.compile(r"Ms <= (\d+(?:\.\d+)?)")
 #: conditions of a proof that are settings of the page
 _SHOWN: Final = ("setpoint_degC", "pwm_period_s", "tolerance_degC", "limit", "noise_degC", "switches")
 
@@ -73,7 +76,7 @@ def read_source(source: str) -> Source:
         return Source(log=log, settings=settings_for(fitted, settings), fitted=fitted)
     lost = ", ".join(_without_place(recipe))
     return Source(
-        log=log, settings=_as_made(settings, design.sample_time_s, recipe), fitted=fitted,
+        log=log, settings=_as_made(settings, design, recipe), fitted=fitted,
         found=_found(design, fitted, recipe, source),
         left=f"{source}: the page has no place for {lost}; moving a setting leaves that out" if lost else "")
 
@@ -90,11 +93,12 @@ def _found(design: PidDesign, fitted: FittedModel, recipe: Recipe, source: str) 
         conditions=recipe.conditions, proof=proof))
 
 
-def _as_made(start: Settings, sample_time_s: float, recipe: Recipe) -> Settings:
+def _as_made(start: Settings, design: PidDesign, recipe: Recipe) -> Settings:
     """Return the settings of a design, as far as the page has them."""
-    asked, (low, high) = recipe.conditions, recipe.range_degC
+    asked, (low, high), ms = recipe.conditions, recipe.range_degC, _MS.search(design.method)
     return replace(
-        start, sample_time_s=sample_time_s, pwm_period_s=asked.pwm_period_s, low_degC=low, high_degC=high,
+        start, ms=float(ms[1]) if ms else start.ms, sample_time_s=design.sample_time_s,
+        pwm_period_s=asked.pwm_period_s, low_degC=low, high_degC=high,
         setpoint_degC=None if isinstance(asked.setpoint_degC, tuple) else asked.setpoint_degC, input=recipe.input,
         noise_degC=asked.noise_degC, tolerance_degC=asked.tolerance_degC, limits=asked.limit,
         assumptions=tuple(asked.switches.items()), spec=asked.spec if asked.spec in PRESETS else GENERAL)
