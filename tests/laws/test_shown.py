@@ -85,8 +85,8 @@ def test_drawn_heaters_show_the_same_where_one_setting_runs_for_all(target):
     seeds, limits = range(7, 47), Limits()
     rows, sizes = drawing.heaters_of(seeds)
     noise, late = drawing.scans_of(seeds, int(400.0 / drawing.controllers[0].scan_s) + 1)
-    every = joined([metered(each, rows, scenario, drawing.actuator, limits, noise, late, sizes)
-                    for each in drawing.controllers])
+    every = joined([metered(each, rows, scenario, drawing.actuator, limits, noise, late, sizes,
+                            cooling=drawing.cooling_of(seeds)) for each in drawing.controllers])
     found = measure(drawing, limits, len(seeds), seed=seeds[0], workers=2)
     for name in ("rows", "table", "totals", "ripple"):
         assert np.array_equal(getattr(found, name), getattr(every, name), equal_nan=True), name

@@ -103,7 +103,7 @@ def changed(step, **what):
 
 @pytest.mark.parametrize(("change", "told"), [
     (changed("begin", digest="sha256:0123456789abcdef"), "the record of another proof, 01234567; that in"),
-    (lambda lines: changed("begin", before="ff" + lines[0]["before"][2:])(lines), "line 1: before: other bytes than those of its sha256"),
+    (lambda lines: changed("begin", before="ff" + lines[0]["before"][2:])(lines), "line 1: sha256: not the digest of what was there before"),
     (lambda lines: changed("begin", words=lines[0]["words"] | {"K": 1})(lines), "line 1: words.K: 1; in its proof 5680"),
     (changed("watched", temperature_degC="warm"), "temperature_degC: expected a number"),
     (changed("band", setpoint_degC=None), "setpoint_degC: expected a number"),

@@ -326,7 +326,8 @@ PID_1(SetPoint := 40.0, Feedback := SCALE(AIW0), Kp := REAL#2.5, Ki := 0.02,
 def test_a_call_of_wegs_block_is_read_whatever_stands_in_comments():
     read, over = _read("weg", CALL)
     assert (read.values["Kp"], read.values["Ts"]) == (2.5, 50)
-    assert over == ("SetPoint := 40.0 (line 3)", "Feedback := SCALE(AIW0) (line 3)")
+    assert over == ("SetPoint := 40.0 (line 3)", "Feedback := SCALE(AIW0) (line 3)",
+                    "the program around the call: when it is called, what else switches the heater")
 
 
 @pytest.mark.parametrize(("text", "said"), [
