@@ -6,20 +6,22 @@ import pytest
 from tests.bench.documents import DESIGN, HEATER, own_log, write_all
 
 from heatertune import chain
+from heatertune.chain.whole import dossier
 from heatertune.documents import to_json
 from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOfRange
 from heatertune.model.by_hand import model_by_hand
 from heatertune.model.values import Candidate
-from heatertune.pid import document as pid_document
 from heatertune.pid.recipe import Recipe
 from heatertune.plc import controller_for
+from heatertune.proof.drawn import with_samples
 from heatertune.proof.recipes import made_again
-from heatertune.settings import Conditions
+from heatertune.settings import Conditions, SampleSettings
 from heatertune.studio.loop import designed, first_look, full_proof
 from heatertune.studio.session import MOST_PINNED, Session
 from heatertune.studio.settings import Settings
 from heatertune.studio.sheet import Dropped
 from heatertune.studio.sources import read_source
+from heatertune.writing import write_files
 
 
 @pytest.fixture
@@ -269,15 +271,34 @@ def test_a_folder_of_a_design_is_opened_with_its_heater_and_settings(tmp_path):
         read_source(str(tmp_path))
 
 
+def _written(folder, design, recipe, drawn=None):
+    """Write the documents of a design into a folder, as `heatertune design` does; return their proof."""
+    fitted = model_by_hand(HEATER)
+    words = made_again(design, fitted, recipe).words
+    proof = with_samples(chain.prove(words, fitted, recipe.conditions), fitted, drawn or SampleSettings(), recipe.conditions)
+    documents = dossier(own_log(), fitted, design, proof, chain.export(words, proof, force=True), None, recipe)
+    write_files(folder, {f"{name}.json": to_json(document) for name, document in documents.items()})
+    return proof
+
+
+@pytest.mark.long
+def test_a_folder_whose_verdict_its_runs_alone_do_not_make_is_not_shown_with_another_verdict(tmp_path):
+    recipe = Recipe(target="s5-ob251", conditions=Conditions(setpoint_degC=45.0))
+    proof = _written(tmp_path, DESIGN, recipe, SampleSettings(samples=2))
+    assert replace(proof, samples=None).verdict != proof.verdict, "two samples show nothing"
+    source = read_source(str(tmp_path))
+    assert source.found is None
+    assert f"its {proof.verdict} is of other words or runs than its pid.json makes" in source.left
+
+
 @pytest.mark.long
 def test_a_folder_is_opened_with_its_very_design_and_what_moving_a_setting_would_leave_out_is_told(tmp_path):
     # once another design for the page's own setpoint, TA, range and limits was in front, and nothing said so
     asked = Conditions(setpoint_degC=45.0, limit=("overshoot=24%",), tolerance_degC=2.0, noise_degC=0.1, spec="paper",
                        switches={"sum": "limited"}, accept=("winds-up",), pwm_period_s=4.0, minimum_on_s=0.5)
-    write_all(tmp_path)
     design = replace(DESIGN, method="optimum (Ms <= 1.5 on 2 models)")
     recipe = Recipe(target="s5-ob251", range_degC=(0.0, 150.0), conditions=asked, way_on="would pass at --tolerance 3")
-    (tmp_path / "pid.json").write_text(to_json(pid_document.to_document(design, model_by_hand(HEATER), recipe)))
+    proof = _written(tmp_path, design, recipe)
     found = Session()
     found.load(read_source(str(tmp_path)))
     assert found.settings == Settings(
@@ -286,18 +307,15 @@ def test_a_folder_is_opened_with_its_very_design_and_what_moving_a_setting_would
         assumptions=(("sum", "limited"),), spec="paper")
     assert found.file_error.endswith("has no place for --minimum-on, --accept; moving a setting leaves that out")
     seen = look(found)
-    words = made_again(design, found.fitted, recipe).words  # as `heatertune verify` takes them
-    assert (seen.gains.design, seen.gains.words, seen.conditions) == (design, words, asked)
-    assert found.proof.to_document() == chain.prove(words, found.fitted, asked).to_document()
+    assert (seen.gains.design, seen.gains.words, seen.conditions) == (design, proof.words, asked)
+    assert found.proof.to_document() == proof.to_document()
     assert found.mend.told == f"This is the design of {tmp_path}: would pass at a tolerance of 3 °C."
     found.change(noise_degC=0.2)
     assert found.gains() is None, "quick ones for other settings"
 
 
 def test_a_range_of_setpoints_has_no_place_on_the_page_and_that_is_told(tmp_path):
-    write_all(tmp_path)
-    recipe = Recipe(target="s5-ob251", conditions=Conditions(setpoint_degC=(40.0, 50.0)))
-    (tmp_path / "pid.json").write_text(to_json(pid_document.to_document(DESIGN, model_by_hand(HEATER), recipe)))
+    _written(tmp_path, DESIGN, Recipe(target="s5-ob251", conditions=Conditions(setpoint_degC=(40.0, 50.0))))
     source = read_source(str(tmp_path))
     assert source.settings.setpoint_degC is None
     assert source.left.endswith("has no place for --setpoint; moving a setting leaves that out")

@@ -116,8 +116,9 @@ class Session:
         ticket = self.begin(source.log)
         if source.fitted is not None:
             self.fit_done(ticket, source.fitted)
-            self.settings, self.file_error = source.settings, source.left
+            self.file_error = source.left
             if source.found is not None:
+                self.settings = source.settings
                 self._taken.add(self.key)
                 self.found(self.key, source.found)
 

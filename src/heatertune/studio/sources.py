@@ -26,7 +26,7 @@ from heatertune.proof.recipes import demand_same_files, made_again
 from heatertune.proof.specification import GENERAL
 from heatertune.settings import Conditions, FitSettings
 from heatertune.studio.loop import Found, Gains
-from heatertune.studio.settings import Settings, settings_for
+from heatertune.studio.settings import Settings
 
 __all__ = ["Source", "fit_log", "read_source"]
 
@@ -44,7 +44,7 @@ class Source:
         log: that is in front.
         settings: to begin with; of a folder those of its design.
         fitted: None: it is to be fitted.
-        found: the design of a folder; None: there is none, or it does not say how its words were made.
+        found: the design of a folder; None: there is none, or its words and verdict are not those that it makes.
         left: what of it the page has no place for, one line; "" where there is nothing.
     """
 
@@ -73,11 +73,15 @@ def read_source(source: str) -> Source:
     fitted, design, recipe = from_document(documents["model"]), *pid_document.parts_of(documents["pid"])
     settings = Settings(target=documents["words"]["target"], structure=documents["pid"]["structure"])
     if recipe is None:
-        return Source(log=log, settings=settings_for(fitted, settings), fitted=fitted)
+        return Source(log=log, settings=settings, fitted=fitted)
+    found = _found(design, fitted, recipe, source)
+    words, verdict = documents["words"]["words"], documents["proof"]["verdict"]
+    if dict(found.gains.words.values) != words or found.closed.proof.verdict != verdict:
+        return Source(log=log, settings=settings, fitted=fitted, left=(
+            f"{source}: another design is shown: its {verdict} is of other words or runs than its pid.json makes"))
     lost = ", ".join(_without_place(recipe))
     return Source(
-        log=log, settings=_as_made(settings, design, recipe), fitted=fitted,
-        found=_found(design, fitted, recipe, source),
+        log=log, settings=_as_made(settings, design, recipe), fitted=fitted, found=found,
         left=f"{source}: the page has no place for {lost}; moving a setting leaves that out" if lost else "")
 
 
