@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune import __version__
-from heatertune.cli.line import LINE
+from heatertune.cli.line import LINE, to_nobody
 from heatertune.cli.parsing import CommandParser, Named
 from heatertune.cli.terminal import painted
 from heatertune.errors import ExportRefused, HeatertuneError, InputError, one_line, suggested
@@ -112,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _complain(str(problem))
         return 2
     except BrokenPipeError:  # the reader of a pipe went away; nothing is wrong with the result
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        to_nobody()
         return 0
     except KeyboardInterrupt:
         _complain("interrupted")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from collections.abc import Callable
 from typing import Final, TextIO
 
-__all__ = ["LINE", "Line"]
+__all__ = ["LINE", "Line", "to_nobody"]
 
 _ERASE: Final = "\r\033[K"  # ECMA-48, 8.3.41 EL
 _BEAT_S: Final = 0.5
@@ -55,3 +56,8 @@ def _print(stream: TextIO, text: str) -> None:
 
 #: of this process: a terminal has one last line
 LINE: Final = Line()
+
+
+def to_nobody() -> None:
+    """Let what is still to come on stdout go nowhere: its reader went away, or nothing more can be written."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import sys
 import textwrap
@@ -12,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from heatertune.cli.line import LINE
+from heatertune.cli.line import LINE, to_nobody
 from heatertune.cli.parsing import FULL
 from heatertune.cli.terminal import painted
 from heatertune.errors import InputError
@@ -163,9 +162,9 @@ def _print_result(text: str) -> None:
     try:
         print(text, end="", flush=True)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        to_nobody()
     except OSError as problem:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what waits to be written would fail again
+        to_nobody()  # what waits to be written would fail again
         raise InputError(f"the result: cannot be written: {problem.strerror}") from problem
 
 

@@ -63,9 +63,9 @@ def proving(settings: argparse.Namespace) -> Proving:
                        conditions=common.conditions(settings), ramp=ramp, notes=())
     design, fitted, kept = common.design_and_model(settings)
     recipe, notes = in_force(settings, kept, settings.pid)
-    choice = made_again(design, fitted, recipe)
+    choice, same = made_again(design, fitted, recipe), recipe == kept and ramp is None and not common.by_hand(settings)
     return Proving(words=choice.words, choice=choice, fitted=fitted, conditions=recipe.conditions, ramp=ramp,
-                   notes=tuple(notes), way_on=recipe.way_on if recipe == kept else None)
+                   notes=tuple(notes), way_on=recipe.way_on if same else None)
 
 
 def in_force(settings: argparse.Namespace, kept: Recipe | None, where: str) -> tuple[Recipe, list[str]]:
