@@ -56,6 +56,7 @@ def test_what_a_design_that_fails_found_is_its_way_on_as_long_as_nothing_else_is
     heater, path = ("--gain", 0.5, "--time-constant", 120, "--dead-time", 10, "--ambient", 20), tmp_path / "pid.json"
     assert run("tune", *heater, "--target", "on-off", "--tolerance", 0.01, "--quiet", "-o", path)[0] == 1
     found = json.loads(path.read_text())["made_for"]["way_on"]
+    assert "bursts" not in found, "none are tried for a control without gains"
     said = " ".join(run("verify", path, "--target", "on-off", "--quiet")[1].split())
     assert f"way on: found when it was designed: {found}" in said
     for asked in (("--tolerance", 0.02), ("--gain", 0.6, "--time-constant", 120, "--dead-time", 10, "--ambient", 20)):

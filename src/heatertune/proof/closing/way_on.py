@@ -142,10 +142,13 @@ class WayOn:
         calm = None if self.asked.conditions.pwm_period_s else calmest_pwm(proof, self.fitted.plants)
         if calm is None or "limit_cycle" not in broken_names(proof):
             return 0.0, ""
-        bursts = "were tried, too" if self.asked.switch_kind is None else "are calmer, and tried without --switch-kind"
+        bursts = ""
+        if proof.design is not None:  # a control without gains is not designed anew for them
+            way = "were tried, too" if self.asked.switch_kind is None else "are calmer, and tried without --switch-kind"
+            bursts = f": bursts of a power controller {way}"
         told = (f"at the calmest PWM of a solid-state relay, {calm.period_s:.3g} s, the ripple is "
                 f"{calm.ripple_degC:.2g} °C and one half-wave is {calm.half_wave_degC:.2g} °C, asked ±{tolerance:.3g} "
-                f"°C: bursts of a power controller {bursts}")
+                f"°C{bursts}")
         return calm.share(tolerance), told
 
     def _by_limits(self) -> tuple[str, ...]:
