@@ -5,6 +5,7 @@ import math
 import random
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -81,6 +82,18 @@ def test_words_that_were_not_proven_are_not_well_though_the_loop_rests(folder, t
     said = " ".join(capsys.readouterr().out.split())
     assert (status, said.startswith("NOT WELL, ")) == (1, True)
     assert f"other words stand there than were proven: {name} is {value}, not {read_proven(folder).words.values[name]}" in said
+
+
+def test_where_nobody_can_compare_the_words_that_is_told(folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("heatertune.live.watching.standing", partial(_unknown, "where the words stand is not known here"))
+    with virtual_plc(folder, **FAST) as plc:
+        main(["watch", way(plc, "s7").text, "--design", str(folder), "--for", "300", "-o", str(tmp_path / "log.csv"), "--quiet"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "whether the words there are the proven ones is not known: where the words stand is not known here" in said
+
+
+def _unknown(why, *_):
+    raise InputError(why)
 
 
 def test_the_limit_cycle_of_the_pwm_is_no_swing(folder):

@@ -58,20 +58,22 @@ def _run(settings: argparse.Namespace) -> int:
         raise InputError(f"{settings.design}: where {proven.words.target} shows its temperature is not known here")
     log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
     beside, monitored = Beside(proven), _monitored(settings.monitor, proven)
-    others = others_there(proven, address)
+    others, unknown = others_there(proven, address)
     with asked_to_end() as asked:
         so_far = record(address, log, places, Recording(
             every_s=None if monitored is None else min(1.0, 0.5 * monitored.view.scan_s), for_s=settings.for_s,
             append=settings.append, pwm_period_s=proven.view.actuator.pwm_period_s),
             shown=_shown(settings, beside, monitored), ended=lambda: bool(asked))
     LINE.end()
-    others = others or others_there(proven, address)  # somebody may have written some meanwhile
+    if not others:  # somebody may have written some meanwhile
+        others, unknown = others_there(proven, address)
     well = beside.seen.readings > 0 and beside.seen.well  # who has seen nothing knows nothing
     well = well and not others and (monitored is None or not monitored.told()) and not so_far.trouble
     seen = beside.seen.to_document()
     seen["told"] = [*([others] if others else []), *seen["told"]]
     document = {"schema": "heatertune/watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
-                "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well, **seen,
+                "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well,
+                "words_not_compared": unknown or None, **seen,
                 "monitor": None if monitored is None else monitored.to_document(),
                 "refit": _refitted(log, proven) if settings.refit else None}
     printing.output(settings, document, lambda: _lines(document))
@@ -139,7 +141,9 @@ def _lines(document: Mapping[str, Any]) -> str:
         f", {document['readings']} readings; at most {100.0 * document['largest_share_of_band']:.0f} % of the band") + (
         f"; {document['gaps']} gap{'s' if document['gaps'] > 1 else ''} in the log" if document["gaps"] else "")
     lost = [f"- the link was lost and is not back: {document['lost']}"] if document["lost"] else []
-    lines = [head, *lost, *(f"- {each}" for each in document["told"][:_SHOWN])]
+    unknown = document["words_not_compared"]
+    open_ = [f"- whether the words there are the proven ones is not known: {unknown}"] if unknown else []
+    lines = [head, *lost, *open_, *(f"- {each}" for each in document["told"][:_SHOWN])]
     if len(document["told"]) > _SHOWN:
         lines.append(f"- and {len(document['told']) - _SHOWN} more: --json")
     monitor = document["monitor"]

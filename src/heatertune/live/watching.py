@@ -138,16 +138,16 @@ class Beside:
         return half, 2.0 * (times[-1] - times[0]) / crossings
 
 
-def others_there(proven: Proven, address: Address) -> str:
-    """Return which words in a PLC are not the proven ones, a sentence; nothing where none is, or nobody can tell."""
+def others_there(proven: Proven, address: Address) -> tuple[str, str]:
+    """Return which words in a PLC are not the proven ones, and why they were not compared; each a text or nothing."""
     words = proven.words
     try:
         there = standing(words, address, proven.view.known)
         with Peer(address, there, words.sample_time_s, Link(tries=1)) as peer:
             content = peer.look().content
-    except (InputError, LinkError):  # where they stand is not known; a lost link is told by who records
-        return ""
+    except (InputError, LinkError) as problem:
+        return "", str(problem)
     found = {name: value for name, value in there.values(content).items() if name in there.own} | there.bits(content)
     other = [f"{name} is {value:.9g}, not {words.values[name]:.9g}" for name, value in found.items()
              if name not in there.block.operators and value != words.values[name]]
-    return f"other words stand there than were proven: {', '.join(other)}" if other else ""
+    return f"other words stand there than were proven: {', '.join(other)}" if other else "", ""
