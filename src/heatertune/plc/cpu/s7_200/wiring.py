@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from heatertune.plc.cpu.letters import in_ascii
 from heatertune.plc.cpu.s7_200.cells import cell
 from heatertune.plc.open_points import Switch
 from heatertune.plc.words import Certificate, Scaling, Words
@@ -15,8 +16,6 @@ __all__ = ["COUNTS", "SWITCH", "WIDTH_APPLIES", "clock", "counts_wired", "head",
 COUNTS: Final = 255
 _INPUTS: Final = cell("IB0", 1).start
 _ADJUSTMENT_0: Final = cell("SMB28", 1).start
-
-_PLAIN: Final = str.maketrans({"°": "deg", "…": "..", "·": "*", "×": "*", "−": "-", "–": "-"})
 
 WIDTH_APPLIES: Final = Switch(
     name="width_applies", means={"this_cycle": False, "next_cycle": True},
@@ -55,7 +54,7 @@ def head(facts: Sequence[str], certificate: Certificate, by_hand: Sequence[str])
     """
     steps = [f"{number}. {step}" for number, step in enumerate(by_hand, start=1)]
     lines = [*facts, *certificate.head, "not tried in STEP 7-Micro/WIN", *(["to do by hand:", *steps] if steps else [])]
-    return [line.translate(_PLAIN).encode("ascii", "replace").decode("ascii") for line in lines]
+    return [in_ascii(line) for line in lines]
 
 
 def clock(values: Mapping[str, int]) -> str:

@@ -11,12 +11,11 @@ import io
 import struct
 from collections.abc import Iterable
 
+from heatertune.plc.cpu.letters import in_ascii
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import Certificate, WordField, Words
 
 __all__ = ["bits", "head", "literal", "real", "s5_time", "table", "text"]
-
-_PLAIN = str.maketrans({"°": "deg", "…": "..", "·": "*", "×": "*", "≤": "<=", "≥": ">=", "−": "-", "–": "-"})
 
 
 def real(value: float) -> str:
@@ -60,7 +59,7 @@ def head(title: str, words: Words, certificate: Certificate, *facts: str) -> lis
 
 def text(lines: Iterable[str]) -> str:
     """Return the source: ASCII, every line ended by CRLF."""
-    plain = "\r\n".join(lines).translate(_PLAIN).encode("ascii", "replace").decode("ascii")
+    plain = in_ascii("\r\n".join(lines))
     return f"{plain}\r\n"
 
 

@@ -7,6 +7,7 @@ from typing import Final
 
 from heatertune.compiled import compiled
 from heatertune.errors import InputError
+from heatertune.plc.cpu.letters import in_ascii
 from heatertune.plc.cpu.s7_200 import assemble
 from heatertune.plc.cpu.s7_200.cells import V_BEGIN, V_END, WHOLE, bit, cell
 from heatertune.plc.cpu.s7_200.cpu import carry_out
@@ -54,7 +55,7 @@ def written(statements: Statements, head: list[str], reading: list[str], cycle_m
     at = _places(statements)
     told = [f"{place}: {name.upper()}, {meaning}" for (name, meaning), place in zip(
         _cells(statements).items(), at.values(), strict=True)]
-    lines = [line.encode("ascii", "replace").decode("ascii") for line in [*head, *_by_hand(statements, at), *told]]
+    lines = [in_ascii(line) for line in [*head, *_by_hand(statements, at), *told]]
     call = [Network("reading", [_ALWAYS, *reading, f"MOVW AC0, {at['READING']}"]), *_percent(cycle_ms, at["POWER"])]
     return program(
         block("SBR1", "monitor of the heater: each call", [*call, *_networks(statements.each_call, at)], lines),
