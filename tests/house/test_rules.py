@@ -107,7 +107,8 @@ def test_the_package_offers_what_the_readme_uses():
 
 def test_files_and_functions_stay_small():
     for path in MODULES:
-        assert path.read_text(encoding="utf-8").count("\n") <= 400, path
+        # one file, one topic: more files are harder to find one's way in than longer ones
+        assert path.read_text(encoding="utf-8").count("\n") <= 700, path
         for node in _nodes(path):
             if isinstance(node, ast.FunctionDef):
                 first = node.body[1].lineno if ast.get_docstring(node) and len(node.body) > 1 else node.body[0].lineno
