@@ -50,7 +50,7 @@ def cached(
         # through the same text as a result that is kept: a switched-off cache changes no number
         return read(json.loads(to_json(run())))
     text = json.dumps(inputs, sort_keys=True, default=lambda array: array.tolist())  # keeps nan apart from null
-    key = hashlib.sha256((source_digest() + stage + text).encode()).hexdigest()[:32]
+    key = hashlib.sha256((source_digest() + stage + text).encode(errors="backslashreplace")).hexdigest()[:32]
     name = f"{stage}-{key}.json"
     with suppress(OSError, ValueError, RecursionError, HeatertuneError):
         value = read(_document(read_bytes(place / name)))
@@ -59,7 +59,8 @@ def cached(
     # the text, not the value, is what a later run will see: both runs get the same
     text = to_json(run())
     try:
-        write_files(place, {name: _head(text.encode()) + text.encode()})
+        content = text.encode(errors="backslashreplace")  # half a surrogate, from a file name that is not UTF-8
+        write_files(place, {name: _head(content) + content})
     except InputError:
         progress(f"{stage}: the cache {place} cannot be written")
     return read(json.loads(text))

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import stat
 from pathlib import Path
 from typing import BinaryIO, Final
 
-__all__ = ["MOST_BYTES", "read_bytes", "read_text"]
+__all__ = ["MOST_BYTES", "display_name", "read_bytes", "read_text"]
 
 #: of any file: a reading a second for some years
 MOST_BYTES: Final = 1 << 28
+_SURROGATE: Final = re.compile("[\ud800-\udfff]")
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -56,3 +58,12 @@ def read_text(path: str | Path) -> str:
         UnicodeDecodeError: it is no UTF-8.
     """
     return read_bytes(path).decode("utf-8")
+
+
+def display_name(name: str) -> str:
+    r"""Return a file's name as text for documents; bytes of it that are not UTF-8 are escaped: h\xe4.csv.
+
+    Args:
+        name: as the operating system gives it, such bytes as lone surrogates (PEP 383).
+    """
+    return _SURROGATE.sub(lambda match: f"\\x{ord(match[0]) & 0xff:02x}", name)

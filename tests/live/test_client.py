@@ -1,10 +1,12 @@
 """Addresses, and the client that asks a PLC; the PLC is the virtual one, whose bytes other tests hold against `verify`."""
 
+import random
 import socket
 import struct
 import threading
 
 import pytest
+from tests.conftest import tried
 from tests.live.conftest import DB, LENGTH, PROTOCOLS
 
 from heatertune.errors import DocumentError, InputError, LinkDown, LinkError, PlcRefused, ReplyLost, UnknownName
@@ -181,6 +183,11 @@ def test_a_file_says_the_places(tmp_path):
     ("raw = [0, 27648]", "raw = 5", ("raw = 5",)), ("range = [-50, 150.0]", "range = [nan, 1]", ("range",)),
     ("[temperature]", "[temp]", ("'temp'",)), ("interval_s = 0.5", "interval_s = 0", ("interval_s = 0",)),
     ('"UDINT"', '"REAL"', ("[counter]", "whole")), ("raw = [0, 27648]", "raws = [0, 1]", ("'raws'",)),
+    ('"INT"', '["INT"]', ("format = ['INT']", "INT")), ('"INT"', "{a = 1}", ("format = {'a': 1}", "INT")),
+    ("byte = 4", f"byte = {'9' * 4400}", ("no TOML",)), ("raw = [0, 27648]", f"raw = {'[' * 3000}", ("no TOML",)),
+    ("raw = [0, 27648]", f"raw = [0, {'9' * 350}]", ("raw",)), ("raw = [0, 27648]", "raw = [0, 1e-320]", ("raw",)),
+    ("interval_s = 0.5", f"interval_s = {'9' * 350}", ("interval_s",)),
+    ("interval_s = 0.5", "interval_s = nan", ("interval_s = nan",)),
     ("[power]\n", "[power]\nhigh = 3\n", ("'high'", "[power]"))])
 def test_a_bad_entry_is_told(tmp_path, find, put, parts):
     path = tmp_path / "oven.toml"
@@ -194,3 +201,25 @@ def test_a_bad_entry_is_told(tmp_path, find, put, parts):
 def test_no_file_is_told(tmp_path):
     with pytest.raises(DocumentError, match="cannot be read"):
         places_in(tmp_path / "none.toml")
+
+
+_JUNK = ["[", "]", "{}", "nan", "-1", "1e400", '""', "[]", "[1, 2, 3]", "true", "=", "\0", "é", "[[temperature]]",
+         "2020-01-01", "[[0, 1], [1, 2]]", "9" * 350, "1e-320", "\n"]
+
+
+@pytest.mark.law
+def test_a_damaged_map_is_read_or_refused_in_one_line_whatever_the_damage(tmp_path):
+    path, rng, words = tmp_path / "oven.toml", random.Random(4), GOOD.replace("\n", " \n ").split(" ")
+    for _ in range(tried(400, 3000)):
+        damaged = list(words)
+        for place in rng.sample(range(len(words)), rng.randint(1, 3)):
+            damaged[place] = rng.choice([*_JUNK, "", rng.choice(words)])
+        path.write_text(" ".join(damaged), encoding="utf-8")
+        try:
+            places = places_in(path)
+        except DocumentError as problem:
+            refused = str(problem)
+        else:
+            refused = "oven.toml"
+            assert all(isinstance(signal.of(bytes(200_000)), float) for signal in places.signals.values())
+        assert "oven.toml" in refused

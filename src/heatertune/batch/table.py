@@ -51,7 +51,8 @@ def write_table(
     schema = arrow.schema([arrow.field(c.name, kinds[c.kind], metadata={"what": c.what}) for c in columns])
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with arrow.parquet.ParquetWriter(temporary, schema) as writer:
+        # opened here: pyarrow takes no name that is not UTF-8
+        with temporary.open("wb") as file, arrow.parquet.ParquetWriter(file, schema) as writer:
             for group in _groups(rows):
                 writer.write_table(arrow.Table.from_pylist(group, schema=schema))
             writer.add_key_value_metadata({_NOTE: _bytes(json.dumps(note(), ensure_ascii=False))})
@@ -66,7 +67,8 @@ def read_note(path: Path) -> dict[str, Any] | None:
     """Return the note of a table, None where there is no such table or no note in it."""
     arrow = demand_parquet()
     try:
-        notes = arrow.parquet.read_metadata(path).metadata or {}
+        with path.open("rb") as file:
+            notes = arrow.parquet.read_metadata(file).metadata or {}
     except (OSError, arrow.ArrowInvalid):
         return None
     return dict(json.loads(notes[_NOTE])) if _NOTE in notes else None
@@ -80,7 +82,8 @@ def read_rows(path: Path) -> list[Row]:
     """
     arrow = demand_parquet()
     try:
-        return list(arrow.parquet.read_table(path).to_pylist())
+        with path.open("rb") as file:
+            return list(arrow.parquet.read_table(file).to_pylist())
     except (OSError, arrow.ArrowInvalid) as problem:
         raise InputError(f"{path}: no table: {problem}") from problem
 

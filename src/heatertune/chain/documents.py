@@ -79,12 +79,23 @@ def read_documents(folder: str | Path) -> dict[str, dict[str, Any]]:
         path = directory / f"{name}.json"
         document = read_document(path, str(schema_of(view)))
         value: object = decode(view, checked(document, path) if name == "proof" else document, path)
-        documents[name] = encode(value) | document  # with what it may leave out, its own numbers as they are written
-    if documents["words"]["realised"] is not None:
-        decode(PidView, documents["words"]["realised"], directory / "words.json", "realised")
+        documents[name] = _completed(document, encode(value))
+    if (realised := documents["words"]["realised"]) is not None:
+        complete = encode(decode(PidView, realised, directory / "words.json", "realised"))
+        documents["words"]["realised"] = _completed(realised, complete)
     demand_same_words(documents["words"], documents["proof"], directory / "proof.json")
     own, proven = (documents[name]["verdict"] for name in ("words", "proof"))
     if own != proven:
         raise DocumentError(f"{directory / 'words.json'}: verdict: {own!r}; proof.json beside it says {proven!r}: "
                             "export the words again (heatertune export-db)")
     return documents
+
+
+def _completed(document: Any, complete: Any) -> Any:
+    """Return a document with the fields that it leaves out, at every depth; its own numbers stay as written."""
+    if isinstance(document, dict) and isinstance(complete, dict):
+        return complete | {key: _completed(value, complete[key]) if key in complete else value
+                           for key, value in document.items()}
+    if isinstance(document, list) and isinstance(complete, list) and len(document) == len(complete):
+        return [_completed(value, default) for value, default in zip(document, complete, strict=True)]
+    return document

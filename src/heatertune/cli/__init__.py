@@ -100,6 +100,7 @@ def parser(only: str | None = None) -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status: 0 success, 1 verdict FAIL, 2 bad input, 70 a fault of heatertune."""
+    _open_closed_streams()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a name that is no text is shown escaped
             stream.reconfigure(errors="backslashreplace")
@@ -122,6 +123,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         _complain(_fault(problem))
         return FAULT
+
+
+def _open_closed_streams() -> None:
+    """Write to nowhere where the shell closed stdout or stderr (`>&-`), so that no other file gets their numbers."""
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            stream = Path(os.devnull).open("r" if name == "stdin" else "w", encoding="utf-8")  # noqa: SIM115 - as long as the process
+            setattr(sys, name, stream)
 
 
 def _run(given: tuple[str, ...]) -> int:

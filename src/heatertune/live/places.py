@@ -9,14 +9,13 @@ between two scans.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from heatertune.documents import read_toml
 from heatertune.errors import DocumentError, InputError
-from heatertune.files import read_text
 from heatertune.live.blocks import SERVED, block_for
 from heatertune.live.cells import STRUCTS, Signal
 from heatertune.plc import Words, controller_for
@@ -27,6 +26,7 @@ __all__ = ["ROLES", "Counter", "Places", "places_given", "places_in", "places_of
 #: what is recorded, in the order of a log's columns
 ROLES: Final = ("temperature", "power", "setpoint")
 _MOST_BYTE: Final = 65535
+_LEAST_SPAN: Final = 1e-9  # between two raw or shown values: anything smaller is a typing error, and divides by nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,12 +85,7 @@ def places_in(path: str | Path) -> Places:
     Raises:
         DocumentError: it cannot be read, or says something else; the message names the entry.
     """
-    try:
-        said = tomllib.loads(read_text(path))
-    except OSError as problem:
-        raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise DocumentError(f"{path}: no TOML: {problem}") from None
+    said = read_toml(path)
     for name in said:
         if name not in ("block", "counter", *ROLES):
             raise DocumentError(f"{path}: entry {name!r}: expected block, counter, {', '.join(ROLES)}")
@@ -129,10 +124,10 @@ def _counter(path: str | Path, said: Any) -> Counter:
     signal = _signal(path, "counter", said, ("interval_s",))
     if signal.format in FLOATS:
         raise DocumentError(f"{path}: [counter] format = {signal.format!r}: expected a whole number, as UINT or UDINT")
-    interval: Any = said.get("interval_s")
-    if type(interval) not in (int, float) or not 0.0 < interval < math.inf:
-        raise DocumentError(f"{path}: [counter] interval_s = {interval!r}: expected seconds > 0")
-    return Counter(signal=signal, interval_s=float(interval))
+    interval = _finite(said.get("interval_s"))
+    if interval is None or not interval > 0.0:
+        raise DocumentError(f"{path}: [counter] interval_s = {said.get('interval_s')!r}: expected seconds > 0")
+    return Counter(signal=signal, interval_s=interval)
 
 
 def _signal(path: str | Path, role: str, said: Any, also: tuple[str, ...]) -> Signal:
@@ -151,7 +146,7 @@ def _signal(path: str | Path, role: str, said: Any, also: tuple[str, ...]) -> Si
     if type(place) is not int or not 0 <= place <= _MOST_BYTE:
         raise wrong(f"{name} = {place!r}", f"a whole number 0…{_MOST_BYTE}")
     form = said.get("format")
-    if form not in STRUCTS:
+    if not isinstance(form, str) or form not in STRUCTS:
         raise wrong(f"format = {form!r}", f"one of {', '.join(STRUCTS)}")
     start = place if name == "byte" else 2 * place
     if "raw" not in also:
@@ -159,8 +154,19 @@ def _signal(path: str | Path, role: str, said: Any, also: tuple[str, ...]) -> Si
     return Signal(start, form, _pair(said.get("raw"), "raw", wrong), _pair(said.get("range"), "range", wrong))
 
 
-def _pair(found: Any, name: str, wrong: Any) -> tuple[float, float]:
-    good = isinstance(found, list) and len(found) == 2 and all(type(each) in (int, float) for each in found)
-    if not good or found[0] == found[1] or not all(abs(each) < math.inf for each in found):
-        raise wrong(f"{name} = {found!r}", "two numbers, as [0, 2047]")
-    return float(found[0]), float(found[1])
+def _pair(entry: Any, name: str, wrong: Any) -> tuple[float, float]:
+    ends = [_finite(end) for end in entry] if isinstance(entry, list) else []
+    if len(ends) != 2 or ends[0] is None or ends[1] is None or not abs(ends[1] - ends[0]) >= _LEAST_SPAN:
+        raise wrong(f"{name} = {entry!r}", "two different numbers, as [0, 2047]")
+    return ends[0], ends[1]
+
+
+def _finite(entry: Any) -> float | None:
+    """Return a number of a TOML file; None for anything else, infinities, and integers that no float holds."""
+    if type(entry) not in (int, float):
+        return None
+    try:
+        number = float(entry)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None

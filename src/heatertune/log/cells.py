@@ -70,7 +70,7 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
     if text.startswith(MARK):
         period_s = pwm_period_of(text)
         text = without_torn(text, repairs)
-    numbered = [(i, line.rstrip("\n")) for i, line in enumerate(io.StringIO(text, newline=None), start=1)][skip_rows:]
+    numbered, passed = _written_lines(text, skip_rows)
     log = printed(path, numbered, tag)
     if log is not None:
         _demand_cells(path, log)
@@ -81,8 +81,8 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
         del kept[0]
     if not kept:
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
-    if len(kept) < len(numbered):
-        repairs.append(f"{count(len(numbered) - len(kept), 'line')} without readings (blank, comment) passed over.")
+    if passed := passed + len(numbered) - len(kept):
+        repairs.append(f"{count(passed, 'line')} without readings (blank, comment) passed over.")
     lines, texts = [i for i, _ in kept], [line for _, line in kept]
     separator = _separator(texts[-_SAMPLE:])
     rows = _without_empty_ends([row or [""] for row in _split(path, lines, texts, separator)], repairs)
@@ -93,6 +93,28 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
         comment = _comment_above([pair for pair in numbered if pair[0] < begin], separator, len(rows[0]))
     return Sheet(file=str(path), header=header, comment=comment, rows=rows, lines=lines, repairs=tuple(repairs),
                  above=above, pwm_period_s=period_s)
+
+
+def _written_lines(text: str, skip_rows: int) -> tuple[list[tuple[int, str]], int]:
+    """Return number and content of the lines to look at, and how many are not: megabytes of those take no memory.
+
+    Blank lines are not looked at, and of comments in a row only the last, which may name the columns.
+    """
+    numbered: list[tuple[int, str]] = []
+    passed, after_comment = 0, False
+    for number, line in enumerate(io.StringIO(text, newline=None), start=1):
+        if number <= skip_rows:
+            continue
+        is_comment, is_blank = line.startswith("#"), not line.strip(" \t,;\n")
+        if is_blank or (is_comment and after_comment):
+            passed += 1
+        if is_blank:
+            continue
+        if is_comment and after_comment:
+            numbered.pop()
+        numbered.append((number, line.rstrip("\n")))
+        after_comment = is_comment
+    return numbered, passed
 
 
 def _demand_cells(path: Path, log: Printed) -> None:

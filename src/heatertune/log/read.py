@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import InputError, LogError, OutOfRange
+from heatertune.files import display_name
 from heatertune.log.account import Counts, Unit, Written, taken_of
 from heatertune.log.care import no_readings, one_run, tell_gaps
 from heatertune.log.cells import Sheet, plain_cells, read_sheet
@@ -113,7 +114,7 @@ def read_log(
     lines = [line for line, keeps in zip(sheet.lines, kept, strict=True) if keeps]
     tell_gaps(series.time_s, lines, power is not None, doubts)
     taken = taken_of(
-        table.name if table else Path(source).name, sheet, columns, tagged, time=series.time_s,
+        table.name if table else display_name(Path(source).name), sheet, columns, tagged, time=series.time_s,
         written=Written(clock, unit, power), counts=Counts(read=len(time), repeats=repeats, filled=filled + held),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above)},
@@ -152,7 +153,8 @@ def _log(
 ) -> Log:
     try:
         return Log(
-            name=table.name if table else Path(source).stem, source=table.source if table else str(source),
+            name=table.name if table else display_name(Path(source).stem),
+            source=table.source if table else display_name(str(source)),
             repairs=repairs, doubts=doubts, same_heater=table.same_heater if table else (), taken=taken,
             rests_at_degC=table.rests_at_degC if table else None, pwm_period_s=sheet.pwm_period_s,
             **series._asdict(),

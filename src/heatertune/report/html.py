@@ -61,7 +61,7 @@ def picture(drawn: Any, caption: str, *, moves: bool = True) -> str:
     moved = live.panels_json(drawn) if moves else "[]"
     if moved == "[]":
         return f"<figure>{to_svg(drawn)}<figcaption>{text_of(caption)}</figcaption></figure>"
-    name = hashlib.sha256(moved.encode()).hexdigest()[:8]
+    name = hashlib.sha256(moved.encode(errors="backslashreplace")).hexdigest()[:8]
     return (
         f'<figure id="f{name}" data-live>{to_svg(drawn)}<script type="application/json">{moved}</script>'
         f'<figcaption>{text_of(caption)} <span class="hint">Drag to zoom, double-click for all.</span></figcaption>'
