@@ -23,7 +23,7 @@ from heatertune.plc.st.program import (
     statements,
     variables,
 )
-from heatertune.plc.st.source import function_block
+from heatertune.plc.st.source import comment, function_block
 from heatertune.plc.words import Certificate, WordField, Words
 
 __all__ = ["PROJECT", "TEXT", "constants", "export_words"]
@@ -40,9 +40,8 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     own = variables(words, clock, proven_setpoint(words, certificate, COUNTS))
     limits = Limits(most=words.values["XMAX"], cools=words.values["KP"] < 0.0)
     body = statements(words, clock, _call(words), limits)
-    text = (*(f"(* {line} *)" for line in head), function_block(SOURCE))
     return {
-        TEXT: "\n".join(text) + "\n" + program("Heater", {"HeaterPid": SOURCE.name}, own, body),
+        TEXT: comment(*head) + function_block(SOURCE) + "\n" + program("Heater", {"HeaterPid": SOURCE.name}, own, body),
         PROJECT: project(SOURCE, own, body, head, clock.tick_ms),
     }
 

@@ -20,7 +20,7 @@ from heatertune.plc.st.program import (
     statements,
     variables,
 )
-from heatertune.plc.st.source import function_block
+from heatertune.plc.st.source import comment, function_block
 from heatertune.plc.weg.program import KEEPS, PROBE, PROBED, keeping
 from heatertune.plc.weg.source import SOURCE
 from heatertune.plc.weg.words import COUNTS, FIELDS, REVERSE
@@ -47,7 +47,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
                  tool="WPS or another vendor's tool"),
         *by_hand(clock, certificate, of_clock=[_who_keeps_ts(known)],
                  of_start=["HeaterOn has to stay TRUE: each time that it rises the first call gives 0"]))
-    comment = "\n".join(f"(* {line} *)" for line in head) + "\n"
+    remarks = comment(*head)
     limits = Limits(words.values["MaximumOutput"], words.values["Action"] == REVERSE)
     own = variables(words, clock, setpoint)
     body = statements(words, clock, _block_call(words), limits)
@@ -55,9 +55,9 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     calls = statements(words, clock, _weg_call(words), limits, before=PROBED if kept is None else "", or_when=KEEPS)
     instances = {"HeaterPid": "FB_PID"} | ({PROBE: "FB_PID"} if kept is None else {})
     return {
-        "weg_pid_call.st": comment + program("WegHeater", instances, wegs, calls),
+        "weg_pid_call.st": remarks + program("WegHeater", instances, wegs, calls),
         "weg_pid_block.st":
-            comment + function_block(SOURCE) + "\n" + program("Heater", {"HeaterPid": SOURCE.name}, own, body),
+            remarks + function_block(SOURCE) + "\n" + program("Heater", {"HeaterPid": SOURCE.name}, own, body),
         "weg_pid_plcopen.xml": project(SOURCE, own, body, head, clock.tick_ms),
     }
 
