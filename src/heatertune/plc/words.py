@@ -80,6 +80,11 @@ class Scaling:
         return self.high_degC - self.low_degC
 
     @property
+    def formula(self) -> str:
+        """Temperature above the low end, for a formula that people reckon with: "°C - 20"."""
+        return f"°C {'-' if self.low_degC >= 0.0 else '+'} {abs(self.low_degC):g}"
+
+    @property
     def sensor_degC(self) -> tuple[float, float]:
         """Both ends of the sensor's own range [°C]."""
         return self.low_degC if self.from_degC is None else self.from_degC, self.high_degC

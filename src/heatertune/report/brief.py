@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from heatertune.model.findings import KINDS
 from heatertune.plc.targets import REPAIRED
-from heatertune.plc.typed import TypedWord, as_typed
+from heatertune.plc.typed import TypedWord
 from heatertune.proof.period import life
 from heatertune.proof.verdict import blocking, sampled, told_by_kind, verdict_of_samples
 from heatertune.report.layout import LINES, WIDTH, beside, command, cut, labelled, notes_within, screen, table, wrapped
@@ -23,6 +23,7 @@ from heatertune.report.text import (
     criterion_value,
     figure,
     limit_text,
+    main_file,
     model_rows,
     quantity,
     ramp_note,
@@ -247,7 +248,7 @@ def _values(words: Document, proof: Document) -> list[str]:
     """Return what is typed in, and what belongs to it; of words that may not leave only what they are."""
     rows = typed(words)
     if not words["files"]:
-        values = ", ".join(f"{row.name} {as_typed(row.then, row.format)}" for row in rows)
+        values = ", ".join(f"{row.name} {row.then_text}" for row in rows)
         return wrapped(values, "not to be typed in: ", _FAILING)
     forced = "by --force, against the verdict; " if words.get("forced") else ""
     return [*wrapped(f"{forced}{_facts(words, proof)}", "values to type in: "), *_typed_lines(rows)]
@@ -256,12 +257,12 @@ def _values(words: Document, proof: Document) -> list[str]:
 def _typed_lines(rows: Sequence[TypedWord]) -> list[str]:
     """Return the words in the order in which they are typed in, each once or, where it changes, twice."""
     named = any(row.address != row.name for row in rows)
-    cells = [[row.address, *([row.name] if named else []), as_typed(row.first, row.format)] for row in rows]
+    cells = [[row.address, *([row.name] if named else []), row.first_text] for row in rows]
     if len(rows) > _WITH_MEANING:
         lines = beside(cells)
         short = lines if len(lines) < len(rows) else beside([[line[-2], line[-1]] for line in cells])
         return [f"  {line}" for line in min(lines, short, key=len)]
-    later = [f"then {as_typed(row.then, row.format)}: " if row.changes else "" for row in rows]
+    later = [f"then {row.then_text}: " if row.changes else "" for row in rows]
     meant = [[*line, f"{then}{row.meaning}"] for line, then, row in zip(cells, later, rows, strict=True)]
     return [cut(f"  {line}") for line in table(meant).splitlines()]
 
@@ -313,17 +314,8 @@ def _files(words: Document, out: str) -> list[str]:
     """Return the two files that matter."""
     rows = [(str(Path(out) / "report.html"), "the record: read it, tick it, print it")]
     if words["files"]:
-        rows.append((str(Path(out) / _program(words["files"])), "what goes into the PLC"))
+        rows.append((str(Path(out) / main_file(words)), "what goes into the PLC"))
     lines = table(rows).splitlines()
     fits = all(len(line) <= WIDTH for line in lines)
     refused = [] if words["files"] else ["no files for the PLC: only proven words are exported, or --force"]
     return [*(lines if fits else [name for name, _ in rows]), *refused]
-
-
-def _program(files: Sequence[str]) -> str:
-    """Return the file that is the program, or the words where there is none."""
-    for end in (".awl", "program_listing.txt", "_call.st", "_listing.txt"):
-        for name in files:
-            if name.endswith(end):
-                return name
-    return files[0]

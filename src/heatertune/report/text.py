@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from heatertune.plc.controller import controller_for
-from heatertune.plc.typed import TypedWord, typed_table, typed_words, word_text
+from heatertune.plc.typed import TypedWord, setpoint_entry, typed_table, typed_words, word_text
 from heatertune.proof.verdict import samples_told, verdict_line
 from heatertune.proof.words_file import words_of
 from heatertune.report.layout import table
@@ -15,10 +15,10 @@ from heatertune.units import NOMENCLATURE, written
 
 __all__ = [
     "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
-    "feed_forward_lines", "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "limit_text", "model_lines",
-    "model_rows", "outcome_lines", "pareto_table", "quantity", "ramp_note", "samples_rows", "samples_table",
-    "search_notes", "spaced",
-    "summary", "typed", "unit_text", "validation_lines", "words_table",
+    "feed_forward_lines", "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "limit_text", "main_file",
+    "model_lines", "model_rows", "outcome_lines", "pareto_table", "quantity", "ramp_note", "samples_rows",
+    "samples_table", "search_notes", "setpoint_text", "spaced", "summary", "typed", "unit_text", "validation_lines",
+    "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -181,6 +181,17 @@ def words_table(words: Document) -> str:
 def typed(words: Document) -> tuple[TypedWord, ...]:
     """Return the words of a document as they are typed in."""
     return typed_words(words_of(words, words["target"], "words.json"), words["setpoint_degC"])
+
+
+def main_file(words: Document) -> str:
+    """Return which of the exported files a person loads or enters first."""
+    declared = controller_for(words["target"]).main_file
+    return declared if declared in words["files"] else str(words["files"][0])
+
+
+def setpoint_text(words: Document) -> str:
+    """Return the setpoint of the proof of a document's words as a person enters it."""
+    return setpoint_entry(words_of(words, words["target"], "words.json"), words["setpoint_degC"])
 
 
 def called_every_s(words: Document, switch: Document | None) -> float:

@@ -24,9 +24,10 @@ from heatertune.plc.st.program import (
     variables,
 )
 from heatertune.plc.st.source import comment, function_block
+from heatertune.plc.typed import entry_texts
 from heatertune.plc.words import Certificate, WordField, Words
 
-__all__ = ["PROJECT", "TEXT", "constants", "export_words"]
+__all__ = ["PROJECT", "TEXT", "constants", "entries", "export_words", "setpoint_entry"]
 
 TEXT: Final = "iec_pid.st"
 PROJECT: Final = "iec_pid_plcopen.xml"
@@ -46,6 +47,11 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     }
 
 
+def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
+    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    return entry_texts(dict(constants(words, FIELDS)))
+
+
 def constants(words: Words, fields: Iterable[WordField]) -> list[tuple[str, str]]:
     """Return the words as literals of the language."""
     return [(f.name, f"T#{words.whole[f.name]}ms" if f.format == "TIME" else literal(words.values[f.name]))
@@ -57,3 +63,9 @@ def _call(words: Words) -> str:
     wires = [("RUN", enabling(words)), ("AUTO", "NOT ByHand"), ("PV", "HeaterTemperature"), ("SP", setpoint),
              ("X0", "HandPower"), *constants(words, FIELDS)]
     return f"{called('HeaterPid', wires)}HeaterPower := HeaterPid.XOUT;\n"
+
+
+def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:
+    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
+    value = literal(proven_setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC), COUNTS))
+    return f"HeaterSetPoint = {value} °C"

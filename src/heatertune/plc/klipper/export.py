@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 from heatertune.plc.klipper.words import FIELDS, PLACES, REPORT_S
+from heatertune.plc.typed import entry_texts
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["SECTION", "export_words"]
+__all__ = ["SECTION", "entries", "export_words"]
 
 #: the heater whose section is written
 SECTION: Final = "extruder"
@@ -17,6 +18,11 @@ _PWM_S: Final = 0.1
 def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
     """Return the two files."""
     return {"klipper_heater.cfg": _config(words, certificate), "klipper_try.gcode": _trial(words, certificate)}
+
+
+def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
+    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    return entry_texts(_values(words))
 
 
 def _values(words: Words) -> dict[str, str]:

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 from heatertune.plc.marlin.words import FIELDS, GAINS
 from heatertune.plc.parallel.words import decimal
+from heatertune.plc.typed import entry_texts
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words"]
+__all__ = ["entries", "export_words"]
 
 _FORMAT = {field.name: field.format for field in FIELDS}
 
@@ -28,6 +29,11 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
             "; before: send M503 and keep what it prints; M501 goes back to what was saved last",
             f"M301 {gains}", "M503 S0", "; when it has worked: M500 saves it"]
     return {"marlin_pid.h": "\n".join(header) + "\n", "marlin_pid.gcode": "\n".join(code) + "\n"}
+
+
+def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
+    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    return entry_texts({field.name: _text(words, field.name) for field in FIELDS})
 
 
 def _text(words: Words, name: str) -> str:

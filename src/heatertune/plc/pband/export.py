@@ -11,7 +11,7 @@ from heatertune.plc.pband.readback import HEADS, from_text, number_of
 from heatertune.plc.pband.words import band_degC, period_of, shown
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words"]
+__all__ = ["export_words", "stem_of"]
 
 
 def export_words(name: str, make: Make, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
@@ -20,13 +20,18 @@ def export_words(name: str, make: Make, words: Words, certificate: Certificate) 
     Raises:
         ExportRefused: a file that does not read back as the words.
     """
-    stem = name.replace("-", "_")
+    stem = stem_of(name)
     files = {f"{stem}_sheet.txt": _sheet(make, words, certificate),
              f"{stem}_registers.csv": _registers(make, words, certificate)}
     for file, text in files.items():
         if from_text(make, text, None, file).values != dict(words.values):
             raise ExportRefused(f"{file} does not read back as the words that were proven")
     return {**files}
+
+
+def stem_of(name: str) -> str:
+    """Return how the files of a target begin."""
+    return name.replace("-", "_")
 
 
 def _head(make: Make, words: Words, certificate: Certificate) -> list[str]:

@@ -21,12 +21,13 @@ from heatertune.plc.st.program import (
     variables,
 )
 from heatertune.plc.st.source import comment, function_block
+from heatertune.plc.typed import entry_texts
 from heatertune.plc.weg.program import KEEPS, PROBE, PROBED, keeping
 from heatertune.plc.weg.source import SOURCE
 from heatertune.plc.weg.words import COUNTS, FIELDS, REVERSE
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["RENAMED", "export_words"]
+__all__ = ["RENAMED", "entries", "export_words", "setpoint_entry"]
 
 _WIRES = (
     ("ManualSetPoint", "HandPower"), ("SelectSetPoint", "ByHand"),
@@ -72,6 +73,11 @@ def _who_keeps_ts(known: str | None) -> str:
             "BlockKeepsTs then shows it; a ladder of your own has to know")
 
 
+def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
+    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    return entry_texts(dict(_values(words)))
+
+
 def _values(words: Words) -> list[tuple[str, str]]:
     return [
         (f.name, literal(words.values[f.name]) if f.format == "REAL" else str(words.whole[f.name])) for f in FIELDS
@@ -92,3 +98,9 @@ def _block_call(words: Words) -> str:
     values = [(RENAMED.get(name, name), value) for name, value in _values(words)]
     call = called("HeaterPid", [("Enable", enabling(words)), *_wires(words), *values])
     return f"{call}HeaterPower := HeaterPid.Output;\n"
+
+
+def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:
+    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
+    value = literal(proven_setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC), COUNTS))
+    return f"HeaterSetPoint = {value} °C"
