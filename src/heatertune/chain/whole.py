@@ -95,6 +95,7 @@ def design(
     controller_for(asked.target)  # an unknown target is refused before the long part
     with beside(asked.target) if begun is None else nullcontext(begun) as second:
         log = source if isinstance(source, Log) else read_log(source, read, errata=True)
+        asked = _of_its_heater(asked, log)
         progress(_told("fit"))
         fitted = fit(log, fitted_with, companions=True, progress=progress)
         second.draw(_found(log, fitted), "log")
@@ -107,6 +108,16 @@ def design(
         documents = _with_comparison(documents, log, fitted, result.wished, result.proof, second)
         _write(documents, files, out, second)
         return ChainResult(log=log, fitted=fitted, closed=result, files=files, documents=documents)
+
+
+def _of_its_heater(asked: Asked, log: Log) -> Asked:
+    """Return the request with the heater of a printer that the user named when the log was read (`--tag`)."""
+    open_ = next((each for each in controller_for(asked.target).switches if each.name == "heater"), None)
+    tag = None if log.taken is None else log.taken.reading.get("tag")
+    known = asked.conditions.switches
+    if open_ is None or open_.name in known or tag not in open_.settings:
+        return asked
+    return replace(asked, conditions=replace(asked.conditions, switches={**known, open_.name: str(tag)}))
 
 
 def _shown(
