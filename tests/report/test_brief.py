@@ -49,8 +49,8 @@ def test_every_verdict_of_every_controller_is_one_screen(target, verdict):
     assert "out/report.html" in whole
     if verdict == "PASS":
         for word in typed(documents_of(target, verdict)["words"]):
-            assert re.search(rf"^  .*\b{re.escape(word.name)} +{re.escape(as_typed(word.first, word.format))}(  |$)", screen, re.MULTILINE)
-            assert not word.changes or f"then {as_typed(word.then, word.format)}:" in screen
+            assert re.search(rf"^  .*\b{re.escape(word.name)} +{re.escape(word.first_text)}(  |$)", screen, re.MULTILINE)
+            assert not word.changes or f"then {word.then_text}:" in screen
     else:
         assert "not to be typed in: " in whole
         assert "no files for the PLC" in whole

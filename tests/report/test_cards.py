@@ -102,7 +102,7 @@ def test_words_show_what_is_typed_in_and_what_it_realises():
     words = Words(target="s5-ob251", sample_time_s=4.0, scaling=Scaling(), values={
         "K": 9728, "R": 1024, "TI": 64, "TD": 0, "W": 0, "STEU": 33, "YH": 0, "BGOG": 2047, "BGUG": 0})
     rows, text, pictures = _seen(words)
-    assert next(row for row in rows if row[1:2] == ["TI"])[:3] == ["DW5", "TI", "64"]
+    assert next(row for row in rows if row[1:2] == ["TI"])[:3] == ["DW5", "TI", "KF +00064"]
     # S5-115U manual, section 11.2.3: TI = TA/TN and K in 1024ths, so TN = 4 s·1024/64, K = 9728/1024
     assert ["TN", "64", "s"] in rows
     assert ["K", "9.5", "%/°C"] in rows

@@ -27,8 +27,8 @@ def _listing(text):
 
 
 def _typed(cell):
-    """Return a cell as a listing has it: 200 is +00200, KM is told by the format."""
-    return cell.removeprefix("KM ") if " " in cell else f"{int(cell):+06d}"
+    """Return a cell as a listing has it, whose format stands in a column of its own."""
+    return cell.removeprefix("KM ").removeprefix("KF ")
 
 
 def _rows(cells):
@@ -53,7 +53,7 @@ def test_listing_table_terminal_studio_and_report_show_the_same_words(documents)
     files = OB251.export(words, certificate(documents["proof"]))
     listed = _listing(files["DB30_listing.txt"])
     used = {name: listed[name] for name in words.values}
-    assert used["W"] == ("+00818", "+00818", "setpoint, DW 0 of DB31: 40 °C as proven; others: whole part of (2047/100)·(°C − 0)")
+    assert used["W"] == ("+00818", "+00818", "setpoint, DW 0 of DB31: 40 °C as proven; others: whole part of (2047/100)·(°C - 0)")
     assert used["STEU"][:2] == ("00000000 00100000", "00000000 00100001")  # bit 0: automatic, bit 5: no Z
     assert used["YH"][:2] == ("+00200", "+00000")
     assert used["K"][:2] == (f"{words.values['K']:+06d}",) * 2

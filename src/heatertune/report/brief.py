@@ -22,6 +22,7 @@ from heatertune.report.text import (
     called_every_s,
     criterion_value,
     figure,
+    holder,
     limit_text,
     main_file,
     model_rows,
@@ -314,7 +315,7 @@ def _files(words: Document, out: str) -> list[str]:
     """Return the two files that matter."""
     rows = [(str(Path(out) / "report.html"), "the record: read it, tick it, print it")]
     if words["files"]:
-        rows.append((str(Path(out) / main_file(words)), "what goes into the PLC"))
+        rows.append((str(Path(out) / main_file(words)), f"what goes into the {holder(words['target'])}"))
     lines = table(rows).splitlines()
     fits = all(len(line) <= WIDTH for line in lines)
     refused = [] if words["files"] else ["no files for the PLC: only proven words are exported, or --force"]

@@ -17,6 +17,7 @@ from heatertune.report.html import BLANK, Markup, bullets, coded, picture, steps
 from heatertune.report.text import (
     called_every_s,
     figure,
+    holder,
     limit_text,
     main_file,
     ramp_note,
@@ -97,7 +98,7 @@ def _words(documents: Documents) -> str:
     first = [main_file(document)] if document["files"] else []
     files = [f"<code>{text_of(name)}</code>" for name in dict.fromkeys([*first, *document["files"]])]
     others = f"; with it: {' '.join(files[1:])}" if files[1:] else ""
-    listed = f"<p>File for the PLC: {files[0]}{others}</p>" if files else ""
+    listed = f"<p>File for the {holder(document['target'])}: {files[0]}{others}</p>" if files else ""
     return (
         f"<h2>Words for {text_of(document['target'])}</h2>{refused}<p>In the order in which they are typed in"
         f"{down}. Sensor {described(Scaling(**scale))}; call every "

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from heatertune.plc.controller import controller_for
+from heatertune.plc.targets import GROUPS, NAMES, TARGETS
 from heatertune.plc.typed import TypedWord, setpoint_entry, typed_table, typed_words, word_text
 from heatertune.proof.verdict import samples_told, verdict_line
 from heatertune.proof.words_file import words_of
@@ -15,7 +16,8 @@ from heatertune.units import NOMENCLATURE, written
 
 __all__ = [
     "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
-    "feed_forward_lines", "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "limit_text", "main_file",
+    "feed_forward_lines", "figure", "forms_lines", "holder", "hypothesis_rows", "hypothesis_table", "limit_text",
+    "main_file",
     "model_lines", "model_rows", "outcome_lines", "pareto_table", "quantity", "ramp_note", "samples_rows",
     "samples_table", "search_notes", "setpoint_text", "spaced", "summary", "typed", "unit_text", "validation_lines",
     "words_table",
@@ -181,6 +183,13 @@ def words_table(words: Document) -> str:
 def typed(words: Document) -> tuple[TypedWord, ...]:
     """Return the words of a document as they are typed in."""
     return typed_words(words_of(words, words["target"], "words.json"), words["setpoint_degC"])
+
+
+def holder(target: str) -> str:
+    """Return what holds a controller: "PLC", "instrument", "printer" or "controller"."""
+    packages = {TARGETS[name]: group for group, names in GROUPS.items() for name in names}
+    group = packages.get(NAMES.get(target, ""), "PLC")
+    return "controller" if group == "maker" else group
 
 
 def main_file(words: Document) -> str:
