@@ -198,7 +198,7 @@ def test_a_ramp_that_no_word_holds_is_refused(changed):
 
 def test_a_ramp_is_told_to_people():
     assert [str(Ramp(step=5)), str(Ramp(step=0.25, calls=2, hold=1.5)), str(Ramp(step=5, hold=-3))] == [
-        "5 units every call", "0.25 units every 2 calls, held within 1.5 units of the reading", "5 units every call, held within 3 units of the reading (of a cooler)"]
+        "5 units every call", "0.25 °C every 2 calls, held within 1.5 °C of the reading", "5 units every call, held within 3 units of the reading (of a cooler)"]
     assert [Ramp(step=5, hold=hold).cools for hold in (None, 1, -1)] == [False, False, True]
 
 

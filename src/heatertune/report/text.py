@@ -221,10 +221,10 @@ def ramp_note(words: Document) -> list[str]:
     if ramp is None:
         return []
     every = "call" if ramp["calls"] == 1 else f"{ramp['calls']} calls"
-    rate = figure(ramp["degC_per_min"], 3)
+    rate, unit = figure(ramp["degC_per_min"], 3), "units" if isinstance(ramp["step"], int) else "°C"
     held = ramp.get("hold_degC")
     hold = "" if held is None else f", and follows the reading within {figure(held, 3)} °C while it is led"
-    return [f"The setpoint moves by {figure(ramp['step'])} units every {every}, {rate} °C/min{hold}: the exported "
+    return [f"The setpoint moves by {figure(ramp['step'])} {unit} every {every}, {rate} °C/min{hold}: the exported "
             "files hold the program of this ramp, and the words are proven with it only."]
 
 
