@@ -156,3 +156,9 @@ def test_a_remark_ends_no_comment():
             if file.endswith((".st", ".scl")):
                 assert text.count("(*") == text.count("*)"), (export.label, file)
                 assert "by name" not in without_comments(text), (export.label, file)
+
+
+def test_a_remark_stays_on_one_line():
+    for export in every_export():
+        for file, text in export.texts.items():
+            assert not re.search(r"^\s*(?:L     1;|lines\b)", text, re.MULTILINE), (export.label, file)

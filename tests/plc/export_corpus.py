@@ -20,7 +20,7 @@ from heatertune.proof.supervision.text import proven
 
 PWM = Actuator(pwm_period_s=2.0, resolution_s=0.1, minimum_on_s=0.2)
 #: remarks with the signs that end or begin a comment somewhere, and letters outside ASCII
-REMARKS = ("setpoint of 45 °C ≤ 50 °C", "specification *) x := 1; (* by name", "*/ end // begin /* \" ' $ # ;")
+REMARKS = ("name of two\nL     1;\r\nlines", "setpoint of 45 °C ≤ 50 °C", "specification *) x := 1; (* by name", "*/ end // begin /* \" ' $ # ;")
 _HEAD = ("monitor of 45 °C", *REMARKS)
 _NUMBERS = OFF._replace(low=5, high=900, jump=50, still=9, full=20, growths=2, slow_blocks=2, slow_scale=64, slow_gain=3, slow_rest=-900)
 
@@ -73,7 +73,7 @@ def feed_forwards():
         if controller.feed is None:
             continue
         for switched in (False, True):
-            line = feed_forward(controller.feed, column="door; * \" open", pct_per_unit=2.0, calm=0.0, low=0.0, high=1.0 + 9.0 * (not switched),
+            line = feed_forward(controller.feed, column="door; * \" \n open", pct_per_unit=2.0, calm=0.0, low=0.0, high=1.0 + 9.0 * (not switched),
                                 switched=switched)
             certificate = Certificate(verdict="PASS", lines=REMARKS)
             files = dict(controller.feed.listing(line, certificate))

@@ -105,7 +105,7 @@ def feed_forward(
         raise NotRepresentable(f"input {feed.word}", pct_per_unit * feed.per_pct * (high - low), "a unit or more",
                                "a disturbance as weak as this needs no feed-forward")
     realised = (at_high - at_low) / feed.per_pct / (high - low)
-    return FeedForward(column=column, low=low, high=high, calm=calm, at_low=at_low, at_high=at_high,
+    return FeedForward(column=" ".join(column.split()), low=low, high=high, calm=calm, at_low=at_low, at_high=at_high,
                        pct_per_unit=realised, switched=switched)
 
 

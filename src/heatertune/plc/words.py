@@ -216,7 +216,8 @@ class Certificate:
             None if self.specification is None else f"specification: {self.specification}",
             None if self.digest is None else f"digest of the proof: {self.digest}",
         ]
-        return (f"verdict of the proof: {self.verdict}{forced}", *self.lines, *(told for told in conditions if told))
+        lines = (f"verdict of the proof: {self.verdict}{forced}", *self.lines, *(told for told in conditions if told))
+        return tuple(" ".join(line.split()) for line in lines)  # names are the user's: a line must not become two
 
 
 def holds(format_: str, value: object) -> bool:
