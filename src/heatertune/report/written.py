@@ -115,10 +115,14 @@ def _words(one: Document, words: Document) -> Iterator[list[str]]:
 
 
 def _texts(words: Document, values: Mapping[str, float]) -> dict[str, str]:
-    """Return each word as a person enters it, with these values in place of the proven ones."""
-    proven = words_of(words, words["target"], "words.json")
-    rows = typed_words(replace(proven, values={**proven.values, **values}))
-    return {row.name: row.then_text for row in rows}
+    """Return each word as a person enters it, with these values in place of the proven ones.
+
+    A set of values that the controller does not allow is shown as it is.
+    """
+    proven, fields = words_of(words, words["target"], "words.json"), controller_for(words["target"]).fields
+    if not all(field.takes(values[field.name]) for field in fields if field.name in values):
+        return {name: f"{value:.9g}" for name, value in values.items()}
+    return {row.name: row.then_text for row in typed_words(replace(proven, values={**proven.values, **values}))}
 
 
 def _own(words: Document) -> Iterator[TypedWord]:
