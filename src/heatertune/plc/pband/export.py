@@ -6,6 +6,7 @@ import csv
 import io
 
 from heatertune.errors import ExportRefused
+from heatertune.plc.cpu.letters import in_ascii
 from heatertune.plc.pband.makes import Entry, Make
 from heatertune.plc.pband.readback import HEADS, from_text, number_of
 from heatertune.plc.pband.words import band_degC, period_of, shown
@@ -76,4 +77,4 @@ def _registers(make: Make, words: Words, certificate: Certificate) -> str:
             shown(entry, words.values) if entry.real or number is None else value,
             entry.decimals, entry.unit, "FLOAT" if entry.real else "text" if number is None else "INT16", "R/W",
             "yes" if entry.read else "NO"])
-    return text.getvalue()
+    return in_ascii(text.getvalue())
