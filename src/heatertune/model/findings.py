@@ -46,6 +46,15 @@ KINDS: Final[dict[str, Kind]] = {
         "widens", "the logs give different heaters", "log them under the conditions of use"),
     "contradicted": Kind(
         "blocks", "what the curve shows by itself contradicts every model", "log the power, or one open-loop step"),
+    "not-regulated": Kind(
+        "blocks", "the log looks like a heat-up in open loop, and its power is not in it",
+        "add the power as a column, 100 while the heater was on and 0 while it was off"),
+    "two-level": Kind(
+        "blocks", "the log looks like two-level control, and its power is not in it",
+        "add the power as a column, 100 while the heater was on and 0 while it was off"),
+    "on-bound": Kind(
+        "blocks", "a parameter of the fit lies on a bound of its search",
+        "log the power as well, or one open-loop step and its power"),
     "one-level": Kind(
         "told", "the log knows one level of power, so that the heater is linear is assumed",
         "log steps to two levels of power around the one of use"),

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from heatertune.log.values import Log
-from heatertune.model.hearing import Remark
+from heatertune.model.hearing import DROP_PCT, Remark
 from heatertune.model.intervals import identified_parts
 from heatertune.model.judgement import HeldOut, InputCorrelation, Validation, disagreeing
 from heatertune.model.power.feedback import is_feedback
@@ -22,7 +22,6 @@ __all__ = ["correlation_of", "judged", "judgement_remarks", "unseen"]
 
 _READINGS = 500  # averaged
 _SEED = 1
-_DROP = 10.0  # fit [%] that may be lost on readings not seen
 
 
 def judged(problem: PowerProblem, fit: PowerFit) -> Validation:
@@ -70,7 +69,7 @@ def judgement_remarks(
         kept = second is not None and second.ok
         yield Remark("" if kept else "follows-power", _correlation_note(log, validation.input_correlation, second))
     held = validation.held_out
-    if held.fit_pct < fit - _DROP:
+    if held.fit_pct < fit - DROP_PCT:
         worst = max(range(len(held.rmses_degC)), key=lambda i: held.rmses_degC[i])
         start, end = held.windows_s[worst]
         yield Remark("not-foretold", (
