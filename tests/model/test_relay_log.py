@@ -8,7 +8,6 @@ from tests.conftest import load_csv
 
 from heatertune.log.values import Log
 from heatertune.model.document import from_document, to_document
-from heatertune.model.fit import fit
 from heatertune.model.relay.relay import Relay, oscillation, simulate_relay
 from heatertune.model.relay.relay_log import estimate, find_relay, oscillating_fopdt, with_relay
 from heatertune.model.values import FittedModel, Fopdt, Outcome

@@ -20,11 +20,13 @@ class Kind(NamedTuple):
             are designed for and proven on; "told": it stands on the verdict's line.
         short: what was found, for the verdict's line.
         remedy: what closes it.
+        by_case: whether the sentence of a finding says more about both, with this log's numbers.
     """
 
     effect: Effect
     short: str
     remedy: str
+    by_case: bool = False
 
 
 #: name → kind; the manual's table and --accept's choices are made of this
@@ -62,6 +64,10 @@ KINDS: Final[dict[str, Kind]] = {
         "widens", "the gain depends on the power or on the level", "log steps around the setpoint of use"),
     "setpoint-unreached": Kind(
         "blocks", "not every possible heater can hold the setpoint", "log nearer to the setpoint, or lower it"),
+    "beyond-the-log": Kind(
+        "blocks", "a setpoint lies beyond what was logged",
+        "log up to the setpoint (heatertune plan MODEL --limit-temperature), or take one that the log covers "
+        "(--setpoint)", by_case=True),
     "coarse-sensor": Kind(
         "blocks", "the sensor is too coarse for the tolerance asked for",
         "take a narrower sensor range (--range) or a finer input module, or ask for less (--tolerance)"),

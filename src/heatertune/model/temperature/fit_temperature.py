@@ -78,12 +78,13 @@ def fit_temperature(
     best = max(kept, key=lambda fit: fit.fit_pct)
     ranges = _ranges(best, kept, seed, ambient_degC)
     law = list(_law_remarks(best))
-    ci95 = dict.fromkeys(FIELDS) if law else _intervals(best, kept, ranges, ambient_degC)
+    against = list(_contradictions(best, kept))
+    ci95 = dict.fromkeys(FIELDS) if law or against else _intervals(best, kept, ranges, ambient_degC)
     plant = best.hypothesis.plant(best.vector)
     values = {name: measure(plant) for name, measure in COMBINATIONS.items()}
     if len(used) > 1:
         notes += (joint_note(best, ranked, alone),)
-    doubts = [*law, *_contradictions(best, kept), *limit_remarks(kept), *foretelling_remarks(best)]
+    doubts = [*law, *against, *limit_remarks(kept), *foretelling_remarks(best)]
     first, (simulated, *_) = used[0], best.hypothesis.parts(best.simulated_degC)
     outcome = Outcome.LAW_UNKNOWN if law else _outcome(best.fit_pct, ci95)
     names = " and ".join(log.name for log in used)

@@ -7,6 +7,7 @@ closely by laws that did not make them, so the fit itself gives no warning.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final, NamedTuple
@@ -107,7 +108,7 @@ def is_open_loop(log: Log, rmse_degC: float) -> bool:
 
 def _scatter(values: Array) -> float:
     """Return the standard deviation of some values as a share of their mean."""
-    return float(np.std(values) / np.mean(values))
+    return float(np.std(values)) / float(np.mean(values))
 
 
 def _first_high(turns: Array) -> int:
@@ -126,7 +127,7 @@ def _smoothed(log: Log) -> tuple[Array, Array]:
 def _least_move(log: Log, smoothed: Array) -> float:
     """Return the least move of the smoothed temperature that is no noise [°C]."""
     size = max(1, len(log.time_s) // _SMOOTH)
-    return max(_MOVES * noise_degC(log) / size**0.5, _LEAST_MOVE * float(np.ptp(smoothed)))
+    return max(_MOVES * noise_degC(log) / math.sqrt(size), _LEAST_MOVE * float(np.ptp(smoothed)))
 
 
 def _turning_points(y: Array, least: float) -> npt.NDArray[np.intp]:
@@ -158,30 +159,35 @@ def _is_held(time: Array, y: Array, band_degC: float) -> bool:
             begin += 1
         if float(y[begin:end + 1].min()) > lowest:
             longest = max(longest, float(time[end] - time[begin]))
-    return longest >= _HELD_SHARE * float(time[-1] - time[0])
+    return bool(longest >= _HELD_SHARE * float(time[-1] - time[0]))
 
 
 def _constant_power_rmse(log: Log) -> float:
-    """Return the error of the two-lag heater under constant power that explains a log best [°C].
+    """Return the error of the heater under constant power that explains a log best [°C].
 
     The power may begin after a rest, and may end at any instant or never.
     """
     every = max(1, len(log.time_s) // _READINGS)
     thin = replace(log, time_s=log.time_s[::every], temperature_degC=log.temperature_degC[::every], setpoint_degC=None)
-    time, y = thin.time_s, thin.temperature_degC
-    left = int(np.argmax(y > float(y[0]) + 0.05 * float(np.ptp(y))))
-    peak = int(np.argmax(y))
-    ends = np.unique(np.linspace(max(2, peak // 2), peak, _INSTANTS).astype(np.intp))
-    on = [0] if left <= 1 else [0, max(1, left - 1), max(1, left // 2)]
-    errors = [_pulse_rmse(thin, first, int(last)) for first in on for last in [*ends, len(time)]]
-    return min(errors)
+    y = thin.temperature_degC
+    left, peak = int(np.argmax(y > float(y[0]) + 0.05 * float(np.ptp(y)))), int(np.argmax(y))
+    coarse = np.unique(np.linspace(max(2, peak // 2), peak, _INSTANTS).astype(np.intp))
+    begins = [0] if left <= 1 else [0, max(1, left - 1), max(1, left // 2)]
+    trials = [(_pulse_rmse(thin, begin, end), begin, end) for begin in begins for end in [*map(int, coarse), len(y)]]
+    best, begin, end = min(trials)
+    if end == len(y) or len(coarse) < 2:
+        return best
+    step = int(np.diff(coarse).max())
+    near = range(max(2, end - step + 1), min(peak, end + step - 1) + 1, max(1, step // 4))
+    return min([best, *(_pulse_rmse(thin, begin, other) for other in near if other != end)])
 
 
 def _pulse_rmse(log: Log, first: int, last: int) -> float:
-    """Return the error of two lags whose power is on from one reading to another [°C]."""
+    """Return the error of one lag or two whose power is on from one reading to another [°C]."""
     power = np.zeros(len(log.time_s))
     power[first:last] = 100.0
-    problem = PowerProblem(
-        readings=Readings.of(replace(log, power_pct=power)), two_lags=True, power_before_pct=0.0)
-    residuals = log.temperature_degC - problem.fit().simulated_degC
-    return float(np.sqrt(np.mean(residuals**2)))
+    readings = Readings.of(replace(log, power_pct=power))
+    problems = (PowerProblem(readings=readings, two_lags=two, at_rest=rest, power_before_pct=0.0)
+                for two, rest in ((True, True), (True, False), (False, True)))
+    errors = (log.temperature_degC - problem.fit().simulated_degC for problem in problems)
+    return min(float(np.sqrt(np.mean(error**2))) for error in errors)
