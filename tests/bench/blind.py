@@ -240,7 +240,10 @@ def outside(case, fitted):
     wrong = []
     for name, value in truth.items():
         inside = fitted.ci95.get(name)
-        if inside is not None and not (1.0 - _TOLERANCE) * inside.low <= value <= (1.0 + _TOLERANCE) * inside.high:
+        if inside is None:
+            continue
+        low, high = -math.inf if inside.low is None else inside.low, math.inf if inside.high is None else inside.high
+        if not (1.0 - _TOLERANCE) * low <= value <= (1.0 + _TOLERANCE) * high:
             wrong.append(name)
     return wrong
 
