@@ -105,3 +105,11 @@ def test_drawn_logs_that_no_tried_law_made_are_recognised(kind, seed):
     log = replace(_log(case.columns["temperature_degC"]), time_s=case.columns["time_s"])
     # of the span: what P and PI laws left over on such logs
     assert steady_swing(log) is not None or is_open_loop(log, rmse_degC=0.004 * float(np.ptp(log.temperature_degC)))
+
+
+def test_a_quick_swing_in_a_long_log_is_seen():
+    readings = _simulated(_thermostat(130.0, 0.5), 9000, lags=(300.0, 1.0), delay=4)
+    log = _log(readings)
+    swing = steady_swing(log)
+    assert swing is not None
+    assert swing.period_s < 60.0, "two of the parts over which the readings are averaged"

@@ -77,7 +77,7 @@ def fit_temperature(
     kept = _kept(ranked)
     best = max(kept, key=lambda fit: fit.fit_pct)
     ranges = _ranges(best, kept, seed, ambient_degC)
-    law = list(_law_remarks(best))
+    law = list(_law_remarks(best, logs))
     against = list(_contradictions(best, kept))
     ci95 = dict.fromkeys(FIELDS) if law or against else _intervals(best, kept, ranges, ambient_degC)
     plant = best.hypothesis.plant(best.vector)
@@ -135,12 +135,12 @@ def _joint(alone: Sequence[Sequence[Fit]]) -> list[Hypothesis]:
     return [Hypothesis(segments=chosen, two_lags=two) for chosen in product(*segments) for two in (False, True)]
 
 
-def _law_remarks(best: Fit) -> Iterator[Remark]:
-    """Yield the findings that no law that was tried can have made a log."""
+def _law_remarks(best: Fit, logs: Sequence[Log]) -> Iterator[Remark]:
+    """Yield the findings that no law that was tried can have made a log, with all its readings."""
     hypothesis = best.hypothesis
     errors = hypothesis.parts(hypothesis.measured - best.simulated_degC)
-    for segment, error in zip(hypothesis.segments, errors, strict=True):
-        yield from regulation_remarks(segment.log, float(np.sqrt(np.mean(error**2))))
+    for log, error in zip(logs, errors, strict=True):
+        yield from regulation_remarks(log, float(np.sqrt(np.mean(error**2))))
 
 
 def _contradictions(best: Fit, kept: Sequence[Fit]) -> Iterator[Remark]:

@@ -38,6 +38,7 @@ _HELD_LEVEL: Final = 0.4  # of the span: a hold lies above
 _HELD_SHARE: Final = 0.2  # of the log's length: a hold lasts as long at least
 _AS_WELL: Final = 1.15  # times the error of the controller that explains the log best
 _INSTANTS: Final = 14  # tried for the end of the power
+_MOST_READINGS: Final = 20_000  # in which a swing is sought
 _READINGS: Final = 200  # of a log that constant power is fitted to
 
 
@@ -71,9 +72,21 @@ def regulation_remarks(log: Log, rmse_degC: float) -> Iterator[Remark]:
 
 
 def steady_swing(log: Log) -> Swing | None:
-    """Return the swing that a log ends in, None where it dies away, is irregular, or has too few periods."""
-    time, y = _smoothed(log)
-    places = _turning_points(y, _least_move(log, y))
+    """Return the swing that a log ends in, None where it dies away, is irregular, or has too few periods.
+
+    It is sought in the readings as they are, and in smoothed ones where the noise is too large for that.
+    """
+    size = _size(log)
+    swings = (_swing_of(log, each) for each in ((1, size) if size > 1 else (1,)))
+    return next((swing for swing in swings if swing is not None), None)
+
+
+def _swing_of(log: Log, size: int) -> Swing | None:
+    """Return the steady swing of the means over so many readings each, of the last ones of a very long log."""
+    time, y = _smoothed(log, size)
+    least = _least_move(log, y, size)
+    time, y = time[-_MOST_READINGS:], y[-_MOST_READINGS:]
+    places = _turning_points(y, least)
     places = places[_first_high(y[places]):]
     if len(places) < _TURNS:
         return None
@@ -93,8 +106,9 @@ def is_open_loop(log: Log, rmse_degC: float) -> bool:
         log: without power.
         rmse_degC: error of the controller hypothesis that explains it best [°C].
     """
-    time, y = _smoothed(log)
-    least = _least_move(log, y)
+    size = _size(log)
+    time, y = _smoothed(log, size)
+    least = _least_move(log, y, size)
     turns = y[_turning_points(y, least)]
     moves, span = np.diff(turns[int(np.argmax(turns)):]), float(np.ptp(y))
     deepest = float(-np.diff(turns).min(initial=0.0))
@@ -116,17 +130,20 @@ def _first_high(turns: Array) -> int:
     return 0 if len(turns) < 2 or turns[0] > turns[1] else 1
 
 
-def _smoothed(log: Log) -> tuple[Array, Array]:
-    """Return instants and means of the readings over a 300th part of the log each, at least one reading."""
-    size = max(1, len(log.time_s) // _SMOOTH)
+def _size(log: Log) -> int:
+    """Return how many readings a 300th part of a log has, at least one."""
+    return max(1, len(log.time_s) // _SMOOTH)
+
+
+def _smoothed(log: Log, size: int) -> tuple[Array, Array]:
+    """Return instants and means of so many readings each."""
     whole = len(log.time_s) // size * size
     return (log.time_s[:whole].reshape(-1, size).mean(axis=1),
             log.temperature_degC[:whole].reshape(-1, size).mean(axis=1))
 
 
-def _least_move(log: Log, smoothed: Array) -> float:
-    """Return the least move of the smoothed temperature that is no noise [°C]."""
-    size = max(1, len(log.time_s) // _SMOOTH)
+def _least_move(log: Log, smoothed: Array, size: int) -> float:
+    """Return the least move of the means of so many readings that is no noise [°C]."""
     return max(_MOVES * noise_degC(log) / math.sqrt(size), _LEAST_MOVE * float(np.ptp(smoothed)))
 
 
