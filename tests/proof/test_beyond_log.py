@@ -57,7 +57,7 @@ def test_a_setpoint_beyond_it_is_found(fitted, setpoint, expected):
 
 def test_the_setpoint_that_the_finding_names_is_covered(fitted):
     (finding,) = beyond_log(fitted, [300.0])
-    named = float(finding.told.rstrip(".").rpartition("--setpoint ")[2])
+    named = float(finding.told.rstrip(").").rpartition("--setpoint ")[2])
     assert not list(beyond_log(fitted, [named]))
     assert list(beyond_log(fitted, [named + 0.2]))
 

@@ -20,7 +20,7 @@ class Kind(NamedTuple):
             are designed for and proven on; "told": it stands on the verdict's line.
         short: what was found, for the verdict's line.
         remedy: what closes it.
-        by_case: whether the sentence of a finding says more about both, with this log's numbers.
+        by_case: whether the sentence of a finding, which has this log's numbers, stands in place of the short form.
     """
 
     effect: Effect

@@ -100,9 +100,8 @@ def range_is_unknown(fitted: FittedModel, setpoints_degC: Sequence[float]) -> bo
 
 def _beyond(setpoint_degC: float, covered: float, towards: str) -> Finding:
     return Finding(name="beyond-the-log", told=(
-        f"{setpoint_degC:g} °C is asked for, and the log covers setpoints {towards} to {covered:g} °C; log {towards} "
-        f"to {setpoint_degC:g} °C (heatertune plan MODEL --limit-temperature {setpoint_degC:g}), or take --setpoint "
-        f"{covered:g}."))
+        f"{setpoint_degC:g} °C is asked for, and the log covers setpoints {towards} to {covered:g} °C (--setpoint "
+        f"{covered:g})."))
 
 
 def default_setpoint(fitted: FittedModel) -> float:

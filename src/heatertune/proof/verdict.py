@@ -146,8 +146,8 @@ def verdict_line(proof: Mapping[str, Any]) -> str:
 def closing_told(finding: Mapping[str, Any], between: str = "; ") -> str:
     """Return what a finding of a proof's document leaves open and what closes it; `between`: the two."""
     name, kind = finding["name"], KINDS[finding["name"]]
-    said = finding["told"].rstrip(".") if kind.by_case else f"{kind.short}{between}{kind.remedy}"
-    return f"{said}, or --accept {name}"
+    said = finding["told"].rstrip(".") if kind.by_case else kind.short
+    return f"{said}{between}{kind.remedy}, or --accept {name}"
 
 
 def sampled(proof: Mapping[str, Any]) -> list[str]:
