@@ -14,7 +14,7 @@ from heatertune.model.switched import with_pwm_hidden
 from heatertune.model.values import FittedModel
 from heatertune.units import check
 
-__all__ = ["DelaysKnown", "reading_step_degC", "setpoint_of"]
+__all__ = ["DelaysKnown", "logged_range_degC", "reading_step_degC", "setpoint_of"]
 
 _SECOND_DIFFERENCE: Final = 6.0**0.5  # standard deviation of y₋ − 2y + y₊ of white noise of 1
 _USED: Final = 0.75  # of what the heater reached: the middle of the upper half
@@ -59,7 +59,8 @@ class DelaysKnown:
                  "log_pwm_period_s": period_s or None}
         fitted = with_pwm_hidden(fitted, period_s)
         return replace(
-            fitted, setpoint_degC=setpoint_of(logs[0]), log_interval_s=_interval_s(logs),
+            fitted, setpoint_degC=setpoint_of(logs[0]), logged_range_degC=logged_range_degC(logs),
+            log_interval_s=_interval_s(logs),
             least_dead_time_s=self.least_dead_time_s(logs), reading_step_degC=max(map(reading_step_degC, logs)),
             assumed={**fitted.assumed, **{name: value for name, value in given.items() if value is not None}},
         )
@@ -75,6 +76,12 @@ class DelaysKnown:
 
 def _interval_s(logs: Sequence[Log]) -> float:
     return max(float(np.median(np.diff(log.time_s))) for log in logs)
+
+
+def logged_range_degC(logs: Sequence[Log]) -> tuple[float, float]:
+    """Return the lowest and the highest temperature of some logs, single odd readings left out [°C]."""
+    readings = [tamed(log.temperature_degC) for log in logs]
+    return min(float(each.min()) for each in readings), max(float(each.max()) for each in readings)
 
 
 def reading_step_degC(log: Log) -> float:

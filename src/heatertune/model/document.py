@@ -309,6 +309,7 @@ class ModelView:
     log_told: tuple[str, ...] = ()
     findings: tuple[FindingView, ...] = ()
     setpoint_degC: float | None = None
+    logged_range_degC: tuple[float, float] | None = field(default=None, metadata=LEFT_OUT)
     log_interval_s: float | None = None
     least_dead_time_s: float | None = None
     reading_step_degC: float | None = None

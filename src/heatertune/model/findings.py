@@ -20,11 +20,13 @@ class Kind(NamedTuple):
             are designed for and proven on; "told": it stands on the verdict's line.
         short: what was found, for the verdict's line.
         remedy: what closes it.
+        by_case: whether the sentence of a finding, which has this log's numbers, stands in place of the short form.
     """
 
     effect: Effect
     short: str
     remedy: str
+    by_case: bool = False
 
 
 #: name → kind; the manual's table and --accept's choices are made of this
@@ -46,6 +48,15 @@ KINDS: Final[dict[str, Kind]] = {
         "widens", "the logs give different heaters", "log them under the conditions of use"),
     "contradicted": Kind(
         "blocks", "what the curve shows by itself contradicts every model", "log the power, or one open-loop step"),
+    "not-regulated": Kind(
+        "blocks", "the log looks like a heat-up in open loop, and its power is not in it",
+        "add the power as a column, 100 while the heater was on and 0 while it was off"),
+    "two-level": Kind(
+        "blocks", "the log looks like two-level control, and its power is not in it",
+        "add the power as a column, 100 while the heater was on and 0 while it was off"),
+    "on-bound": Kind(
+        "blocks", "a parameter of the fit lies on a bound of its search",
+        "log the power as well, or one open-loop step and its power"),
     "one-level": Kind(
         "told", "the log knows one level of power, so that the heater is linear is assumed",
         "log steps to two levels of power around the one of use"),
@@ -53,6 +64,10 @@ KINDS: Final[dict[str, Kind]] = {
         "widens", "the gain depends on the power or on the level", "log steps around the setpoint of use"),
     "setpoint-unreached": Kind(
         "blocks", "not every possible heater can hold the setpoint", "log nearer to the setpoint, or lower it"),
+    "beyond-the-log": Kind(
+        "blocks", "a setpoint lies beyond what was logged",
+        "log up to the setpoint (heatertune plan MODEL --limit-temperature), or take one that the log covers "
+        "(--setpoint)", by_case=True),
     "coarse-sensor": Kind(
         "blocks", "the sensor is too coarse for the tolerance asked for",
         "take a narrower sensor range (--range) or a finer input module, or ask for less (--tolerance)"),

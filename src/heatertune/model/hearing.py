@@ -11,8 +11,10 @@ from heatertune.log.values import Log
 from heatertune.model.findings import Finding
 from heatertune.model.values import Outcome
 
-__all__ = ["Remark", "fast_remarks", "findings_of", "level_remarks", "poor_remarks"]
+__all__ = ["DROP_PCT", "Remark", "fast_remarks", "findings_of", "level_remarks", "poor_remarks"]
 
+#: fit that may be lost on readings not seen [%]
+DROP_PCT = 10.0
 _BESIDE = 1.01  # times the least time constant
 _TWO = 2  # levels of power
 _FULL = 99.0  # %

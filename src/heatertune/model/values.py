@@ -150,6 +150,7 @@ class Outcome(Enum):
     )
     NO_POWER_CHANGE = "The power never changes, so the gain is unknown: log a step of the power."
     POOR_FIT = "No model explains the log well: log the power, and keep doors and fans still."
+    LAW_UNKNOWN = "No control law that can be tried made this log: log the heater power."
     BY_HAND = "The model was given by hand; no log supports it."
 
 
@@ -255,6 +256,8 @@ class FittedModel(Shown, Dynamics):
         log_told: what was taken of each log's file as what, one line each.
         findings: what a verdict has to hear.
         setpoint_degC: where the heater was used, None where no log tells [°C].
+        logged_range_degC: lowest and highest logged temperature, None without a log and in a document of an earlier
+            version [°C].
         log_interval_s: between two readings, 0 for a model given by hand [s].
         least_dead_time_s: no dead time below this is believed: half the log's interval, and the sensor's delay [s].
         reading_step_degC: sensor step, or the noise of one reading where that is more, 0 where unknown [°C].
@@ -277,6 +280,7 @@ class FittedModel(Shown, Dynamics):
     log_told: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     setpoint_degC: float | None = None
+    logged_range_degC: tuple[float, float] | None = None
     log_interval_s: float = 0.0
     least_dead_time_s: float = 0.0
     reading_step_degC: float = 0.0
@@ -286,6 +290,10 @@ class FittedModel(Shown, Dynamics):
     def __post_init__(self) -> None:
         for name in ("log_interval_s", "least_dead_time_s", "reading_step_degC"):
             check(name, getattr(self, name), least=0.0)
+        if self.logged_range_degC is not None:
+            low, high = self.logged_range_degC
+            check("logged_range_degC", low, least=-273.15)
+            check("logged_range_degC", high, least=low)
 
     @property
     def _heater(self) -> Fopdt:

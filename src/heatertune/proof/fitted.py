@@ -21,7 +21,7 @@ from heatertune.proof.acceptance import Acceptance
 from heatertune.proof.course import Course, Loop
 from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Limits
-from heatertune.proof.heaters import default_setpoint, holding, unreached
+from heatertune.proof.heaters import beyond_log, default_setpoint, holding, range_is_unknown, unreached
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.proving import Proof, prove_models
 from heatertune.proof.spec_file import specified
@@ -31,7 +31,8 @@ from heatertune.proof.verdict import Heard
 from heatertune.settings import Conditions, TuneSettings
 
 __all__ = [
-    "actuator_for", "aimed", "course_for", "default_pwm_period_s", "limits_of", "prove", "setpoints_for", "told_of_aim",
+    "actuator_for", "aimed", "course_for", "default_pwm_period_s", "every_setpoint", "limits_of", "prove",
+    "setpoints_for", "told_of_aim",
 ]
 
 #: of the band of soaks: as near to the ambient a heater has to be before a profile
@@ -67,12 +68,14 @@ def prove(
     if asked.interlock is not None and cools(fitted):
         raise InputError("an interlock switches off a heater that gets too hot; for a cooler leave --interlock out")
     setpoint, farthest = setpoints_for(fitted, asked)
-    models = holding(fitted, farthest)
+    models, setpoints = holding(fitted, farthest), every_setpoint(fitted, asked)
     heaters = [model for _, model in models]
     course, specification = course_for(words, heaters, asked, setpoint), specified(asked)
     heard = Heard(
-        findings=(*fitted.findings, *unreached(fitted, len(models), farthest)), accepted=asked.accept,
-        assumed=fitted.assumed, remarks=(*_remarks(words, fitted, asked), *course.told), not_tested=course.not_tested)
+        findings=(*fitted.findings, *unreached(fitted, len(models), farthest),
+                  *beyond_log(fitted, setpoints)), accepted=asked.accept,
+        assumed=fitted.assumed, remarks=(*_remarks(words, fitted, asked, setpoints), *course.told),
+        not_tested=course.not_tested)
     acceptance = Acceptance(
         limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
         reading_step_degC=fitted.reading_step_degC, heard=heard)
@@ -96,6 +99,13 @@ def setpoints_for(fitted: FittedModel, conditions: Conditions) -> tuple[float, f
     if given is None:
         given = farthest(targets) if targets else default_setpoint(fitted)
     return given, farthest([given, *targets])
+
+
+def every_setpoint(fitted: FittedModel, conditions: Conditions) -> tuple[float, ...]:
+    """Return every temperature that a proof asks for: both ends of the setpoints of use, a profile's targets [°C]."""
+    profile, lowest = specified(conditions).profile, conditions.lowest_degC
+    targets = () if profile is None else tuple(segment.target_degC for segment in profile.segments)
+    return (*setpoints_for(fitted, conditions), *targets, *(() if lowest is None else (lowest,)))
 
 
 def course_for(
@@ -199,10 +209,14 @@ def _interlock(conditions: Conditions, words: Words) -> Interlock | None:
     return Interlock(name=conditions.interlock, limit_degC=limit, fan_stops_s=conditions.fan_stops_s)
 
 
-def _remarks(words: Words, fitted: FittedModel, asked: Conditions) -> Iterator[str]:
+def _remarks(
+    words: Words, fitted: FittedModel, asked: Conditions, setpoints_degC: Sequence[float]
+) -> Iterator[str]:
     """Return what stands on the verdict's line beside the findings of the fit."""
     if fitted.outcome is Outcome.BY_HAND:
         yield "the model was given by hand"
+    if range_is_unknown(fitted, setpoints_degC):
+        yield "how far the log reached is not in the model (fit the log again)"
     if (delay := controller_for(words.target).delayed_s(words.scaling)) > 0.0:
         yield f"dead time {delay:g} s longer, for the input module"
     if (cooling := controller_for(words.target).cooling) is not None:

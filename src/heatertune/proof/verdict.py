@@ -17,7 +17,8 @@ from heatertune.proof.specification import GENERAL, NOTHING
 from heatertune.units import count
 
 __all__ = [
-    "ASSUMED", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "derived", "extent",
+    "ASSUMED", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "closing_told", "combined",
+    "derived", "extent",
     "sampled", "samples_told", "switched", "told_by_kind", "told_of", "verdict_first", "verdict_line",
     "verdict_of_samples",
 ]
@@ -138,9 +139,15 @@ def verdict_line(proof: Mapping[str, Any]) -> str:
     parts = [f"{proof['verdict']} {extent(proof)}"]
     parts += [f"not kept: {', '.join(broken)}"] if (broken := _broken(proof)) else []
     parts += sampled(proof)
-    parts += [f"{KINDS[name].short} ({name}): {KINDS[name].remedy}, or --accept {name}"
-              for name in (finding["name"] for finding in blocking(proof))]
+    parts += [closing_told(finding, f" ({finding['name']}): ") for finding in blocking(proof)]
     return "; ".join([*parts, *told_of(proof), *switched(proof)])
+
+
+def closing_told(finding: Mapping[str, Any], between: str = "; ") -> str:
+    """Return what a finding of a proof's document leaves open and what closes it; `between`: the two."""
+    name, kind = finding["name"], KINDS[finding["name"]]
+    said = finding["told"].rstrip(".") if kind.by_case else kind.short
+    return f"{said}{between}{kind.remedy}, or --accept {name}"
 
 
 def sampled(proof: Mapping[str, Any]) -> list[str]:

@@ -15,7 +15,7 @@ from heatertune.model.findings import KINDS
 from heatertune.plc.targets import REPAIRED
 from heatertune.plc.typed import TypedWord
 from heatertune.proof.period import life
-from heatertune.proof.verdict import blocking, sampled, told_by_kind, verdict_of_samples
+from heatertune.proof.verdict import blocking, closing_told, sampled, told_by_kind, verdict_of_samples
 from heatertune.report.layout import LINES, WIDTH, beside, command, cut, labelled, notes_within, screen, table, wrapped
 from heatertune.report.text import (
     NOT_IDENTIFIED,
@@ -174,9 +174,10 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
     else:
         said = f"every limit is kept in {on}"
     lines = wrapped("; ".join([f"{where}: {said}", *sampled(proof)]), f"{verdict}  ", _SAID)
-    if open_ := list(dict.fromkeys(finding["name"] for finding in blocking(proof))):
-        kind, others = KINDS[open_[0]], ", ".join(open_[1:])
-        lines += wrapped(f"{kind.short}; {kind.remedy}, or --accept {open_[0]}", "  not proven: ", _SAID)
+    if open_ := {finding["name"]: finding for finding in blocking(proof)}:
+        first, *more = open_.values()
+        others = ", ".join(finding["name"] for finding in more)
+        lines += wrapped(closing_told(first), "  not proven: ", _SAID)
         lines += wrapped(f"{others} (--verbose)", "  nor proven: ", 1) if others else []
     if verdict == "FAIL" and nearest:
         lines += ["no limit is broken by:" if blocking(proof) else "nearest that passes:", *command(nearest)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from heatertune.model.hearing import fast_remarks, findings_of, level_remarks, poor_remarks
+from heatertune.model.hearing import DROP_PCT, fast_remarks, findings_of, level_remarks, poor_remarks
 from heatertune.model.intervals import PERIOD, RATIO, Interval, identified_parts
 from heatertune.model.judgement import Validation
 from heatertune.model.measures import ultimate_period_s
@@ -14,7 +14,7 @@ from heatertune.model.power.candidates import candidates_of, second_is_seen
 from heatertune.model.power.diagnosis import notes_of
 from heatertune.model.power.explained import Explained
 from heatertune.model.power.family import family_of
-from heatertune.model.power.judge import correlation_of, judged, judgement_remarks
+from heatertune.model.power.judge import correlation_of, judged, judgement_remarks, predicts
 from heatertune.model.power.nonlinear import Bend, bend_remarks
 from heatertune.model.power.parts import halves_notes, said_by_halves, widening, widening_notes
 from heatertune.model.power.rivals import Rival, rivals_of, widened
@@ -78,10 +78,15 @@ def fit_power(explanation: Explained, weight: Weighed, *, least_dead_time_s: flo
     resolved = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
     simulated = explanation.simulated_degC
     fit = fit_pct(explanation.cleaned, simulated)
-    second = correlation_of(explanation.problems[1], two) if second_is_seen(two) else None
+    seen = second_is_seen(two)
+    second = correlation_of(explanation.problems[1], two) if seen else None
+    two_predict = (seen and validation.held_out.fit_pct < fit - DROP_PCT
+                   and any(len(each.model.lags_s) > 1 and each.delta_bic == 0.0 for each in candidates)
+                   and predicts(explanation.problems[1], two))
     outcome = outcome_of(max([fit, *(candidate.fit_pct for candidate in candidates)]), resolved=resolved)
     least_s = math.exp(explanation.problems[0].low[0])
-    checks = [*bend_remarks(explanation.bend), *judgement_remarks(log, validation, fit, second),
+    checks = [*bend_remarks(explanation.bend),
+              *judgement_remarks(log, validation, fit, second, two_lags_predict=two_predict),
               *alias_remarks(explanation.alias), *fast_remarks(least_s, explanation.model.time_constant_s, log.name),
               *level_remarks(log)]
     return FittedModel(
