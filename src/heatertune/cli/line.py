@@ -6,6 +6,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Final, TextIO
 
 __all__ = ["LINE", "Line", "to_nobody"]
@@ -51,7 +52,8 @@ class Line:
 
 
 def _print(stream: TextIO, text: str) -> None:
-    print(text, end="", file=stream, flush=True)
+    with suppress(OSError):  # a terminal that was closed: what it would show is not worth the work's end
+        print(text, end="", file=stream, flush=True)
 
 
 #: of this process: a terminal has one last line

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import signal
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -16,7 +16,7 @@ from heatertune.cli.line import LINE
 if TYPE_CHECKING:
     from heatertune.live.recorder import Recorded
 
-__all__ = ["add_to", "asked_to_end", "live_line"]
+__all__ = ["ALL_SIGNALS", "add_to", "asked_to_end", "live_line"]
 
 _EXAMPLE: Final = "example: heatertune record s7://192.168.0.10/0/2/db30 --design out/ -o log.csv"
 
@@ -74,12 +74,34 @@ def _pwm_period_s(design: str | None) -> float | None:
     return pwm_period_in(design)
 
 
+#: signals that end what can be ended at any time: Ctrl-C, a service manager, a terminal that is closed
+_ENDING: Final = ("SIGINT", "SIGTERM", "SIGHUP")
+#: all that would end or stop a program that has left a controller in manual, as far as a program can catch them
+ALL_SIGNALS: Final = (*_ENDING, "SIGQUIT", "SIGBREAK", "SIGTSTP", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGVTALRM",
+                      "SIGPROF", "SIGIO", "SIGPWR", "SIGSTKFLT", "SIGXCPU")
+#: would stop a program in the background that writes to its terminal, or reads from it
+_IGNORED: Final = ("SIGTTOU", "SIGTTIN")
+
+
 @contextmanager
-def asked_to_end() -> Iterator[list[int]]:
-    """Give a list that is filled when somebody asks for the end: Ctrl-C, or whoever ends services."""
+def asked_to_end(signals: Sequence[str] = _ENDING) -> Iterator[list[int]]:
+    """Give a list that is filled when somebody asks for the end.
+
+    What the caller of this program has it ignore, as `nohup` does with SIGHUP, stays ignored, but for Ctrl-C and
+    SIGTERM.
+
+    Args:
+        signals: names of those that ask for it; a system does not have them all.
+    """
     asked: list[int] = []
-    before = {number: signal.signal(number, lambda number, _: asked.append(number))
-              for number in (signal.SIGINT, signal.SIGTERM)}
+    before: dict[int, Any] = {}
+    for name in signals:
+        number = getattr(signal, name, None)
+        if number is not None and (name in ("SIGINT", "SIGTERM") or signal.getsignal(number) is not signal.SIG_IGN):
+            before[number] = signal.signal(number, lambda number, _: asked.append(number))
+    if signals is not _ENDING:
+        before |= {number: signal.signal(number, signal.SIG_IGN) for name in _IGNORED
+                   if (number := getattr(signal, name, None)) is not None}
     try:
         yield asked
     finally:
