@@ -20,7 +20,7 @@ from pathlib import Path
 
 from heatertune import Fopdt, model_by_hand, virtual_plc
 from heatertune.cli import main as run_here
-from heatertune.live import recorder
+from heatertune.live import plc_state, recorder
 from heatertune.live.change.budget import Budget
 from heatertune.live.change.record import read_lines
 from heatertune.live.client.address import address_of
@@ -256,6 +256,7 @@ def main(kills=30, seed=1, *names):
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         os.environ["HEATERTUNE_STATE"] = str(place / "state")
+        plc_state.LATE_S = 0.3
         design = place / "design"
         design.mkdir()
         write_design(design)

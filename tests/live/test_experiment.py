@@ -30,7 +30,7 @@ WARM = Limits(temperature_degC=90.0)
 
 @pytest.fixture(autouse=True)
 def gateways_keep_nothing_for_long(monkeypatch):
-    monkeypatch.setattr("heatertune.live.manual.LATE_S", 0.3)
+    monkeypatch.setattr("heatertune.live.plc_state.LATE_S", 0.3)
 
 
 def cells(plc):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import signal
+import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from heatertune.cli.line import LINE
 if TYPE_CHECKING:
     from heatertune.live.recorder import Recorded
 
-__all__ = ["ALL_SIGNALS", "add_to", "asked_to_end", "live_line"]
+__all__ = ["ALL_SIGNALS", "add_to", "asked_to_end", "live_line", "signals_as_ctrl_c"]
 
 _EXAMPLE: Final = "example: heatertune record s7://192.168.0.10/0/2/db30 --design out/ -o log.csv"
 
@@ -104,6 +105,26 @@ def asked_to_end(signals: Sequence[str] = _ENDING) -> Iterator[list[int]]:
                    if (number := getattr(signal, name, None)) is not None}
     try:
         yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def signals_as_ctrl_c() -> Iterator[None]:
+    """Have SIGTERM and SIGHUP interrupt as Ctrl-C does, but for those that the caller of this program has it ignore."""
+
+    def interrupt(_number: int, _frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in _ENDING:
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, interrupt)
+    try:
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -120,6 +120,7 @@ class Experiment:
         where = self.mode.address.text
         with self._state.locked("experiment"):
             self._state.demand_no_way_back()
+            self._state.demand_nothing_late()
         with self.mode.connected() as client:
             self._demand_words(client)
             image, own = self.mode.image(client), told_by(client)

@@ -10,13 +10,11 @@ from heatertune.errors import InputError, LinkError
 from heatertune.live.blocks import SERVED, Block, block_for
 from heatertune.live.client.address import Address
 from heatertune.live.client.client import Client, connect
-from heatertune.live.plc_state import WayBack
+from heatertune.live.plc_state import WayBack, late_left_s
 from heatertune.plc import Words, controller_for
 
-__all__ = ["LATE_S", "RETRY_S", "ManualMode", "give_back"]
+__all__ = ["RETRY_S", "ManualMode", "give_back"]
 
-#: so long after it was given up a request may still arrive [s]: a reset stops the system's own retries, no gateway's
-LATE_S = 60.0
 #: so long a dead link is tried again [s]
 RETRY_S = 60.0
 #: before each look; the last one for all that follow [s]
@@ -99,7 +97,7 @@ def give_back(
     """Bring back mode and manual value where what stands there is the experiment's, or of the PLC's dead man after it.
 
     Each look is made on a connection of its own. Where the latest request of the experiment has no answer, the cells
-    are looked at until `LATE_S` after it: a gateway may still pass it on.
+    are looked at until `heatertune.live.plc_state.LATE_S` after it: a gateway may still pass it on.
 
     Args:
         address: of the PLC.
@@ -113,7 +111,7 @@ def give_back(
         alone; None: not known.
     """
     begun, number, stands = time.monotonic(), 0, None
-    wait_s = 0.0 if way_back.sent_at is None else max(0.0, min(LATE_S, way_back.sent_at + LATE_S - time.time()))
+    wait_s = late_left_s(way_back.sent_at)
     while True:
         time.sleep(_PAUSES_S[min(number, len(_PAUSES_S) - 1)])
         number += 1

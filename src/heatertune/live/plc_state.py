@@ -1,6 +1,8 @@
-"""What commands on this machine share about one PLC: a lock, and the way back of an experiment that has not ended.
+"""What commands on this machine share about one PLC.
 
-Both are files in the user's state folder, which `HEATERTUNE_STATE` moves. Their names depend on where the PLC is, not
+That is a lock, the way back of an experiment that has not ended, and whether a request has no answer yet.
+
+All are files in the user's state folder, which `HEATERTUNE_STATE` moves. Their names depend on where the PLC is, not
 on how its address is written: `localhost` is `127.0.0.1`, and all blocks of a PLC have one lock. A PLC that is reached
 through two ports, or from two machines, is not recognised as one.
 """
@@ -9,11 +11,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import shlex
 import socket
+import time
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from ipaddress import ip_address
@@ -26,10 +30,22 @@ from heatertune.errors import DocumentError, InputError
 from heatertune.live.client.address import Address
 from heatertune.writing import write_files
 
-__all__ = ["WAY_BACK_SCHEMA", "PlcState", "WayBack", "state_folder"]
+__all__ = ["LATE_S", "WAY_BACK_SCHEMA", "PlcState", "WayBack", "late_left_s", "state_folder", "utc_now"]
+
+#: so long after it was given up a request may still arrive [s]: a reset stops the system's own retries, no gateway's
+LATE_S = 60.0
 
 WAY_BACK_SCHEMA: Final = "heatertune/way-back/1"
 _NOT_WHOLE: Final = "as511"  # two words that are written together may reach the CPU apart
+
+
+def late_left_s(sent_at: float | None) -> float:
+    """Return how long a request may still arrive [s].
+
+    Args:
+        sent_at: when it was sent, where it has no answer [s since 1970]; None: it has one.
+    """
+    return 0.0 if sent_at is None else max(0.0, min(LATE_S, sent_at + LATE_S - time.time()))
 
 
 def state_folder() -> Path:
@@ -106,6 +122,7 @@ class PlcState:
         self._address = address
         name = hashlib.sha256(_where(address).encode()).hexdigest()[:16]
         self.path = state_folder() / f"plc-{name}.json"
+        self._sent = self.path.with_suffix(".sent")
 
     @contextmanager
     def locked(self, command: str) -> Iterator[None]:
@@ -161,6 +178,32 @@ class PlcState:
         return (f"{found.address}: an experiment begun {found.begun} (process {found.process}) has not ended: the "
                 f"controller may be in manual at up to {found.power_pct:g} %; unless it still runs, bring back what "
                 f"stood there before: {found.command}")
+
+    def send(self) -> None:
+        """Note that a request is sent; raise InputError where that cannot be noted."""
+        try:
+            self._sent.parent.mkdir(parents=True, exist_ok=True)
+            self._sent.touch()
+        except OSError as problem:
+            raise InputError(f"{self._sent}: cannot be written: {problem.strerror}") from None
+
+    def answered(self) -> None:
+        """Note that the latest request has its answer."""
+        with suppress(OSError):  # then the next command waits for nothing
+            self._sent.unlink(missing_ok=True)
+
+    def late_left_s(self) -> float:
+        """Return how long a request that changes the PLC, and has no answer, may still arrive [s]."""
+        try:
+            return late_left_s(self._sent.stat().st_mtime)
+        except OSError:
+            return 0.0
+
+    def demand_nothing_late(self) -> None:
+        """Raise InputError while a request without an answer may still arrive: it would undo what is done now."""
+        if left_s := self.late_left_s():
+            raise InputError(f"{self._address.text}: an earlier request has no answer, and a gateway may still pass it "
+                             f"on: again in {math.ceil(left_s)} s")
 
     def keep(self, way_back: WayBack) -> None:
         """Put a way back on the disk, whole, before this returns; raise InputError where that cannot be."""
