@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,7 +18,7 @@ from heatertune.cli.line import LINE
 if TYPE_CHECKING:
     from heatertune.live.recorder import Recorded
 
-__all__ = ["ALL_SIGNALS", "add_to", "asked_to_end", "live_line", "signals_as_ctrl_c"]
+__all__ = ["ALL_SIGNALS", "add_to", "asked_to_end", "live_line", "show_notes", "signals_as_ctrl_c"]
 
 _EXAMPLE: Final = "example: heatertune record s7://192.168.0.10/0/2/db30 --design out/ -o log.csv"
 
@@ -55,8 +56,10 @@ def _run(settings: argparse.Namespace) -> int:
     how = Recording(every_s=settings.every, for_s=settings.for_s, append=settings.append, timeout_s=settings.timeout,
                     pwm_period_s=_pwm_period_s(settings.design))
     places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
+    shown_notes: list[str] = []
     with asked_to_end() as asked:
         def shown(so_far: Recorded) -> None:
+            show_notes(so_far, shown_notes)
             if not settings.quiet:
                 LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}; Ctrl-C ends it")
 
@@ -64,7 +67,16 @@ def _run(settings: argparse.Namespace) -> int:
     LINE.end()
     document = _document(settings, so_far)
     printing.output(settings, document, lambda: _lines(document))
-    return 0
+    return 1 if so_far.notes else 0
+
+
+def show_notes(so_far: Recorded, shown: list[str]) -> None:
+    """Show on stderr, once, what others have done to the log."""
+    for note in so_far.notes[len(shown):]:
+        LINE.end()
+        with suppress(OSError):
+            print(note, file=sys.stderr, flush=True)
+        shown.append(note)
 
 
 def _pwm_period_s(design: str | None) -> float | None:
@@ -154,7 +166,7 @@ def _document(settings: argparse.Namespace, so_far: Recorded) -> dict[str, Any]:
         "schema": "heatertune/record/1", "address": settings.address, "log": settings.out, "rows": so_far.rows,
         "until_s": None if so_far.last is None else so_far.last.time_s,
         "clock": "this machine" if so_far.interval_s is None else "scans of the PLC", "interval_s": so_far.interval_s,
-        "gaps": so_far.gaps, "torn_looks": so_far.torn,
+        "gaps": so_far.gaps, "notes": so_far.notes, "torn_looks": so_far.torn,
         "last": None if so_far.last is None else dict(so_far.last.seen),
     }
 
@@ -168,6 +180,7 @@ def _lines(document: Mapping[str, Any]) -> str:
     lines = [f"{log}: {rows} rows, until {document['until_s']:.6g} s; {clock}"]
     if document["gaps"]:
         lines.append(f"- {document['gaps']} times without readings: each is a comment in the log")
+    lines += [f"- {note}" for note in document["notes"]]
     if document["torn_looks"]:
         lines.append(f"- {document['torn_looks']} looks that a scan fell into were left out")
     return "\n".join([*lines, f"next: heatertune read {Path(log)}"])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
 from heatertune.cli.line import LINE
-from heatertune.cli.record import asked_to_end, live_line
+from heatertune.cli.record import asked_to_end, live_line, show_notes
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
@@ -101,8 +101,10 @@ def _shown(
     settings: argparse.Namespace, beside: Beside, monitored: Monitored | None
 ) -> Callable[[Recorded], object]:
     begun, last = time.monotonic(), [0]
+    shown_notes: list[str] = []
 
     def shown(so_far: Recorded) -> None:
+        show_notes(so_far, shown_notes)
         if so_far.last is not None and so_far.rows > last[0]:
             last[0] = so_far.rows
             beside.see(so_far.last)

@@ -253,6 +253,8 @@ class _Hand:
     def _act(self, so_far: Recorded) -> None:
         if so_far.trouble:
             self.end("link", so_far.trouble)
+        elif so_far.notes:
+            self.end("output", so_far.notes[-1])
         elif self._watching.key():
             self.end("key", "somebody asked for the end")
         elif so_far.rows == self._rows or so_far.last is None:
