@@ -105,13 +105,13 @@ class Door:
     Attributes:
         port: that clients come to.
         ends: of each connection whose client ended it: "reset" or "orderly".
-        requests: pieces that clients have sent.
+        deaf: whether requests are neither passed on nor answered.
     """
 
     def __init__(self, listener, server, *, replied=lambda _door: None, asked=lambda _door, _content: None):
         """Open; `replied` is called behind each reply that was passed on, `asked` before each request that is."""
         self.port, self._server, self._replied, self._asked = listener.getsockname()[1], server, replied, asked
-        self.ends, self.requests, self.replies = [], 0, 0
+        self.ends, self.deaf, self.replies = [], False, 0
         self._selector, self._listener = selectors.DefaultSelector(), listener
         self._wake, self._woken = socket.socketpair()
         self._selector.register(self._woken, selectors.EVENT_READ, None)
@@ -149,20 +149,18 @@ class Door:
         except OSError:
             content, how = b"", "reset"
         if content and kind == "client":
-            self.requests += 1
             self._asked(self, content)
-        try:
-            if content:
-                other.sendall(content)
-        except OSError:
-            content = b""
+            if self.deaf:
+                return
+        with contextlib.suppress(OSError):
+            other.sendall(content)
         if content and kind == "server":
             self.replies += 1
             self._replied(self)
         if not content:
             if kind == "client":
                 self.ends.append(how)
-            for each in (source, other):
+            for each in (source, other) if kind == "client" else (source,):  # how the client ends it is still to be seen
                 with contextlib.suppress(KeyError, ValueError):
                     self._selector.unregister(each)
                 each.close()

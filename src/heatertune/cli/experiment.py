@@ -8,12 +8,11 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
 from heatertune.cli.line import LINE
-from heatertune.cli.record import ALL_SIGNALS, asked_to_end, live_line
+from heatertune.cli.record import ALL_SIGNALS, asked_to_end, live_line, tell
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
@@ -141,10 +140,7 @@ def _fit(log: Any) -> Any:
 
 
 def _to_terminal(message: str) -> None:
-    """Show a message that stays."""
-    LINE.end()
-    with suppress(OSError):  # a terminal that is gone
-        print(f"{message} (Ctrl-C twice: no longer)", file=sys.stderr, flush=True)
+    tell(f"{message} (Ctrl-C twice: no longer)")
 
 
 def _restored(settings: argparse.Namespace) -> int:

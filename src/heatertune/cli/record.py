@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
-from heatertune.cli.line import LINE
+from heatertune.cli.line import LINE, can_take
 
 if TYPE_CHECKING:
     from heatertune.live.recorder import Recorded
 
-__all__ = ["ALL_SIGNALS", "add_to", "asked_to_end", "live_line", "show_notes", "signals_as_ctrl_c"]
+__all__ = ["ALL_SIGNALS", "add_to", "asked_to_end", "live_line", "show_notes", "signals_as_ctrl_c", "tell"]
 
 _EXAMPLE: Final = "example: heatertune record s7://192.168.0.10/0/2/db30 --design out/ -o log.csv"
 
@@ -73,10 +73,16 @@ def _run(settings: argparse.Namespace) -> int:
 def show_notes(so_far: Recorded, shown: list[str]) -> None:
     """Show on stderr, once, what others have done to the log."""
     for note in so_far.notes[len(shown):]:
-        LINE.end()
-        with suppress(OSError):
-            print(note, file=sys.stderr, flush=True)
+        tell(note)
         shown.append(note)
+
+
+def tell(message: str) -> None:
+    """Show a message that stays on stderr, where that neither waits nor fails: what is under way goes on."""
+    LINE.end()
+    if can_take(sys.stderr):
+        with suppress(OSError):
+            print(message, file=sys.stderr, flush=True)
 
 
 def _pwm_period_s(design: str | None) -> float | None:
