@@ -163,7 +163,7 @@ def _of_restored(restored: bool | None, address: str, power_pct: float | None = 
         power = "" if power_pct is None else f" at {power_pct:g} %"
         return (f"UNKNOWN what stands there: no answer. The controller may be in manual{power}. Look at it; and once "
                 f"it answers: heatertune experiment --restore {shlex.quote(address)}")
-    return ("mode and manual value stand there as before: read back on a new connection" if restored else
+    return ("mode and manual value stand there as before" if restored else
             "somebody else has changed mode or manual value since: they were left alone")
 
 
