@@ -62,7 +62,7 @@ def can_take(stream: TextIO) -> bool:
     """Return whether a stream takes a line without waiting: a terminal held by Ctrl-S would stop the program."""
     try:
         return bool(select.select([], [stream], [], 0.0)[1])
-    except (OSError, ValueError):  # Windows asks this of sockets alone; a stream without a file takes all
+    except (OSError, TypeError, ValueError):  # Windows asks this of sockets alone; a stream without a file takes all
         return True
 
 

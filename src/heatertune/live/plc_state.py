@@ -162,7 +162,12 @@ class PlcState:
         return found
 
     def demand_no_way_back(self) -> None:
-        """Raise InputError where an experiment has not ended, with the command that ends it."""
+        """Do nothing where no experiment is open.
+
+        Raises:
+            InputError: an experiment has not ended; the message names the command that ends it.
+            DocumentError: as `way_back`.
+        """
         if message := self.message():
             raise InputError(message)
 
@@ -180,7 +185,11 @@ class PlcState:
                 f"stood there before: {found.command}")
 
     def send(self) -> None:
-        """Note that a request is sent; raise InputError where that cannot be noted."""
+        """Note that a request is sent.
+
+        Raises:
+            InputError: that cannot be noted.
+        """
         try:
             self._sent.parent.mkdir(parents=True, exist_ok=True)
             self._sent.touch()
@@ -200,13 +209,21 @@ class PlcState:
             return 0.0
 
     def demand_nothing_late(self) -> None:
-        """Raise InputError while a request without an answer may still arrive: it would undo what is done now."""
+        """Do nothing unless a request without an answer may still arrive.
+
+        Raises:
+            InputError: one may, and would undo what is done now; the message says when it can arrive no longer.
+        """
         if left_s := self.late_left_s():
             raise InputError(f"{self._address.text}: an earlier request has no answer, and a gateway may still pass it "
                              f"on: again in {math.ceil(left_s)} s")
 
     def keep(self, way_back: WayBack) -> None:
-        """Put a way back on the disk, whole, before this returns; raise InputError where that cannot be."""
+        """Put a way back on the disk, whole, before this returns.
+
+        Raises:
+            InputError: that cannot be.
+        """
         write_files(self.path.parent, {self.path.name: way_back.to_text()})
 
     def forget(self) -> None:
