@@ -300,6 +300,36 @@ def test_a_put_that_a_gateway_kept_is_taken_back_when_it_arrives(gateway, weg, c
     assert gateway.memory[BY_HAND] == AUTOMATIC
 
 
+def test_a_put_that_a_gateway_kept_is_taken_back_though_somebody_else_was_there_meanwhile(gateway, weg, capsys, monkeypatch):
+    """It has undone the other's change by then; what stood there before is safer than 90 %."""
+    monkeypatch.setattr(plc_state, "LATE_S", 5.0)
+    gateway.hold_s[2] = 3.0  # 90 %
+    other = threading.Timer(2.0, lambda: gateway.memory.__setitem__(BY_HAND, by_hand(7.0)))
+    gateway.seen = lambda number: other.start() if number == 2 else None
+    assert main(line_of(gateway, weg)) == 1
+    assert gateway.memory[BY_HAND] == AUTOMATIC
+    assert "stand there as before" in capsys.readouterr().out
+
+
+def test_a_clock_that_was_set_back_far_does_not_hold_up_for_ever():
+    now = time.time()
+    assert 0.0 < plc_state.late_left_s(now - 1.0) <= 59.0
+    assert 60.0 < plc_state.late_left_s(now + 2.0) <= 62.0
+    assert plc_state.late_left_s(now + 1e6) == plc_state.late_left_s(now - 61.0) == plc_state.late_left_s(None) == 0.0
+
+
+def test_a_state_folder_that_cannot_be_read_is_told_in_one_line(tmp_path, monkeypatch, capsys):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "file" / "within"))
+    state = PlcState(address_of("modbus://127.0.0.1:1/1/0"))
+    assert state.message() == ""
+    with pytest.raises(InputError, match="cannot be written"), state.locked("write"):
+        pass
+    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / ("x" * 300)))
+    assert main(["experiment", "--restore", "modbus://127.0.0.1:1/1/0"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
 def test_a_link_that_stays_dead_is_said_to_be_unknown_with_the_command_that_works(gateway, weg, capsys, monkeypatch):
     monkeypatch.setattr("heatertune.live.manual.RETRY_S", 2.0)
 

@@ -151,7 +151,7 @@ def _restored(settings: argparse.Namespace) -> int:
     if len(given) != 1:
         raise InputError("experiment --restore needs ADDRESS, and no PLAN")
     address = address_of(given[0])
-    restored = restore(address, progress=_to_terminal)
+    restored = restore(address, progress=tell)
     document = {"schema": "heatertune/experiment/1", "address": address.text, "restored": restored}
     printing.output(settings, document, lambda: f"{address.text}: {_of_restored(restored, address.text)}")
     return 0 if restored else 1

@@ -120,15 +120,15 @@ def give_back(
         except LinkError:
             found = None
         passed_s = time.monotonic() - begun
-        if found is False or (found and passed_s >= wait_s):
+        if found is not None and passed_s >= wait_s:
             return found
         if (found is None and passed_s >= max(wait_s, RETRY_S)) or enough():
             return None
         if found != stands or number == 1:
-            left_s = (wait_s if found else max(wait_s, RETRY_S)) - passed_s
+            left_s = (max(wait_s, RETRY_S) if found is None else wait_s) - passed_s
             progress(f"{address.text}: " + (
-                f"looking for {left_s:.0f} s more whether a request without an answer still arrives" if found
-                else f"no answer; trying for {left_s:.0f} s to bring back mode and manual value"))
+                f"no answer; trying for {left_s:.0f} s to bring back mode and manual value" if found is None
+                else f"looking for {left_s:.0f} s more whether a request without an answer still arrives"))
         stands = found
 
 

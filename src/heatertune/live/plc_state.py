@@ -45,7 +45,8 @@ def late_left_s(sent_at: float | None) -> float:
     Args:
         sent_at: when it was sent, where it has no answer [s since 1970]; None: it has one.
     """
-    return 0.0 if sent_at is None else max(0.0, min(LATE_S, sent_at + LATE_S - time.time()))
+    left_s = 0.0 if sent_at is None else sent_at + LATE_S - time.time()
+    return left_s if 0.0 < left_s < 2.0 * LATE_S else 0.0  # longer: the clock was set back since, far
 
 
 def state_folder() -> Path:
@@ -144,8 +145,12 @@ class PlcState:
         Raises:
             DocumentError: the file is damaged.
         """
-        if not self.path.exists():
+        try:
+            self.path.stat()
+        except (FileNotFoundError, NotADirectoryError):
             return None
+        except OSError as problem:
+            raise DocumentError(f"{self.path}: cannot be read: {problem.strerror}") from None
         document: Any = read_document(self.path, WAY_BACK_SCHEMA)
         try:
             found = WayBack(
