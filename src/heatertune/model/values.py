@@ -122,6 +122,10 @@ class TwoLag(Dynamics):
 HeaterModel = Fopdt | TwoLag
 
 
+def _delayed(plant: HeaterModel, delay_s: float) -> HeaterModel:
+    return replace(plant, dead_time_s=plant.dead_time_s + delay_s)
+
+
 def _check_plant(plant: HeaterModel) -> None:
     check("gain_degC_per_pct", plant.gain_degC_per_pct)
     if plant.gain_degC_per_pct == 0.0:
@@ -310,6 +314,27 @@ class FittedModel(Shown, Dynamics):
         """The possible heaters that are no ends of an interval: what is drawn is drawn around these."""
         given = [(c.label, c.model) for c in self.candidates if not c.part] or [("by hand", self.model)]
         return tuple(model for _, model in self._believed(given))
+
+    def with_delay(self, delay_s: float) -> FittedModel:
+        """Return the fit with every dead time longer, as a loop has it whose readings come late.
+
+        Args:
+            delay_s: between the temperature and its reading, and between the output and the heater's switch [s].
+
+        Raises:
+            OutOfRange: a negative delay.
+        """
+        check("delay_s", delay_s, least=0.0)
+        if delay_s == 0.0:
+            return self
+        interval = self.ci95.get("dead_time_s")
+        ci95 = self.ci95 if interval is None else {**self.ci95, "dead_time_s": replace(
+            interval, **{end: value + delay_s for end in ("low", "high")
+                         if (value := getattr(interval, end)) is not None})}
+        candidates = tuple(replace(each, model=_delayed(each.model, delay_s)) for each in self.candidates)
+        model = replace(self.model, dead_time_s=self.model.dead_time_s + delay_s)
+        return replace(self, model=model, candidates=candidates, ci95=ci95,
+                       least_dead_time_s=self.least_dead_time_s + delay_s)
 
     def _believed(self, given: Sequence[tuple[str, HeaterModel]]) -> tuple[tuple[str, HeaterModel], ...]:
         labels: dict[HeaterModel, str] = {}

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from heatertune import chain
-from heatertune.model.values import FittedModel
+from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.loop.robustness import margins, worst
 from heatertune.pid.recipe import Recipe
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.choose import search_document
+from heatertune.plc.design import loop_fit
 from heatertune.progress import Told
 from heatertune.proof import Proof, Trace, simulate_wish
 from heatertune.proof.closing import Asked, Closed, closed
@@ -99,7 +100,7 @@ def first_look(fitted: FittedModel, settings: Settings, gains: Gains | None = No
     real, nominal = proof.design, proof.nominal
     return Look(
         settings=settings, gains=gains, realised=real, proof=proof,
-        margins=None if real is None else worst([margins(plant, real) for plant in fitted.plants]),
+        margins=None if real is None else worst([margins(plant, real) for plant in _plants(fitted, settings)]),
         wish=None if real is None else simulate_wish(
             gains.design, nominal.model, nominal.scenario, nominal.actuator,
             ramp_degC_per_min=proof.ramp_degC_per_min if proof.words.ramp else math.inf, hold_degC=proof.hold_degC),
@@ -135,10 +136,15 @@ def designed(fitted: FittedModel, settings: Settings, progress: Told = str) -> F
         recipe=found.recipe, conditions=found.conditions, proof=found.proof))
 
 
+def _plants(fitted: FittedModel, settings: Settings) -> tuple[HeaterModel, ...]:
+    """Return the possible heaters with the delay of the target's input module and output."""
+    return loop_fit(fitted, settings.target, settings.scaling).plants
+
+
 def _quick(fitted: FittedModel, settings: Settings) -> Gains:
     controller = controller_for(settings.target)
     design = quick_tune(
-        fitted.plants, structure=settings.structure, ms=settings.ms, sample_time_s=settings.sample_time_s,
+        _plants(fitted, settings), structure=settings.structure, ms=settings.ms, sample_time_s=settings.sample_time_s,
         timer=controller.timer, derivative_filter=controller.derivative_filter,
     )
     return Gains(design=design, words=chain.encode(design, settings.target, scaling=settings.scaling))
