@@ -11,15 +11,17 @@ from heatertune.codec import built, decode, encode
 from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding
 from heatertune.model.statistics import share_bounds
+from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.period import life
+from heatertune.proof.presets import relaxed_limits
 from heatertune.proof.profile import Profile
-from heatertune.proof.specification import GENERAL, NOTHING
+from heatertune.proof.specification import GENERAL, NOTHING, Specification
 from heatertune.units import count
 
 __all__ = [
     "ASSUMED", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "derived", "extent",
-    "sampled", "samples_told", "switched", "told_by_kind", "told_of", "verdict_first", "verdict_line",
-    "verdict_of_samples",
+    "relaxed_clause", "relaxed_of", "sampled", "samples_told", "switched", "told_by_kind", "told_of", "verdict_first",
+    "verdict_line", "verdict_of_samples",
 ]
 
 #: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use
@@ -37,7 +39,7 @@ ASSUMED: Final = {
 _MORE: Final = [number * 10**size for size in range(2, 7) for number in (1, 2, 5)]
 
 #: what is asked of a proof first
-FIRST: Final = ("verdict", "target", "setpoint_degC", "specification", "words", "criteria")
+FIRST: Final = ("verdict", "relaxed_limits", "target", "setpoint_degC", "specification", "words", "criteria")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,12 +137,30 @@ def blocking(proof: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 def verdict_line(proof: Mapping[str, Any]) -> str:
     """Return the verdict of a proof's document as one line: where, on how many heaters, why not, and what is told."""
-    parts = [f"{proof['verdict']} {extent(proof)}"]
+    parts = [f"{proof['verdict']} {''.join(f'{part}, ' for part in [relaxed_clause(proof)] if part)}{extent(proof)}"]
     parts += [f"not kept: {', '.join(broken)}"] if (broken := _broken(proof)) else []
     parts += sampled(proof)
     parts += [f"{KINDS[name].short} ({name}): {KINDS[name].remedy}, or --accept {name}"
               for name in (finding["name"] for finding in blocking(proof))]
     return "; ".join([*parts, *told_of(proof), *switched(proof)])
+
+
+def relaxed_clause(proof: Mapping[str, Any]) -> str:
+    """Return which limits a proof's document kept are wider than their defaults; "" where none is, or it fails.
+
+    It stands directly after the verdict: "against relaxed limits: overshoot 30 % (default 20 %)".
+    """
+    relaxed = () if proof["verdict"] == "FAIL" else relaxed_of(proof)
+    return f"against relaxed limits: {', '.join(relaxed)}" if relaxed else ""
+
+
+def relaxed_of(proof: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the limits of a proof's document that are wider than their defaults, see `relaxed_limits`."""
+    if proof.get("specification") is None:
+        return ()
+    spec, scenario = decode(Specification, proof["specification"], PROOF_SCHEMA), proof["scenario"]
+    ambient = scenario.get("ambient_degC")
+    return relaxed_limits(spec, abs(scenario["setpoint_degC"] - (ROOM_DEGC if ambient is None else ambient)))
 
 
 def sampled(proof: Mapping[str, Any]) -> list[str]:
@@ -226,7 +246,7 @@ def switched(proof: Mapping[str, Any]) -> list[str]:
 
 def verdict_first(proof: Mapping[str, Any]) -> dict[str, Any]:
     """Return a proof's document with what is asked of it first."""
-    told = {**proof, "setpoint_degC": proof["scenario"]["setpoint_degC"]}
+    told = {**proof, "setpoint_degC": proof["scenario"]["setpoint_degC"], "relaxed_limits": list(relaxed_of(proof))}
     return {name: told[name] for name in FIRST} | {name: part for name, part in told.items() if name not in FIRST}
 
 

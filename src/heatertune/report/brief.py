@@ -15,7 +15,7 @@ from heatertune.model.findings import KINDS
 from heatertune.plc.targets import REPAIRED
 from heatertune.plc.typed import TypedWord, as_typed
 from heatertune.proof.period import life
-from heatertune.proof.verdict import blocking, sampled, told_by_kind, verdict_of_samples
+from heatertune.proof.verdict import blocking, relaxed_clause, sampled, told_by_kind, verdict_of_samples
 from heatertune.report.layout import LINES, WIDTH, beside, command, cut, labelled, notes_within, screen, table, wrapped
 from heatertune.report.text import (
     NOT_IDENTIFIED,
@@ -171,6 +171,8 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
         said += f"; {on}"
     else:
         said = f"every limit is kept in {on}"
+    if relaxed := relaxed_clause(proof):
+        where = f"{relaxed}; {where}"
     lines = wrapped("; ".join([f"{where}: {said}", *sampled(proof)]), f"{verdict}  ", _SAID)
     if open_ := list(dict.fromkeys(finding["name"] for finding in blocking(proof))):
         kind, others = KINDS[open_[0]], ", ".join(open_[1:])

@@ -11,7 +11,7 @@ from heatertune.plc import Scaling, controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.plc.inputs import described
 from heatertune.plc.typed import TypedWord, as_typed, word_text
-from heatertune.proof.verdict import blocking, sampled, told_of
+from heatertune.proof.verdict import blocking, relaxed_clause, sampled, told_of
 from heatertune.report.as_left import judged_text, measured_text, plot_as_left, worst_text
 from heatertune.report.html import BLANK, Markup, bullets, coded, picture, steps, table, text_of, tick
 from heatertune.report.text import called_every_s, figure, limit_text, ramp_note, search_notes, spaced, typed
@@ -64,9 +64,10 @@ def _verdict(documents: Documents) -> str:
     points = [f"Not proven: {finding['told']} What closes it: {KINDS[finding['name']].remedy}."
               for finding in blocking(proof)]
     points += [*sampled(proof), *told_of(proof)]
+    verdict = " ".join(filter(None, (proof["verdict"], relaxed_clause(proof))))
     forced = " The words were exported in spite of it (--force)." if documents["words"].get("forced") else ""
     return (
-        f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{proof["verdict"]} at '
+        f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{text_of(verdict)} at '
         f"{figure(proof['scenario']['setpoint_degC'])} °C</p>"
         f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {count(models, 'possible heater')}, "
         f"each under every setting of what the manual leaves open.{forced}</p>{bullets([*broken, *points])}"

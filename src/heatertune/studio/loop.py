@@ -14,15 +14,21 @@ from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.choose import search_document
+from heatertune.plc.cooler import cooled
+from heatertune.plc.cycle import switched
 from heatertune.plc.design import loop_fit
 from heatertune.progress import Told
 from heatertune.proof import Proof, Trace, simulate_wish
+from heatertune.proof.asked import made_for
 from heatertune.proof.closing import Asked, Closed, closed
 from heatertune.proof.drawn import sample_document
+from heatertune.proof.exported import as_exported
 from heatertune.settings import Conditions
 from heatertune.studio.settings import Settings
 
-__all__ = ["DRAWN", "Found", "Gains", "Look", "designed", "first_look", "full_proof", "on_drawn_heaters"]
+__all__ = [
+    "DRAWN", "Found", "Gains", "Look", "designed", "first_look", "full_proof", "on_drawn_heaters", "optimum",
+]
 
 #: heaters that are drawn at a time
 DRAWN: Final = 1000
@@ -107,9 +113,23 @@ def first_look(fitted: FittedModel, settings: Settings, gains: Gains | None = No
     )
 
 
+def optimum(fitted: FittedModel, settings: Settings, progress: Told = str) -> Gains:
+    """Return the design and the words with which `heatertune design` begins for the same settings.
+
+    Raises:
+        InputError: no design keeps the limits.
+        NotRepresentable: as in `first_look`.
+    """
+    asked = _request(settings)
+    design, choice = made_for(fitted, asked, progress, str)
+    words = cooled(choice.words, asked.conditions.cooling_gain)
+    words = switched(controller_for(asked.target).cycle, words, asked.conditions.pwm_period_s)
+    return Gains(design=design, words=words, search=search_document(choice, fitted))
+
+
 def full_proof(fitted: FittedModel, look: Look, progress: Told = str) -> Proof:
     """Return the proof of the same words on every heater under every open point; errors as in `first_look`."""
-    return chain.prove(look.gains.words, fitted, look.conditions, progress=progress)
+    return as_exported(chain.prove(look.gains.words, fitted, look.conditions, progress=progress))
 
 
 def on_drawn_heaters(fitted: FittedModel, look: Look) -> dict[str, Any]:
@@ -128,12 +148,14 @@ def designed(fitted: FittedModel, settings: Settings, progress: Told = str) -> F
         InputError: no design keeps the limits.
         NotRepresentable: as in `first_look`.
     """
-    asked = Asked(
-        target=settings.target, scaling=settings.scaling, tuned=settings.tuned, conditions=settings.assumed)
-    found = closed(fitted, asked, progress=progress)
+    found = closed(fitted, _request(settings), progress=progress)
     return Found(closed=found, gains=Gains(
         design=found.wished, words=found.proof.words, search=search_document(found.choice, fitted, found.notes),
         recipe=found.recipe, conditions=found.conditions, proof=found.proof))
+
+
+def _request(settings: Settings) -> Asked:
+    return Asked(target=settings.target, scaling=settings.scaling, tuned=settings.tuned, conditions=settings.assumed)
 
 
 def _plants(fitted: FittedModel, settings: Settings) -> tuple[HeaterModel, ...]:
