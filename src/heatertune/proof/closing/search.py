@@ -100,7 +100,8 @@ class Search:
 
     def __post_init__(self) -> None:
         self.way_on = WayOn(
-            fitted=self.fitted, asked=self.asked, first=self.first, progress=self.progress, close=closed)
+            fitted=self.fitted, asked=self.asked, first=self.first, progress=self.progress,
+            close=partial(closed_on_runs, ways_on=False))
         self.screen = Screen(fitted=self.fitted)
         self.failed(self.first.proof)
         self.brief += [self.first] if briefly(self.first.proof.heard) else []
