@@ -33,7 +33,8 @@ def add_to(commands: Any) -> None:
                     "(--spec, --limit) its words are proven, and where they fail the cheapest change that passes is "
                     "taken; exit status 1 where none is found.",
     )
-    command.add_argument("model", metavar="MODEL", nargs="?", help="model.json as written by fit")
+    command.add_argument("model", metavar="MODEL", nargs="?",
+                         help="model.json as written by fit, or a pid.json, which holds one")
     command.add_argument("-o", "--out", metavar="FILE", help="write the design to this JSON file")
     common.add_word_options(command)
     common.add_proof_options(command, needed=False)

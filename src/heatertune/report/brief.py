@@ -79,9 +79,19 @@ def design_brief(documents: Mapping[str, Document], out: str, nearest: Sequence[
     return screen(said, values, worst, [*doubts, *ends])
 
 
-def verify_brief(proof: Document, notes: Sequence[str] = (), found: str | None = None) -> str:
-    """Return a proof on one screen; `found` is the way on that was found when the words were made, see `Recipe`."""
+def verify_brief(
+    proof: Document, notes: Sequence[str] = (), found: str | None = None, redesign: Sequence[str] = ()
+) -> str:
+    """Return a proof on one screen.
+
+    Args:
+        proof: its document.
+        notes: one sentence each.
+        found: the way on that was found when the words were made, see `Recipe`; None: nobody looked.
+        redesign: the whole command that designs again what fails; none: it is not known.
+    """
     way_on = wrapped(_way_on(proof, found), "way on: ") if proof["verdict"] == "FAIL" else []
+    way_on += command(redesign) if way_on and redesign and not _fails_on_samples(proof) else []
     return _with_notes(notes, [*_verdict(proof), *way_on], _worst(proof), labelled(_doubts(proof), _DOUBTS))
 
 
@@ -92,7 +102,7 @@ def _way_on(proof: Document, found: str | None) -> str:
         return f"the same program repaired: --target {REPAIRED[proof['target']]}"
     if _fails_on_samples(proof):
         return _of_samples(proof["samples"])
-    return "heatertune design or tune with this --target looks for the least change that passes"
+    return "heatertune design or tune with this --target looks for the least change that passes, or says what would"
 
 
 def _fails_on_samples(proof: Document) -> bool:
