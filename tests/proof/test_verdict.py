@@ -1,6 +1,7 @@
 """PASS, FAIL, NOT PROVEN: every finding that blocks, and every way on; the cases are worked out by hand."""
 
 import math
+import re
 from dataclasses import fields, replace
 from fractions import Fraction
 
@@ -9,7 +10,7 @@ import pytest
 
 from heatertune.codec import encode
 from heatertune.errors import DocumentError, ExportRefused, InputError, UnknownName
-from heatertune.model.findings import KINDS, Finding
+from heatertune.model.findings import KINDS, Finding, remedy_of
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc import Certificate, Ramp
 from heatertune.proof import Acceptance, Actuator, Criterion, Limits, paper_scenario, prove_models
@@ -58,7 +59,7 @@ def test_a_finding_that_blocks_leaves_words_that_pass_every_run_not_proven_until
     assert (proof.verdict, document["verdict"]) == ("NOT PROVEN", "NOT PROVEN")
     line = verdict_line(document)
     assert line.startswith("NOT PROVEN at 53.3 °C in 1 run on 1 possible heater; ")
-    assert KINDS[name].remedy in line
+    assert remedy_of(name, [name]) in line
     assert f"--accept {name}" in line
     with pytest.raises(ExportRefused, match="NOT PROVEN"):
         certificate(document)
@@ -292,7 +293,7 @@ def test_the_verdict_follows_from_limits_findings_and_samples_whatever_the_docum
     ({"samples": _samples(194, 194)}, "; 194 of 200 samples keep every limit under every setting, too few to say whether 95 % of all do: --samples 500"),
     ({"samples": _samples(190)}, "; 190 of 200 samples keep every limit, too few to say whether 95 % of all do, and more of them at this share "
                                  "would not say it, either"), ({"samples": None}, ""),
-    ({"findings": [POOR]}, "; no model explains the log well (poor-fit): log the power, and keep doors and fans still, or --accept poor-fit"),
+    ({"findings": [POOR]}, "; no model explains the log well (poor-fit): keep doors and fans still while you log, and log each change of the power at its own instant, or --accept poor-fit"),
     ({"findings": [POOR | {"accepted": True}] + [POOR | {"name": "one-level"}] * 2, "assumed": {"dead_time_at_most_s": 8.0}, "remarks": ["by hand"],
       "not_tested": ["noise", "restart"]},
      "; taken as known: dead time at most 8 s; accepted: no model explains the log well; the log knows one level of power, so that the heater is "
@@ -355,6 +356,15 @@ def test_a_finding_read_from_a_document_has_the_effect_of_its_name_and_is_accept
         return
     with pytest.raises(DocumentError, match=refused):
         HeardView(name=name, effect=effect, told="", accepted=accepted)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_no_remedy_names_what_the_log_is_already(name):
+    open_loop, closed_loop = remedy_of(name, [name]), remedy_of(name, [name, "closed-loop"])
+    if name not in ("no-power", "closed-loop"):
+        assert not re.search(r"one open-loop step|log the power(,| as well)", open_loop)
+        assert not re.search(r"log the power(,| as well)", closed_loop)
+    assert remedy_of(name, [name, "no-power"]) == KINDS[name].remedy
 
 
 @pytest.mark.parametrize(("verdicts", "one"), [

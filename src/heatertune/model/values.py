@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -157,6 +157,19 @@ class Outcome(Enum):
     BY_HAND = "The model was given by hand; no log supports it."
 
 
+#: how the law of a candidate of a log with power begins
+_POWER_LOGGED: Final = "power logged"
+#: outcome → its sentence for a log with power
+_OF_POWER_LOGS: Final = {
+    Outcome.COMBINATIONS_ONLY: (
+        "Only combinations of parameters are identified: log on until the temperature rests, at least three time "
+        "constants after a step of the power in open loop."),
+    Outcome.POOR_FIT: (
+        "No model explains the log well: keep doors and fans still while you log, and log each change of the power at "
+        "its own instant."),
+}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
     """One hypothesis at its best: a heater, and what drove it.
@@ -294,6 +307,13 @@ class FittedModel(Shown, Dynamics):
     @property
     def _heater(self) -> Fopdt:
         return self.model
+
+    @property
+    def outcome_text(self) -> str:
+        """How the fit ended, for a reader; its remedy is never what the log is already."""
+        if not any(each.law.startswith(_POWER_LOGGED) for each in self.candidates):
+            return self.outcome.value
+        return _OF_POWER_LOGS.get(self.outcome, self.outcome.value)
 
     @property
     def heaters(self) -> tuple[tuple[str, HeaterModel], ...]:

@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 
 from heatertune.codec import built, decode, encode
 from heatertune.errors import DocumentError, InputError, UnknownName
-from heatertune.model.findings import KINDS, Finding
+from heatertune.model.findings import KINDS, Finding, remedy_of
 from heatertune.model.statistics import share_bounds
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.period import life
@@ -140,7 +140,8 @@ def verdict_line(proof: Mapping[str, Any]) -> str:
     parts = [f"{proof['verdict']} {''.join(f'{part}, ' for part in [relaxed_clause(proof)] if part)}{extent(proof)}"]
     parts += [f"not kept: {', '.join(broken)}"] if (broken := _broken(proof)) else []
     parts += sampled(proof)
-    parts += [f"{KINDS[name].short} ({name}): {KINDS[name].remedy}, or --accept {name}"
+    names = [finding["name"] for finding in proof["findings"]]
+    parts += [f"{KINDS[name].short} ({name}): {remedy_of(name, names)}, or --accept {name}"
               for name in (finding["name"] for finding in blocking(proof))]
     return "; ".join([*parts, *told_of(proof), *switched(proof)])
 

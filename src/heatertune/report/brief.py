@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.model.findings import KINDS
+from heatertune.model.findings import KINDS, remedy_of
 from heatertune.plc.targets import REPAIRED
 from heatertune.plc.typed import TypedWord, as_typed
 from heatertune.proof.period import life
@@ -130,8 +130,8 @@ def _of_samples(samples: Document, *, closed: bool = False) -> str:
 def model_brief(model: Document, out: str | None = None) -> str:
     """Return a fit on one screen."""
     rows = [("", "value", "95 %", ""), *model_rows(model)]
-    told = [f"{KINDS[finding['name']].short}: {KINDS[finding['name']].remedy}"
-            for finding in model.get("findings", ())]
+    names = [finding["name"] for finding in model.get("findings", ())]
+    told = [f"{KINDS[name].short}: {remedy_of(name, names)}" for name in names]
     others = len(model.get("candidates", ()))
     unseen = model.get("held_out")
     fit = f"{figure(model.get('fit_pct'), 3)} % of the curve"
@@ -186,7 +186,8 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
     lines = wrapped("; ".join([f"{where}: {said}", *sampled(proof)]), f"{verdict}  ", _SAID)
     if open_ := list(dict.fromkeys(finding["name"] for finding in blocking(proof))):
         kind, others = KINDS[open_[0]], ", ".join(open_[1:])
-        lines += wrapped(f"{kind.short}; {kind.remedy}, or --accept {open_[0]}", "  not proven: ", _SAID)
+        remedy = remedy_of(open_[0], [finding["name"] for finding in proof["findings"]])
+        lines += wrapped(f"{kind.short}; {remedy}, or --accept {open_[0]}", "  not proven: ", _SAID)
         lines += wrapped(f"{others} (--verbose)", "  nor proven: ", 1) if others else []
     if verdict == "FAIL" and nearest:
         lines += ["no limit is broken by:" if blocking(proof) else "nearest that passes:", *command(nearest)]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from heatertune import __version__
-from heatertune.model.findings import KINDS
+from heatertune.model.findings import remedy_of
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.plc.inputs import described
@@ -61,7 +61,8 @@ def _verdict(documents: Documents) -> str:
     models = len({run["model"] for run in proof["runs"]})
     broken = [f"Not kept: {spaced(name)}, {worst_text(_line(name, one))} (limit {limit_text(one)})."
               for name, one in proof["criteria"].items() if not one["ok"]]
-    points = [f"Not proven: {finding['told']} What closes it: {KINDS[finding['name']].remedy}."
+    names = [finding["name"] for finding in proof["findings"]]
+    points = [f"Not proven: {finding['told']} What closes it: {remedy_of(finding['name'], names)}."
               for finding in blocking(proof)]
     points += [*sampled(proof), *told_of(proof)]
     verdict = " ".join(filter(None, (proof["verdict"], relaxed_clause(proof))))
