@@ -95,7 +95,8 @@ class WayOn:
         asked: what for.
         first: the plain design, which fails or winds up.
         progress: told what is tried.
-        close: `heatertune.proof.closing.closed`.
+        close: `heatertune.proof.closing.search.closed_on_runs` without ways on.
+        freeing: whether what is fixed of the design may be left open.
         sooner: a control without gains that scans more often, where it was tried.
         untried: what could not be tried, and why, each once.
     """
@@ -105,6 +106,7 @@ class WayOn:
     first: Closed
     progress: Told
     close: Callable[..., Closed]
+    freeing: bool = True
     sooner: Closed | None = None
     untried: dict[str, None] = field(default_factory=dict)
 
@@ -198,7 +200,7 @@ class WayOn:
     def _by_design(self) -> tuple[str, ...]:
         """Return the options that leave open what the user gave of the design; none where that does not pass."""
         options, asked = freed(self.asked)
-        if not options:
+        if not options or not self.freeing:
             return ()
         self.progress(f"{price.broken(self.first)} fails: trying {' '.join(options)}")
         try:
