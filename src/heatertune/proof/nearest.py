@@ -6,7 +6,7 @@ A limit is the last resort, and never beyond twice its default or what sensor an
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -91,14 +91,29 @@ def suspects(proof: Proof, wound: Sequence[RunResult] = ()) -> dict[str, str]:
             if any(run.switches[switch.name] != switch.default for run in worst)}
 
 
-def tolerance_that_passes(words: Words, fitted: FittedModel, proof: Proof, conditions: Conditions) -> float | None:
-    """Return a wider tolerance at which words pass [°C]; None: none does, or something else is broken."""
+def _keeps_all(proof: Proof) -> bool:
+    return proof.verdict != "FAIL"
+
+
+def tolerance_that_passes(
+    words: Words, fitted: FittedModel, proof: Proof, conditions: Conditions,
+    passes: Callable[[Proof], bool] = _keeps_all,
+) -> float | None:
+    """Return a wider tolerance at which words pass [°C]; None: none does, or something else is broken.
+
+    Args:
+        words: whose proof fails.
+        fitted: the heater and its candidates.
+        proof: that fails.
+        conditions: of it.
+        passes: whether another proof is good enough.
+    """
     broken = [each.name for each in proof.criteria if not each.ok]
     if not all(name.endswith("_time") or name in _IN_BAND for name in broken):
         return None
     screen = Screen(fitted=fitted).with_failed(proof)
     for wider in _wider(proof, conditions):
-        if screen.keeps(words, wider) and prove(words, fitted, wider).verdict != "FAIL":
+        if screen.keeps(words, wider) and passes(prove(words, fitted, wider)):
             return wider.tolerance_degC
     return None
 
@@ -114,13 +129,16 @@ def _wider(proof: Proof, conditions: Conditions) -> Iterator[Conditions]:
             yield replace(conditions, tolerance_degC=tolerance, limit=others)
 
 
-def both_that_pass(words: Words, fitted: FittedModel, proof: Proof, conditions: Conditions) -> tuple[str, ...]:
-    """Return options of a wider tolerance and of the limits that are still broken then, under which words pass."""
+def both_that_pass(
+    words: Words, fitted: FittedModel, proof: Proof, conditions: Conditions,
+    passes: Callable[[Proof], bool] = _keeps_all,
+) -> tuple[str, ...]:
+    """Return options of a wider tolerance and of the limits still broken then; arguments as `tolerance_that_passes`."""
     for wider in _wider(proof, conditions):
         looser = limits_that_pass(found := prove(words, fitted, wider))
         if not looser or not within_reach(looser, found, fitted, wider):
             continue
-        if prove(words, fitted, loosened(wider, looser)).verdict != "FAIL":
+        if passes(prove(words, fitted, loosened(wider, looser))):
             return "--tolerance", f"{wider.tolerance_degC:g}", *options_of(looser)
     return ()
 

@@ -19,15 +19,18 @@ from heatertune.proof.specification import GENERAL, NOTHING, Specification
 from heatertune.units import count
 
 __all__ = [
-    "ASSUMED", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "derived", "extent",
-    "relaxed_clause", "relaxed_of", "sampled", "samples_told", "switched", "told_by_kind", "told_of", "verdict_first",
-    "verdict_line", "verdict_of_samples",
+    "ASSUMED", "BREAKS_NONE", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined",
+    "derived", "extent", "relaxed_clause", "relaxed_of", "sampled", "samples_told", "switched", "told_by_kind",
+    "told_of", "verdict_first", "verdict_line", "verdict_of_samples",
 ]
 
 #: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use
 PROOF_SCHEMA: Final = "heatertune/proof/3"
 
 NOT_PROVEN: Final = "NOT PROVEN"
+
+#: begins the remark about a request whose design keeps every limit and is not proven all the same
+BREAKS_NONE: Final = "would break no limit, yet be not proven, at"
 
 #: what a user may know beside the log → how a certificate says it
 ASSUMED: Final = {

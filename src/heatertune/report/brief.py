@@ -15,7 +15,7 @@ from heatertune.model.findings import KINDS, remedy_of
 from heatertune.plc.targets import REPAIRED
 from heatertune.plc.typed import TypedWord, as_typed
 from heatertune.proof.period import life
-from heatertune.proof.verdict import blocking, relaxed_clause, sampled, told_by_kind, verdict_of_samples
+from heatertune.proof.verdict import BREAKS_NONE, blocking, relaxed_clause, sampled, told_by_kind, verdict_of_samples
 from heatertune.report.layout import LINES, WIDTH, beside, command, cut, labelled, notes_within, screen, table, wrapped
 from heatertune.report.text import (
     NOT_IDENTIFIED,
@@ -190,7 +190,8 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
         lines += wrapped(f"{kind.short}; {remedy}, or --accept {open_[0]}", "  not proven: ", _SAID)
         lines += wrapped(f"{others} (--verbose)", "  nor proven: ", 1) if others else []
     if verdict == "FAIL" and nearest:
-        lines += ["no limit is broken by:" if blocking(proof) else "nearest that passes:", *command(nearest)]
+        unproven = blocking(proof) or any(BREAKS_NONE in remark for remark in proof["remarks"])
+        lines += ["no limit is broken by:" if unproven else "nearest that passes:", *command(nearest)]
     return lines
 
 

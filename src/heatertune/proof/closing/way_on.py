@@ -33,8 +33,9 @@ from heatertune.proof.nearest import (
     within_reach,
 )
 from heatertune.proof.night import winds_up, wound
-from heatertune.proof.proving import RunResult
+from heatertune.proof.proving import Proof, RunResult
 from heatertune.proof.screen import Screen
+from heatertune.proof.verdict import BREAKS_NONE
 from heatertune.settings import TuneSettings
 
 __all__ = ["WayOn", "freed", "known_as", "passes_told"]
@@ -99,6 +100,7 @@ class WayOn:
         freeing: whether what is fixed of the design may be left open.
         sooner: a control without gains that scans more often, where it was tried.
         untried: what could not be tried, and why, each once.
+        unproven: options of the first request whose design keeps every limit, yet has a finding that blocks.
     """
 
     fitted: FittedModel
@@ -109,6 +111,7 @@ class WayOn:
     freeing: bool = True
     sooner: Closed | None = None
     untried: dict[str, None] = field(default_factory=dict)
+    unproven: tuple[str, ...] = ()
 
     def left_out(self, changes: str, problem: HeatertuneError) -> None:
         """Keep why some changes were not tried; that a PLC cannot hold their words is no news."""
@@ -126,6 +129,9 @@ class WayOn:
             options = (options or self._by_design() or self._by_more_scans() or self._by_setpoint()
                        or self._by_tolerance() or self._by_limits() or self._by_both())
             would = f"would pass at {' '.join(options)}" if options else self._hopeless
+            if not options and self.unproven:
+                options = self.unproven
+                would = f"{BREAKS_NONE} {' '.join(options)}"
             told = "; ".join(filter(None, (why, would)))
         heard = replace(proof.heard, remarks=(*proof.heard.remarks, told))
         note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
@@ -151,7 +157,21 @@ class WayOn:
             other = self.close(self.fitted, replace(self.asked, target=target), progress=self.progress)
         except HeatertuneError:  # what was asked for is of the other alone
             return ()
-        return () if other.proof.verdict == "FAIL" else ("--target", target)
+        return self._taken(other.proof, ("--target", target))
+
+    def _taken(self, proof: Proof, options: tuple[str, ...]) -> tuple[str, ...]:
+        """Return options whose proof passes; none where it does not; those that break no limit are kept in mind."""
+        if self._passes(proof):
+            return options
+        if proof.verdict != "FAIL":
+            self.unproven = self.unproven or options
+        return ()
+
+    def _passes(self, proof: Proof) -> bool:
+        """Return whether a proof keeps every limit, and nothing blocks it but what the log or the first design has."""
+        known = {finding.name for finding in (*self.fitted.findings, *self.first.proof.heard.findings)}
+        blocks = {view.name for view in proof.heard.views if view.effect == "blocks" and not view.accepted}
+        return proof.verdict != "FAIL" and blocks <= known
 
     def by_settings(self) -> tuple[str, tuple[str, ...]]:
         """Return what is told where one setting of an open point would do, and its options; nothing where none does."""
@@ -207,7 +227,7 @@ class WayOn:
             other = self.close(self.fitted, asked, progress=self.progress)
         except HeatertuneError:  # there is no such design
             return ()
-        return () if other.proof.verdict == "FAIL" else options
+        return self._taken(other.proof, options)
 
     def _by_setpoint(self) -> tuple[str, ...]:
         """Return the option of a lower setpoint at which the plain design passes; none where there is none nearby."""
@@ -228,8 +248,8 @@ class WayOn:
                 found = plainly(self.fitted, asked, text=False, progress=self.progress)
             except HeatertuneError:  # there the heater cannot be held, or the sensor does not see it
                 continue
-            if found.proof.verdict != "FAIL":
-                return "--setpoint", f"{setpoint:g}"
+            if options := self._taken(found.proof, ("--setpoint", f"{setpoint:g}")):
+                return options
         return ()
 
     def _by_limits(self) -> tuple[str, ...]:
@@ -240,8 +260,8 @@ class WayOn:
         self.progress(f"{price.broken(self.first)} fails: trying what it would keep")
         asked = replace(self.asked, setpoint_ramp=self.asked.setpoint_ramp or "none",
                         conditions=loosened(self.asked.conditions, looser))
-        failed = plainly(self.fitted, asked, text=False, progress=self.progress).proof.verdict == "FAIL"
-        return () if failed else options_of(looser)
+        return self._taken(
+            plainly(self.fitted, asked, text=False, progress=self.progress).proof, options_of(looser))
 
     def _by_more_scans(self) -> tuple[str, ...]:
         sooner = self.sooner
@@ -251,9 +271,10 @@ class WayOn:
 
     def _by_both(self) -> tuple[str, ...]:
         proof = self.first.proof
-        return () if proof.design else both_that_pass(proof.words, self.fitted, proof, self.first.conditions)
+        return () if proof.design else both_that_pass(
+            proof.words, self.fitted, proof, self.first.conditions, self._passes)
 
     def _by_tolerance(self) -> tuple[str, ...]:
         proof = self.first.proof
-        wider = tolerance_that_passes(proof.words, self.fitted, proof, self.first.conditions)
+        wider = tolerance_that_passes(proof.words, self.fitted, proof, self.first.conditions, self._passes)
         return () if wider is None else ("--tolerance", f"{wider:g}")
