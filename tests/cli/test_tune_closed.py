@@ -90,7 +90,7 @@ def test_verify_names_the_whole_command_that_designs_again_and_it_passes(run, tm
     monkeypatch.chdir(tmp_path)
     heater = ("--gain", 1.88, "--time-constant", 59, "--dead-time", 1.41, "--ambient", 20)
     run("tune", *heater, "--target", "weg", "--range", 0, 150, "-o", "pid.json", "--quiet")
-    asked = ("--target", "weg", "--setpoint", 83, "--range", 0, 150, "--limit", "overshoot=15%")
+    asked = ("--target", "weg", "--setpoint", 83, "--range", 0, 150, "--tolerance", 1.5)
     status, out, _ = run("verify", "pid.json", *asked, "--quiet")
     assert (status, out[:4]) == (1, "FAIL")
     told = next(line for line in out.replace("\\\n", " ").splitlines() if line.startswith("  heatertune tune pid.json"))
