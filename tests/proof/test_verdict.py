@@ -339,6 +339,15 @@ def test_a_pass_against_limits_wider_than_their_defaults_says_so_at_once_and_in_
     assert "relaxed" not in verdict_line(failing)
 
 
+def test_a_limit_in_degrees_is_held_against_the_rise_of_the_very_heater():
+    # ambient 30 °C and setpoint 50 °C: 2 °C are 10 % of the rise, and 6 °C are 30 %
+    spec = {"name": GENERAL, "changed": [], "limits": {**encode(preset(GENERAL).limits), "overshoot": ["6 degC"]}}
+    criteria = {"overshoot": {"ok": True, "value": 10.0, "where": "a"},
+                "overshoot_degC": {"ok": True, "value": 2.0, "where": "a"}}
+    line = verdict_line(_document(specification=spec, criteria=criteria))
+    assert line.startswith("PASS against relaxed limits: overshoot 6 °C (default 20 %), at 50 °C")
+
+
 def test_a_file_that_begins_from_a_preset_is_held_against_that_one(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text('preset = "kiln"\n[limits]\novershoot = "6 degC"\n', encoding="utf-8")

@@ -162,9 +162,16 @@ def relaxed_of(proof: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the limits of a proof's document that are wider than their defaults, see `relaxed_limits`."""
     if proof.get("specification") is None:
         return ()
-    spec, scenario = decode(Specification, proof["specification"], PROOF_SCHEMA), proof["scenario"]
-    ambient = scenario.get("ambient_degC")
-    return relaxed_limits(spec, abs(scenario["setpoint_degC"] - (ROOM_DEGC if ambient is None else ambient)))
+    return relaxed_limits(decode(Specification, proof["specification"], PROOF_SCHEMA), _rise_degC(proof))
+
+
+def _rise_degC(proof: Mapping[str, Any]) -> float:
+    """Return the setpoint step of a proof's heat-up: by its overshoot in both units, else from the ambient [°C]."""
+    pct, degC = (proof["criteria"].get(name, {}) for name in ("overshoot", "overshoot_degC"))
+    if pct.get("value") and degC.get("value") and pct.get("where") == degC.get("where"):
+        return abs(100.0 * float(degC["value"]) / float(pct["value"]))
+    ambient = proof["scenario"].get("ambient_degC")
+    return abs(float(proof["scenario"]["setpoint_degC"]) - (ROOM_DEGC if ambient is None else float(ambient)))
 
 
 def sampled(proof: Mapping[str, Any]) -> list[str]:
