@@ -145,7 +145,8 @@ def test_a_limit_by_its_own_option_is_any_number_and_an_infinite_one_asks_for_no
 
 def test_a_design_aims_at_what_the_user_specified_and_says_where_that_is_less_than_was_asked():
     asked = TuneSettings(ms=2.5)
-    assert aimed(asked, Conditions()) is asked  # nobody specified anything
+    general = aimed(asked, Conditions())  # the proof judges by these limits in any case
+    assert (general.ms, general.step_power_pct) == (2.0, 10.0)
     tuned = aimed(asked, Conditions(limit=("ms=1.7",)))
     assert tuned.ms == 1.7
     assert told_of_aim(asked, tuned) == ("Ms <= 1.7 in place of 2.5: the specification asks for it.",)

@@ -26,6 +26,7 @@ from heatertune.pid.recipe import Recipe
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.plc.choose import search_document
+from heatertune.plc.design import loop_fit
 from heatertune.progress import Told
 from heatertune.proof import Proof
 from heatertune.proof.asked import Asked, Closed
@@ -196,7 +197,8 @@ def _with_comparison(
     inputs = {name: documents[name] for name in ("model", "pid", "words", "proof")} | {"same_heater": log.same_heater}
     comparison = cache.cached("comparison", inputs, lambda: encode(ComparisonView(
         paper=paper_runs(fitted) if log.same_heater else None,
-        price=price_of_doubt(fitted, wished), rivals=rivals(fitted, wished, proof),  # last: they wait for the compiler
+        price=price_of_doubt(loop_fit(fitted, proof.words.target, proof.words.scaling), wished),
+        rivals=rivals(fitted, wished, proof),  # last: they wait for the compiler
     )), lambda kept: encode(decode(ComparisonView, kept, "comparison")))
     compared = {**documents, "comparison": comparison}
     second.draw(compared, "comparison")

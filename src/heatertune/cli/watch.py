@@ -137,7 +137,7 @@ def _refitted(log: Path, proven: Proven) -> dict[str, Any]:
             (interval.low is not None and was < interval.low) or (interval.high is not None and was > interval.high))
         found[name] = {"was": was, "now": now, "low": interval and interval.low, "high": interval and interval.high,
                        "moved": apart}
-    return {"told": fitted.outcome.value, "parameters": found}
+    return {"told": fitted.outcome_text, "parameters": found}
 
 
 def _lines(document: Mapping[str, Any]) -> str:

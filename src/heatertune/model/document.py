@@ -325,7 +325,7 @@ class ModelView:
         rest, checks = fitted.residuals, fitted.validation
         return built(
             cls, fitted, fitted.model, **{f"{name}_ci95": _pair(fitted.ci95.get(name)) for name in _FIELDS},
-            outcome_text=fitted.outcome.value,
+            outcome_text=fitted.outcome_text,
             combinations={name: CombinationView(value=value, ci95=_pair(ci95))
                           for name, (value, ci95) in fitted.combinations.items()},
             candidates=tuple(map(CandidateView.of, fitted.candidates)),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
 from heatertune.errors import UnknownName
 
-__all__ = ["KINDS", "Finding", "Kind"]
+__all__ = ["KINDS", "Finding", "Kind", "remedy_of"]
 
 Effect = Literal["blocks", "widens", "told"]
 
@@ -80,10 +81,10 @@ KINDS: Final[dict[str, Kind]] = {
         "(--switch), or keep it in manual while the circuit is open"),
     "warm-restart": Kind(
         "blocks", "it overshoots by more than its limit where the PLC is restarted while the heater is warm",
-        "allow what it does then (--limit restart-overshoot), or let the heater cool down before it is switched on"),
+        "allow what it does then (--limit overshoot), or let the heater cool down before it is switched on"),
     "part-change": Kind(
         "blocks", "it overshoots by more than its limit where the setpoint changes by a part of its range of use",
-        "allow what it does then (--limit change-overshoot), or say a smaller range (--setpoint)"),
+        "allow what it does then (--limit overshoot), or say a smaller range (--setpoint)"),
     "stays-at-limit": Kind(
         "blocks", "it may stay at full power where the setpoint rises while the heater warms up",
         "find out what your controller does at its limit (--switch), leave out D (--structure pi), or let the heater "
@@ -104,6 +105,36 @@ KINDS: Final[dict[str, Kind]] = {
     "repaired": Kind(
         "told", "more than 1 % of the rows were repaired or left out", "read the log's line on what was taken"),
 }
+
+
+_LONGER: Final = ("log steps of the power up and down (heatertune plan), each until the temperature rests, with doors "
+                  "and fans still")
+#: kind → what closes it where the power was logged already
+_OF_POWER_LOGS: Final = {
+    "poor-fit": "keep doors and fans still while you log, and log each change of the power at its own instant",
+    "contradicted": "log one open-loop step of the power",
+}
+#: kind → what closes it where the log is of open-loop steps of the power already
+_OF_OPEN_LOOP_LOGS: Final = _OF_POWER_LOGS | dict.fromkeys(
+    ("not-foretold", "follows-power", "halves-disagree", "contradicted"), _LONGER)
+
+
+def remedy_of(name: str, names: Collection[str]) -> str:
+    """Return what closes a finding, other than what its log is already.
+
+    Args:
+        name: of the finding.
+        names: of all findings of the same fit: "no-power" and "closed-loop" tell what kind of log it was.
+
+    Raises:
+        UnknownName: no such finding.
+    """
+    if name not in KINDS:
+        raise UnknownName("finding", name, KINDS)
+    if "no-power" in names:
+        return KINDS[name].remedy
+    known = _OF_POWER_LOGS if "closed-loop" in names else _OF_OPEN_LOOP_LOGS
+    return known.get(name, KINDS[name].remedy)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

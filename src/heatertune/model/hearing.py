@@ -36,7 +36,7 @@ def poor_remarks(outcome: Outcome, fit_pct: float, name: str) -> tuple[Remark, .
     """Return what a poor fit of a log, or logs, of this name means; nothing for another outcome."""
     if outcome is not Outcome.POOR_FIT:
         return ()
-    return (Remark("poor-fit", f"{fit_pct:.0f} % of {name} are explained. {outcome.value}"),)
+    return (Remark("poor-fit", f"{fit_pct:.0f} % of {name} are explained."),)
 
 
 def level_remarks(log: Log) -> tuple[Remark, ...]:

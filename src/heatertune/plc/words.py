@@ -192,6 +192,7 @@ class Certificate:
         specification: name of what was kept; None: told nowhere.
         digest: of the proof's document; None: told nowhere.
         switches: switch → setting that the user knows of the controller, or has chosen.
+        relaxed: which limits it kept are wider than their defaults, beginning "against relaxed limits"; "": none.
     """
 
     verdict: str
@@ -202,6 +203,7 @@ class Certificate:
     specification: str | None = None
     digest: str | None = None
     switches: Mapping[str, str] = field(default_factory=dict)
+    relaxed: str = ""
 
     @property
     def head(self) -> tuple[str, ...]:
@@ -216,7 +218,8 @@ class Certificate:
             None if self.specification is None else f"specification: {self.specification}",
             None if self.digest is None else f"digest of the proof: {self.digest}",
         ]
-        lines = (f"verdict of the proof: {self.verdict}{forced}", *self.lines, *(told for told in conditions if told))
+        verdict = f"{self.verdict} {self.relaxed}" if self.relaxed else self.verdict
+        lines = (f"verdict of the proof: {verdict}{forced}", *self.lines, *(told for told in conditions if told))
         return tuple(" ".join(line.split()) for line in lines)  # names are the user's: a line must not become two
 
 

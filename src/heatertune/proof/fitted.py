@@ -163,9 +163,7 @@ def _heaters_switch(conditions: Conditions, words: Words) -> Actuator:
 
 
 def aimed(tuned: TuneSettings, conditions: Conditions) -> TuneSettings:
-    """Return what a design is asked for, so that it aims at what a specification of the user's own asks for."""
-    if conditions.spec is None and not conditions.limit:
-        return tuned
+    """Return what a design is asked for with the specification's limits on Ms and on the power of one sensor step."""
     limits = specified(conditions).limits_for(1.0)
     ms, step_power = (math.inf if limit is None else limit for limit in (limits.ms, limits.step_power_pct))
     own = math.inf if tuned.step_power_pct is None else tuned.step_power_pct

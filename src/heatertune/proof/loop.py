@@ -166,7 +166,8 @@ def scans_of(controller: InLoop, scenario: Scenario) -> int:
     """
     scans = scenario.duration_s / controller.scan_s
     if scans > _MOST_SCANS:
-        rule = f"<= {_MOST_SCANS * controller.scan_s:.3g} (ten million scans); a longer TA or a faster heater"
+        rule = (f"<= {_MOST_SCANS * controller.scan_s:.3g} (ten million scans every {controller.scan_s:g} s); for a "
+                "heater as slow take a longer --sample-time or, where that is fixed, another --target")
         raise OutOfRange("duration_s of the proof's story", scenario.duration_s, rule)
     return math.ceil(scans - INSTANT_S) + 1
 

@@ -17,7 +17,7 @@ from heatertune.units import check
 
 __all__ = [
     "GENERAL", "LIMITS", "NOTHING", "STORY", "Limit", "Measure", "Part", "Specification", "limit_of", "limits_from",
-    "split",
+    "quantity", "split",
 ]
 
 #: what holds where nothing is said
@@ -171,6 +171,7 @@ class Specification:
         reasons: name → why, where it is told.
         changed: names of the limits that options set beside preset and file.
         profile: along which the setpoint is led; None: along none.
+        base: of a file, the preset it began from; None: the general one, or the preset that `name` says.
 
     Raises:
         UnknownName: no such limit.
@@ -184,6 +185,7 @@ class Specification:
     reasons: Mapping[str, str] = field(default_factory=dict)
     changed: tuple[str, ...] = ()
     profile: Profile | None = field(default=None, metadata=LEFT_OUT)
+    base: str | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         for name, values in self.limits.items():
@@ -191,7 +193,7 @@ class Specification:
             if kind.demanded and not values:
                 raise InputError(f"limit {name} is {NOTHING!r}; expected a value, such as {kind.example!r}")
             for value in values:
-                _quantity(name, value)
+                quantity(name, value)
         self.story_at(None)
 
     @property
@@ -209,7 +211,7 @@ class Specification:
             measure.field: None for kind in LIMITS.values() for measure in kind.units.values() if not kind.demanded}
         for name, values in self.limits.items():
             for value in values:
-                number, unit = _quantity(name, value)
+                number, unit = quantity(name, value)
                 measure = LIMITS[name].units[unit]
                 wanted = number * (heater_s if unit == "T+L" else measure.factor)
                 before = given.get(measure.field)
@@ -229,7 +231,7 @@ class Specification:
     def with_limits(self, given: Mapping[str, tuple[str, ...]]) -> Specification:
         """Return it with some limits as given instead; errors as on construction."""
         return Specification(
-            name=self.name, limits={**self.limits, **given}, story=self.story, profile=self.profile,
+            name=self.name, limits={**self.limits, **given}, story=self.story, profile=self.profile, base=self.base,
             changed=tuple(dict.fromkeys((*self.changed, *given))),
             reasons={name: why for name, why in self.reasons.items() if name not in given})
 
@@ -298,8 +300,14 @@ def _setting(name: str, text: str) -> float | bool:
 
 
 @lru_cache(maxsize=256)
-def _quantity(name: str, text: str) -> tuple[float, str]:
-    """Return number and unit of a value."""
+def quantity(name: str, text: str) -> tuple[float, str]:
+    """Return number and unit of a value of a limit.
+
+    Raises:
+        UnknownName: no such limit.
+        InputError: no number, or a unit that this limit does not have.
+        OutOfRange: a number that the limit cannot have.
+    """
     units = limit_of(name).units
     spelled = _NUMBER.match(text)
     expected = f"a number with its unit ({' or '.join(units)})" if any(units) else "a number without a unit"

@@ -22,6 +22,7 @@ from heatertune.proof.verdict import (
     blocking,
     derived,
     extent,
+    relaxed_clause,
     sampled,
     told_of,
     verdict_first,
@@ -205,7 +206,8 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
     spec = proof["specification"]
     return Certificate(verdict=verdict, lines=tuple(lines), forced=verdict != "PASS", digest=proof["digest"],
                        setpoint_degC=proof["scenario"]["setpoint_degC"], actuator=Actuator(**proof["actuator"]),
-                       specification=None if spec is None else spec["name"], switches=proof["known"])
+                       specification=None if spec is None else spec["name"], switches=proof["known"],
+                       relaxed=relaxed_clause(proof))
 
 
 def export_first(words: Mapping[str, Any], proof: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,11 +11,19 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.model.findings import KINDS
+from heatertune.model.findings import KINDS, remedy_of
 from heatertune.plc.targets import REPAIRED
 from heatertune.plc.typed import TypedWord
 from heatertune.proof.period import life
-from heatertune.proof.verdict import blocking, closing_told, sampled, told_by_kind, verdict_of_samples
+from heatertune.proof.verdict import (
+    BREAKS_NONE,
+    blocking,
+    closing_told,
+    relaxed_clause,
+    sampled,
+    told_by_kind,
+    verdict_of_samples,
+)
 from heatertune.report.layout import LINES, WIDTH, beside, command, cut, labelled, notes_within, screen, table, wrapped
 from heatertune.report.text import (
     NOT_IDENTIFIED,
@@ -81,9 +89,19 @@ def design_brief(documents: Mapping[str, Document], out: str, nearest: Sequence[
     return screen(said, values, worst, [*doubts, *ends])
 
 
-def verify_brief(proof: Document, notes: Sequence[str] = (), found: str | None = None) -> str:
-    """Return a proof on one screen; `found` is the way on that was found when the words were made, see `Recipe`."""
+def verify_brief(
+    proof: Document, notes: Sequence[str] = (), found: str | None = None, redesign: Sequence[str] = ()
+) -> str:
+    """Return a proof on one screen.
+
+    Args:
+        proof: its document.
+        notes: one sentence each.
+        found: the way on that was found when the words were made, see `Recipe`; None: nobody looked.
+        redesign: the whole command that designs again what fails; none: it is not known.
+    """
     way_on = wrapped(_way_on(proof, found), "way on: ") if proof["verdict"] == "FAIL" else []
+    way_on += command(redesign) if way_on and redesign and not _fails_on_samples(proof) else []
     return _with_notes(notes, [*_verdict(proof), *way_on], _worst(proof), labelled(_doubts(proof), _DOUBTS))
 
 
@@ -94,7 +112,7 @@ def _way_on(proof: Document, found: str | None) -> str:
         return f"the same program repaired: --target {REPAIRED[proof['target']]}"
     if _fails_on_samples(proof):
         return _of_samples(proof["samples"])
-    return "heatertune design or tune with this --target looks for the least change that passes"
+    return "heatertune design or tune with this --target looks for the least change that passes, or says what would"
 
 
 def _fails_on_samples(proof: Document) -> bool:
@@ -122,8 +140,8 @@ def _of_samples(samples: Document, *, closed: bool = False) -> str:
 def model_brief(model: Document, out: str | None = None) -> str:
     """Return a fit on one screen."""
     rows = [("", "value", "95 %", ""), *model_rows(model)]
-    told = [f"{KINDS[finding['name']].short}: {KINDS[finding['name']].remedy}"
-            for finding in model.get("findings", ())]
+    names = [finding["name"] for finding in model.get("findings", ())]
+    told = [f"{KINDS[name].short}: {remedy_of(name, names)}" for name in names]
     others = len(model.get("candidates", ()))
     unseen = model.get("held_out")
     fit = f"{figure(model.get('fit_pct'), 3)} % of the curve"
@@ -173,14 +191,17 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
         said += f"; {on}"
     else:
         said = f"every limit is kept in {on}"
+    if relaxed := relaxed_clause(proof):
+        where = f"{relaxed}; {where}"
     lines = wrapped("; ".join([f"{where}: {said}", *sampled(proof)]), f"{verdict}  ", _SAID)
     if open_ := {finding["name"]: finding for finding in blocking(proof)}:
         first, *more = open_.values()
         others = ", ".join(finding["name"] for finding in more)
-        lines += wrapped(closing_told(first), "  not proven: ", _SAID)
+        lines += wrapped(closing_told(first, proof), "  not proven: ", _SAID)
         lines += wrapped(f"{others} (--verbose)", "  nor proven: ", 1) if others else []
     if verdict == "FAIL" and nearest:
-        lines += ["no limit is broken by:" if blocking(proof) else "nearest that passes:", *command(nearest)]
+        unproven = blocking(proof) or any(BREAKS_NONE in remark for remark in proof["remarks"])
+        lines += ["no limit is broken by:" if unproven else "nearest that passes:", *command(nearest)]
     return lines
 
 

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from heatertune import __version__
-from heatertune.model.findings import KINDS
+from heatertune.model.findings import remedy_of
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.plc.inputs import described
 from heatertune.plc.typed import TypedWord
-from heatertune.proof.verdict import blocking, sampled, told_of
+from heatertune.proof.verdict import blocking, relaxed_clause, sampled, told_of
 from heatertune.report.as_left import judged_text, measured_text, plot_as_left, worst_text
 from heatertune.report.html import BLANK, Markup, bullets, coded, picture, steps, table, text_of, tick
 from heatertune.report.text import (
@@ -72,12 +72,14 @@ def _verdict(documents: Documents) -> str:
     models = len({run["model"] for run in proof["runs"]})
     broken = [f"Not kept: {spaced(name)}, {worst_text(_line(name, one))} (limit {limit_text(one)})."
               for name, one in proof["criteria"].items() if not one["ok"]]
-    points = [f"Not proven: {finding['told']} What closes it: {KINDS[finding['name']].remedy}."
+    names = [finding["name"] for finding in proof["findings"]]
+    points = [f"Not proven: {finding['told']} What closes it: {remedy_of(finding['name'], names)}."
               for finding in blocking(proof)]
     points += [*sampled(proof), *told_of(proof)]
+    verdict = " ".join(filter(None, (proof["verdict"], relaxed_clause(proof))))
     forced = " The words were exported in spite of it (--force)." if documents["words"].get("forced") else ""
     return (
-        f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{proof["verdict"]} at '
+        f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{text_of(verdict)} at '
         f"{figure(proof['scenario']['setpoint_degC'])} °C</p>"
         f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {count(models, 'possible heater')}, "
         f"each under every setting of what the manual leaves open.{forced}</p>{bullets([*broken, *points])}"

@@ -44,7 +44,7 @@ def diagnosis(log: Log, fitted: FittedModel) -> str:
                "all of them." if models > 1 else "One model explains the log.")
     fit = "" if fitted.fit_pct is None else f" It follows {figure(fitted.fit_pct, 3)} % of the log's movement."
     return (
-        f"<p><strong>{text_of(fitted.outcome.value)}</strong>{fit} {several}</p>"
+        f"<p><strong>{text_of(fitted.outcome_text)}</strong>{fit} {several}</p>"
         + table(["parameter", "value", "95 % interval", "unit"], rows, numeric=(1,))
         + "".join(f"<p>{text_of(for_page(line))}</p>" for line in fitted.log_told)
         + _folded("What the fit has to say", fitted.notes)
