@@ -27,7 +27,7 @@ def test_one_line_tells_columns_units_rows_and_what_was_not_used(tmp_path):
     rows[5] = (10.0, "", 0.0, "1.2", "7")
     log = _read(tmp_path, _table("Time,T1,Q1 [%],amps,control", rows), skip_empty=True)
     assert log.taken.line == (
-        "log.csv: 59 rows every 2 s; time = 'Time' [s, assumed], temperature = 'T1' [°C, assumed], power = 'Q1 [%]' [0…100 %], "
+        "log.csv: 59 rows every 2 s; time = 'Time' [s, assumed], temperature = 'T1' [°C, from a room's temperature], power = 'Q1 [%]' [0…100 %], "
         "setpoint = none; 1 row left out; not used: 'amps', 'control'"
     )
     assert log.taken.repaired_share == 1 / 60

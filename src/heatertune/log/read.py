@@ -12,12 +12,12 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError, LogError, OutOfRange
 from heatertune.files import display_name
-from heatertune.log.account import Counts, Unit, Written, taken_of
+from heatertune.log.account import SIGNS, Counts, Unit, Written, stated_units, taken_of
 from heatertune.log.care import no_readings, one_run, tell_gaps
 from heatertune.log.cells import Sheet, plain_cells, read_sheet
 from heatertune.log.clock import forwards, seconds, with_dates
 from heatertune.log.columns import Columns, find_columns, with_names
-from heatertune.log.names import ROLES
+from heatertune.log.names import ROLES, is_scaled
 from heatertune.log.numbers import Array, numbers, refused
 from heatertune.log.power import power_of
 from heatertune.log.quantities import on_or_off
@@ -36,10 +36,13 @@ if TYPE_CHECKING:
 __all__ = ["read_log"]
 
 _TO_DEGC: Final[dict[str, Callable[[Any], Any]]] = {
-    "degC": lambda value: value, "degF": degF_to_degC, "K": kelvin_to_degC,
+    "degC": lambda value: value, "degF": degF_to_degC, "K": kelvin_to_degC, "0.1degC": lambda value: 0.1 * value,
+    "0.01degC": lambda value: 0.01 * value, "0.1degF": lambda value: degF_to_degC(0.1 * value),
 }
 _KELVIN: Final = 250.0  # no heater log lies wholly above 250 °C without saying so, and every room is above 250 K
 _ROOM_DEGF: Final = (55.0, 110.0)  # 13…43 °C
+_ROOM_DEGC: Final = (15.0, 30.0)  # in °F, in kelvins and in tenths of a degree no heater rests there
+_BELOW_FIRST: Final = 0.1  # share of the span that a heater's log may lie below where it begins
 _POSSIBLE_DEGC: Final = (-90.0, 2000.0)  # colder than any place on earth; hotter than any electric heater
 
 
@@ -115,7 +118,8 @@ def read_log(
     tell_gaps(series.time_s, lines, power is not None, doubts)
     taken = taken_of(
         table.name if table else display_name(Path(source).name), sheet, columns, tagged, time=series.time_s,
-        written=Written(clock, unit, power), counts=Counts(read=len(time), repeats=repeats, filled=filled + held),
+        written=Written(clock, unit, power, stated_units(asked)),
+        counts=Counts(read=len(time), repeats=repeats, filled=filled + held),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above)},
     )
@@ -125,13 +129,26 @@ def read_log(
 def _handed(source: Any) -> tuple[str, bytes]:
     """Return name and content of an open file, or of a table of pandas as a file would hold it."""
     if hasattr(source, "to_csv"):
-        counted = source.index.name is None and source.index.dtype.kind in "iu"
-        return "frame", str(source.to_csv(index=not counted, index_label=source.index.name or "time")).encode()
+        return "frame", _csv(source)
     if not hasattr(source, "read"):
         raise InputError(f"no log: {type(source).__name__}; expected a path, an open file, or a table of pandas")
     content = source.read()
     name = getattr(source, "name", "file")
     return str(name), content.encode() if isinstance(content, str) else content
+
+
+def _csv(frame: DataFrame) -> bytes:
+    """Return a table of pandas as a file would hold it, spans of time as seconds by their name."""
+    frame = frame.copy(deep=False)
+    counted = frame.index.name is None and frame.index.dtype.kind in "iu"
+    label = frame.index.name or "time"
+    if frame.index.dtype.kind == "m":
+        frame.index = frame.index / np.timedelta64(1, "s")
+        label = f"{label} [s]"
+    for name in [name for name in frame.columns if frame[name].dtype.kind == "m"]:
+        frame[name] = frame[name] / np.timedelta64(1, "s")
+        frame = frame.rename(columns={name: f"{name} [s]"})
+    return str(frame.to_csv(index=not counted, index_label=label)).encode()
 
 
 def _opened(
@@ -182,20 +199,42 @@ def _temperature_unit(
     sheet: Sheet, columns: Columns, given: str | None, values: Array, repairs: list[str], doubts: list[str]
 ) -> Unit:
     name, named = columns.names["temperature"], columns.unit("temperature")
-    unit = given or named
-    if unit is not None:
+    unit, scaled = given or named, is_scaled("temperature", name)
+    if unit is not None and not (scaled and given is None):
         if unit != "degC":
             repairs.append(f"The temperature is in {unit} {'as told' if given else 'by its name'}, turned into °C.")
         return Unit(unit, assumed=False)
+    if unit == "degF":
+        return Unit(unit, assumed=True, likely="0.1degF")
     lowest, highest, first = float(np.min(values)), float(np.max(values)), float(values[0])
     least, most = _POSSIBLE_DEGC
     if columns.is_foreign("temperature") or lowest >= _KELVIN or lowest < least or highest > most:
         raise LogError(f"readings from {lowest:g} up to {highest:g} whose unit is not known", file=sheet.file,
-                       column=name, expected="--temperature-unit degC, degF or K")
+                       column=name, expected="--temperature-unit degC, degF or K, or 0.1degC for tenths")
+    if not scaled and _starts_at_room(values):
+        repairs.append(f"The temperature has no unit in the file; taken as °C, for it starts at {first:g}, which is a "
+                       "room's in °C alone.")
+        return Unit("degC", assumed=True, evidence="from a room's temperature")
     repairs.append("The temperature has no unit in the file; taken as °C (else: --temperature-unit).")
-    if _ROOM_DEGF[0] <= first <= _ROOM_DEGF[1]:
-        doubts.append(f"The first reading, {first:g}, taken as °C, would be a room's temperature in °F.")
-    return Unit("degC", assumed=True)
+    likely = _likely(first, scaled=scaled)
+    if _ROOM_DEGF[0] <= first <= _ROOM_DEGF[1] or likely != "degC":
+        sign = SIGNS["degF" if likely == "degC" else likely]
+        doubts.append(f"The first reading, {first:g}, taken as °C, would be a room's temperature in {sign}.")
+    return Unit("degC", assumed=True, likely=likely)
+
+
+def _starts_at_room(values: Array) -> bool:
+    """Return whether readings begin at a room's temperature in °C, and rise from there."""
+    least, most = _ROOM_DEGC
+    first, span = float(values[0]), float(np.ptp(values))
+    rises = float(np.max(values)) > first + span / 2.0
+    return least <= first <= most and rises and first - float(np.min(values)) <= _BELOW_FIRST * span
+
+
+def _likely(first: float, *, scaled: bool) -> str:
+    """Return the unit in which the first reading is likeliest a room's."""
+    units = [unit for unit in _TO_DEGC if unit.startswith("0.") or not scaled]
+    return next((unit for unit in units if _ROOM_DEGC[0] <= _TO_DEGC[unit](first) <= _ROOM_DEGC[1]), units[0])
 
 
 def _temperature(
