@@ -13,6 +13,7 @@ from heatertune.log.values import Log
 from heatertune.model.findings import Finding
 from heatertune.model.intervals import Interval
 from heatertune.model.values import FittedModel, Outcome
+from heatertune.units import degF_to_degC
 
 __all__ = ["Remark", "fast_remarks", "findings_of", "level_remarks", "poor_remarks", "unit_findings"]
 
@@ -20,6 +21,7 @@ _BESIDE = 1.01  # times the least time constant
 _TWO = 2  # levels of power
 _FULL = 99.0  # %
 _AMBIENT_DEGC = (-40.0, 60.0)  # around a heater that is off
+_ROOM_DEGC = (10.0, 35.0)
 _LEAST_TIME_CONSTANT_S = 0.5  # a wire in a stream of air is as fast
 _MOST_TIME_CONSTANT_S = 3.0 * 86400.0
 _MOST_DEAD_TIME_S = 3600.0
@@ -101,7 +103,7 @@ def _implausible(fitted: FittedModel) -> dict[str, str]:
     doubts = {}
     low, high = ends["ambient_degC"]
     if high < _AMBIENT_DEGC[0] or low > _AMBIENT_DEGC[1]:
-        doubts["temperature"] = f"an ambient of {fitted.model.ambient_degC:.4g} °C is no room's"
+        doubts["temperature"] = _ambient_doubt(float(fitted.model.ambient_degC or 0.0))
     low, high = ends["time_constant_s"]
     if high < _LEAST_TIME_CONSTANT_S or low > _MOST_TIME_CONSTANT_S:
         doubts["time"] = f"a time constant of {fitted.model.time_constant_s:.3g} s is hardly a heater's"
@@ -110,6 +112,14 @@ def _implausible(fitted: FittedModel) -> dict[str, str]:
     if 100.0 * abs(ends["gain_degC_per_pct"][0]) > _MOST_RISE_DEGC:
         doubts["power"] = f"full power would heat by {100.0 * fitted.model.gain_degC_per_pct:.4g} °C"
     return doubts
+
+
+def _ambient_doubt(ambient_degC: float) -> str:
+    """Return what is odd about an ambient, and in which unit it would be a room's [°C]."""
+    least, most = _ROOM_DEGC
+    other = next((f": {value:.3g} °C if the readings are in {unit}" for unit, value in (
+        ("°F", degF_to_degC(ambient_degC)), ("tenths of a degree", ambient_degC / 10.0)) if least <= value <= most), "")
+    return f"an ambient of {ambient_degC:.3g} °C is no room's{other}"
 
 
 def _ends(interval: Interval | None, value: float | None) -> tuple[float, float]:
