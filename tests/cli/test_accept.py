@@ -136,7 +136,7 @@ def test_the_command_that_states_assumed_units_ends_in_pass_when_it_is_typed_and
     typed = next(line.partition("state them: heatertune ")[2] for line in err.splitlines() if "units assumed" in line)
     status, out, _ = run(*shlex.split(typed))
     assert (status, out[:4]) == (0, "PASS")
-    assert "time constant 60" in out
+    assert "time constant 59" in out
     assert run(*asked, tmp_path / "accepted", "--accept", "unit-assumed", "--quiet")[0] == 0
     exported = next((tmp_path / "accepted").glob("*.py")).read_text(encoding="utf-8")
     assert "accepted: a unit is assumed for which the log holds no evidence" in exported

@@ -55,11 +55,13 @@ class Counts(NamedTuple):
         read: that could have been readings, those aside that `Tagged` left out.
         repeats: that only repeated the one before.
         filled: in which a setpoint was put in.
+        put_back: that the file does not hold because nothing had changed.
     """
 
     read: int
     repeats: int
     filled: int
+    put_back: int = 0
 
 
 def taken_of(
@@ -91,8 +93,8 @@ def taken_of(
         used.pop("power", None)
     return Taken(
         file=file, rows=len(time), interval_s=float(np.median(np.diff(time))) if len(time) > 1 else 0.0, columns=used,
-        rows_read=counts.read + tagged.lost, left_out=counts.read + tagged.lost - len(time), repeats=counts.repeats,
-        repaired=counts.filled, unused=tagged.unused or _unused(sheet, columns, tagged, clock),
+        rows_read=counts.read + tagged.lost, left_out=counts.read + tagged.lost + counts.put_back - len(time),
+        repeats=counts.repeats, repaired=counts.filled, unused=tagged.unused or _unused(sheet, columns, tagged, clock),
         reading=_reading(sheet, columns, tagged, written, options), assumed=_assumed(written, time), stated=stated,
     )
 

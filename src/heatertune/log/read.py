@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
@@ -19,8 +19,9 @@ from heatertune.log.clock import forwards, seconds, with_dates
 from heatertune.log.columns import Columns, find_columns, with_names
 from heatertune.log.names import ROLES, is_scaled
 from heatertune.log.numbers import Array, numbers, refused
+from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
 from heatertune.log.power import power_of
-from heatertune.log.quantities import on_or_off
+from heatertune.log.quantities import on_or_off, says_nothing
 from heatertune.log.repeats import kept_rows
 from heatertune.log.tables import BUILT_IN, BuiltIn, built_in
 from heatertune.log.tags import Tags, by_tags
@@ -101,8 +102,8 @@ def read_log(
     time, clock = seconds(sheet, columns, asked.time_unit, asked.sample_time_s, repairs)
     sheet, time = forwards(sheet, time, repairs)
     sheet, time, chosen_run = one_run(sheet, time, asked.run, repairs)
-    raw = numbers(
-        sheet, columns, "temperature", "a number (--skip-empty leaves such rows out)", holes=asked.skip_empty)
+    sheet, time, edges = without_blank_power(sheet, columns, time, repairs)
+    raw = _readings(sheet, columns, time, edges, skip_empty=asked.skip_empty)
     kept, repeats = kept_rows(sheet, columns, time, repairs)
     kept &= ~no_readings(sheet, columns, raw, time, repairs)
     unit = _temperature_unit(sheet, columns, asked.temperature_unit, raw[kept], repairs, doubts)
@@ -114,16 +115,57 @@ def read_log(
         power_pct=None if power is None else power.percent[kept],
         setpoint_degC=None if setpoint is None else setpoint[kept],
         disturbance=None if disturbance is None else disturbance[kept])
-    lines = [line for line, keeps in zip(sheet.lines, kept, strict=True) if keeps]
+    series, continued = _put_back(series, edges[kept], tagged.lost_s, repairs)
+    lines = np.array(sheet.lines)[kept][continued].tolist()
     tell_gaps(series.time_s, lines, power is not None, doubts)
     taken = taken_of(
         table.name if table else display_name(Path(source).name), sheet, columns, tagged, time=series.time_s,
         written=Written(clock, unit, power, stated_units(asked)),
-        counts=Counts(read=len(time), repeats=repeats, filled=filled + held),
+        counts=Counts(read=len(time), repeats=repeats, filled=filled + held, put_back=len(lines) - int(kept.sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above)},
     )
     return _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
+
+
+def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_empty: bool) -> Array:
+    """Return the column of the temperature, shape (n,), filled in the rows that hold another power alone.
+
+    Raises:
+        LogError: as `numbers`: a cell without a reading that is neither such a row nor to be left out.
+    """
+    place = columns.index["temperature"]
+    explained = bool(np.any(edges)) and all(
+        edge or not says_nothing(row[place]) for edge, row in zip(edges, sheet.rows, strict=True))
+    raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves such rows out)",
+                  holes=skip_empty or explained)
+    own = ~np.isnan(raw)
+    return at_edges(time, raw, edges, stands=on_change(time[own], raw[own]) is not None) if np.any(edges) else raw
+
+
+def _put_back(
+    series: _Series, edges: Mask, lost_s: Sequence[float], repairs: list[str]
+) -> tuple[_Series, npt.NDArray[np.intp]]:
+    """Return the rows with those that were not written since nothing changed, and the row that each continues."""
+    time, temperature = series.time_s, series.temperature_degC
+    other = np.zeros(len(time), dtype=np.bool_)
+    for column in (series.power_pct, series.setpoint_degC):
+        if column is not None:
+            other[1:] |= np.diff(column) != 0.0
+    own = ~(edges | (other & np.array([False, *(np.diff(temperature) == 0.0)])))
+    written = on_change(time[own], temperature[own])
+    if written is None:
+        return series, np.arange(len(time))
+    rows = spread(time, temperature, written, np.array(lost_s) + time[0])
+    if len(rows.source) == len(time):
+        return series, rows.source
+    repairs.append(
+        f"The temperature is written where it changes by {written.step_degC:.3g} °C; {len(rows.source) - len(time)} "
+        f"rows in which it stood were put back, {written.interval_s:.3g} s apart.")
+    power, setpoint, disturbance = (
+        None if column is None else column[rows.source]
+        for column in (series.power_pct, series.setpoint_degC, series.disturbance))
+    return _Series(rows.time_s, rows.temperature, power, setpoint, disturbance), rows.source
 
 
 def _handed(source: Any) -> tuple[str, bytes]:
