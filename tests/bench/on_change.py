@@ -179,8 +179,47 @@ def wide_blank(case: Case, seed: int) -> str:
     return "\n".join(["time_s,temp_C,power_pct", *rows]) + "\n"
 
 
+def _loop(case: Case, seed: int) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
+    """Return readings and powers of a PI controller that acts in the middle between two readings, each with its instant."""
+    rng, per = np.random.default_rng(seed), 20
+    step, slow, fast, integral = case.poll_s / per, case.ambient_degC, case.ambient_degC, 0.0
+    late = [0.0] * (round(case.dead_time_s / step) + 1)
+    readings_, powers, power, high = [], [(0.0, 0.0)], 0.0, case.plan[1][1]
+    for k in range(int(case.end_s / step)):
+        now = k * step
+        if k % per == 0:
+            readings_.append((now, round(round((fast + case.noise_degC * rng.normal()) / case.step_degC) * case.step_degC, 3)))
+        if k % per == per // 2 and now > case.plan[1][0]:
+            target = case.ambient_degC + case.gain * (0.6 * high if now < case.plan[2][0] else 0.35 * high)
+            error, gain = target - fast, 0.4 * case.time_constant_s / (case.gain * case.dead_time_s)
+            integral = min(max(integral + gain * error * case.poll_s / case.time_constant_s, 0.0), 100.0)
+            power = round(min(max(gain * error + integral, 0.0), 100.0), 1)
+            if power != powers[-1][1]:
+                powers.append((now, power))
+        late.append(power)
+        slow += step * (case.ambient_degC + case.gain * late.pop(0) - slow) / case.time_constant_s
+        fast = slow if not case.second_s else fast + step * (slow - fast) / case.second_s
+    return readings_, powers
+
+
+def long_loop(case: Case, seed: int) -> str:
+    """A closed loop, its readings and powers on change, each at its own instants."""
+    read, powers = _loop(case, seed)
+    kept = _changed(np.array([at for at, _ in read]), np.array([value for _, value in read]), 1e-9)
+    return _long([*((at, "number.heater_power", f"{power:g}") for at, power in powers),
+                  *((read[k][0], "sensor.oven_temperature", f"{read[k][1]:g}") for k in kept)])
+
+
+def long_polled_loop(case: Case, seed: int) -> str:
+    """A closed loop, a reading at every interval, the power between two of them."""
+    read, powers = _loop(case, seed)
+    return _long([*((at, "number.heater_power", f"{power:g}") for at, power in powers),
+                  *((at, "sensor.oven_temperature", f"{value:g}") for at, value in read)])
+
+
 WRITERS: tuple[Callable[[Case, int], str], ...] = (
-    long_rounded, long_beat, long_noisy, long_deadband, long_polled, long_late, wide_filled, wide_blank)
+    long_rounded, long_beat, long_noisy, long_deadband, long_polled, long_late, wide_filled, wide_blank,
+    long_loop, long_polled_loop)
 
 
 def missed(case: Case, fitted: FittedModel) -> list[str]:
