@@ -86,4 +86,5 @@ def _means(at: Array, time: Array, cells: Sequence[str]) -> Array | None:
     k = np.clip(np.searchsorted(time, ends, side="right") - 1, 0, None)
     energy = grown[k] + values[k] * (ends - time[k])
     lasted = np.diff(ends)
-    return np.where(lasted > 0.0, np.diff(energy) / np.where(lasted > 0.0, lasted, 1.0), values[k[:-1]])
+    means = np.where(lasted > 0.0, np.diff(energy) / np.where(lasted > 0.0, lasted, 1.0), values[k[:-1]])
+    return np.clip(means, values.min(), values.max())  # rounding may leave the range of the power

@@ -43,6 +43,7 @@ _TO_DEGC: Final[dict[str, Callable[[Any], Any]]] = {
 _KELVIN: Final = 250.0  # no heater log lies wholly above 250 °C without saying so, and every room is above 250 K
 _ROOM_DEGF: Final = (55.0, 110.0)  # 13…43 °C
 _ROOM_DEGC: Final = (15.0, 30.0)  # in °F, in kelvins and in tenths of a degree no heater rests there
+_WITHIN: Final = 1.5  # intervals between two readings: a power that is late by no more is as in any other log
 _BELOW_FIRST: Final = 0.1  # share of the span that a heater's log may lie below where it begins
 _POSSIBLE_DEGC: Final = (-90.0, 2000.0)  # colder than any place on earth; hotter than any electric heater
 
@@ -115,7 +116,7 @@ def read_log(
         power_pct=None if power is None else power.percent[kept],
         setpoint_degC=None if setpoint is None else setpoint[kept],
         disturbance=None if disturbance is None else disturbance[kept])
-    series, continued = _put_back(series, edges[kept], tagged.lost_s, repairs)
+    series, continued, late_s = _put_back(series, edges[kept], tagged.lost_s, repairs)
     lines = np.array(sheet.lines)[kept][continued].tolist()
     tell_gaps(series.time_s, lines, power is not None, doubts)
     taken = taken_of(
@@ -125,7 +126,8 @@ def read_log(
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above)},
     )
-    return _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
+    log = _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
+    return replace(log, power_late_s=late_s) if late_s else log
 
 
 def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_empty: bool) -> Array:
@@ -145,27 +147,44 @@ def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_
 
 def _put_back(
     series: _Series, edges: Mask, lost_s: Sequence[float], repairs: list[str]
-) -> tuple[_Series, npt.NDArray[np.intp]]:
-    """Return the rows with those that were not written since nothing changed, and the row that each continues."""
+) -> tuple[_Series, npt.NDArray[np.intp], float]:
+    """Return the rows with those that were not written since nothing changed, and the row that each continues.
+
+    And by how much the power may have changed before the row that shows it [s]: up to the row before, where no row is
+    there for the power alone.
+    """
     time, temperature = series.time_s, series.temperature_degC
     other = np.zeros(len(time), dtype=np.bool_)
     for column in (series.power_pct, series.setpoint_degC):
         if column is not None:
             other[1:] |= np.diff(column) != 0.0
-    own = ~(edges | (other & np.array([False, *(np.diff(temperature) == 0.0)])))
+    alone = edges | (other & np.array([False, *(np.diff(temperature) == 0.0)]))
+    own = ~alone
     written = on_change(time[own], temperature[own])
     if written is None:
-        return series, np.arange(len(time))
+        return series, np.arange(len(time)), 0.0
+    late_s = _late_s(time, series.power_pct, alone, written.interval_s)
     rows = spread(time, temperature, written, np.array(lost_s) + time[0])
     if len(rows.source) == len(time):
-        return series, rows.source
+        return series, rows.source, late_s
     repairs.append(
         f"The temperature is written where it changes by {written.step_degC:.3g} °C; {len(rows.source) - len(time)} "
         f"rows in which it stood were put back, {written.interval_s:.3g} s apart.")
     power, setpoint, disturbance = (
         None if column is None else column[rows.source]
         for column in (series.power_pct, series.setpoint_degC, series.disturbance))
-    return _Series(rows.time_s, rows.temperature, power, setpoint, disturbance), rows.source
+    return _Series(rows.time_s, rows.temperature, power, setpoint, disturbance), rows.source, late_s
+
+
+def _late_s(time: Array, power: Array | None, alone: Mask, interval_s: float) -> float:
+    """Return by how much a power may have changed before its row, where all its rows are readings' as well [s]."""
+    if power is None:
+        return 0.0
+    changed = np.flatnonzero(np.diff(power) != 0.0) + 1
+    if not len(changed) or np.any(alone[changed]):
+        return 0.0
+    late_s = float(np.max(time[changed] - time[changed - 1]))
+    return late_s if late_s > _WITHIN * interval_s else 0.0
 
 
 def _handed(source: Any) -> tuple[str, bytes]:
