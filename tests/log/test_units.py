@@ -141,6 +141,12 @@ def test_a_power_that_reaches_0_and_100_is_in_percent_unless_its_name_contradict
     assert ("power" in log.taken.assumed) == assumed
 
 
+def test_a_column_named_in_percent_that_holds_shares_is_asked_for():
+    with pytest.raises(LogError, match=r"a fraction or percent.*--power-full-scale"):
+        log_of(power=POWER_PCT / 100.0)
+    assert is_true(log_of(power=POWER_PCT / 100.0, power_full_scale=1.0))
+
+
 @pytest.mark.parametrize("cells", [["ON" if u else "OFF" for u in POWER_PCT], [f"{u:.0f}%" for u in POWER_PCT], [f"{u:.0f} %" for u in POWER_PCT]])
 def test_cells_are_evidence_of_the_power(cells):
     assert not log_of(power=cells, head="t_s,temp_C,heater").taken.assumed

@@ -60,7 +60,7 @@ def test_the_true_units_give_the_true_heater_and_no_finding(head, scales, option
 @pytest.mark.parametrize(("scales", "part"), [
     ({"temperature": 10.0}, "an ambient of 220 °C is no room's: 22 °C if the readings are in tenths of a degree"),
     ({"temperature": 1.8, "offset": 32.0}, "an ambient of 71.6 °C is no room's: 22 °C if the readings are in °F"), ({"time": 1 / 3600}, "is hardly a heater's"),
-    ({"time": 5000.0}, "h is hardly a heater's"), ({"power": 0.01}, "full power would heat by 6"),
+    ({"time": 5000.0}, "h is hardly a heater's"), ({"temperature": 2.0, "power": 0.022}, "full power would heat by 5"),
 ])
 def test_a_fit_that_contradicts_a_name_asks_for_the_unit_until_it_is_stated(scales, part):
     text = heater_rows("time_s,temp_C,power_pct", **scales)

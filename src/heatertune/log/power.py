@@ -57,6 +57,8 @@ def power_of(
     expected = "a number, or on and off in every row (--power-column none: there is no power)"
     values = numbers(sheet, columns, "power", expected)
     named = None if is_scaled("power", columns.names["power"]) else columns.unit("power")
+    if named == "100" and "power" not in columns.units and 0.0 < float(np.max(values)) <= 1.0:
+        named = None  # a column named in percent that holds shares, as a spreadsheet exports it
     full_scale = given or (float(named) if named else _assumed(sheet, columns, values, repairs, doubts))
     written = f"0…{full_scale:g} %" if full_scale == 100.0 else f"0…{full_scale:g}"
     if full_scale != 100.0:

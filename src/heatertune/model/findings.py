@@ -84,7 +84,7 @@ KINDS: Final[dict[str, Kind]] = {
         "log the power's mean over each interval, or at every switching"),
     "unit-assumed": Kind(
         "blocks", "a unit is assumed for which the log holds no evidence",
-        "state it: --time-unit, --temperature-unit or --power-full-scale (heatertune read)"),
+        "check and state it (--time-unit, --temperature-unit, --power-full-scale; heatertune read shows which)"),
     "closed-loop": Kind(
         "told", "the log is of a closed loop", "log one open-loop step"),
     "no-power": Kind(
