@@ -198,3 +198,34 @@ def test_no_time_without_a_unit_is_taken_in_silence(interval_s, unit, name):
 def test_a_unit_in_full_counts_wherever_it_stands_but_not_beside_another():
     assert unit_in_name("time", "minutes after switching on") == "min"
     assert unit_in_name("time", "time in minutes and seconds") != "min"
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.sampled_from(["s", "ms", "min", "h", "day"]), st.sampled_from(["degC", "degF", "K", "0.1degC", "0.01degC", "0.1degF", "0..27648"]),
+    st.sampled_from([100.0, 255.0, 1.0, 190.0, 1000.0, 4095.0, 27648.0, 32767.0]), st.booleans(), st.floats(15.0, 35.0),
+    st.floats(5.0, 400.0), st.sampled_from([0.5, 1.0, 2.0, 10.0, 60.0]), st.floats(3.0, 95.0), st.floats(0.0, 1.0))
+def test_what_is_read_is_true_or_assumed_or_refused(time_unit, temperature_unit, full_scale, named, ambient, rise, interval, level, begun):
+    # a heater that heats up, from rest or in the middle of it, its columns named with their unit or without
+    time = interval * np.arange(80)
+    temperature = ambient + rise * (1.0 - np.exp(-np.maximum(time - 10.0 * interval, -time[-1] * (begun > 0.9)) / (20.0 * interval)))
+    temperature = np.where(time < 10.0 * interval, np.maximum(temperature, ambient), temperature)
+    power = np.where(time < 10.0 * interval, 0.0, level)
+    times = {**TIMES, "day": lambda t: t / 86400.0}
+    temperatures = {**TEMPERATURES, "K": lambda y: y + 273.15, "0..27648": lambda y: np.round(27.648 * y)}
+    names = {"s": "time [s]", "ms": "time_ms", "min": "t (min)", "h": "Time [h]", "day": "time [days]", "degC": "T [°C]", "degF": "temp_F",
+             "K": "T (K)", 100.0: "power [%]", 255.0: "PWM 0-255", 1.0: "power 0..1"}
+    bare = ("Time", "Temperature", "Power")
+    head = ",".join(names.get(unit, other) if named else other
+                    for unit, other in zip((time_unit, temperature_unit, full_scale), bare, strict=True))
+    try:
+        log = log_of(times[time_unit](time), temperatures[temperature_unit](temperature), power / 100.0 * full_scale, head=head, form="{:.9f}")
+    except LogError as refused:
+        log, message = None, str(refused)
+    if log is None:
+        assert any(option in message for option in ("--time-unit", "--temperature-unit", "--power-full-scale"))
+        return
+    known = {"time", "temperature", "power"} - set(log.taken.assumed)
+    assert "time" not in known or np.allclose(np.diff(log.time_s), interval, rtol=1e-4)
+    assert "temperature" not in known or np.allclose(log.temperature_degC, temperature, atol=0.1)
+    assert "power" not in known or np.allclose(log.power_pct, power, atol=0.1)
