@@ -98,6 +98,9 @@ KINDS: Final[dict[str, Kind]] = {
     "alias": Kind(
         "blocks", "the power switches faster than it was logged",
         "log the power's mean over each interval, or at every switching"),
+    "unit-assumed": Kind(
+        "blocks", "a unit is assumed for which the log holds no evidence",
+        "check and state it (--time-unit, --temperature-unit, --power-full-scale; heatertune read shows which)"),
     "closed-loop": Kind(
         "told", "the log is of a closed loop", "log one open-loop step"),
     "no-power": Kind(

@@ -16,7 +16,7 @@ from heatertune.model.by_hand import model_by_hand
 from heatertune.model.circumstances import DelaysKnown
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.findings import Finding
-from heatertune.model.hearing import Remark, findings_of
+from heatertune.model.hearing import Remark, findings_of, unit_findings
 from heatertune.model.mirrored import middle_degC, mirrored, mirrored_log
 from heatertune.model.power.explained import Explained, explained
 from heatertune.model.power.feedback import loop_remarks
@@ -226,7 +226,8 @@ def _of_files(fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
                 for reading in taken if reading.repaired_share > MOST_REPAIRED]
     return replace(
         fitted, log_told=tuple(reading.line for reading in taken),
-        findings=(*fitted.findings, *(Finding(name="repaired", told=sentence) for sentence in repaired)),
+        findings=(*fitted.findings, *(Finding(name="repaired", told=sentence) for sentence in repaired),
+                  *unit_findings(fitted, logs)),
     )
 
 

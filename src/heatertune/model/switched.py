@@ -11,12 +11,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
+from heatertune.model.findings import Finding
 from heatertune.model.intervals import Interval
 from heatertune.model.values import Candidate, FittedModel
 
-__all__ = ["with_pwm_hidden"]
+__all__ = ["with_late_power", "with_pwm_hidden"]
 
 _EARLIER: Final = 0.5  # periods by which the heater's dead time may be longer than it looks
+_LATE: Final = 0.05  # time constants by which a power may be late before the log leaves the dead time open
 _RIPPLE: Final = 0.25  # periods per time constant by which the gain may differ
 
 
@@ -39,6 +41,34 @@ def with_pwm_hidden(fitted: FittedModel, period_s: float) -> FittedModel:
         ci95={**fitted.ci95, "dead_time_s": _moved(dead, period_s, _EARLIER * period_s),
               "gain_degC_per_pct": _stretched(gain, share)},
     )
+
+
+def with_late_power(fitted: FittedModel, late_s: float, most_s: float | None) -> FittedModel:
+    """Return the fit with what a power leaves open that may have changed before the row that shows it.
+
+    Args:
+        fitted: as if the power had changed in that row.
+        late_s: by which it may have changed earlier; 0: it did not [s].
+        most_s: no dead time is longer, as the user knows; None: nobody knows [s].
+    """
+    if late_s == 0.0:
+        return fitted
+    dead = fitted.ci95.get("dead_time_s")
+    note = (f"The power may have changed up to {late_s:.3g} s before the row that shows it: the dead time may be "
+            "longer by as much; its interval and the possible heaters hold that.")
+    added = []
+    for lags in sorted({len(each.model.lags_s) for each in fitted.candidates}):
+        longest = max((each for each in fitted.candidates if len(each.model.lags_s) == lags), key=_dead_time_s)
+        by_s = late_s if most_s is None else min(late_s, max(most_s - _dead_time_s(longest), 0.0))
+        added.append(_later(longest, by_s, "power changed before its row"))
+    high = None if dead is None or dead.high is None else dead.high + late_s
+    high = high if high is None or most_s is None else max(min(high, most_s), dead.high if dead and dead.high else 0.0)
+    opened = most_s is None and late_s > _LATE * fitted.model.time_constant_s
+    findings = (Finding(name="dead-time-open", told=note),) if opened else ()
+    return replace(
+        fitted, notes=(*fitted.notes, note), candidates=(*fitted.candidates, *added),
+        findings=(*fitted.findings, *findings),
+        ci95={**fitted.ci95, "dead_time_s": None if dead is None else Interval(low=dead.low, high=high)})
 
 
 def _ends(candidates: Sequence[Candidate], period_s: float) -> Iterator[Candidate]:

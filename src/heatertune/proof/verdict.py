@@ -19,7 +19,8 @@ from heatertune.proof.specification import GENERAL, NOTHING, Specification
 from heatertune.units import count
 
 __all__ = [
-    "ASSUMED", "BREAKS_NONE", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "closing_told", "combined",
+    "ASSUMED", "BREAKS_NONE", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "closing_text",
+    "combined",
     "derived", "extent", "relaxed_clause", "relaxed_of", "sampled", "samples_told", "switched", "told_by_kind",
     "told_of", "verdict_first", "verdict_line", "verdict_of_samples",
 ]
@@ -143,11 +144,11 @@ def verdict_line(proof: Mapping[str, Any]) -> str:
     parts = [f"{proof['verdict']} {''.join(f'{part}, ' for part in [relaxed_clause(proof)] if part)}{extent(proof)}"]
     parts += [f"not kept: {', '.join(broken)}"] if (broken := _broken(proof)) else []
     parts += sampled(proof)
-    parts += [closing_told(finding, proof, f" ({finding['name']}): ") for finding in blocking(proof)]
+    parts += [closing_text(finding, proof, f" ({finding['name']}): ") for finding in blocking(proof)]
     return "; ".join([*parts, *told_of(proof), *switched(proof)])
 
 
-def closing_told(finding: Mapping[str, Any], proof: Mapping[str, Any], between: str = "; ") -> str:
+def closing_text(finding: Mapping[str, Any], proof: Mapping[str, Any], between: str = "; ") -> str:
     """Return what a finding of a proof's document leaves open and what closes it; `between`: the two."""
     name, kind = finding["name"], KINDS[finding["name"]]
     said = finding["told"].rstrip(".") if kind.by_case else kind.short

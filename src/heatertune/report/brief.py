@@ -18,7 +18,7 @@ from heatertune.proof.period import life
 from heatertune.proof.verdict import (
     BREAKS_NONE,
     blocking,
-    closing_told,
+    closing_text,
     relaxed_clause,
     sampled,
     told_by_kind,
@@ -197,7 +197,7 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
     if open_ := {finding["name"]: finding for finding in blocking(proof)}:
         first, *more = open_.values()
         others = ", ".join(finding["name"] for finding in more)
-        lines += wrapped(closing_told(first, proof), "  not proven: ", _SAID)
+        lines += wrapped(closing_text(first, proof), "  not proven: ", _SAID)
         lines += wrapped(f"{others} (--verbose)", "  nor proven: ", 1) if others else []
     if verdict == "FAIL" and nearest:
         unproven = blocking(proof) or any(BREAKS_NONE in remark for remark in proof["remarks"])
