@@ -252,7 +252,7 @@ def _fopdt(joint: _Joint) -> Fopdt:
 def _shares(best: _Joint, logs: Sequence[Explained]) -> Iterator[Remark]:
     """Yield what the power does not explain in each log, of the one heater for all."""
     for log, part, fit in zip(logs, best.problem.parts, best.fit.parts, strict=True):
-        yield from share_remarks(log.log.name, [part], [fit])
+        yield from share_remarks(log.log.name, [part], [fit], log.doubt)
 
 
 def _aliases(logs: Sequence[Explained]) -> Iterator[Remark]:

@@ -82,7 +82,8 @@ def fit_power(explanation: Explained, weight: Weighed, *, least_dead_time_s: flo
     second = correlation_of(explanation.problems[1], two) if second_is_seen(two) else None
     outcome = outcome_of(max([fit, *(candidate.fit_pct for candidate in candidates)]), resolved=resolved)
     least_s = math.exp(explanation.problems[0].low[0])
-    checks = [*bend_remarks(explanation.bend), *share_remarks(log.name, explanation.problems, explanation.fits),
+    checks = [*bend_remarks(explanation.bend),
+              *share_remarks(log.name, explanation.problems, explanation.fits, explanation.doubt),
               *judgement_remarks(log, validation, fit, second), *alias_remarks(explanation.alias),
               *fast_remarks(least_s, explanation.model.time_constant_s, log.name), *level_remarks(log)]
     return FittedModel(

@@ -64,14 +64,20 @@ def contributions_of(problem: PowerProblem, fit: PowerFit) -> Contributions:
     return Contributions(*(float(np.ptp(cause)) for cause in causes))
 
 
-def share_remarks(name: str, problems: Sequence[PowerProblem], fits: Sequence[PowerFit]) -> Iterator[Remark]:
+def share_remarks(
+    name: str, problems: Sequence[PowerProblem], fits: Sequence[PowerFit], doubt: str = ""
+) -> Iterator[Remark]:
     """Yield the finding that the power does not explain a log's temperature, once, of the first fit that shows it.
 
     Args:
         name: of the log.
         problems: of one lag and, where two were tried, of two.
         fits: their best fits.
+        doubt: what casts doubt on the power as the cause, see `sanity.demand_cause`; it is yielded first.
     """
+    if doubt:
+        yield Remark("unexplained-by-power", f"{name}: {doubt}")
+        return
     for problem, fit in zip(problems, fits, strict=True):
         if problem.two_lags and not second_is_seen(fit):
             continue
