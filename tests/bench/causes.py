@@ -217,12 +217,37 @@ def _load(rng, low, high):
     return run(heater, _steps(rng, rows, 60, 25.0, 60.0), rows, interval, rng, other=other)
 
 
+_SUB = 10  # instants of the truth in a row of the log
+
+
+def _read_as(rng, what):
+    """Return a log of few rows per lag whose power column is late or early by a row, or the mean of the row before."""
+    lag = rng.uniform(60.0, 250.0)
+    heater = series(rng.uniform(0.4, 0.8), (lag, lag * rng.uniform(0.02, 0.3)), lag * rng.uniform(0.01, 0.15))
+    row = lag / rng.uniform(6.0, 40.0)
+    rows = 14 * round(lag / row) + 30
+    begins = np.sort(rng.integers(_SUB * 8, _SUB * rows * 8 // 10, 2)) // (1 if what == "mean" else _SUB) * (
+        1 if what == "mean" else _SUB)
+    levels = rng.uniform(15.0, 70.0, 3) * (0.0, 1.0, 1.0)
+    fine = run(heater, lambda i, _: float(levels[np.searchsorted(begins, i, side="right")]), _SUB * rows, row / _SUB, rng)
+    power = fine.power[::_SUB]
+    if what == "late":
+        power = np.concatenate([power[:1], power[:-1]])
+    elif what == "early":
+        power = np.concatenate([power[1:], power[-1:]])
+    elif what == "mean":
+        power = np.concatenate([power[:1], fine.power.reshape(rows, _SUB).mean(axis=1)[:-1]])
+    return Case(heater, fine.time[::_SUB], fine.temperature[::_SUB], power)
+
+
 #: kind → what draws a case
 KINDS = {
     "two-scales": _scales_open, "two-scales-unrested": _scales_unrested, "two-scales-hot": _scales_hot,
     "two-scales-loop": _scales_loop, "drift": _drift, "day": _day, "cooling": _cooling,
     "small-load": lambda rng: _load(rng, 0.05, 0.2), "door": lambda rng: _load(rng, 0.2, 0.6),
     "large-load": lambda rng: _load(rng, 0.6, 1.5),
+    "row-late": lambda rng: _read_as(rng, "late"), "row-mean": lambda rng: _read_as(rng, "mean"),
+    "row-early": lambda rng: _read_as(rng, "early"), "row-exact": lambda rng: _read_as(rng, "exact"),
     "plain": lambda rng: run(h := _drawn_series(rng), _steps(rng, 900, 60, 15.0, 60.0), 900, h.slowest / 100.0, rng),
 }
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from heatertune.log.values import Log
 from heatertune.model.outliers import sensor_step, tamed
-from heatertune.model.switched import with_pwm_hidden
+from heatertune.model.switched import with_late_power, with_pwm_hidden
 from heatertune.model.values import FittedModel
 from heatertune.units import check
 
@@ -58,6 +58,10 @@ class DelaysKnown:
         given = {"dead_time_at_most_s": self.dead_time_at_most_s, "sensor_delay_s": self.sensor_delay_s or None,
                  "log_pwm_period_s": period_s or None}
         fitted = with_pwm_hidden(fitted, period_s)
+        powered = [log for log in logs if log.power_pct is not None]
+        if powered:
+            fitted = with_late_power(fitted, _interval_s(powered), most_s=self.dead_time_at_most_s,
+                                     least_s=self.least_dead_time_s(logs))
         return replace(
             fitted, setpoint_degC=setpoint_of(logs[0]), log_interval_s=_interval_s(logs),
             least_dead_time_s=self.least_dead_time_s(logs), reading_step_degC=max(map(reading_step_degC, logs)),
