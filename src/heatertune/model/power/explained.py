@@ -17,6 +17,7 @@ from heatertune.model.power.events import refitted, with_events, without_events
 from heatertune.model.power.feedback import is_feedback
 from heatertune.model.power.nonlinear import Bend, judged_linear
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.opened import refuse_opened
 from heatertune.model.power.readings import Readings
 from heatertune.model.power.sanity import demand_cause, follows_temperature
 from heatertune.model.values import Fopdt
@@ -107,9 +108,12 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     two = replace(thin, two_lags=True)
     closed = is_feedback(log) or follows_temperature(log)
     way = with_events([thin, two], [fit, _second(two, fit)], closed=closed)
+    if doubt or way.problems[0].loads_s:
+        refuse_opened(log, thin)
     (problems, fits), bend, untold = judged_linear(without_events(way), way)
     if any(fit.model is None for fit in fits):
-        raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
+        raise InputError(f"{log.name}: no heater explains the log, as something else than the power moved its "
+                         "temperature; log steps of the power from rest, each until it rests")
     return Explained(
         log=log, readings=clean.whole.readings, problems=problems, fits=fits, cleaned=clean.readings_degC,
         outliers=clean.outliers, notes=(*notes, *untold), alias=alias, bend=bend, doubt=doubt,
@@ -123,6 +127,7 @@ def _demand_cause(log: Log, problem: PowerProblem, fit: PowerFit, alias: str) ->
     except InputError as refused:
         if alias:
             raise InputError(f"{log.name}: {alias}") from refused
+        refuse_opened(log, problem)
         raise
 
 
