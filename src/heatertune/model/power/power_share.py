@@ -29,7 +29,7 @@ _LOADS: Final = 2.0 / 3.0  # of the span, that loads may
 _AGAINST: Final = 4.0 / 3.0  # of the span: beyond that, power and loads cancel
 _CANCELLED: Final = 3.0  # of the span: beyond that, power and initial states cancel
 _OFTEN: Final = 0.75  # of the log, within a time constant of a step
-_SMALL: Final = 0.1  # of the span: loads that move it by less hide little
+_SMALL: Final = 0.15  # of the span: loads that move it by less hide little
 
 
 class Contributions(NamedTuple):
