@@ -58,7 +58,11 @@ class DelaysKnown:
         given = {"dead_time_at_most_s": self.dead_time_at_most_s, "sensor_delay_s": self.sensor_delay_s or None,
                  "log_pwm_period_s": period_s or None}
         fitted = with_pwm_hidden(fitted, period_s)
-        fitted = with_late_power(fitted, max(log.power_late_s for log in logs), self.dead_time_at_most_s)
+        powered = [log for log in logs if log.power_pct is not None]
+        if powered:
+            fitted = with_late_power(
+                fitted, _interval_s(powered), gap_s=max(log.power_late_s for log in powered),
+                most_s=self.dead_time_at_most_s, least_s=self.least_dead_time_s(logs))
         return replace(
             fitted, setpoint_degC=setpoint_of(logs[0]), logged_range_degC=logged_range_degC(logs),
             log_interval_s=_interval_s(logs),

@@ -43,6 +43,10 @@ KINDS: Final[dict[str, Kind]] = {
         "blocks", "readings left out of the fit are not foretold", "log one open-loop step until it rests"),
     "follows-power": Kind(
         "told", "what the model leaves over still follows the power", "log one open-loop step until it rests"),
+    "unexplained-by-power": Kind(
+        "blocks", "the power does not explain the temperature",
+        "log steps of the power from rest, each until it rests, and keep doors, fans and other heaters still "
+        "(heatertune plan)"),
     "halves-disagree": Kind(
         "widens", "the halves of the log give different heaters", "log one open-loop step until it rests"),
     "logs-disagree": Kind(

@@ -21,7 +21,7 @@ from heatertune.proof.acceptance import Acceptance
 from heatertune.proof.course import Course, Loop
 from heatertune.proof.coverage import Coverage
 from heatertune.proof.criteria import Limits
-from heatertune.proof.heaters import beyond_log, default_setpoint, holding, range_is_unknown, unreached
+from heatertune.proof.heaters import beyond_log, default_setpoint, holding, left_out, range_is_unknown, unreached
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.proving import Proof, prove_models
 from heatertune.proof.spec_file import specified
@@ -74,8 +74,8 @@ def prove(
     heard = Heard(
         findings=(*fitted.findings, *unreached(fitted, len(models), farthest),
                   *beyond_log(fitted, setpoints)), accepted=asked.accept,
-        assumed=fitted.assumed, remarks=(*_remarks(words, fitted, asked, setpoints), *course.told),
-        not_tested=course.not_tested)
+        assumed=fitted.assumed, not_tested=course.not_tested,
+        remarks=(*_remarks(words, fitted, asked, setpoints), *left_out(fitted, len(models), farthest), *course.told))
     acceptance = Acceptance(
         limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
         reading_step_degC=fitted.reading_step_degC, heard=heard)

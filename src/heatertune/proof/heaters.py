@@ -7,14 +7,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from heatertune.model.findings import Finding
 from heatertune.model.mirrored import cools
+from heatertune.model.outliers import tamed
 from heatertune.model.values import FittedModel, HeaterModel, Outcome
 from heatertune.proof.scenario import can_hold
 
 __all__ = [
-    "ROOM_DEGC", "beyond_log", "covered_degC", "default_setpoint", "holding", "labelled", "range_is_unknown",
-    "unreached",
+    "ROOM_DEGC", "beyond_log", "covered_degC", "default_setpoint", "holding", "labelled", "left_out",
+    "range_is_unknown", "unreached",
 ]
 
 #: ambient assumed where neither the log nor the user tells it [°C]
@@ -24,6 +27,8 @@ ROOM_DEGC: Final = 20.0
 _COVERED: Final = 0.1
 #: no room is colder or hotter, whatever ambient a fit extrapolates to [°C]
 _ROOMS_DEGC: Final = (0.0, 40.0)
+
+_NEAR: Final = 0.02  # of the span of the readings: as near to a setpoint they are at it
 
 
 def labelled(fitted: FittedModel) -> list[tuple[str, HeaterModel]]:
@@ -40,9 +45,14 @@ def holding(fitted: FittedModel, setpoint_degC: float) -> list[tuple[str, Heater
 
 
 def unreached(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[Finding]:
-    """Return the finding that only so many of the possible heaters can hold the setpoint, none where all can."""
+    """Return the finding that only so many of the possible heaters can hold the setpoint, none where all can.
+
+    A heater that cannot, though the log shows that it did, contradicts the log and counts for nothing.
+    """
+    unable = [model for _, model in labelled(fitted)
+              if not can_hold(model, setpoint_degC, float(model.ambient_degC or 0.0))]
     possible = len(fitted.heaters)
-    if able < possible:
+    if able < possible and not all(_contradicts(fitted, model, setpoint_degC) for model in unable):
         yield Finding(name="setpoint-unreached",
                       told=f"{possible - able} of {possible} possible heaters cannot hold {setpoint_degC:g} °C.")
 
@@ -102,6 +112,34 @@ def _beyond(setpoint_degC: float, covered: float, towards: str) -> Finding:
     return Finding(name="beyond-the-log", told=(
         f"{setpoint_degC:g} °C is asked for, and the log covers setpoints {towards} to {covered:g} °C (--setpoint "
         f"{covered:g})."))
+
+
+def left_out(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[str]:
+    """Return the remark on possible heaters that are left out as the log contradicts them, nothing without any."""
+    possible = len(fitted.heaters)
+    if able < possible and not any(unreached(fitted, able, setpoint_degC)):
+        yield (f"{possible - able} of {possible} possible heaters left out: they could not hold {setpoint_degC:g} °C, "
+               "which the log shows held")
+
+
+def _contradicts(fitted: FittedModel, model: HeaterModel, setpoint_degC: float) -> bool:
+    """Return whether a log shows that a heater, which cannot hold a setpoint, is another than the log's.
+
+    Its ambient lies beyond the setpoint, which the readings have passed; or full power does not lead as far as the
+    readings have rested for as long as all its lags and its dead time.
+    """
+    if fitted.residuals is None:
+        return False
+    sign, time = math.copysign(1.0, model.gain_degC_per_pct), fitted.residuals.time_s
+    above = sign * (tamed(fitted.residuals.measured_degC) - setpoint_degC)
+    near = _NEAR * float(np.ptp(above))
+    if sign * (float(model.ambient_degC or 0.0) - setpoint_degC) >= 0.0:
+        return float(above.min()) < -near
+    lasts = model.dead_time_s + sum(model.lags_s)
+    breaks = np.flatnonzero(above < -near)
+    runs = zip(np.append(0, breaks + 1), np.append(breaks, len(above)), strict=True)
+    return any(end - begin > 1 and time[end - 1] - time[begin] >= lasts and above[end - 1] > above[begin] - near
+               for begin, end in runs)
 
 
 def default_setpoint(fitted: FittedModel) -> float:

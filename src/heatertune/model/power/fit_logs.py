@@ -24,6 +24,7 @@ from heatertune.model.power.joint import LAG, JointFit, JointProblem
 from heatertune.model.power.joint_intervals import joint_held_at, joint_intervals
 from heatertune.model.power.loads import bic_of
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.power_share import share_remarks
 from heatertune.model.power.rivals import lies_inside, widened
 from heatertune.model.statistics import autocorrelation, fit_pct
 from heatertune.model.values import Candidate, FittedModel, Fopdt, OneLog, Residuals
@@ -87,7 +88,8 @@ def fit_logs(
     model, first = _fopdt(best), logs[0]
     simulated = first.at_readings(best.problem.parts[0], best.fit.parts[0])
     agreement, names = list(agreement_remarks(alone, apart)), " and ".join(log.log.name for log in logs)
-    checks = [*fast_remarks(math.exp(best.problem.low[LAG]), model.time_constant_s, names), *_aliases(logs)]
+    checks = [*fast_remarks(math.exp(best.problem.low[LAG]), model.time_constant_s, names),
+              *_shares(best, logs), *_aliases(logs)]
     fit = _fit_pct([log.cleaned for log in logs], _simulated(best, logs))
     outcome = outcome_of(fit, resolved=resolved)
     return FittedModel(
@@ -245,6 +247,12 @@ def _fopdt(joint: _Joint) -> Fopdt:
     model = joint.fit.parts[0].model
     assert isinstance(model, Fopdt)
     return model
+
+
+def _shares(best: _Joint, logs: Sequence[Explained]) -> Iterator[Remark]:
+    """Yield what the power does not explain in each log, of the one heater for all."""
+    for log, part, fit in zip(logs, best.problem.parts, best.fit.parts, strict=True):
+        yield from share_remarks(log.log.name, [part], [fit], log.doubt)
 
 
 def _aliases(logs: Sequence[Explained]) -> Iterator[Remark]:

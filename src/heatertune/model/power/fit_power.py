@@ -17,6 +17,7 @@ from heatertune.model.power.family import family_of
 from heatertune.model.power.judge import correlation_of, judged, judgement_remarks, predicts
 from heatertune.model.power.nonlinear import Bend, bend_remarks
 from heatertune.model.power.parts import halves_notes, said_by_halves, widening, widening_notes
+from heatertune.model.power.power_share import share_remarks
 from heatertune.model.power.rivals import Rival, rivals_of, widened
 from heatertune.model.power.uncertainty import intervals_by
 from heatertune.model.statistics import autocorrelation, fit_pct
@@ -86,6 +87,7 @@ def fit_power(explanation: Explained, weight: Weighed, *, least_dead_time_s: flo
     outcome = outcome_of(max([fit, *(candidate.fit_pct for candidate in candidates)]), resolved=resolved)
     least_s = math.exp(explanation.problems[0].low[0])
     checks = [*bend_remarks(explanation.bend),
+              *share_remarks(log.name, explanation.problems, explanation.fits, explanation.doubt),
               *judgement_remarks(log, validation, fit, second, two_lags_predict=two_predict),
               *alias_remarks(explanation.alias), *fast_remarks(least_s, explanation.model.time_constant_s, log.name),
               *level_remarks(log)]
