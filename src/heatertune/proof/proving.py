@@ -28,7 +28,7 @@ from heatertune.proof.interlock import Interlock
 from heatertune.proof.judging import of_words
 from heatertune.proof.mains import MainsScenario, mains_label
 from heatertune.proof.measured import band_of
-from heatertune.proof.night import OVERSHOOTS, Night, heat_up, nights_of
+from heatertune.proof.night import JUDGED, OVERSHOOTS, Night, heat_up, nights_of
 from heatertune.proof.noise import drawn, nearest
 from heatertune.proof.runs import AllRuns, Runs
 from heatertune.proof.scenario import Scenario
@@ -336,12 +336,18 @@ def _with_draws(
 def _hardest_after(results: Sequence[RunResult], night: str) -> list[RunResult]:
     """Return of each setting the run that overshoots most, for its limit, after what a night tries in other lengths.
 
-    That which overshoots most of all comes last.
+    Where the time to return counts too, also the run that needs the most of it. That which overshoots most of all comes
+    last.
     """
-    def strain(result: RunResult) -> float:
-        return max(each.strain for each in result.criteria if each.name in OVERSHOOTS[night])
+    def by(names: Sequence[str]) -> Callable[[RunResult], float]:
+        return lambda result: max(each.strain for each in result.criteria if each.name in names)
 
-    return sorted({tuple(run.switches.items()): run for run in sorted(results, key=strain)}.values(), key=strain)
+    over = by(OVERSHOOTS[night])
+    judged = {each.name for each in results[0].criteria}
+    times = [name for name in JUDGED[night] if name in judged and name not in OVERSHOOTS[night]]
+    hardest = [run for strain in (*([by(times)] if times else []), over) for run in
+               {tuple(run.switches.items()): run for run in sorted(results, key=strain)}.values()]
+    return sorted({run.label: run for run in hardest}.values(), key=over)
 
 
 def _after_nights(
@@ -371,10 +377,11 @@ def _after_a_night(
     """
     def judged(night: Night, only: Sequence[Run]) -> list[tuple[Run, tuple[Criterion, ...]]]:
         again = runs.again(night.scenario, only, replace(coverage, progress=str))
-        return [((name, switches, runs.mains_power), ran)
-                for (name, _, switches), ran in zip(again.cases, again.judged(), strict=True)]
+        ran = ((name, switches, runs.mains_power) for name, _, switches in again.cases)
+        return [(run, night.compared(criteria, before[again.label(number)]))
+                for number, (run, criteria) in enumerate(zip(ran, again.judged(), strict=True))]
 
-    models = runs.models
+    models, before = runs.models, {result.label: result.criteria for result in results}
 
     coarse, fine = (_nights(runs.controller, runs.words, runs.scenario, models, closely=closely)
                     for closely in (False, True))
