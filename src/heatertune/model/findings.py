@@ -65,10 +65,10 @@ KINDS: Final[dict[str, Kind]] = {
         "(--switch), or keep it in manual while the circuit is open"),
     "warm-restart": Kind(
         "blocks", "it overshoots by more than its limit where the PLC is restarted while the heater is warm",
-        "allow what it does then (--limit restart-overshoot), or let the heater cool down before it is switched on"),
+        "allow what it does then (--limit overshoot), or let the heater cool down before it is switched on"),
     "part-change": Kind(
         "blocks", "it overshoots by more than its limit where the setpoint changes by a part of its range of use",
-        "allow what it does then (--limit change-overshoot), or say a smaller range (--setpoint)"),
+        "allow what it does then (--limit overshoot), or say a smaller range (--setpoint)"),
     "stays-at-limit": Kind(
         "blocks", "it may stay at full power where the setpoint rises while the heater warms up",
         "find out what your controller does at its limit (--switch), leave out D (--structure pi), or let the heater "

@@ -52,6 +52,8 @@ LIMIT_OF: Final = {
     **{f"{overshoot}{IN_DEGC}": "overshoot_degC" for overshoot, *_ in WAYS.values()},
     "reheat_overshoot": "reheat_overshoot_pct", f"reheat_overshoot{IN_DEGC}": "reheat_overshoot_degC",
     "recovery_overshoot": "recovery_overshoot_pct", f"recovery_overshoot{IN_DEGC}": "recovery_overshoot_degC",
+    "small_change_overshoot": "small_change_overshoot_pct",
+    f"small_change_overshoot{IN_DEGC}": "small_change_overshoot_degC",
     "pwm_ripple": "pwm_ripple_degC", "iae": "iae_degC_s", "deviation": "deviation_degC",
     "power_reserve": "power_reserve_pct", "saturation": "saturation_pct", "switchings": "switchings_per_h",
     "overflow": "overflows", "ms": "ms", "gain_margin": "gain_margin", "phase_margin": "phase_margin_deg",

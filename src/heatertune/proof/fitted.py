@@ -24,6 +24,7 @@ from heatertune.proof.criteria import Limits
 from heatertune.proof.heaters import default_setpoint, holding, unreached
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.mains import MAINS_POWERS, RESERVE_PCT, Supply, limits_off_rated, mains_label, powered
+from heatertune.proof.measured import band_of
 from heatertune.proof.proving import Proof, prove_models
 from heatertune.proof.spec_file import specified
 from heatertune.proof.specification import Specification
@@ -37,6 +38,9 @@ __all__ = [
 
 #: of the band of soaks: as near to the ambient a heater has to be before a profile
 _OF_BAND: Final = 0.5
+#: times how far from the setpoint is still right: the least setpoint change that is judged by itself, so that half of
+#: it, its limit, is no less than what is right
+_IN_BANDS: Final = 2.0
 
 
 def prove(
@@ -165,6 +169,7 @@ def course_for(
     if mains_power is not None:
         limits, cooling_gain = limits_off_rated(limits), cooling_gain / mains_power
         story = replace(story, mains=False, load_pct=min(story.load_pct / mains_power, 99.0))
+    resolution_degC = words.scaling.span_degC / controller.sensor(words.scaling).counts
     loop = Loop(
         scan_s=timing.scan_s, sample_time_s=words.sample_time_s,
         pwm_period_s=actuator.pwm_period_s if timing.pwm_period_s is None else timing.pwm_period_s,
@@ -173,7 +178,7 @@ def course_for(
         recovery_s=limits.recovery_s or 0.0, soak_settles_s=limits.soak_settles_s,
         cold_degC=_OF_BAND * (limits.tolerance_degC if limits.soak_band_degC is None else limits.soak_band_degC),
         again_degC=controller.again_degC(words), forgets_degC=controller.forgets_degC(words),
-        cooling_gain=cooling_gain)
+        cooling_gain=cooling_gain, small_change_degC=_IN_BANDS * band_of(limits, resolution_degC))
     return story_for(models, loop, story, noise_degC=conditions.noise_degC, setpoint_degC=setpoint_degC)
 
 

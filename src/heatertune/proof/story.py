@@ -50,6 +50,8 @@ _NIGHT_TN: Final = 10.0
 _EDGE_PCT: Final = 1.0  # power that decides at the edge of a window: no heater is known better
 _COLD: Final = 0.95  # share of the way to the ambient after which a heater is cold
 _LOW_SHARE: Final = 0.2  # of the setpoint step, where nobody tells the lower end of the setpoints of use
+_SMALL_SHARE: Final = 0.05  # of the setpoint step: a small change of the setpoint, and times it
+_SMALL: Final = (1.0, 2.0)
 _ROUNDED: Final = 1e-9
 
 
@@ -172,6 +174,7 @@ class _Teller:
             yield _Part(event=NewSetpoint(time_s=1.0, setpoint_degC=self.low_degC),
                         limit_s=self._cooling_s + self.loop_s + self._ramp_s, rest_s=self.long_rest_s)
             yield self._part(NewSetpoint(time_s=1.0, setpoint_degC=self.setpoint_degC), self.way_s)
+        yield from self._small_changes()
         if self._mains_tested:
             for share in MAINS_POWERS:
                 yield replace(self._part(Mains(time_s=1.0, share=share)), rest_s=self.long_rest_s)
@@ -180,6 +183,23 @@ class _Teller:
             for off_s in (_HOT_OFF * self.heater_s, self._longest_s(_COLD for _ in self.models)):
                 yield self._off(PlcPower(time_s=1.0, on=False), off_s)
                 yield self._part(PlcPower(time_s=1.0, on=True), self.way_s)
+
+    def _small_changes(self) -> Iterator[_Part]:
+        """Yield small changes of the setpoint, down and up again: most of them without a limit of the output."""
+        for change_degC in self._small_degC:
+            for setpoint in (self.setpoint_degC - change_degC, self.setpoint_degC):
+                change = NewSetpoint(time_s=1.0, setpoint_degC=setpoint, small=True)
+                yield self._part(change, self.loop_s + self._ramp_s)
+
+    @cached_property
+    def _small_degC(self) -> list[float]:
+        """The small changes of the setpoint, negative for a cooler; those beyond the lowest setpoint are left out."""
+        least, low = self.loop.small_change_degC, self.low_degC
+        if low is None or least == 0.0:
+            return []
+        small = max(_SMALL_SHARE * abs(self.step_degC), least)
+        most = abs(self.setpoint_degC - low)
+        return [math.copysign(times * small, self.step_degC) for times in _SMALL if times * small <= most]
 
     def _at_the_edge(self) -> Iterator[_Part]:
         """Yield two open circuits until the sum is forgotten, under a small load.
@@ -236,6 +256,9 @@ class _Teller:
             yield "an open circuit of the heater"
         if self.low_degC is None:
             yield "a change of the setpoint"
+        elif self.loop.small_change_degC > 0.0 and not self._small_degC:
+            least = self.loop.small_change_degC
+            yield f"a small change of the setpoint (none from {least:.3g} °C on is within its range)"
         if not story.mains:
             yield "mains voltage"
         elif not self._mains_tested:
