@@ -221,7 +221,8 @@ def test_a_proof_is_of_these_words_where_all_that_makes_them_is_the_same(field, 
     """What makes words: the numbers, the controller, its interval, its sensor's range and the ramp of the setpoint."""
     words = {"target": "s5-ob251", "words": {"K": 1024}, "sample_time_s": 1.0, "setpoint_ramp": None, "realised": None,
              "scaling": {"low_degC": 0.0, "high_degC": 100.0}}
-    proof = {**words, "criteria": {}, "known": {}, "runs": []}
+    proof = {**words, "criteria": {}, "known": {}, "runs": [{"model": "a", "switches": settings} for settings in settings_to_prove(
+        controller_for("s5-ob251").switches)]}
     if field is None:
         demand_same_words(words, proof, "proof.json")
         return

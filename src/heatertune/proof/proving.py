@@ -146,13 +146,17 @@ class Proof(Shown):
 
     @property
     def worst(self) -> Trace:
-        """Trace of the run whose criteria strain their limits most."""
+        """Trace of the run of `worst_run`."""
         return self.traced(self.worst_run)
 
     @property
     def worst_run(self) -> int:
-        """Number of the run whose criteria strain their limits most."""
-        return _worst(self.runs)
+        """Number of the run at the rated power whose criteria strain their limits most.
+
+        Its events come when the nominal run's do, so a picture can show both; without such a run it is the worst of all.
+        """
+        rated = [run for run in self.runs if run.mains_power is None] or self.runs
+        return self.runs.index(rated[_worst(rated)])
 
     @property
     def verdict(self) -> str:
