@@ -10,7 +10,8 @@ import pytest
 from heatertune.errors import DocumentError, ExportRefused, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding
 from heatertune.pid.loop.robustness import margins
-from heatertune.plc import Ramp
+from heatertune.plc import Ramp, controller_for
+from heatertune.plc.open_points import settings_to_prove
 from heatertune.proof import Acceptance, Actuator, Criterion, Limits, paper_scenario, prove_models
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.measured import Column

@@ -153,7 +153,7 @@ class Proof(Shown):
     def worst_run(self) -> int:
         """Number of the run at the rated power whose criteria strain their limits most.
 
-        Its events come when the nominal run's do, so a picture can show both; without such a run it is the worst of all.
+        A picture can show it with the nominal run, as their events coincide. Without such a run it is the worst of all.
         """
         rated = [run for run in self.runs if run.mains_power is None] or self.runs
         return self.runs.index(rated[_worst(rated)])
