@@ -23,6 +23,7 @@ from heatertune.proof.coverage import Coverage, Run
 from heatertune.proof.criteria import Limits
 from heatertune.proof.heaters import default_setpoint, holding, unreached
 from heatertune.proof.interlock import Interlock
+from heatertune.proof.loop import MOST_SCANS
 from heatertune.proof.mains import MAINS_POWERS, RESERVE_PCT, Supply, limits_off_rated, mains_label, powered
 from heatertune.proof.measured import band_of
 from heatertune.proof.proving import Proof, prove_models
@@ -106,7 +107,8 @@ def _supplies(
         powers: full power as a share of the rated one, of each voltage.
     """
     supplies, told, untested = list[Supply](), list[str](), list[str]()
-    story = specified(conditions).story_at(conditions.lowest_degC)
+    story, scan_s = (specified(conditions).story_at(conditions.lowest_degC),
+                     controller_for(words.target).timing(words).scan_s)
     if not story.mains or story.paper_times:
         return supplies, told, untested
     for power in powers:
@@ -125,8 +127,11 @@ def _supplies(
         except (InputError, OutOfRange) as problem:
             untested.append(f"{label} ({problem})")
             continue
+        if course.scenario.duration_s > MOST_SCANS * scan_s:
+            untested.append(f"{label} (more than {MOST_SCANS // 1_000_000} million scans)")
+            continue
         supplies.append(Supply(mains_power=power, scenario=course.scenario, models=able))
-        told += [f"{label}: {easier}" for easier in course.told]
+        told += [f"{label}, of that power: {easier}" for easier in course.told]
     return supplies, told, untested
 
 
