@@ -12,7 +12,8 @@ from heatertune.codec import encode
 from heatertune.errors import DocumentError, ExportRefused, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding, remedy_of
 from heatertune.pid.loop.robustness import margins
-from heatertune.plc import Certificate, Ramp
+from heatertune.plc import Certificate, Ramp, controller_for
+from heatertune.plc.open_points import settings_to_prove
 from heatertune.proof import Acceptance, Actuator, Criterion, Limits, paper_scenario, prove_models
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.measured import Column
@@ -234,7 +235,8 @@ def test_a_proof_is_of_these_words_where_all_that_makes_them_is_the_same(field, 
     """What makes words: the numbers, the controller, its interval, its sensor's range and the ramp of the setpoint."""
     words = {"target": "s5-ob251", "words": {"K": 1024}, "sample_time_s": 1.0, "setpoint_ramp": None, "realised": None,
              "scaling": {"low_degC": 0.0, "high_degC": 100.0}}
-    proof = {**words, "criteria": {}, "known": {}, "runs": []}
+    proof = {**words, "criteria": {}, "known": {}, "runs": [{"model": "a", "switches": settings} for settings in settings_to_prove(
+        controller_for("s5-ob251").switches)]}
     if field is None:
         demand_same_words(words, proof, "proof.json")
         return

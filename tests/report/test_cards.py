@@ -128,7 +128,7 @@ def test_a_proof_shows_its_verdict_and_every_criterion(proof):
 
 def test_a_failing_criterion_is_marked(proof):
     bad = replace(proof, criteria=tuple(replace(c, limit=0.001) if c.name == "overshoot" else c for c in proof.criteria))
-    assert next(row for row in _seen(bad)[0] if row[0] == "overshoot")[2:] == ["≤ 0.001", "%", "FAIL"]
+    assert next(row for row in _seen(bad)[0] if row[0] == "overshoot")[2:] == ["≤ 0.001", "% of rise", "FAIL"]
 
 
 def test_a_trace_shows_what_the_loop_did(proof):

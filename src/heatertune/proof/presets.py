@@ -82,12 +82,17 @@ PRESETS: Final[dict[str, Preset]] = {
     }),
 }
 
+#: overshoot after a small change of the setpoint, of that change [%]
+SMALL_CHANGE_PCT: Final = 50.0
+
 #: why the general limits are as they are
 _REASONS: Final = {
     "tolerance": "what most heaters' users call right",
     "overshoot": "this project's choice for heaters; ask for less where the goods do",
     "recovery-overshoot": "as on heat-up",
     "reheat-overshoot": "twice that of the heat-up: a fault, not use; a controller that winds up without end breaks it",
+    "small-change-overshoot": "a PI tuned against disturbances overshoots by a quarter to a third of a change without "
+                              "saturation, more at 121 % of the power; half still comes to rest",
     "ms": "K. J. Åström, T. Hägglund, Advanced PID Control, ISA 2006",
     "gain-margin": "D. E. Seborg, T. F. Edgar, D. A. Mellichamp, Process Dynamics and Control: 1.7 to 4",
     "phase-margin": "Seborg, Edgar, Mellichamp: 30 to 45°",
@@ -177,6 +182,7 @@ def _general() -> dict[str, tuple[str, ...]]:
     """Return the defaults of `Limits` as a user would write them."""
     defaults = {one.name: one.default for one in fields(Limits)}
     limits: dict[str, tuple[str, ...]] = {}
+    defaults["small_change_overshoot_pct"] = SMALL_CHANGE_PCT
     for name, kind in LIMITS.items():
         measures = {measure.field: unit for unit, measure in kind.units.items() if measure.factor == 1.0}
         limits[name] = tuple(f"{defaults[field]:g} {unit}".strip() for field, unit in measures.items()

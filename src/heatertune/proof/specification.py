@@ -73,18 +73,22 @@ LIMITS: Final[dict[str, Limit]] = {
         what="how far from the setpoint is still right: half width of the band, limit of offset and swing at rest",
         units={"degC": Measure("tolerance_degC")}, example="1 degC", demanded=True),
     "overshoot": Limit(
-        what="beyond the setpoint on heat-up, of the setpoint step",
+        what="beyond the setpoint on heat-up, after a change of the setpoint and a restart, of the rise above ambient",
         units={"%": Measure("overshoot_pct"), "degC": Measure("overshoot_degC")}, example="5 %"),
     "reheat-overshoot": Limit(
-        what="beyond the setpoint after the heater's circuit was open for a while, of the setpoint step",
+        what="beyond the setpoint after the heater's circuit was open for a while, of the rise above ambient",
         units={"%": Measure("reheat_overshoot_pct"), "degC": Measure("reheat_overshoot_degC")}, example="40 %"),
+    "small-change-overshoot": Limit(
+        what="beyond the setpoint after a small change of the setpoint, of that change",
+        units={"%": Measure("small_change_overshoot_pct"), "degC": Measure("small_change_overshoot_degC")},
+        example="30 %"),
     "settling": Limit(
         what="time from cold until the temperature stays in the band", units=_of_time("settling_s"), example="20 min"),
     "recovery": Limit(
         what="time after a disturbance until the temperature stays in the band", units=_of_time("recovery_s"),
         example="5 min"),
     "recovery-overshoot": Limit(
-        what="beyond the setpoint after a disturbance, on the other side, of the setpoint step",
+        what="beyond the setpoint after a disturbance, on the other side, of the rise above ambient",
         units={"%": Measure("recovery_overshoot_pct"), "degC": Measure("recovery_overshoot_degC")}, example="5 %"),
     "load-deviation": Limit(
         what="largest distance from the setpoint after a disturbance, on its side",
@@ -146,12 +150,13 @@ class Part:
 
 #: everything of the story that a user can set, by the name that a user writes
 STORY: Final[dict[str, Part]] = {
-    "temperature-step": Part(what="the temperature falls at once, of the setpoint step: cold goods, an opened door",
+    "temperature-step": Part(what="the temperature falls at once, of the rise above ambient: cold goods, open doors",
                  field="step_share", unit="%", factor=0.01),
     "load": Part(what="a load takes so much of full power for five (T+L), and gives it back",
                  field="load_pct", unit="%"),
     "open-circuit": Part(what="the heater's circuit is open for two TN and a night, the PLC running", field="opens"),
-    "setpoint-change": Part(what="the setpoint falls to the lower end of the setpoints of use, and rises again",
+    "setpoint-change": Part(what="the setpoint falls to the lower end of the setpoints of use, and rises again; small "
+                            "changes likewise",
                             field="changes"),
     "mains": Part(what="the mains voltage falls and rises by 10 %", field="mains"),
     "restart": Part(what="the PLC is restarted with the heater hot, and cold", field="restarts"),

@@ -210,7 +210,8 @@ def _breaks(proof: Document, name: str) -> str:
     criterion = proof["criteria"][name]
     if name == "stability":
         return "the loop is not stable"
-    return f"{_called(name)} {_value(criterion)} (limit {quantity(criterion['limit'], criterion['unit'])})"
+    limit = limit_text(criterion).removeprefix("at most ").removeprefix("at least ")
+    return f"{_called(name)} {_value(criterion)} (limit {limit})"
 
 
 def _worst(proof: Document) -> list[str]:

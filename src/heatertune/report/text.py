@@ -52,7 +52,7 @@ def limit_text(criterion: Document) -> str:
     if criterion["limit"] is None:
         return "none"
     way = "at least" if criterion["bound"] == ">=" else "at most"
-    return f"{way} {quantity(criterion['limit'], criterion['unit'])}"
+    return f"{way} {quantity(criterion['limit'], criterion['unit'].partition(' of ')[0])}"
 
 
 def criterion_value(criterion: Document) -> str:
