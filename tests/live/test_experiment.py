@@ -210,7 +210,7 @@ def test_it_begins_on_no_other_words_no_hot_heater_no_stop_and_no_broken_sensor(
     plc.release(60)
     assert "the limit is 30 °C" in refused(plc, Limits(temperature_degC=30.0))
     plc.plc.memory.write(DB, 2, struct.pack(">h", 1234))
-    assert "holds other words: K = 1234, not 6144" in refused(plc)
+    assert "holds other words: K = KF +01234, not KF +06144" in refused(plc)
     stopped = served(faults="t=0 cpu-stop")
     stopped.release(2)
     assert "is in STOP" in refused(stopped)

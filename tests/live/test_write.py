@@ -107,7 +107,7 @@ def test_without_apply_nothing_is_written_anywhere(plant, capsys):
     before, files = here.words, sorted(here.made.rglob("*"))
     assert main(["write", str(here.made), here.address]) == 0
     shown = capsys.readouterr().out
-    for part in ("2.93 %/°C", "5.547 %/°C", "105.8 s", "55.69 s", "DW5      TI        30     57", "--range 0", here.yes):
+    for part in ("2.93 %/°C", "5.547 %/°C", "105.8 s", "55.69 s", "DW5      TI    KF +00030  KF +00057", "--range 0", here.yes):
         assert part in shown, shown
     lines = shown.splitlines()
     assert len(lines) <= 30

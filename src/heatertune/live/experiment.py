@@ -31,6 +31,7 @@ from heatertune.live.recorder import Recorded, Recording, record
 from heatertune.live.schedule import RATE_ROWS, Aims, Limits, Relay, Steps
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words
+from heatertune.plc.typed import value_texts
 
 __all__ = ["Ended", "Experiment", "Watching", "restore"]
 
@@ -151,7 +152,8 @@ class Experiment:
         content = there.read(client)
         found = {**{name: value for name, value in there.values(content).items() if name in there.own},
                  **there.bits(content)}
-        other = [f"{name} = {value:g}, not {self._words.values[name]:g}" for name, value in found.items()
+        there_texts, texts = value_texts(self._words, found), value_texts(self._words, self._words.values)
+        other = [f"{name} = {there_texts[name]}, not {texts[name]}" for name, value in found.items()
                  if name not in there.block.operators and value != self._words.values[name]]
         if other:
             raise InputError(f"{self.mode.address.text} holds other words: {', '.join(other[:3])}; give the folder of "

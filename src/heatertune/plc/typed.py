@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 from heatertune.plc.controller import controller_for
@@ -11,7 +11,7 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.words import FLOATS, Words
 
 __all__ = ["FIRST", "THEN", "TypedTable", "TypedWord", "as_typed", "bits", "entry_texts", "setpoint_entry",
-           "typed_table", "typed_words", "word_text"]
+           "typed_table", "typed_words", "value_texts", "word_text"]
 
 FIRST: Final = "first (manual)"
 THEN: Final = "then (automatic)"
@@ -72,6 +72,19 @@ def typed_words(words: Words, setpoint_degC: float | None = None) -> tuple[Typed
     plain = ({"address": field.address, "name": field.name, "format": field.format, "first": words.values[field.name],
               "then": words.values[field.name], "meaning": field.comment} for field in controller.fields)
     return tuple(TypedWord(**{**row, **other.get(str(row["name"]), {})}) for row in plain)
+
+
+def value_texts(words: Words, values: Mapping[str, Number]) -> dict[str, str]:
+    """Return each word as a person enters it, with other values in place of the words' own.
+
+    Args:
+        words: of any controller.
+        values: word name → value; where the controller does not allow one of them, they are shown as they are.
+    """
+    fields = controller_for(words.target).fields
+    if not all(field.takes(values[field.name]) for field in fields if field.name in values):
+        return {name: f"{value:.9g}" for name, value in values.items()}
+    return {row.name: row.then_text for row in typed_words(replace(words, values={**words.values, **values}))}
 
 
 def entry_texts(texts: Mapping[str, str]) -> dict[str, dict[str, str]]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from heatertune.plc import controller_for
-from heatertune.plc.typed import TypedWord, typed_words
+from heatertune.plc.typed import TypedWord, value_texts
 from heatertune.proof.words_file import words_of
 from heatertune.report.html import BLANK, bullets, coded, picture, table, text_of
 from heatertune.report.layout import screen, wrapped
@@ -115,14 +114,8 @@ def _words(one: Document, words: Document) -> Iterator[list[str]]:
 
 
 def _texts(words: Document, values: Mapping[str, float]) -> dict[str, str]:
-    """Return each word as a person enters it, with these values in place of the proven ones.
-
-    A set of values that the controller does not allow is shown as it is.
-    """
-    proven, fields = words_of(words, words["target"], "words.json"), controller_for(words["target"]).fields
-    if not all(field.takes(values[field.name]) for field in fields if field.name in values):
-        return {name: f"{value:.9g}" for name, value in values.items()}
-    return {row.name: row.then_text for row in typed_words(replace(proven, values={**proven.values, **values}))}
+    """Return each word as a person enters it, with these values in place of the proven ones."""
+    return value_texts(words_of(words, words["target"], "words.json"), values)
 
 
 def _own(words: Document) -> Iterator[TypedWord]:
