@@ -23,8 +23,7 @@ from heatertune.model.power.uncertainty import intervals_by
 from heatertune.model.statistics import autocorrelation, fit_pct
 from heatertune.model.values import FittedModel, Fopdt, Outcome, Residuals
 
-__all__ = ["fit_power", "outcome_of", "values_of", "weighed"]
-
+__all__ = ["fit_power", "outcome_of", "values_at_ends", "values_of", "weighed"]
 
 
 class Weighed(NamedTuple):
@@ -64,7 +63,7 @@ def fit_power(explanation: Explained, weight: Weighed, *, least_dead_time_s: flo
     log, (one, two) = explanation.log, explanation.fits
     inside, validation, rivals, wider = weight
     read_otherwise = widened(
-        inside, [*(values_of(rival.model) for rival in rivals if not rival.shifted), *_ends_of(explanation.bend)])
+        inside, [*(values_of(rival.model) for rival in rivals if not rival.shifted), *values_at_ends(explanation.bend)])
     as_read = widened(read_otherwise, said_by_halves(explanation.problems[0], one, validation, read_otherwise))
     ci95: dict[str, Interval | None] = {
         **widened(as_read, [values_of(rival.model) for rival in rivals if rival.shifted])}
@@ -113,7 +112,7 @@ def fit_power(explanation: Explained, weight: Weighed, *, least_dead_time_s: flo
     )
 
 
-def _ends_of(bend: Bend | None) -> list[dict[str, float]]:
+def values_at_ends(bend: Bend | None) -> list[dict[str, float]]:
     """Return the values of a bend's ends; a second lag counts by the half rule, an ambient not at all."""
     ends = () if bend is None else bend.ends
     return [values_of(end.model.half_rule()) | {"ambient_degC": math.nan} for end in ends]
