@@ -19,7 +19,7 @@ from heatertune.model.power.nonlinear import Bend, judged_linear
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.opened import refuse_opened
 from heatertune.model.power.readings import Readings
-from heatertune.model.power.sanity import demand_cause, follows_temperature
+from heatertune.model.power.sanity import WRONG_SIGN, demand_cause, explains, follows_temperature
 from heatertune.model.values import Fopdt
 
 __all__ = ["Explained", "explained"]
@@ -110,6 +110,8 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     way = with_events([thin, two], [fit, _second(two, fit)], closed=closed)
     if doubt or way.problems[0].loads_s:
         refuse_opened(log, thin)
+    if doubt and not doubt.startswith(WRONG_SIGN) and any(map(explains, *way)):
+        doubt = ""
     (problems, fits), bend, untold = judged_linear(without_events(way), way)
     if any(fit.model is None for fit in fits):
         raise InputError(f"{log.name}: no heater explains the log, as something else than the power moved its "

@@ -21,7 +21,10 @@ from heatertune.model.power.loads import bic_of, with_loads
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.statistics import ar1_bic
 
-__all__ = ["demand_cause", "follows_temperature"]
+__all__ = ["WRONG_SIGN", "demand_cause", "explains", "follows_temperature"]
+
+#: how a doubt begins that no fit of a heater settles
+WRONG_SIGN = "a cooler"
 
 Array = npt.NDArray[np.float64]
 
@@ -36,6 +39,7 @@ _SHORT = 3.0  # sampling intervals: no heater's time constant
 _EXPLAINED = 0.3  # share of the power's moves that the temperature explains in a loop
 _USUAL = 0.9
 _NEARLY_ALL = 0.9  # share of what the temperature does, that an accusation has to explain
+_SETTLED = 0.98  # share of what the temperature does, from which on a heater with its loads is believed
 _CANCELS = 1.5  # spans of the readings: a larger answer is cancelled by something else
 _FOLLOWS = 0.5  # share of what the temperature does, from which on it follows the power
 _MOVES = 0.1  # share of the readings at which a controller moves its power
@@ -73,8 +77,18 @@ def demand_cause(log: Log, problem: PowerProblem, fit: PowerFit | None) -> str:
         if not heaters:
             raise InputError(f"{log.name}: the power does not explain the temperature, which something else moved (a "
                              "load, a drift, a second heater); log steps of the power from rest, each until it rests")
-        return doubt or "a cooler explains the log as badly: something else than the power moved the temperature."
+        return doubt or f"{WRONG_SIGN} explains the log as badly: something else than the power moved the temperature."
     return doubt or _demand_order(log, problem, fit, moving)
+
+
+def explains(problem: PowerProblem, fit: PowerFit) -> bool:
+    """Return whether a heater, with the loads and drift that were found, explains nearly all that the temperature does.
+
+    A doubt that another clock or a poor course raised is settled then, see `demand_cause`.
+    """
+    problem = problem.thinned(_READINGS)
+    return _share(problem, problem.refined(fit.vector[None, :]), _moving(replace(problem, drift=False, loads_s=()))
+                  ) > _SETTLED
 
 
 def follows_temperature(log: Log) -> bool:
