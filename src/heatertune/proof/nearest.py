@@ -133,7 +133,15 @@ def both_that_pass(
     words: Words, fitted: FittedModel, proof: Proof, conditions: Conditions,
     passes: Callable[[Proof], bool] = _keeps_all,
 ) -> tuple[str, ...]:
-    """Return options of a wider tolerance and of the limits still broken then; arguments as `tolerance_that_passes`."""
+    """Return options of a wider tolerance and of the limits that are still broken then, under which words pass.
+
+    Args:
+        words: whose proof fails.
+        fitted: the heater and its candidates.
+        proof: that fails.
+        conditions: of it.
+        passes: whether another proof is good enough.
+    """
     for wider in _wider(proof, conditions):
         looser = limits_that_pass(found := prove(words, fitted, wider))
         if not looser or not within_reach(looser, found, fitted, wider):
