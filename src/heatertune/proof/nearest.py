@@ -42,7 +42,7 @@ _HELP: Final = (
     (("power_reserve", "saturation", "_time"), "more heater power, better insulation or a lower setpoint"),
     (("limit_cycle", "pwm_ripple", "switchings"), "a faster switch (solid-state relay) or a slower, heavier load"),
     (("steady_offset", "step_power", "limit_cycle"), "a finer input module or a narrower sensor range"),
-    (("overshoot", "overshoot_degC", "deviation", "ms", "_margin", "iae"),
+    (("overshoot", "overshoot_degC", "deviation", "ms", "_margin", "iae", "limit_cycle"),
      "a sensor nearer to the heater (less dead time)"),
 )
 #: above what was found, for another proof of the same words
