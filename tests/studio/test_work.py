@@ -189,7 +189,6 @@ def test_a_window_that_cannot_be_drawn_keeps_no_other_from_the_truth(work, caplo
 @pytest.mark.long
 @pytest.mark.parametrize(("target", "button", "price"), [
     ("weg", "Show the nearest design that passes", "with a boost (full power until 8.31 °C from the setpoint"),
-    ("on-off", "Allow that much", "s and a tolerance of 5 °C."),
 ])
 def test_a_design_that_fails_offers_the_nearest_that_passes_and_goes_back(work, monkeypatch, target, button, price):
     monkeypatch.setattr(module, "_SEEK_S", 0.0)
@@ -210,6 +209,20 @@ def test_a_design_that_fails_offers_the_nearest_that_passes_and_goes_back(work, 
         assert (session.verdict, session.number) == ("FAIL", failed)
 
     asyncio.run(story())
+
+
+@pytest.mark.long
+def test_where_no_limit_within_twice_its_default_would_do_what_helps_at_the_heater_is_told_without_a_button(work, monkeypatch):
+    monkeypatch.setattr(module, "_SEEK_S", 0.0)
+
+    async def story():
+        work.move(target="on-off")  # swings by 0.6 °C/% · 100 % · 20 s/200 s = 6 °C or so: a tolerance of 5 °C would be asked
+        await work.look()
+
+    asyncio.run(story())
+    mend = work.session.mend
+    assert (work.session.verdict, mend.button, mend.moved) == ("FAIL", "", {})
+    assert "nothing tried mends it, nor a limit of up to twice its default; at the heater itself would help" in mend.told
 
 
 def test_what_cannot_be_designed_is_told_and_can_be_tried_again(work, monkeypatch):

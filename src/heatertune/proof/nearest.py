@@ -42,7 +42,7 @@ _HELP: Final = (
     (("power_reserve", "saturation", "_time"), "more heater power, better insulation or a lower setpoint"),
     (("limit_cycle", "pwm_ripple", "switchings"), "a faster switch (solid-state relay) or a slower, heavier load"),
     (("steady_offset", "step_power", "limit_cycle"), "a finer input module or a narrower sensor range"),
-    (("overshoot", "overshoot_degC", "deviation", "ms", "_margin", "iae"),
+    (("overshoot", "overshoot_degC", "deviation", "ms", "_margin", "iae", "limit_cycle"),
      "a sensor nearer to the heater (less dead time)"),
 )
 #: above what was found, for another proof of the same words
@@ -133,7 +133,15 @@ def both_that_pass(
     words: Words, fitted: FittedModel, proof: Proof, conditions: Conditions,
     passes: Callable[[Proof], bool] = _keeps_all,
 ) -> tuple[str, ...]:
-    """Return options of a wider tolerance and of the limits still broken then; arguments as `tolerance_that_passes`."""
+    """Return options of a wider tolerance and of the limits that are still broken then, under which words pass.
+
+    Args:
+        words: whose proof fails.
+        fitted: the heater and its candidates.
+        proof: that fails.
+        conditions: of it.
+        passes: whether another proof is good enough.
+    """
     for wider in _wider(proof, conditions):
         looser = limits_that_pass(found := prove(words, fitted, wider))
         if not looser or not within_reach(looser, found, fitted, wider):
