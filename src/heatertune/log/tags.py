@@ -37,7 +37,7 @@ _FIRST_DAY: Final = datetime(1899, 12, 30)  # of WinCC's and spreadsheets' calen
 _ROLES: Final = ("temperature", "power", "setpoint")
 _SHOWN: Final = 12
 #: share of the readings: so many more rows may be added, each with a temperature on a line between two readings
-_MOST_EDGES: Final = 0.1
+_MOST_EDGES: Final = 0.5
 _OPTIONS: Final = {"temperature": "--tag", "power": "--power-tag", "setpoint": "--setpoint-tag"}
 
 
