@@ -272,7 +272,7 @@ def missed(case: Case, fitted: FittedModel, late_s: float = 0.0) -> list[str]:
     if any(finding.name == "dead-time-open" for finding in fitted.findings):
         return []
     true = {"gain_degC_per_pct": case.gain, "time_constant_s": case.time_constant_s, "dead_time_s": case.dead_time_s}
-    slack = {"gain_degC_per_pct": 0.01 * case.gain, "time_constant_s": 0.03 * case.time_constant_s + case.second_s,
+    slack = {"gain_degC_per_pct": 0.03 * case.gain, "time_constant_s": 0.03 * case.time_constant_s + case.second_s,
              "dead_time_s": 0.1 * case.poll_s + case.second_s + late_s}
     out = []
     for name, value in true.items():
