@@ -12,7 +12,7 @@ from heatertune.log.numbers import Array
 from heatertune.log.quantities import on_or_off
 from heatertune.units import count
 
-__all__ = ["Held", "held"]
+__all__ = ["Held", "changes_twice", "held"]
 
 _FEW_LEVELS: Final = 5  # of a power that is switched between them: a mean would be none of them
 _SWITCHED: Final = 0.01  # share of the intervals in which a power changes more than once
@@ -47,7 +47,7 @@ def held(at: Array, time: Array, cells: Sequence[str], *, is_power: bool) -> Hel
     notes = [f"{count(late, 'row')} before the first power left out."] if late else []
     switched = on_or_off(cells)
     moved = _latest(at, time, cells)
-    twice = _change_twice(at, time, cells)
+    twice = changes_twice(at, time, cells)
     means = _means(at, time, switched or cells) if twice or (moved > 0.0 and len(set(cells)) > _FEW_LEVELS) else None
     if means is not None:
         changes = "more than once " if twice else ""
@@ -69,8 +69,8 @@ def _latest(at: Array, time: Array, cells: Sequence[str]) -> float:
     return float(np.max(at[np.searchsorted(at, changes)] - changes, initial=0.0))
 
 
-def _change_twice(at: Array, time: Array, cells: Sequence[str]) -> bool:
-    """Return whether the power changes more than once in some of the intervals."""
+def changes_twice(at: Array, time: Array, cells: Sequence[str]) -> bool:
+    """Return whether a power changes more than once in some of the intervals between the instants `at`."""
     in_each = np.histogram(_changes(time, cells), bins=at)[0] if len(at) > 1 else np.zeros(1)
     return bool(np.count_nonzero(in_each > 1) > _SWITCHED * len(at))
 

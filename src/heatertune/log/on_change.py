@@ -82,24 +82,27 @@ def on_change(time: Array, readings: Array) -> OnChange | None:
     return OnChange(interval, smallest, rounded)
 
 
-def at_edges(time: Array, readings: Array, empty: Mask, *, stands: bool) -> Array:
-    """Return readings with those of rows that hold none, shape (n,): the last one where it stands, else on a line.
+def at_edges(time: Array, readings: Array, empty: Mask) -> Array:
+    """Return readings with those of rows that hold none, shape (n,), on the line between their neighbours.
+
+    Where readings are written on change, the last one stood until one interval before the next.
 
     Args:
         time: of each row, shape (n,) [s].
         readings: shape (n,), NaN where there is none.
         empty: the rows to fill, shape (n,).
-        stands: whether a reading that is not written has not moved.
     """
     known = np.flatnonzero(~np.isnan(readings))
     if not len(known) or not np.any(empty):
         return readings
     filled = readings.copy()
     rows = np.flatnonzero(empty & (np.arange(len(time)) > known[0]) & (np.arange(len(time)) < known[-1]))
-    if stands:
-        filled[rows] = readings[known[np.searchsorted(known, rows) - 1]]
-    else:
-        filled[rows] = np.interp(time[rows], time[known], readings[known])
+    at, values = time[known], readings[known]
+    if (written := on_change(at, values)) is not None:
+        long = np.flatnonzero(np.diff(at) > _LONG * written.interval_s)
+        stood_until = at[long + 1] - written.interval_s
+        at, values = np.insert(at, long + 1, stood_until), np.insert(values, long + 1, values[long])
+    filled[rows] = np.interp(time[rows], at, values)
     return filled
 
 

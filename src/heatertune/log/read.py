@@ -141,8 +141,7 @@ def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_
         edge or not says_nothing(row[place]) for edge, row in zip(edges, sheet.rows, strict=True))
     raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves such rows out)",
                   holes=skip_empty or explained)
-    own = ~np.isnan(raw)
-    return at_edges(time, raw, edges, stands=on_change(time[own], raw[own]) is not None) if np.any(edges) else raw
+    return at_edges(time, raw, edges)
 
 
 def _put_back(

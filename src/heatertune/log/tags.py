@@ -16,7 +16,7 @@ from heatertune.errors import LogError
 from heatertune.log.cells import Sheet
 from heatertune.log.clock import seconds, with_dates
 from heatertune.log.columns import NO_COLUMN, Columns, chosen
-from heatertune.log.held import held
+from heatertune.log.held import changes_twice, held
 from heatertune.log.names import is_second_choice, plain_name, role_of
 from heatertune.log.numbers import Array
 from heatertune.log.on_change import on_change
@@ -37,7 +37,7 @@ _FIRST_DAY: Final = datetime(1899, 12, 30)  # of WinCC's and spreadsheets' calen
 _ROLES: Final = ("temperature", "power", "setpoint")
 _SHOWN: Final = 12
 #: share of the readings: so many more rows may be added, each with a temperature on a line between two readings
-_MOST_EDGES: Final = 0.1
+_MOST_EDGES: Final = 0.5
 _OPTIONS: Final = {"temperature": "--tag", "power": "--power-tag", "setpoint": "--setpoint-tag"}
 
 
@@ -230,7 +230,8 @@ def _with_edges(
 ) -> tuple[npt.NDArray[np.intp], frozenset[int]]:
     """Return the rows of the temperature and those of the power's changes between them, and which the latter are.
 
-    Where the temperature is not written on change, so that its value there has to be put on a line, they are not many.
+    Where the temperature is not written on change, so that its value there has to be put on a line, they are not many;
+    of a power that changes more than once between two readings its mean is taken, see `held`.
     """
     rows = series["temperature"]
     if "power" not in series:
@@ -240,7 +241,8 @@ def _with_edges(
     changed = power[1:][[a != b for a, b in pairwise(cells)]]
     within = (time[changed] > time[rows[0]]) & (time[changed] < time[rows[-1]])
     edges = changed[within & ~np.isin(time[changed], time[rows])]
-    if len(edges) > _MOST_EDGES * len(rows) and not _stands(sheet, value, rows, time):
+    many = len(edges) > _MOST_EDGES * len(rows) or changes_twice(time[rows], time[power], cells)
+    if many and not _stands(sheet, value, rows, time):
         return rows, frozenset()
     both = np.concatenate([rows, edges])
     return both[np.argsort(time[both], kind="stable")], frozenset(edges.tolist())
