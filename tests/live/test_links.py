@@ -7,6 +7,7 @@ virtual PLC's own. A WEG block stands in registers in the manual's order: SetPoi
 import json
 import os
 import pty
+import random
 import resource
 import signal
 import socket
@@ -19,6 +20,7 @@ from contextlib import contextmanager
 from types import SimpleNamespace
 
 import pytest
+from tests.bench import signals
 from tests.bench.gateway import Gateway
 from tests.bench.outage import Door, Experiment, Network, why_not
 from tests.live.conftest import PROTOCOLS, words_of
@@ -376,3 +378,13 @@ def test_a_put_that_an_outage_swallowed_never_arrives(served, words, design_fold
         ran = Experiment(network, plc, slice(22, 26), protocol, tail, design_folder, tmp_path, hole_at=2, outage_s=4.0, seconds=8.0)
     assert not list(ran.wrong)
     assert ran.status == 1
+
+
+@pytest.mark.long(seconds=40)
+def test_signals_at_random_moments_leave_the_plc_as_it_was_or_to_the_named_command(tmp_path):
+    """`python -m tests.bench.signals` makes more."""
+    for number in range(5):
+        place = tmp_path / str(number)
+        place.mkdir()
+        sent, wrong = signals.run(random.Random(number), place)
+        assert not wrong, sent
