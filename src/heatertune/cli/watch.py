@@ -52,7 +52,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.live.recorder import Recording, record  # noqa: PLC0415
     from heatertune.live.watching import Beside, others_there  # noqa: PLC0415
 
-    address, proven = address_of(settings.address), read_proven(settings.design)
+    address, proven = address_of(settings.address), read_proven(settings.design, printing.Progress(settings))
     places = places_of(proven.words)
     if places is None:
         raise InputError(f"{settings.design}: where {proven.words.target} shows its temperature is not known here")
