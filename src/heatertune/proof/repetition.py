@@ -26,7 +26,6 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.progress import Told
 from heatertune.proof.document import ProofView, checked, digested
-from heatertune.proof.drawn import with_samples
 from heatertune.proof.proving import Proof
 from heatertune.proof.recipes import demand_same_files, files_of, made_again, recorded
 from heatertune.proof.setpoint_ramp import prove_ramped
@@ -85,9 +84,9 @@ def repeat_proof(path: str | Path, *, accept: Sequence[str] = (), progress: Told
     words_path = found(path)
     place, proof_path = words_path.parent, words_path.with_name("proof.json")
     document = read_document(words_path, WORDS_SCHEMA)
+    stored = checked(read_document(proof_path, PROOF_SCHEMA), proof_path)
     decode(WholeWordsView, document, words_path)
     words = words_of(document, str(document.get("target")), words_path)
-    stored = checked(read_document(proof_path, PROOF_SCHEMA), proof_path)
     demand_same_words(document, stored, proof_path)
     design_path = _design_path(place)
     design, fitted, recipe = read_design(design_path)
@@ -250,7 +249,11 @@ def _proof_document(
 
     def run() -> dict[str, Any]:
         proof, _ = prove_ramped(words, fitted, None, conditions)
-        return (proof if samples is None else with_samples(proof, fitted, samples, conditions)).to_document()
+        if samples is None:
+            return proof.to_document()
+        from heatertune.proof.drawn import with_samples  # noqa: PLC0415 - most proofs are without samples
+
+        return with_samples(proof, fitted, samples, conditions).to_document()
 
     inputs = {
         "words": repr(words), "model": model_document.to_document(fitted), "conditions": asdict(conditions),
