@@ -21,7 +21,7 @@ from heatertune.plc import controller_for
 from heatertune.proof.heaters import labelled
 from heatertune.proof.scenario import delayed
 
-__all__ = ["Band", "carried_s", "unseen_s", "watched_s"]
+__all__ = ["Band", "band_degC", "carried_s", "unseen_s", "watched_s"]
 
 _TIMES: Final = 5.0  # lags and dead time of the slowest heater
 _PERIODS: Final = 3.0  # of PWM
@@ -31,6 +31,11 @@ _SIGMAS: Final = 3.0
 def watched_s(proven: Proven) -> float:
     """Return how long a response is watched: 5 (T + L) of the slowest possible heater, 3 PWM periods at least [s]."""
     return max(_TIMES * proven.slowest_s, _PERIODS * proven.view.actuator.pwm_period_s)
+
+
+def band_degC(proven: Proven) -> float:
+    """Return how far from the setpoint a loop at rest may swing, as the proof judged it [°C]."""
+    return proven.view.criteria["limit_cycle"].limit or proven.view.limits.tolerance_degC
 
 
 def unseen_s(proven: Proven) -> float:
@@ -79,14 +84,13 @@ class Band:
     @classmethod
     def of(cls, proven: Proven, setpoint_degC: float, temperature_degC: float, carried_degC: float = 0.0) -> Band:
         """Return the band of a proof from where the temperature is, and how far it is on its way."""
-        criteria, limits = proven.view.criteria, proven.view.limits
+        criteria = proven.view.criteria
         overshoots = [each.value for name, each in criteria.items() if name.endswith("overshoot") and each.unit == "%"]
         settles = [each.value for name, each in criteria.items() if name in ("settling_time", "recovery_time")]
-        within = criteria["limit_cycle"].limit or limits.tolerance_degC
         return cls(
             setpoint_degC=setpoint_degC, off_degC=temperature_degC - setpoint_degC,
             carried_degC=carried_degC, overshoot=max(overshoots, default=0.0) / 100.0,
-            settles_s=max(settles, default=math.inf), rest_degC=within + _unread_degC(proven))
+            settles_s=max(settles, default=math.inf), rest_degC=band_degC(proven) + _unread_degC(proven))
 
     def at(self, since_s: float) -> tuple[float, float]:
         """Return the lowest and the highest temperature so long after its instant [°C]."""
