@@ -8,12 +8,18 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
 from heatertune.model.values import HeaterModel
 
 __all__ = ["StillSensor", "reading_problem"]
+
+#: a reading stands still for longer before it is frozen: the true dead time and lag may be longer than the fitted ones
+_DEAD_TIMES: Final = 2.0
+_LAGS: Final = 0.25
+_STEPS: Final = 3.0  # of the sensor that the heater has to have moved by
 
 
 def reading_problem(degC: float, sensor_degC: tuple[float, float]) -> str:
@@ -50,6 +56,8 @@ class StillSensor:
         self._dead_s = np.array([model.dead_time_s for model in heaters])
         self._ambient = np.array([float(model.ambient_degC or 0.0) for model in heaters])
         self._least_degC = least_degC
+        self._patience_s = float((_DEAD_TIMES * self._dead_s + _LAGS * self._lag_s).max())
+        self._step_degC = math.inf  # the smallest that was seen
         self._powers: deque[tuple[float, float]] = deque()
         self._held = np.empty((0, len(self._gain)))  # power that would hold each heater where it is [%]
         self._since = self._held
@@ -70,10 +78,13 @@ class StillSensor:
             return ""
         self._follow(time_s, degC, power_pct)
         if degC != self._reading:
+            apart = abs(degC - self._reading)
+            self._step_degC = apart if apart < self._step_degC else self._step_degC
             self._reading, self._since_s, self._since = degC, time_s, self._held.copy()
             return ""
         moved = float(np.abs(self._gain * (self._held - self._since)).min())
-        if not moved > self._least_degC:
+        coarse = _STEPS * self._step_degC if math.isfinite(self._step_degC) else 0.0
+        if not (moved > max(self._least_degC, coarse) and time_s - self._since_s > self._patience_s):
             return ""
         return (f"the reading stands still at {degC:.4g} °C from {self._since_s:.6g} to {time_s:.6g} s, in which the "
                 f"power has moved the heater by {moved:.2g} °C at least: the sensor is frozen")

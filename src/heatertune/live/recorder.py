@@ -269,7 +269,8 @@ class _Rows:
         self._tell_gap(at, look)
         values = [look.seen[role] for role in ROLES if role in look.seen]
         is_row = self._are_numbers(at, look)
-        self._file.write(("" if is_row else "# ") + ",".join([f"{at:.9g}", *(f"{value:.7g}" for value in values)]) + "\n")
+        cells = ",".join([f"{at:.9g}", *(f"{value:.7g}" for value in values)])
+        self._file.write(f"{cells}\n" if is_row else f"# {cells}\n")
         self.so_far.rows += 1
         self.so_far.last = look._replace(time_s=at)
         self._first_s = at if self._first_s is None else self._first_s

@@ -56,6 +56,7 @@ class RepeatedProof:
         proof: document of the repeated proof, with the remarks of the stored one.
         design: document of the design, heater and conditions, as `pid.json` holds them.
         fitted: the heater that the words were proven on.
+        conditions: of the proof.
     """
 
     words: Words
@@ -63,6 +64,7 @@ class RepeatedProof:
     proof: Mapping[str, Any]
     design: Mapping[str, Any]
     fitted: FittedModel
+    conditions: Conditions
 
 
 def repeat_proof(path: str | Path, *, accept: Sequence[str] = (), progress: Told = str) -> RepeatedProof:
@@ -107,7 +109,7 @@ def repeat_proof(path: str | Path, *, accept: Sequence[str] = (), progress: Told
     if wider != recipe.conditions:
         again = _with_sentences(_proof_document(words, fitted, wider, samples), stored, proof_path)
     return RepeatedProof(
-        words=words, words_document=document, proof=again, fitted=fitted,
+        words=words, words_document=document, proof=again, fitted=fitted, conditions=wider,
         design=pid_document(design, fitted, replace(recipe, conditions=wider)))
 
 

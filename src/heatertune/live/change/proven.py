@@ -22,7 +22,9 @@ from heatertune.proof.document import ProofView
 from heatertune.proof.heaters import labelled
 from heatertune.proof.proving import prove_models
 from heatertune.proof.repetition import repeat_proof
+from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.proof.verdict import PROOF_SCHEMA, derived, verdict_line
+from heatertune.settings import Conditions
 
 __all__ = ["LEAST_YES", "Proven", "read_proven"]
 
@@ -42,6 +44,7 @@ class Proven:
         proof: its document.
         view: the same, by name.
         fitted: the heater that they were proven on.
+        conditions: of the proof.
     """
 
     directory: str
@@ -49,6 +52,7 @@ class Proven:
     proof: Mapping[str, Any]
     view: ProofView
     fitted: FittedModel
+    conditions: Conditions
 
     @property
     def digest(self) -> str:
@@ -105,6 +109,22 @@ class Proven:
         return " and ".join(broken)
 
 
+    def not_proven(self, values: Mapping[str, Number]) -> str:
+        """Return why other values of the words do not pass on this heater and conditions; empty where they do.
+
+        Args:
+            values: of words, by name; the others are the proven ones.
+        """
+        words = replace(self.words, values={**self.words.values, **values})
+        try:
+            controller_for(words.target).check(words)
+            proof, _ = prove_ramped(words, self.fitted, None, self.conditions)
+        except HeatertuneError as problem:
+            return str(problem)
+        document = proof.to_document()
+        return "" if derived(document) == "PASS" else verdict_line(document)
+
+
 def read_proven(directory: str | Path, progress: Told = str) -> Proven:
     """Return the words of a folder that `design` or `export-db` wrote, proven again on its heater and conditions.
 
@@ -124,4 +144,4 @@ def read_proven(directory: str | Path, progress: Told = str) -> Proven:
     view = decode(ProofView, dict(again.proof), path)
     stored = decode(ProofView, read_document(path, PROOF_SCHEMA), path)
     return Proven(directory=str(directory), words=again.words, proof={**again.proof, "digest": stored.digest},
-                  view=replace(view, digest=stored.digest), fitted=again.fitted)
+                  view=replace(view, digest=stored.digest), fitted=again.fitted, conditions=again.conditions)
