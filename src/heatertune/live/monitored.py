@@ -79,7 +79,7 @@ class Monitored:
         now, last = round(look.time_s / self.view.scan_s), self._last
         if last is not None and now <= last[0] and not look.restarted:
             return
-        if not math.isfinite(look.seen["power"]):
+        if math.isfinite(look.seen["temperature"]) and not math.isfinite(look.seen["power"]):
             return  # without its power a scan cannot be judged: it is missed
         asked = look.seen.get("setpoint", -math.inf)
         self.highest_degC = max(self.highest_degC, asked if math.isfinite(asked) else -math.inf)
@@ -136,5 +136,6 @@ class Monitored:
 
 
 def _whole(power_pct: float) -> int:
-    """Return a power, a finite number, as the monitor takes it."""
-    return int(whole_pct(np.array(min(max(power_pct, -_FAR_PCT), _FAR_PCT))))
+    """Return a power as the monitor takes it; next to a reading that is no number either, none."""
+    known = min(max(power_pct, -_FAR_PCT), _FAR_PCT) if math.isfinite(power_pct) else 0.0
+    return int(whole_pct(np.array(known)))

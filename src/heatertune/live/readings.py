@@ -16,10 +16,10 @@ from heatertune.model.values import HeaterModel
 
 __all__ = ["StillSensor", "reading_problem"]
 
-#: a reading stands still for longer before it is frozen: the true dead time and lag may be longer than the fitted ones
-_DEAD_TIMES: Final = 2.0
+#: so long a reading may stand still after they have moved: the true dead time and lag may be longer than fitted
+_DEAD_TIMES: Final = 1.0
 _LAGS: Final = 0.25
-_STEPS: Final = 3.0  # of the sensor that the heater has to have moved by
+_STEPS: Final = 5.0  # of the sensor that the heater has to have moved by
 
 
 def reading_problem(degC: float, sensor_degC: tuple[float, float]) -> str:
@@ -62,6 +62,7 @@ class StillSensor:
         self._held = np.empty((0, len(self._gain)))  # power that would hold each heater where it is [%]
         self._since = self._held
         self._reading, self._since_s, self._last_s = math.nan, 0.0, 0.0
+        self._moved_s = math.inf  # since when they have moved by as much
 
     def see(self, time_s: float, degC: float, power_pct: float) -> str:
         """Take a reading; return why it is frozen, a sentence; empty where it need not be.
@@ -81,10 +82,12 @@ class StillSensor:
             apart = abs(degC - self._reading)
             self._step_degC = apart if apart < self._step_degC else self._step_degC
             self._reading, self._since_s, self._since = degC, time_s, self._held.copy()
+            self._moved_s = math.inf
             return ""
         moved = float(np.abs(self._gain * (self._held - self._since)).min())
         coarse = _STEPS * self._step_degC if math.isfinite(self._step_degC) else 0.0
-        if not (moved > max(self._least_degC, coarse) and time_s - self._since_s > self._patience_s):
+        self._moved_s = min(self._moved_s, time_s) if moved > max(self._least_degC, coarse) else math.inf
+        if not time_s - self._moved_s > self._patience_s:
             return ""
         return (f"the reading stands still at {degC:.4g} °C from {self._since_s:.6g} to {time_s:.6g} s, in which the "
                 f"power has moved the heater by {moved:.2g} °C at least: the sensor is frozen")
