@@ -52,6 +52,7 @@ Numbers = tuple[float, ...]
 _NEIGHBOURS: Final = 2  # readings outside the band one after the other that are more than a disturbed one
 _SIGMAS: Final = 3.0  # of a reading's step or noise, which the band is widened by
 _SEEN_OF_WAY: Final = 0.5  # of a heat-up that began before the trace: less of it shows too little
+_STILL: Final = 10  # equal readings one after the other that may be a frozen sensor's
 _DRAWN: Final = 1500  # instants of a picture
 #: kind of a part → the criterion that tells when it is over
 _END_OF: Final = {kind: time for kind, (_, time, *_) in WAYS.items()} | {"recovery": "recovery_time"}
@@ -168,7 +169,7 @@ def as_left(
     runs = foretold(words, fitted, proof, parts, asked.ambient_degC, progress)
     early, late = 0.0 if parts.begins_by == "power" else words.sample_time_s, parts.unsure_s
     own, margin, before_s = log.temperature_degC, _margin_degC(log, words, fitted), 0.0
-    if begins_mid_way(log, parts, proof.actuator.pwm_period_s, _step_degC(parts, fitted, proof, mid_way=True)):
+    if begins_mid_way(log, parts, _step_degC(parts, fitted, proof, mid_way=True)):
         parts = begun_mid_way(log, parts)
         runs, unsure, before_s = foretold_mid_way(words, fitted, proof, parts, margin, asked.ambient_degC, progress)
         early = late = unsure + parts.unsure_s + words.sample_time_s
@@ -189,7 +190,9 @@ def as_left(
                                before_s if name == _END_OF["heat-up"] else 0.0)
                   for name, criterion in proof.criteria.items())
     against = tuple(_against(lines, outside))
-    unseen = tuple(_unseen(parts, lines)) or tuple(_too_late(parts, lines, step if before_s > 0.0 else 0.0))
+    whole_degC = step if before_s > 0.0 else 0.0
+    unseen = (*_frozen(since, own, runs, _count_degC(words)), *_unseen(parts, lines),
+              *_too_late(parts, lines, whole_degC))[:1]
     drawn, banded = _drawn(since, own), _drawn(shown, low, high)
     return AsLeft(
         trace=log.name, digest=proof.digest, told=against or unseen,
@@ -210,12 +213,17 @@ def _band_degC(proof: ProofView) -> float:
 
 def _margin_degC(log: Log, words: Words, fitted: FittedModel) -> float:
     """Return what a reading cannot tell, and what the best of the possible heaters left over of its own log [°C]."""
-    step, scale = sensor_step(log.temperature_degC) or 0.0, words.scaling
+    step = sensor_step(log.temperature_degC) or 0.0
     reading = reading_step_degC(log)
     noise = _SIGMAS * reading if reading > step else step
-    step_of_count = scale.span_degC / controller_for(words.target).sensor(scale).counts
     left = [candidate.rmse_degC for candidate in fitted.candidates if math.isfinite(candidate.rmse_degC)]
-    return max(noise, step_of_count) + min(left, default=0.0)
+    return max(noise, _count_degC(words)) + min(left, default=0.0)
+
+
+def _count_degC(words: Words) -> float:
+    """Return the step of the controller's own reading [°C]."""
+    scale = words.scaling
+    return scale.span_degC / controller_for(words.target).sensor(scale).counts
 
 
 def _placed(log: Log, parts: TraceParts, runs: Foretold) -> tuple[TraceParts, float, float]:
@@ -323,6 +331,28 @@ def _unseen(parts: TraceParts, lines: Sequence[Measurement]) -> Iterator[str]:
         first = ways.get(_END_OF[parts.parts[0].kind])
         why = "" if first is None else f" ({first.told})"
         yield f"The loop is not seen to settle{why}: log on until it is at rest. So far nothing speaks against it."
+
+
+def _frozen(since: Array, own: Array, runs: Foretold, count_degC: float) -> Iterator[str]:
+    """Yield that the longest stretch of equal readings is a frozen sensor's, where every proven run moves in it.
+
+    Args:
+        since: instants of the trace, since its beginning [s], shape (n,).
+        own: its readings [°C], shape (n,).
+        runs: what the proven runs do.
+        count_degC: step of the controller's own reading [°C].
+    """
+    edges = np.flatnonzero(np.diff(own)) + 1
+    longest = max(np.split(np.arange(len(own)), edges), key=len)
+    begin_s, end_s = float(since[longest[0]]), float(since[longest[-1]])
+    inside = (runs.time_s >= begin_s) & (runs.time_s <= end_s)
+    if len(longest) < _STILL or not np.any(inside):
+        return
+    least = _SIGMAS * max(sensor_step(own) or 0.0, count_degC)
+    moved = float(np.ptp(runs.temperature_degC[:, inside], axis=1).min())
+    if moved > least:
+        yield (f"From {begin_s:.0f} to {end_s:.0f} s the reading stands still at {own[longest[0]]:.4g} °C, where every "
+               f"proven run moves by {moved:.2g} °C at least: the sensor or its reading is frozen.")
 
 
 def _too_late(parts: TraceParts, lines: Sequence[Measurement], whole_degC: float) -> Iterator[str]:

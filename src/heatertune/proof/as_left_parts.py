@@ -122,19 +122,17 @@ def leaves_s(time_s: Array, temperature_degC: Array, start_degC: float, end_degC
     return float(time_s[still[-1]]) if len(still) else float(time_s[0])
 
 
-def begins_mid_way(log: Log, parts: TraceParts, pwm_period_s: float, whole_degC: float) -> bool:
+def begins_mid_way(log: Log, parts: TraceParts, whole_degC: float) -> bool:
     """Return whether a trace begins in the middle of a heat-up: it shows no rest before the temperature moves.
 
     Args:
         log: the trace.
         parts: what it shows.
-        pwm_period_s: without power for a shorter time, the heater may be between two pulses [s].
         whole_degC: of a heat-up from the ambient to the setpoint of the proof [°C].
     """
-    first, off_s = parts.parts[0], parts.begins_s - float(log.time_s[0])
-    if first.kind != "heat-up" or parts.begins_by not in ("temperature", "first reading", "power") or (
-            parts.begins_by == "power" and off_s > pwm_period_s):
-        return False
+    first = parts.parts[0]
+    if first.kind != "heat-up" or parts.begins_by not in ("temperature", "first reading", "power"):
+        return False  # a power that is off at first may be between two pulses
     if abs(first.setpoint_degC - parts.start_degC) < _WHOLE * whole_degC:
         return True  # it is warm already, and nobody knows since when
     time, temperature = log.time_s, log.temperature_degC
