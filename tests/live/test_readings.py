@@ -152,6 +152,47 @@ def test_a_watch_tells_a_frozen_sensor_and_leaves_one_at_rest(proven):
     assert seen(proven, lambda _: (50.0, 31.0 + draw.uniform(-1.0, 1.0))).well
 
 
+def closed(kp, ki, gain, lag_s, dead_s, seconds=4000.0):
+    """A PI in velocity form on a lag behind a dead time from cold, in Euler's steps of 0.1 s, read each 2 s."""
+    degC, before, power, late, rows = 22.0, 0.0, 0.0, [0.0] * round(dead_s / 0.1), []
+    for number in range(round(seconds / 0.1)):
+        if number % 31 == 0:  # a call each 3.1 s
+            error = 50.0 - degC
+            power = min(max(power + kp * (error - before + ki * error * 3.1), 0.0), 100.0)
+            before = error
+        if number % 20 == 0:
+            rows.append((0.1 * number, round(degC, 2), power))
+        late.append(power)
+        degC += 0.1 / lag_s * (22.0 + gain * late.pop(0) - degC)
+    return rows
+
+
+def watched_from(proven, rows, late_s):
+    beside = Beside(proven)
+    for at, degC, power in rows:
+        if at >= late_s:
+            beside.see(Seen(at, {"temperature": degC, "power": power, "setpoint": 50.0}))
+    return beside.seen
+
+
+def test_a_watch_that_begins_anywhere_in_a_heat_up_tells_nothing_against_a_loop_in_order(proven):
+    kp, ki = proven.words.values["Kp"], proven.words.values["Ki"]
+    rows = closed(kp, ki, sessions.GAIN, sessions.LAG_S, sessions.DEAD_S)
+    draw = random.Random(11)
+    for late_s in (0.0, *(draw.uniform(0.0, 600.0) for _ in range(25))):
+        shown = watched_from(proven, rows, late_s)
+        assert shown.well, (late_s, shown.told())
+
+
+@pytest.mark.parametrize("wrong", [{"kp": 3.0}, {"ki": 6.0}, {"gain": 6.0}, {"gain": 0.4}], ids=str)
+def test_a_watch_that_begins_late_tells_a_wrong_loop(proven, wrong):
+    part = {"kp": proven.words.values["Kp"], "ki": proven.words.values["Ki"], "gain": sessions.GAIN}
+    rows = closed(*(value * wrong.get(name, 1.0) for name, value in part.items()), sessions.LAG_S, sessions.DEAD_S)
+    assert not watched_from(proven, rows, 0.0).well
+    if "ki" in wrong:  # later the others show nothing but a rest at the setpoint
+        assert not watched_from(proven, rows, 40.0).well
+
+
 def plant(gain, lag_s, dead_s, room, powers, start):
     """A lag behind a dead time in Euler's steps of 0.1 s, read each 2 s; nothing of heatertune is used."""
     degC, late, rows = start, [powers(0.0)] * round(dead_s / 0.1), []

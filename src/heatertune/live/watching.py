@@ -135,7 +135,9 @@ class Beside:
         power = look.seen.get("power", math.nan)
         self.seen.frozen = self._still.see(look.time_s, degC, power) or self.seen.frozen
         if self._band is None or abs(asked - self._band.setpoint_degC) > _SAME_DEGC:
-            self._band, self._since_s = Band.of(self._proven, asked, degC), look.time_s
+            # who comes to a loop, or sees its setpoint move before it has settled, does not know where it is in its way
+            mid_way = self._band is None or look.time_s - self._since_s < self._band.settles_s
+            self._band, self._since_s = Band.of(self._proven, asked, degC, mid_way=mid_way), look.time_s
             self._latest.clear()
             self.seen.rest_pct = self.seen.swing = None
         low, high = self.seen.band = self._band.at(look.time_s - self._since_s)
