@@ -7,7 +7,7 @@ The functions here are the whole chain, stage by stage, beside the values that t
     import heatertune as ht
 
     model = ht.fit("heater.csv")
-    words = ht.encode(ht.tune(model, target="s5-ob251"), target="s5-ob251")
+    words = ht.encode(ht.tune(model, target="s5-ob251"), "s5-ob251", model)
     print(ht.prove(words, model).summary())
 """
 

@@ -56,7 +56,8 @@ class ReadSettings:
     date_column: str | int | None = option(
         None, str, "column of the date, beside a time of day", flag="--date-column", metavar=_COLUMN)
     temperature_unit: str | None = option(
-        None, str, "unit of the temperature", flag="--temperature-unit", choices=("degC", "degF", "K"))
+        None, str, "unit of the temperature", flag="--temperature-unit",
+        choices=("degC", "degF", "K", "0.1degC", "0.01degC", "0.1degF"))
     power_full_scale: float | None = option(
         None, float, "reading at full power: 1, 100, 255 …", flag="--power-full-scale", metavar="X", above=0.0)
     time_unit: str | None = option(

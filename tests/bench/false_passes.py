@@ -322,12 +322,14 @@ def _without_listing(target):
 def _limits(limits):
     """Return the limits by the judge's names."""
     return {"overshoot": limits.overshoot_pct, "change_overshoot": limits.overshoot_pct,
+            "small_change_overshoot": limits.small_change_overshoot_pct,
             "restart_overshoot": limits.overshoot_pct, "reheat_overshoot": limits.reheat_overshoot_pct,
             "recovery_overshoot": limits.recovery_overshoot_pct, "settling_time": limits.settling_s,
             "recovery_time": limits.recovery_s, "deviation": limits.deviation_degC, "iae": limits.iae_degC_s,
             "peak": limits.peak_degC, "saturation": limits.saturation_pct, "switchings": limits.switchings_per_h,
             "power held": None if limits.power_reserve_pct is None else 100.0 - limits.power_reserve_pct,
             **{f"{name} in degC": limits.overshoot_degC for name in ("overshoot", "change_overshoot", "restart_overshoot")},
+            "small_change_overshoot in degC": limits.small_change_overshoot_degC,
             "reheat_overshoot in degC": limits.reheat_overshoot_degC,
             "recovery_overshoot in degC": limits.recovery_overshoot_degC}
 

@@ -256,7 +256,7 @@ def _noisy(plan, clean):
     return np.round((clean + white) / plan.step) * plan.step
 
 
-def _range(hottest):
+def sensor_range(hottest):
     """Return the sensor range a user would have: from 0 °C to the first usual end above what was reached."""
     usual = (50.0, 100.0, 150.0, 200.0, 300.0, 400.0, 600.0, 800.0, 1000.0, 1200.0, 1600.0)
     return 0.0, next(end for end in usual if end >= 1.1 * hottest)
@@ -282,7 +282,7 @@ def make(kind, seed):
         columns = {name: values[instants <= plan.clip] for name, values in columns.items()}
     if plan.edit is not None:
         columns = plan.edit(plan, columns)
-    return Case(kind=kind, seed=seed, heater=plan.heater, columns=columns, range=_range(float(np.max(clean))))
+    return Case(kind=kind, seed=seed, heater=plan.heater, columns=columns, range=sensor_range(float(np.max(clean))))
 
 
 # What the kinds are about

@@ -20,12 +20,13 @@ from pathlib import Path
 
 from heatertune import Fopdt, model_by_hand, virtual_plc
 from heatertune.cli import main as run_here
-from heatertune.live import recorder
+from heatertune.live import plc_state, recorder
 from heatertune.live.change.budget import Budget
 from heatertune.live.change.record import read_lines
 from heatertune.live.client.address import address_of
-from heatertune.live.experiment import before_of, restore
+from heatertune.live.experiment import restore
 from heatertune.live.places import places_of
+from heatertune.live.plc_state import PlcState
 from heatertune.live.serve import read_folder
 from heatertune.log.cells import read_sheet
 from tests.bench.sessions import folder_in, is_stable, words_in
@@ -85,7 +86,7 @@ def of_record(plc, folder, path, kills, chance, name="record"):
     assert plc.plc.memory.image()[:CELLS.stop] == before
 
 
-def of_experiment(begun, folder, words, place, kills, chance):
+def of_experiment(begun, folder, place, kills, chance):
     """Kill experiments; `begun` begins a PLC that `close` ends."""
     plan = place / "plan.csv"
     plan.write_text("time_s,power_pct\n0,10\n100,60\n100000,20\n")
@@ -96,13 +97,14 @@ def of_experiment(begun, folder, words, place, kills, chance):
         killed(line, path, chance.randrange(0, 4000))
         while not plc.plc.memory.image()[CELLS][1] & AUTOMATIC:  # the dead man
             pass
-        assert before_of(path).exists()
+        where = address_of(plc.urls["s7"])
+        assert PlcState(where).way_back() is not None
         again = subprocess.run(line, capture_output=True, text=True, check=False)
         assert again.returncode == 2
-        assert "was cut off; bring back" in again.stderr
-        assert restore(path, words)[0] is True
+        assert "has not ended" in again.stderr
+        assert restore(where) is True
         assert plc.plc.memory.image()[CELLS] == before
-        assert not before_of(path).exists()
+        assert PlcState(where).way_back() is None
         plc.close()
 
 
@@ -254,6 +256,7 @@ def main(kills=30, seed=1, *names):
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         os.environ["HEATERTUNE_STATE"] = str(place / "state")
+        plc_state.LATE_S = 0.3
         design = place / "design"
         design.mkdir()
         write_design(design)
@@ -264,7 +267,7 @@ def main(kills=30, seed=1, *names):
                 with begun() as plc:
                     of_record(plc, made if name == "watch" else design, place / f"{name}.csv", kills, chance, name)
             elif name == "experiment":
-                of_experiment(lambda: begun(dead_man=200), design, words, place, kills, chance)
+                of_experiment(lambda: begun(dead_man=200), design, place, kills, chance)
             elif name == "simulate":
                 of_simulate(design, words, place, kills, chance)
             else:

@@ -227,7 +227,7 @@ static void send(Sim *s, long double at, double level)
 
 static double whole_count(const Case *c, double degrees)
 {
-    double n = (degrees - c->low) * c->counts / c->span;
+    double n = (degrees - c->low) * c->counts / c->span + 1e-9; /* a whole count stays one */
     return floor(n < 0.0 ? 0.0 : n > c->counts ? c->counts : n);
 }
 

@@ -229,6 +229,8 @@ def _told(b):
         cools = max(_takes(h, (b.setpoint - low) / (b.setpoint - h.ambient)) for h in every)
         yield part("setpoint", 0.0, "change", up=False, takes=cools + loop + ramp, rest=10.0 * calm, asked=low)
         yield part("setpoint", 0.0, "change", takes=way, asked=b.setpoint)
+        for asked, up in _small_changes(b, low, step):
+            yield part("setpoint", 0.0, "small-change", up=up, takes=loop + ramp, asked=asked)
     if power / 0.81 <= 95.0:
         for share, up, rest in ((0.81, False, 10.0), (1.21, True, 10.0), (1.0, False, 1.0)):
             yield part("mains", 0.0, "recovery", up=up, rest=rest * calm, power=share)
@@ -240,6 +242,13 @@ def _told(b):
         off = max(_takes(h, 1.0 - min(0.05, near / step)) for h in every)
         yield part("plc", 0.0, "off", takes=off, rest=0.0, power=0.0, supplied=False)
         yield from _along(b)
+
+
+def _small_changes(b, low, step):
+    """Return the setpoints of the small changes, and whether each leads up: 5 and 10 % of the step, or 2 and 4 bands."""
+    small = max(0.05 * step, 2.0 * b.band)
+    return [each for change in (small, 2.0 * small) if change <= b.setpoint - low
+            for each in ((b.setpoint - change, False), (b.setpoint, True))]
 
 
 def _circuits(b, tn):
@@ -471,6 +480,7 @@ def _seen(told, b, table, limits):
 
 
 _NAMES = {"heat-up": ("overshoot", "settling_time"), "change": ("change_overshoot", "change_time"),
+          "small-change": ("small_change_overshoot", "small_change_time"),
           "reheat": ("reheat_overshoot", "reheat_time"), "restart": ("restart_overshoot", "restart_time"),
           "recovery": ("recovery_overshoot", "recovery_time")}
 
@@ -485,14 +495,17 @@ def _enter(told, name, value, limit):
 
 def _judged(told, b, limits):
     """Enter the worst value of each criterion."""
+    asked = b.setpoint
     for part, seen, begin, end in zip(told.parts, told.seen, told.begins, told.begins[1:], strict=False):
         if part.kind == "off" or part.event == "led":
             continue
         beyond, time = _NAMES[part.kind]
+        asked, before = part.asked, asked  # by how much the setpoint changes
         above = part.up != (part.kind == "recovery")  # what a disturbance pushes up is overshot below
         over, under = (max(0.0, each) for each in (seen["highest"], -seen["lowest"]))
         over, under = (over, under) if above else (under, over)
-        _enter(told, beyond, over / (b.setpoint - b.ambient) * 100.0, limits[beyond])
+        way = abs(asked - before) if part.kind == "small-change" else b.setpoint - b.ambient
+        _enter(told, beyond, over / way * 100.0, limits[beyond])
         _enter(told, f"{beyond} in degC", over, limits.get(f"{beyond} in degC"))
         if part.kind == "recovery":
             _enter(told, "deviation", under, limits.get("deviation"))

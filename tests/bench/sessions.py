@@ -26,7 +26,8 @@ import numpy as np
 from heatertune import virtual_plc
 from heatertune.cli import main as command
 from heatertune.errors import LinkError
-from heatertune.live import recorder
+from heatertune.live import plc_state, recorder
+from heatertune.live.change import writer
 from heatertune.live.change.apply import applied
 from heatertune.live.change.guard import Said
 from heatertune.live.change.peer import Link
@@ -511,6 +512,7 @@ def run(sessions, seed, place, told=print, path=None):
     place, made = Path(place), {}
     os.environ["HEATERTUNE_STATE"] = str(place / "state")
     recorder._PAUSES_S = (0.0, 0.002, 0.01)  # time goes fast here
+    plc_state.LATE_S, writer._PAUSE_S = 0.1, 0.02
     figures = Figures.begun(path)
     for number in range(figures.done, sessions):
         begun, chance = time.monotonic(), random.Random(f"{seed} {number}")

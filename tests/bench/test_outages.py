@@ -22,7 +22,7 @@ from tests.bench.second_opinion import SWITCHES, compiled, opinion
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
 
 FIRST = {name: choices[0] for name, choices in SWITCHES["marlin"].items()}
-NO_LIMITS = dict.fromkeys(("overshoot", "change_overshoot", "restart_overshoot", "reheat_overshoot", "recovery_overshoot"), np.inf)
+NO_LIMITS = dict.fromkeys(("overshoot", "change_overshoot", "small_change_overshoot", "restart_overshoot", "reheat_overshoot", "recovery_overshoot"), np.inf)
 
 
 @pytest.mark.parametrize(("number", "target", "within_degC", "again_degC", "beyond"), [

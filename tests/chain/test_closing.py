@@ -260,18 +260,20 @@ def test_two_levels_scan_more_often_before_anything_else_and_tell_the_swing_that
     # takes 10 % of power
     lowest = 0.5 + (44.5 - 20.0 + 0.5 * 10.0) * (1.0 - math.exp(-12.0 / 400.0))
 
-    def found(tolerance, **tuned):
+    def found(tolerance, setpoint=45.0, **tuned):
         return closed(model, _asked(target="on-off", tuned=TuneSettings(**tuned),
-                                    conditions=Conditions(setpoint_degC=45.0, tolerance_degC=tolerance)))
+                                    conditions=Conditions(setpoint_degC=setpoint, tolerance_degC=tolerance)))
 
     sooner = found(1.05 * lowest)
     assert sooner.proof.verdict == "PASS"
     assert sooner.proof.heard.remarks[-1] == "with TA = 0.19 s"
     narrow = found(0.98 * lowest)
     assert narrow.proof.verdict == "FAIL"
-    interval, tolerance = map(float, narrow.passes_with[1::2])
-    assert narrow.passes_with[::2] == ("--sample-time", "--tolerance")
-    assert found(tolerance, sample_time_s=interval).proof.verdict == "PASS"
+    # a condition comes before a limit: the swing at 10 % of load is less at a lower setpoint
+    interval, setpoint = map(float, narrow.passes_with[1::2])
+    assert narrow.passes_with[::2] == ("--sample-time", "--setpoint")
+    assert 0.5 + (setpoint - 0.5 - 20.0 + 0.5 * 10.0) * (1.0 - math.exp(-12.0 / 400.0)) < 0.98 * lowest
+    assert found(0.98 * lowest, setpoint, sample_time_s=interval).proof.verdict == "PASS"
 
 
 def test_refined_words_without_end_of_one_steps_power_and_a_switch_are_made_again():

@@ -82,7 +82,7 @@ def test_a_holdback_is_carried_by_documents_certificate_and_words(words, found, 
     document = proof.to_document()["setpoint_ramp"]
     assert (document["hold"], document["hold_degC"]) == (proof.words.ramp.hold, pytest.approx(proof.words.ramp.hold))
     for content in export(proof.words, proof).values():
-        assert f"held within {proof.words.ramp.hold:.9g} units of the reading" in content
+        assert f"held within {proof.words.ramp.hold:.9g} degC of the reading" in content
         assert "HeaterLimit" in content
     path = tmp_path / "words.json"
     whole = {"target": "weg", "words": dict(words.values), "sample_time_s": words.sample_time_s,

@@ -1,6 +1,7 @@
 """A fit that leaves something open: NOT PROVEN at the terminal, with the way on, until it is closed or accepted."""
 
 import json
+import shlex
 from dataclasses import replace
 
 import pytest
@@ -33,7 +34,7 @@ def test_verify_says_not_proven_in_its_first_line_with_the_way_on_and_ends_with_
     whole = run("verify", pid, "--target", "s5-ob251", "--verbose")[1]
     first, last = whole.splitlines()[0], whole.rstrip().splitlines()[-1]
     assert status == 1
-    assert first.startswith("NOT PROVEN at 40 °C in 6 runs on 1 possible heater; the log does not bound the dead time")
+    assert first.startswith("NOT PROVEN at 40 °C in 18 runs on 1 possible heater; the log does not bound the dead time")
     assert last == f"VERDICT {first}"
     for told in (" ".join(out.split()), first):
         assert told.startswith("NOT PROVEN")
@@ -52,7 +53,7 @@ def test_what_is_accepted_is_pass_and_stands_in_the_files(pid, run, tmp_path):
     assert not (tmp_path / "out").exists()
     assert run("export-db", pid, *asked, "--accept", "dead-time-open")[0] == 0
     listing = (tmp_path / "out" / "DB30_listing.txt").read_text(encoding="utf-8")
-    assert "// verdict of the proof: PASS\n// proven at 40 °C in 6 runs on 1 possible heater\n" in listing
+    assert "// verdict of the proof: PASS\n// proven at 40 °C in 18 runs on 1 possible heater\n" in listing
     assert "// accepted: the log does not bound the dead time\n" in listing
     assert "// taken as known: sensor delay of 0.5 s\n" in listing
     proof = json.loads((tmp_path / "out" / "data" / "proof.json").read_text(encoding="utf-8"))
@@ -115,3 +116,27 @@ def test_no_design_goes_beyond_what_a_log_can_support(run, tmp_path):
     # a fast TA is the user's own word, and then it is told
     status, out, _ = run("tune", tmp_path / "model.json", "--sample-time", 0.5, "--json", "--quiet")
     assert any("below the log's own interval" in note for note in json.loads(out)["notes"])
+
+
+@pytest.mark.long
+def test_the_command_that_states_assumed_units_ends_in_pass_when_it_is_typed_and_so_does_accepting_them(run, tmp_path):
+    # a heater of 0.6 °C/%, 60 s and 4 s in °C and %, its time in minutes without a unit
+    power, rows, reading = [0.0 if k < 20 else 50.0 if k < 300 else 20.0 for k in range(520)], ["Time,Temperature,Heater"], 22.0
+    for k, held in enumerate(power):
+        rows.append(f"{k / 60:.5f},{reading:.2f},{held:g}")
+        reading += (22.0 + 0.6 * power[max(0, k - 4)] - reading) / 60.0
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join(rows), encoding="utf-8")
+    asked = ("design", log, "--target", "simple-pid", "--setpoint", 45, "--out")
+    status, out, err = run(*asked, tmp_path / "blocked")
+    assert status == 1
+    assert out.startswith("NOT PROVEN")
+    assert "--accept unit-assumed" in " ".join(out.split())
+    assert not list((tmp_path / "blocked").glob("*.py"))
+    typed = next(line.partition("state them: heatertune ")[2] for line in err.splitlines() if "units assumed" in line)
+    status, out, _ = run(*shlex.split(typed))
+    assert (status, out[:4]) == (0, "PASS")
+    assert "time constant 59" in out
+    assert run(*asked, tmp_path / "accepted", "--accept", "unit-assumed", "--quiet")[0] == 0
+    exported = next((tmp_path / "accepted").glob("*.py")).read_text(encoding="utf-8")
+    assert "accepted: a unit is assumed for which the log holds no evidence" in exported

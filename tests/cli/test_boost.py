@@ -34,7 +34,7 @@ def test_words_with_a_boost_are_exported_read_again_and_proven_again(run, design
     status, out, _ = run("export-db", *given, "-o", tmp_path / "again", "--json")
     assert (status, json.loads(out)["boost"]) == (0, boost)
     text = (tmp_path / "again" / "weg_pid_call.st").read_text()
-    assert "proven with a boost: full power until 12.5 °C from the setpoint, and again where it is more than 18.75" in text
+    assert "proven with a boost: full power until 12.5 degC from the setpoint, and again where it is more than 18.75" in text
     assert "HeaterPid.EN := HeaterOn AND NOT HeaterBoost;" in text
     assert run("export-db", tmp_path / "again" / "data" / "words.json", *ASKED[:2], "-o", tmp_path / "third")[0] == 0
     assert (tmp_path / "third" / "weg_pid_call.st").read_text() == text

@@ -44,7 +44,7 @@ def dump(proven, tmp_path):
 def _document(run, *arguments):
     status, out, _ = run("diff", *arguments, "--json")
     document = json.loads(out)
-    assert (document["schema"], status) == ("heatertune/diff/1", 0 if document["same"] else 1)
+    assert (document["schema"], status) == ("heatertune/diff/2", 0 if document["same"] else 1)
     return document
 
 

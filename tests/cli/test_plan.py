@@ -107,6 +107,11 @@ def test_a_model_file_is_prior_and_noise(run, model):
     ends = [end for end in fitted["gain_degC_per_pct_ci95"] if end is not None]
     assert all(before[0] <= end <= before[1] for end in ends)
     assert {each["label"] for each in document["heaters"]} >= {"working model"}
+    names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
+    worst = max(abs(high - low) / 2.0 / fitted[name] for name in names for low, high in [fitted[f"{name}_ci95"]])
+    for aim, known in ((100.0 * worst * 1.1, True), (100.0 * worst * 0.9, False)):
+        shown = run("plan", model, "--limit-temperature", 60, "--aim", f"{aim:.6g}", "--quiet")[1]
+        assert ("no experiment is needed for this aim" in shown) == known
 
 
 @pytest.mark.parametrize(("arguments", "told"), [

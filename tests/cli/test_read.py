@@ -26,7 +26,7 @@ def test_read_shows_rows_roles_assumptions_and_the_command_that_repeats_them(run
     status, out, err = run("read", path)
     assert (status, err) == (0, "")
     assert out.splitlines()[0] == (
-        "log.csv: 40 rows every 2 s; time = 'Zeit' [s, assumed], temperature = 'Istwert' [°C, assumed], power = 'Stellgrad' "
+        "log.csv: 40 rows every 2 s; time = 'Zeit' [s, assumed], temperature = 'Istwert' [°C, from a room's temperature], power = 'Stellgrad' "
         "[0…100 %, assumed], setpoint = none; not used: 'Druck'"
     )
     assert "2              20.5          0" in out

@@ -4,6 +4,7 @@ import json
 import shlex
 
 import pytest
+from tests.bench import suggestions as bench
 
 HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
 #: a long dead time and an optimum with little robustness, in the short story of the paper: it overshoots
@@ -21,7 +22,7 @@ def test_a_design_that_fails_its_specification_is_closed_and_what_was_done_is_to
     status, out, _ = run(*asked, "-o", tmp_path / "pid.json")
     plain_status, plain_out, _ = run(*asked, "--as-is", "-o", tmp_path / "plain.json")
     assert (status, plain_status) == (0, 1)
-    assert out.startswith("PASS  s7-300 at 40 °C")
+    assert out.startswith("PASS  against relaxed limits: ms 2.2 (default 2); s7-300 at 40 °C")
     assert plain_out.startswith("FAIL  s7-300 at 40 °C: overshoot ")
     closed, plain = (json.loads((tmp_path / name).read_text()) for name in ("pid.json", "plain.json"))
     alone = json.loads(run("tune", *HASTY, "--target", "s7-300", "--json", "--quiet")[1])
@@ -58,4 +59,44 @@ def test_the_nearest_command_that_a_failure_names_passes(run):
     assert name == "heatertune"
     assert nearest[:2] == ["tune", "--gain"]
     status, out, _ = run(*nearest)
+    assert (status, out[:4]) == (0, "PASS")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("target", "heater", "options", "first"), [
+    ("s7-300", "slow", "--structure p", "--structure"), ("weg", "fast", "--setpoint-ramp none --boost none", "--boost"),
+    ("s5-ob251", "slow", "--structure p", "--structure"),
+])
+def test_what_a_failure_suggests_changes_the_design_first_and_passes_as_it_stands(target, heater, options, first):
+    status, screen = bench.run(bench.request(target, heater, options))
+    assert (status, screen[:4]) == (1, "FAIL")
+    command, verdicts = bench.suggestion(screen)
+    assert first in command
+    assert not bench.limits_suggested(command, options), "a limit comes last"
+    assert bench.run(command)[1].startswith(verdicts)
+
+
+@pytest.mark.long
+def test_no_limit_is_suggested_beyond_twice_its_default(run):
+    status, out, _ = run("tune", *HAND, "--target", "s7-300", "--setpoint", 40, "--limit", "overshoot=0.001%", "--limit",
+                         "recovery-overshoot=0.001%", "--limit", "settling=1s", "--quiet")
+    assert status == 1
+    assert "nearest that passes" not in out
+    assert "nothing tried mends it, nor a limit of up to twice its default" in " ".join(out.split())
+
+
+@pytest.mark.long
+def test_verify_names_the_whole_command_that_designs_again_and_it_passes(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    heater = ("--gain", 1.88, "--time-constant", 59, "--dead-time", 1.41, "--ambient", 20)
+    run("tune", *heater, "--target", "weg", "--range", 0, 150, "-o", "pid.json", "--quiet")
+    asked = ("--target", "weg", "--setpoint", 83, "--range", 0, 150, "--tolerance", 1.5)
+    status, out, _ = run("verify", "pid.json", *asked, "--quiet")
+    assert (status, out[:4]) == (1, "FAIL")
+    told = next(line for line in out.replace("\\\n", " ").splitlines() if line.startswith("  heatertune tune pid.json"))
+    words = shlex.split(told)
+    assert [word for word in map(str, asked) if word not in words] == []
+    status, out, _ = run(*words[1:], "--quiet")
+    assert (status, out[:4]) == (0, "PASS")
+    status, out, _ = run("verify", "pid_redesigned.json", "--target", "weg", "--quiet")
     assert (status, out[:4]) == (0, "PASS")

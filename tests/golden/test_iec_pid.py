@@ -104,7 +104,7 @@ def _repaired_beside_text(chance, scans):
         given = repaired.Inputs(sp=level, pv=_real(chance, scale=10.0 ** chance.uniform(-2, 3)), x0=_real(chance), auto=auto, run=run)
         state = repaired.call(block, state, given)
         v = text.call(SP=given.sp, PV=given.pv, X0=given.x0, AUTO=auto, RUN=run, **values)
-        theirs = (v.XOUT, v.Integral, v.Error1, v.Error2, v.Error3)
+        theirs = (v.XOUT, v.IntegralPart, v.Error1, v.Error2, v.Error3)
         differ += not all(map(_same, (state.output, state.integral, state.e1, state.e2, state.e3), map(float, theirs)))
     return differ
 

@@ -58,7 +58,7 @@ def test_digits_are_degrees_as_the_modules_table_has_them_the_nearest_one(target
     for celsius, digits in cases.items():
         assert which.measure(words, celsius) == digits, celsius
         if celsius > 1.0:
-            assert {"s7-300": f"SP := {digits} ;", "fb41": "SP := ", "s7-200-pid": f"= {digits / 32000:g}, the proven"}[target] in _text(words, celsius)
+            assert {"s7-300": f"SP := {digits} ;", "fb41": "SP := ", "s7-200-pid": f"= {digits / 32000:.9g}, the proven"}[target] in _text(words, celsius)
 
 
 def test_an_em_231_tells_no_power_of_a_broken_wire_and_is_read_in_each_scan():

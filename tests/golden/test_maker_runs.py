@@ -227,7 +227,7 @@ def test_the_yaml_does_as_the_step_while_it_is_off_and_without_a_reading(witness
 
 
 def test_the_section_with_kalicos_own_heater_asks_for_what_was_proven(witness, tmp_path):
-    _, trace, files = ran("klipper", switch=Actuator(pwm_period_s=0.1, resolution_s=1e-5), firmware="kalico")
+    _, trace, files = ran("klipper", switch=Actuator(pwm_period_s=0.1, resolution_s=1e-5), firmware="kalico", heater="extruder")
     told = configparser.ConfigParser(inline_comment_prefixes=("#", ";"))
     told.read_string(files["klipper_heater.cfg"])
     section = told["extruder"]
@@ -244,7 +244,7 @@ def test_the_section_with_kalicos_own_heater_asks_for_what_was_proven(witness, t
 
 @pytest.mark.parametrize("file", ["marlin_pid.h", "marlin_pid.gcode"])
 def test_marlins_lines_ask_for_what_was_proven(file):
-    _, trace, files = ran("marlin", switch=Actuator(pwm_period_s=0.127, resolution_s=0.001))
+    _, trace, files = ran("marlin", switch=Actuator(pwm_period_s=0.127, resolution_s=0.001), heater="hotend")
     text = files[file]
     defined = {name: float(value) for name, value in re.findall(r"#define (\w+) (\S+)", text)}
     sent = dict(re.findall(r"([PID])([\d.]+)", re.search(r"^M301 (.*)$", text, re.MULTILINE)[1])) if file.endswith("gcode") else {

@@ -18,13 +18,19 @@ from tests.live.test_recorder import rows_of
 from heatertune import InputError
 from heatertune.cli import main
 from heatertune.errors import DocumentError, OutOfRange
-from heatertune.live.experiment import Experiment, Watching, before_of, restore
+from heatertune.live.experiment import Experiment, Watching, restore
+from heatertune.live.plc_state import PlcState
 from heatertune.live.schedule import Aims, Limits, Relay, Steps, read_plan
 from heatertune.model.intervals import Interval
 
 FAST = {"step": False, "rate": 2000.0, "dead_man": 3000}
 PLAN = Steps(steps=((0.0, 0.0), (100.0, 60.0), (500.0, 20.0)))
 WARM = Limits(temperature_degC=90.0)
+
+
+@pytest.fixture(autouse=True)
+def gateways_keep_nothing_for_long(monkeypatch):
+    monkeypatch.setattr("heatertune.live.plc_state.LATE_S", 0.3)
 
 
 def cells(plc):
@@ -60,7 +66,7 @@ def test_a_plan_is_run_and_all_is_given_back(by_hand, tmp_path):
     ended, _ = ran(plc, words, tmp_path, protocol=protocol)
     assert (ended.why, ended.restored) == ("plan", True)
     assert plc.plc.memory.image()[part] == before
-    assert not before_of(tmp_path / "log.csv").exists()
+    assert PlcState(way(plc, protocol)).way_back() is None
     rows = rows_of(tmp_path / "log.csv")
     after_s = rows[:, 0] - rows[0, 0]
     for begins, ends, power in ((70.0, 100.0, 0.0), (200.0, 500.0, 60.0), (600.0, 890.0, 20.0)):
@@ -113,7 +119,7 @@ def test_a_host_that_is_silent_is_followed_by_the_dead_man_and_the_next_start_gi
         whole.run(tmp_path / "log.csv", watching=Watching(shown=dies))
     while block.in_manual(plc.plc.memory.image()):
         pass
-    assert restore(tmp_path / "log.csv", words)[0] is True
+    assert restore(way(plc, protocol)) is True
     assert plc.plc.memory.image()[part] == before
 
 
@@ -146,7 +152,7 @@ def test_what_goes_wrong_ends_it(served, words, tmp_path, fault, why):
     assert ended.why in why, ended
     assert ended.restored, ended
     assert cells(plc) == before
-    assert not before_of(tmp_path / "log.csv").exists()
+    assert PlcState(way(plc, "s7")).way_back() is None
 
 
 def test_a_rate_that_is_too_fast_ends_it(served, words, tmp_path):
@@ -204,7 +210,7 @@ def test_it_begins_on_no_other_words_no_hot_heater_no_stop_and_no_broken_sensor(
     plc.release(60)
     assert "the limit is 30 °C" in refused(plc, Limits(temperature_degC=30.0))
     plc.plc.memory.write(DB, 2, struct.pack(">h", 1234))
-    assert "holds other words: K = 1234, not 6144" in refused(plc)
+    assert "holds other words: K = KF +01234, not KF +06144" in refused(plc)
     stopped = served(faults="t=0 cpu-stop")
     stopped.release(2)
     assert "is in STOP" in refused(stopped)
@@ -295,17 +301,21 @@ def test_a_fit_that_takes_long_does_not_keep_the_controller_in_manual(served, wo
 
 
 @pytest.mark.long
-def test_killed_at_any_moment_the_dead_man_acts_and_the_next_start_gives_back(served, design_folder, words, tmp_path):
+def test_killed_at_any_moment_the_dead_man_acts_and_the_next_start_gives_back(served, design_folder, tmp_path):
     """`python -m tests.bench.kills` makes thirty."""
-    of_experiment(lambda: served(**FAST | {"dead_man": 200}), design_folder, words, tmp_path, 2, random.Random(3))
+    of_experiment(lambda: served(**FAST | {"dead_man": 200}), design_folder, tmp_path, 2, random.Random(3))
 
 
-@pytest.mark.parametrize(("field", "value"), [("before", "zz"), ("block", 31), ("start", None), ("puts", ["00"]), ("address", "x")])
-def test_a_damaged_file_of_before_is_told(served, words, tmp_path, field, value):
-    path = tmp_path / "log.csv"
-    document = {"schema": "heatertune/experiment-before/1", "address": way(served(), "s7").text, "target": "s5-ob251",
-                "block": 30, "start": 22, "before": "00210000", "puts": ["00200000"]}
-    before_of(path).write_text(json.dumps(document | {field: value}))
+@pytest.mark.parametrize(("field", "value"), [
+    ("before", "zz"), ("block", "x"), ("start", None), ("own", ["00"]), ("address", "x"), ("process", None), ("schema", "other")])
+def test_a_damaged_way_back_is_told(served, field, value):
+    where = way(served(), "s7")
+    state = PlcState(where)
+    document = {"schema": "heatertune/way-back/1", "address": where.text, "block": 30, "start": 22, "before": "00210000",
+                "own": ["00200000"], "power_pct": 10.0, "log": "log.csv", "begun": "2026-11-26", "process": 1, "sent_at": None}
+    state.path.parent.mkdir(parents=True, exist_ok=True)
+    state.path.write_text(json.dumps(document | {field: value}))
     with pytest.raises((DocumentError, InputError)):
-        restore(path, words)
-    assert before_of(path).exists()
+        restore(where)
+    assert state.path.exists()
+    state.forget()

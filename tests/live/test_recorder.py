@@ -30,6 +30,7 @@ from heatertune.live.memory import OWN
 from heatertune.live.places import Counter, Places, places_of
 from heatertune.live.recorder import Recording, record
 from heatertune.log.cells import read_sheet
+from heatertune.log.record import TORN
 
 #: those that can be read within a scan of the fast ones here
 QUICK = PROTOCOLS[:2]
@@ -47,7 +48,7 @@ def places(words):
 def rows_of(path):
     lines = path.read_text().splitlines()
     assert lines[0].startswith("# heatertune record; ")
-    return np.array([[float(cell) for cell in line.split(",")] for line in lines if line[0].isdigit()])
+    return np.array([[float(cell) for cell in line.split(",")] for line in lines if line[0].isdigit() and not line.endswith(TORN)])
 
 
 class Until:
@@ -316,6 +317,112 @@ def test_a_full_disk_is_told_and_what_is_there_stays(served, places, monkeypatch
     content = (tmp_path / "log.csv").read_bytes()
     assert len(content) == 700
     assert content.endswith(b"\n") or "was torn" in _read(tmp_path / "log.csv")
+
+
+def _moved(path):
+    path.rename(path.with_name("moved.csv"))
+
+
+def _saved_by_an_editor(path):
+    """As editors do that write beside and rename: another file with what was there when it was opened."""
+    beside = path.with_name("beside")
+    beside.write_text("".join(path.read_text().splitlines(keepends=True)[:6]))
+    beside.replace(path)
+
+
+def _rotated(path):
+    path.rename(path.with_name("moved.csv"))
+    path.write_text("")
+
+
+def _cut(path):
+    path.write_bytes(path.read_bytes()[:-3])
+
+
+CHANGES = {"removed or moved": [lambda path: path.unlink(), _moved], "replaced by another file": [_saved_by_an_editor, _rotated],
+           "emptied or cut": [lambda path: path.write_text(""), _cut]}
+
+
+@pytest.mark.parametrize(("what", "change"), [(what, change) for what, changes in CHANGES.items() for change in changes])
+def test_a_log_that_others_change_goes_on_in_the_file_of_its_name(served, places, tmp_path, what, change):
+    plc, path, changed_at, seen = served(intervals=1200, **FAST), tmp_path / "log.csv", [], []
+
+    def shown(so_far):
+        if so_far.rows > 20 and not changed_at:
+            changed_at.append(so_far.last.time_s)
+            change(path)
+        if so_far.last is not None and so_far.last.time_s not in seen:
+            seen.append(so_far.last.time_s)
+
+    recorded = record(way(plc, "s7"), path, places, shown=shown, ended=Until(plc))
+    rows = rows_of(path)
+    after = [float(f"{at:.9g}") for at in seen if at > changed_at[0]]
+    assert len(after) > 20
+    assert list(rows[rows[:, 0] > changed_at[0], 0]) == after  # none of them is lost
+    assert list(rows[:, 0]) == sorted(set(rows[:, 0]))
+    assert len(read_log(path).time_s) == len(rows)
+    assert [what in note for note in recorded.notes] == [True]
+    if (moved := path.with_name("moved.csv")).exists():
+        assert {*rows_of(moved)[:, 0], *rows[:, 0]} == {float(f"{at:.9g}") for at in seen}
+
+
+def test_a_log_that_is_changed_again_and_again_goes_on(served, places, tmp_path):
+    plc, path, seen = served(intervals=1200, **FAST), tmp_path / "log.csv", set()
+    chance, changes = random.Random(4), [each for some in CHANGES.values() for each in some]
+
+    def shown(so_far):
+        if so_far.last is not None:
+            seen.add(so_far.last.time_s)
+            if chance.random() < 0.02 and path.exists() and path.stat().st_size > 400:  # not in its first line
+                chance.choice(changes)(path)
+
+    recorded = record(way(plc, "s7"), path, places, shown=shown, ended=Until(plc))
+    assert len(recorded.notes) > 3
+    if path.exists():
+        assert {float(f"{at:.9g}") for at in seen} >= set(rows_of(path)[:, 0])
+
+
+def test_a_comment_that_somebody_adds_stays_and_rows_of_another_recorder_end_it(served, places, tmp_path):
+    plc, path = served(intervals=2000, **FAST), tmp_path / "log.csv"
+
+    def add(text, at):
+        def shown(so_far):
+            if so_far.rows == at:
+                with path.open("a") as file:
+                    file.write(text)
+        return shown
+
+    recorded = record(way(plc, "s7"), path, places, Recording(for_s=300.0), shown=add("# door opened\n", 20))
+    assert not recorded.notes
+    assert "# door opened\n" in path.read_text()
+    assert len(read_log(path).time_s) == recorded.rows
+    other = tmp_path / "other.csv"
+    path = other
+    with pytest.raises(InputError, match="another program writes rows into it"):
+        record(way(plc, "s7"), other, places, shown=add("1e6,50,0,50\n", 20), ended=Until(plc))
+
+
+def test_a_folder_that_is_gone_is_told(served, places, tmp_path):
+    plc, folder = served(intervals=1200, **FAST), tmp_path / "logs"
+    folder.mkdir()
+
+    def shown(so_far):
+        if so_far.rows >= 20 and folder.exists():
+            folder.rename(tmp_path / "moved")
+
+    with pytest.raises(InputError, match="log\\.csv: cannot be written"):
+        record(way(plc, "s7"), folder / "log.csv", places, shown=shown, ended=Until(plc))
+    assert len(rows_of(tmp_path / "moved" / "log.csv")) >= 20
+
+
+def test_the_command_says_that_the_log_was_removed(served, design_folder, tmp_path, capsys, monkeypatch):
+    plc, path, looked = served(**FAST), tmp_path / "log.csv", []
+    monkeypatch.setattr("heatertune.cli.record.LINE.show", lambda _: (looked.append(1), len(looked) == 30 and path.unlink()))
+    line = ["record", plc.urls["s7"], "--design", str(design_folder), "-o", str(path), "--for", "2000"]
+    assert main(line) == 1
+    said = capsys.readouterr()
+    assert said.err.count("was removed or moved while it was recorded into; the log goes on in a new file") == 1
+    assert "was removed or moved" in said.out
 
 
 def test_a_disk_that_fails_at_the_end_is_told(served, places, monkeypatch, tmp_path):

@@ -81,7 +81,7 @@ def test_words_that_were_not_proven_are_not_well_though_the_loop_rests(folder, t
         status = main(["watch", way(plc, "s7").text, "--design", str(folder), "--for", "300", "-o", str(tmp_path / "log.csv"), "--quiet"])
     said = " ".join(capsys.readouterr().out.split())
     assert (status, said.startswith("NOT WELL, ")) == (1, True)
-    assert f"other words stand there than were proven: {name} is {value}, not {read_proven(folder).words.values[name]}" in said
+    assert f"other words stand there than were proven: {name} is KF {int(value):+06d}, not KF {read_proven(folder).words.values[name]:+06d}" in said
 
 
 def test_where_nobody_can_compare_the_words_that_is_told(folder, tmp_path, capsys, monkeypatch):

@@ -7,8 +7,12 @@ import json
 import math
 import random
 import shutil
+import signal
 import struct
+import subprocess
+import sys
 import threading
+import time
 from collections import Counter
 from dataclasses import replace
 from functools import cache
@@ -22,11 +26,14 @@ from tests.live.conftest import CONDITIONS
 from heatertune import virtual_plc
 from heatertune.cli import main
 from heatertune.errors import DocumentError
+from heatertune.live import plc_state
 from heatertune.live.change.band import Band, carried_s
 from heatertune.live.change.cells import Part
 from heatertune.live.change.order import NoOrder, in_order
 from heatertune.live.change.proven import read_proven
 from heatertune.live.change.record import Record, read_lines
+from heatertune.live.client.address import address_of
+from heatertune.live.plc_state import PlcState, WayBack
 from heatertune.live.serve import read_folder
 from heatertune.proof.document import digested
 from heatertune.proof.repetition import repeat_proof
@@ -44,6 +51,7 @@ def made(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def own_state(tmp_path, monkeypatch, made):
     monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+    monkeypatch.setattr("heatertune.live.plc_state.LATE_S", 0.3)
     # proven once: a plant that runs 1,500 times as fast does not wait for it
     monkeypatch.setattr("heatertune.live.change.proven.repeat_proof", lambda path, progress=str: (
         repeated(path) if made in path.parents else repeat_proof(path, progress=progress)))
@@ -106,7 +114,7 @@ def test_without_apply_nothing_is_written_anywhere(plant, capsys):
     before, files = here.words, sorted(here.made.rglob("*"))
     assert main(["write", str(here.made), here.address]) == 0
     shown = capsys.readouterr().out
-    for part in ("2.93 %/°C", "5.547 %/°C", "105.8 s", "55.69 s", "DW5      TI        30     57", "--range 0", here.yes):
+    for part in ("2.93 %/°C", "5.547 %/°C", "105.8 s", "55.69 s", "DW5      TI    KF +00030  KF +00057", "--range 0", here.yes):
         assert part in shown, shown
     lines = shown.splitlines()
     assert len(lines) <= 30
@@ -369,9 +377,114 @@ def test_a_second_write_at_the_same_time_waits_its_turn(plant, capsys):
         here.served.plc.wait(0.001)
     second = here.record.with_name("second.jsonl")
     assert main(["write", str(here.made), here.address, *RANGE, "--apply", "--yes", here.yes, "--record", str(second)]) == 2
-    assert "another run" in capsys.readouterr().err
+    assert "another command works on this PLC" in capsys.readouterr().err
     first.join()
     assert ends == [0]
+
+
+def test_an_experiment_that_has_not_ended_is_told_and_nothing_is_written(plant, capsys, tmp_path):
+    """And once its command has brought back what stood there, all goes on."""
+    here = plant()
+    assert here.write("--no-watch") == 0
+    before, mode = here.words, here.served.plc.memory.image()[22:26]
+    address = address_of(here.address)
+    here.served.plc.memory.write(30, 22, bytes.fromhex("00200700"))
+    state = PlcState(address)
+    state.keep(WayBack(address=here.address, number=30, start=22, before=mode, own={bytes.fromhex("00200700")}, power_pct=90.0, log="x.csv",
+                       begun="2026-11-26T20:00:00+00:00", process=4711))
+    told, named = "an experiment begun 2026-11-26T20:00:00+00:00 (process 4711) has not ended", f"experiment --restore {here.address}"
+
+    def said():
+        shown = capsys.readouterr()
+        return " ".join((shown.out + shown.err).split())
+
+    said()
+    assert main(["write", str(here.made), here.address, "--quiet"]) == 0
+    assert told in (shown := said())
+    assert named in shown
+    assert here.write() == 2
+    assert told in said()
+    assert here.rollback() == 0
+    assert told in said()
+    assert here.rollback("--apply", "--yes", here.digest_before) == 2
+    assert told in said()
+    assert here.words | {"YH": 0, "STEU": 0} == before | {"YH": 0, "STEU": 0}
+    assert main(["watch", here.address, "--design", str(here.made), "-o", str(tmp_path / "log.csv"), "--for", "40", "--quiet"]) == 1
+    assert told in (shown := said())
+    assert "NOT WELL" in shown
+    assert main(named.split()) == 0
+    assert here.served.plc.memory.image()[22:26] == mode
+    assert here.rollback("--apply", "--yes", here.digest_before) == 0
+    assert here.words == {**here.words, **OLD}
+
+
+@pytest.mark.parametrize("held_s", [2.0, 60.0])
+def test_a_write_that_a_gateway_keeps_is_taken_back_when_it_arrives(plant, monkeypatch, capsys, held_s):
+    """Of three parts the second is kept: the first is taken back at once, the second when it arrives; 60 s: never."""
+    monkeypatch.setattr(plc_state, "LATE_S", 4.0)
+    here = plant(faults="t=1e9 cut")
+    memory, plc, count, fault = here.served.plc.memory, here.served.plc, [0], sessions.fault_of("t=0 lost-reply")
+    write, timers = memory.write, []
+
+    def keep(number, start, content):
+        count[0] += 1
+        if count[0] != 2:
+            return write(number, start, content)
+        timers.append(threading.Timer(held_s, write, (number, start, content)))
+        if held_s < 10.0:
+            timers[0].start()
+        lost = replace(fault, begins_s=plc.intervals * 3.1, ends_s=plc.intervals * 3.1 + 1500)
+        plc._plan = replace(plc._plan, faults=(*plc._plan.faults, lost))
+        plc._there = (*plc._there, lost)
+        return None
+
+    memory.write = keep
+    assert here.write("--no-watch", "--reconnect", "9") == 1
+    shown = " ".join(capsys.readouterr().out.split())
+    memory.write = write
+    if held_s < 10.0:
+        timers[0].join()
+    assert here.words == {**here.words, **OLD}
+    assert shown.startswith(("ROLLED BACK", "NOT DONE"))
+    assert "nothing more has arrived since" in shown
+    assert ("arrived late" in {line["step"] for line in here.lines}) == (held_s < 10.0)
+
+
+def test_a_write_without_an_answer_holds_up_the_next_one_until_it_can_arrive_no_longer(plant, monkeypatch, capsys):
+    here = plant()
+    state = PlcState(address_of(here.address))
+    monkeypatch.setattr(plc_state, "LATE_S", 30.0)
+    state.send()
+    assert here.write("--no-watch") == 2
+    assert "an earlier request has no answer, and a gateway may still pass it on: again in" in capsys.readouterr().err
+    assert here.words == {**here.words, **OLD}
+    monkeypatch.setattr(plc_state, "LATE_S", 0.0)
+    assert here.write("--no-watch") == 0
+    monkeypatch.setattr(plc_state, "LATE_S", 30.0)
+    assert state.late_left_s() == 0.0  # answered
+
+
+@pytest.mark.parametrize("asked", ["SIGTERM", "SIGHUP"])
+def test_a_signal_ends_a_write_like_ctrl_c(plant, asked):
+    here = plant()
+    memory, number = here.served.plc.memory, getattr(signal, asked)
+    read, sent = memory.read, []
+    program = f"import signal, sys; signal.signal({number:d}, signal.SIG_DFL); from heatertune.cli import main; sys.exit(main())"
+    line = ["write", str(here.made), here.address, *RANGE, "--apply", "--yes", here.yes, "--record", str(here.record), "--quiet"]
+    with subprocess.Popen([sys.executable, "-c", program, *line], stdout=subprocess.PIPE, text=True) as process:
+        def at(*given):
+            if here.words["TI"] == here.new["TI"] and not sent:
+                sent.append(number)
+                process.send_signal(number)
+                time.sleep(0.2)
+            return read(*given)
+
+        memory.read = at
+        said = process.communicate(timeout=120)[0]
+    assert process.returncode == 1
+    assert "ROLLED BACK: interrupted; what was written is taken back" in " ".join(said.split())
+    assert here.words == {**here.words, **OLD}
+    assert read_lines(here.record).ended
 
 
 def test_a_line_that_a_kill_left_is_left_out_and_a_damaged_one_told(tmp_path, plant):

@@ -34,6 +34,7 @@ INSTRUMENTS = {
 @pytest.fixture(autouse=True)
 def own_state(tmp_path, monkeypatch):
     monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+    monkeypatch.setattr("heatertune.live.plc_state.LATE_S", 0.3)
 
 
 @pytest.fixture(scope="session")

@@ -27,7 +27,7 @@ def test_one_line_tells_columns_units_rows_and_what_was_not_used(tmp_path):
     rows[5] = (10.0, "", 0.0, "1.2", "7")
     log = _read(tmp_path, _table("Time,T1,Q1 [%],amps,control", rows), skip_empty=True)
     assert log.taken.line == (
-        "log.csv: 59 rows every 2 s; time = 'Time' [s, assumed], temperature = 'T1' [°C, assumed], power = 'Q1 [%]' [0…100 %], "
+        "log.csv: 59 rows every 2 s; time = 'Time' [s, assumed], temperature = 'T1' [°C, from a room's temperature], power = 'Q1 [%]' [0…100 %], "
         "setpoint = none; 1 row left out; not used: 'amps', 'control'"
     )
     assert log.taken.repaired_share == 1 / 60
@@ -116,12 +116,13 @@ LONG = [("TIC1.PV", 2.0 * k + 0.5, f"{y:g}", "192") for k, (_, y, _) in enumerat
 
 def test_a_long_table_is_turned_and_power_and_setpoint_are_held_to_the_readings(tmp_path):
     log = _read(tmp_path, _table("tag,time_s,value,quality", LONG))
-    assert log.time_s.tolist() == [t + 0.5 for t, _, _ in ROWS]
-    assert log.temperature_degC.tolist() == [y for _, y, _ in ROWS]
-    assert log.power_pct.tolist() == [0.0 if t < 22.0 else 60.0 for t, _, _ in ROWS]  # 21.0 is between 20.5 and 22.5
+    # the power changes at 21.0, between the readings at 20.5 and 22.5: a row of its own, on the line between the two
+    assert log.time_s.tolist() == sorted([*(t + 0.5 for t, _, _ in ROWS), 21.0])
+    assert np.delete(log.temperature_degC, 11).tolist() == [y for _, y, _ in ROWS]
+    assert log.temperature_degC[11] == pytest.approx(22.0 + 0.25 * 0.2)
+    assert log.power_pct.tolist() == [0.0 if t < 21.0 else 60.0 for t in log.time_s]
     assert set(log.setpoint_degC) == {55.0}
     assert "not used: 'spare'" in log.taken.line
-    assert any("held to the next reading, up to 1.5 s" in told for told in log.repairs)
     assert log.taken.reading["tag"] == "TIC1.PV"
     alone = _read(tmp_path, _table("tag,time_s,value,quality", LONG), power_tag="none", setpoint_tag="none")
     assert (alone.power_pct, alone.setpoint_degC) == (None, None)
@@ -134,7 +135,7 @@ def test_readings_of_bad_quality_are_left_out_and_counted(tmp_path, good, bad):
     # OPC DA: the two high bits of the byte are 11 for good, 01 for uncertain, 00 for bad
     rows = [(tag, t, "0" if t == 40.5 else value, bad if t == 40.5 else good) for tag, t, value, _ in LONG]
     log = _read(tmp_path, _table("tag,time_s,value,quality", rows))
-    assert len(log.time_s) == 59
+    assert len(log.time_s) == 60  # one of 60 readings is left out, and the power has a row of its own
     assert any("1 row whose quality is not good left out (line 22)" in told for told in log.repairs)
     assert log.taken.left_out == 1
 
@@ -146,7 +147,7 @@ def test_flags_of_unknown_meaning_are_refused_and_may_be_passed_over(tmp_path, h
     text = _table(header, [(*row[:3], flag if row[0] == "TIC1.OP" else "192") for row in LONG]).replace("192", "3")
     with pytest.raises(LogError, match=named):
         _read(tmp_path, text)
-    assert len(_read(tmp_path, text, quality_column="none").time_s) == 60
+    assert len(_read(tmp_path, text, quality_column="none").time_s) == 61  # 60 readings, and a change of the power
 
 
 @pytest.mark.parametrize(("asked", "named"), [

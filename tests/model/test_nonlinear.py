@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from heatertune.log.values import Log
-from heatertune.model.fit import fit
+from heatertune.model.fit import fit, fit_together
 from heatertune.model.power.input_curve import knots_of
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.readings import Readings
@@ -140,3 +140,31 @@ def test_the_gain_is_told_between_the_logged_levels_or_quantiles_of_many():
     assert knots_of(PowerProblem(readings=Readings.of(few))).tolist() == [0.0, 20.0, 40.0, 60.0, 80.0, 100.0]
     many = Log(name="many", source="", time_s=time, temperature_degC=20.0 + time, power_pct=np.linspace(10.0, 90.0, 200))
     assert knots_of(PowerProblem(readings=Readings.of(many))) == pytest.approx([10.0, 30.0, 50.0, 70.0, 90.0], abs=1.0)
+
+
+def _glowing(levels, name, seed):
+    """A kiln that loses by radiation above all, in Euler steps of half a second: 3 kW, 9 kJ/K, a row every 20 s."""
+    ambient, rng, readings, powers = 22.0, np.random.default_rng(seed), [], []
+    temperature = sensor = ambient
+    for k in range(2 * (300 + 14_000 * len(levels))):
+        power = 0.0 if k < 600 else levels[min(len(levels) - 1, (k - 600) // 28_000)]
+        radiated = 0.018 * 5.67e-8 * ((temperature + 273.15) ** 4 - (ambient + 273.15) ** 4)
+        temperature += 0.5 * (30.0 * power - 1.2 * (temperature - ambient) - radiated) / 9000.0
+        sensor += 0.5 * (temperature - sensor) / 25.0
+        if k % 40 == 0:
+            readings.append(sensor + rng.normal(0.0, 0.3))
+            powers.append(power)
+    return Log(name=name, source="", time_s=20.0 * np.arange(len(readings)), temperature_degC=np.array(readings),
+               power_pct=np.array(powers))
+
+
+def test_several_logs_of_a_heater_that_is_not_linear_hold_both_ends_too():
+    both = fit_together([_glowing((20.0, 35.0), "up", 1), _glowing((30.0,), "one", 2)])
+    assert [finding.name for finding in both.findings].count("nonlinear") >= 1
+    gains = [candidate.model.gain_degC_per_pct for candidate in both.candidates]
+    # its slope of the steady temperature by the power, from 10 to 20 % and from 30 to 40 %: 15.1 and 8.9 °C/%
+    assert min(gains) < 12.0
+    assert max(gains) > 25.0
+    inside = both.ci95["gain_degC_per_pct"]
+    assert inside.low < 12.0
+    assert inside.high > 25.0

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.bench import identification
+from tests.bench import causes, identification
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log import read_log
 from heatertune.log.record import MARK, SWITCHED
+from heatertune.log.values import Log
 from heatertune.model.fit import fit
 from heatertune.model.intervals import holds
 
@@ -62,3 +63,22 @@ def test_a_recording_tells_its_period_and_the_user_another(tmp_path):
 def test_a_negative_period_is_refused():
     with pytest.raises((InputError, OutOfRange), match="log_pwm_period"):
         fit(identification.make(0).log, log_pwm_period_s=-1.0)
+
+
+@pytest.mark.parametrize("form", ["late", "mean", "early", "exact"])
+def test_a_power_column_that_is_a_row_off_leaves_the_true_dead_time_possible(form):
+    for seed in (1, 2):
+        case = causes._read_as(np.random.default_rng(seed), form)
+        fitted = fit(Log(name=form, source="", time_s=case.time, temperature_degC=case.temperature, power_pct=case.power))
+        # two lags answer later than one by the second lag: the half rule adds half of it to the dead time
+        effective = case.heater.dead + 0.5 * float(-1.0 / case.heater.a[1, 1])
+        assert max(plant.half_rule().dead_time_s for plant in fitted.plants) >= effective
+        assert any("one row" in note for note in fitted.notes)
+
+
+def test_a_longest_dead_time_that_the_user_knows_bounds_a_row_more():
+    case = identification.make(0)
+    most = float(fit(case.log).model.dead_time_s) + 1.0
+    fitted = fit(case.log, dead_time_at_most_s=most)
+    assert fitted.ci95["dead_time_s"].high <= most + 1e-9
+    assert max(plant.dead_time_s for plant in fitted.plants) <= most + 1e-9

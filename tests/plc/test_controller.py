@@ -22,7 +22,7 @@ DESIGN = PidDesign(gain_pct_per_degC=1.45, integral_time_s=100.0, derivative_tim
 def _parts(**changed):
     """Return the body of a class: a P controller of 100 counts over the range, whose K is in tenths."""
     return {
-        "title": "for the test", "can": (), "cannot": (), "inputs": {"SP": "INT", "PV": "INT"}, "counts": 100,
+        "title": "for the test", "main_file": "k.txt", "can": (), "cannot": (), "inputs": {"SP": "INT", "PV": "INT"}, "counts": 100,
         "fields": (WordField(name="K", address="1", format="INT", low=1, high=99, comment=""),),
         "timer": Timer(shortest_s=0.5, longest_s=10.0, step_s=0.5),
         "core": Core(step=lambda k, n, w, x, _: (n + 1, float(k * (w - x)), n, 0), measure=count, flags=()),
@@ -56,7 +56,7 @@ def test_who_asks_for_the_names_of_the_targets_loads_no_controller():
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("missing", ["title", "fields", "core", "timer", "counts", "inputs", "can", "cannot"])
+@pytest.mark.parametrize("missing", ["title", "main_file", "fields", "core", "timer", "counts", "inputs", "can", "cannot"])
 def test_a_class_that_leaves_something_unsaid_is_not_made(missing):
     with pytest.raises(TypeError, match=f"ForTheTest does not say its {missing}"):
         _made(without=[missing])

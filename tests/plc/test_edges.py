@@ -161,10 +161,10 @@ def test_a_text_of_a_million_characters_in_lines_of_a_thousand_is_read_and_no_la
 def test_words_are_typed_in_one_column_or_two_where_one_of_them_changes():
     same = TypedWord(address="DW1", name="K", format="KF", first=7, then=7, meaning="gain")
     other = TypedWord(address="DW11", name="STEU", format="KM", first=32, then=33, meaning="mode")
-    assert typed_table([same]) == (("address", "word", "value", "meaning"), (2,), [("DW1", "K", "7", "gain")])
+    assert typed_table([same]) == (("address", "word", "value", "meaning"), (2,), [("DW1", "K", "KF +00007", "gain")])
     heads, values, cells = typed_table([same, other])
     assert (len(heads), values) == (5, (2, 3))
-    assert cells == [("DW1", "K", "7", "", "gain"), ("DW11", "STEU", "KM 00000000 00100000", "KM 00000000 00100001", "mode")]
+    assert cells == [("DW1", "K", "KF +00007", "", "gain"), ("DW11", "STEU", "KM 00000000 00100000", "KM 00000000 00100001", "mode")]
     assert [word_text(0x8001, "KM"), word_text(1 / 3), word_text(5)] == ["KM 10000000 00000001", "0.333333333", "5"]
 
 
@@ -198,7 +198,7 @@ def test_a_ramp_that_no_word_holds_is_refused(changed):
 
 def test_a_ramp_is_told_to_people():
     assert [str(Ramp(step=5)), str(Ramp(step=0.25, calls=2, hold=1.5)), str(Ramp(step=5, hold=-3))] == [
-        "5 units every call", "0.25 units every 2 calls, held within 1.5 units of the reading", "5 units every call, held within 3 units of the reading (of a cooler)"]
+        "5 units every call", "0.25 °C every 2 calls, held within 1.5 °C of the reading", "5 units every call, held within 3 units of the reading (of a cooler)"]
     assert [Ramp(step=5, hold=hold).cools for hold in (None, 1, -1)] == [False, False, True]
 
 

@@ -1,6 +1,8 @@
 """Klipper's words in printer.cfg, in its block SAVE_CONFIG and in what PID_CALIBRATE prints; words and lines that are exported."""
 
+import configparser
 import math
+import re
 
 import pytest
 
@@ -130,7 +132,7 @@ def test_power_is_limited_to_no_more_than_is_asked():
 
 def test_the_files_say_what_was_proven_and_hold_no_more_than_the_printer_knows():
     words = ROOM.encode(_design(), SCALING)
-    files = ROOM.export(words, Certificate(verdict="PASS", lines=("one fact",), setpoint_degC=215.0))
+    files = ROOM.export(words, Certificate(verdict="PASS", lines=("one fact",), setpoint_degC=215.0, switches={"heater": "extruder"}))
     config, trial = files["klipper_heater.cfg"], files["klipper_try.gcode"]
     assert all(line.startswith("#") or line == "[extruder]" or ": " in line for line in config.splitlines())
     assert "# verdict of the proof: PASS\n# one fact\n" in config
@@ -139,6 +141,21 @@ def test_the_files_say_what_was_proven_and_hold_no_more_than_the_printer_knows()
     assert commands == ["M107", "SET_HEATER_TEMPERATURE HEATER=extruder TARGET=215", "TEMPERATURE_WAIT SENSOR=extruder MINIMUM=214",
                         "G4 P120000", "M106 S255", "G4 P60000", "M107", "G4 P60000", "TURN_OFF_HEATERS"]
     assert "SET_HEATER_PID HEATER=extruder KP=5.100 KI=0.255 KD=10.200" in trial
+
+
+@pytest.mark.parametrize(("known", "section", "name", "sensor"), [
+    ({"heater": "heater_bed"}, "heater_bed", "heater_bed", "heater_bed"),
+    ({"heater": "heater_generic"}, "heater_generic YOUR_HEATER", "YOUR_HEATER", '"heater_generic YOUR_HEATER"'),
+    ({}, "YOUR_HEATER", "YOUR_HEATER", "YOUR_HEATER")])
+def test_no_file_names_another_heater_than_the_one_that_is_known(known, section, name, sensor):
+    words = ROOM.encode(_design(), SCALING)
+    files = ROOM.export(words, Certificate(verdict="PASS", setpoint_degC=60.0, switches=known))
+    config, trial = files["klipper_heater.cfg"], files["klipper_try.gcode"]
+    parser = configparser.RawConfigParser(comment_prefixes=("#", ";"), delimiters=(":", "="))
+    parser.read_string(config)
+    assert parser.sections() == [section]
+    assert {value for key, value in re.findall(r"\b(HEATER|SENSOR)=(\"[^\"]*\"|\S+)", trial)} == {name, sensor}
+    assert ROOM.text(config, None, "file").values == dict(words.values)
 
 
 def test_without_a_setpoint_the_trial_heats_nothing():

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import types
+from dataclasses import replace
 
 import pytest
 from tests.witness.arduino_pid import ArduinoPid
@@ -288,3 +289,34 @@ def test_a_switch_that_makes_up_is_told_and_a_short_period_too():
     assert "knows no shortest pulse" in text
     assert "this program does not" in text
     assert re.search("makes up what it leaves out", text)
+
+
+@pytest.mark.parametrize(("heater", "command", "prefix", "limit"), [("hotend", "M301", "", "PID_MAX"), ("bed", "M304", "bed", "MAX_BED_POWER")])
+def test_marlin_s_files_set_the_heater_that_is_known_and_no_other(heater, command, prefix, limit):
+    files = _marlin_files({"heater": heater})
+    header, code = (_without_comments(files[name]) for name in ("marlin_pid.h", "marlin_pid.gcode"))
+    defined = dict(re.findall(r"#define (\w+) (\S+)", header))
+    assert set(defined) == {f"DEFAULT_{prefix}Kp", f"DEFAULT_{prefix}Ki", f"DEFAULT_{prefix}Kd", limit, "PID_FUNCTIONAL_RANGE", "PID_K1"}
+    assert [line.split()[0] for line in code.splitlines()] == [command, "M503"]
+    given = dict(re.findall(r"([PID])(\d+\.\d+)", code.splitlines()[0]))
+    assert given == {letter: defined[f"DEFAULT_{prefix}K{letter.lower()}"] for letter in "PID"}
+
+
+def test_marlin_s_files_set_no_gain_while_the_heater_is_unknown():
+    files = _marlin_files({})
+    assert "DEFAULT_" not in _without_comments(files["marlin_pid.h"])
+    assert _without_comments(files["marlin_pid.gcode"]) == "M503 S0\n"
+    for name, text in files.items():
+        assert controller_for("marlin").text(text, None, name).values["Kp"] == single(2.55)
+
+
+def _marlin_files(known):
+    room = controller_for("marlin")
+    design = PidDesign(gain_pct_per_degC=1.0, integral_time_s=20.0, derivative_time_s=2.0, sample_time_s=0.16, structure="pid", method="")
+    words = room.encode(design, Scaling(low_degC=0.0, high_degC=300.0))
+    return room.export(replace(words, values={**words.values, "Kp": single(2.55)}), Certificate(verdict="PASS", switches=known))
+
+
+def _without_comments(text):
+    lines = (re.split(r";|//", line)[0].strip() for line in text.splitlines())
+    return "".join(f"{line}\n" for line in lines if line)

@@ -284,7 +284,7 @@ CASES = [
 def test_every_setting_of_every_room_has_a_case_and_no_two_settings_of_one_give_the_same():
     described = [(case.target, case.switch, tuple(case.outputs)) for case in CASES]
     assert sorted(described) == sorted((name, s.name, s.settings) for name in TARGETS for s in controller_for(name).switches
-                                       if not s.chosen)  # what a start-up leaves has no scans of its own: golden/test_s5_program
+                                       if not s.chosen and s.name != "heater")  # the heater of a printer is a name in files; what a start-up leaves has no scans of its own: golden/test_s5_program
     for case in CASES:
         told = {name for s in controller_for(case.target).switches if s.name == case.switch for name in s.told}
         differ = [outputs for setting, outputs in case.outputs.items() if setting not in told]

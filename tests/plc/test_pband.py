@@ -286,7 +286,7 @@ def test_a_bad_line_is_told_by_number_field_and_value(name, old, new, said):
 
 @pytest.mark.parametrize(("old", "new", "said"), [
     ("10752,2A00", "10753,2A00", "address of P: '10753, 2A00'; expected '10752, 2A00'"), ("10752,2A00,P", "10752,2A00,X", "name: 'X'"),
-    (",°C,INT16", ",INT16", "expected 9 cells"),
+    (",degC,INT16", ",INT16", "expected 9 cells"),
 ])
 def test_a_damaged_list_of_registers_is_refused(old, new, said):
     text = controller_for("omron-e5cc").export(_words("omron-e5cc"), PASSED)["omron_e5cc_registers.csv"]

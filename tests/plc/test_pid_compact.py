@@ -91,7 +91,7 @@ def test_what_is_odd_is_told(target):
 @BOTH
 def test_the_head_tells_verdict_setpoint_switch_and_what_is_left_by_hand(target):
     head, tags = _source(target).split("FUNCTION")[0], TAGS[target]
-    for part in ("verdict of the proof: PASS", "one line", "proven setpoint: 60 °C", "PWM period 4 s in steps of 0.1 s",
+    for part in ("verdict of the proof: PASS", "one line", "proven setpoint: 60 degC", "PWM period 4 s in steps of 0.1 s",
                  "not tried in TIA Portal", "cyclic interrupt OB every 100 ms", f"wire {tags.pulses}", "-10...240 degC"):
         assert part in head
     assert _files(target)[f"{tags.files}_rollback.scl"].count("LoadBackUp := TRUE;") == 1

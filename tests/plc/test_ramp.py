@@ -209,7 +209,7 @@ def test_a_ramp_that_makes_no_sense_is_refused(bad):
 def test_a_ramp_says_what_it_is():
     assert str(Ramp(step=4, hold=41)) == "4 units every call, held within 41 units of the reading"
     assert str(Ramp(step=4, hold=-41)) == "4 units every call, held within 41 units of the reading (of a cooler)"
-    assert (str(Ramp(step=4)), str(Ramp(step=0.25, calls=3))) == ("4 units every call", "0.25 units every 3 calls")
+    assert (str(Ramp(step=4)), str(Ramp(step=0.25, calls=3))) == ("4 units every call", "0.25 °C every 3 calls")
 
 
 @pytest.mark.parametrize(("whole", "least"), [(True, 1.0 / 1.05), (False, 1.0)])

@@ -39,7 +39,7 @@ def _drop_everywhere(proof):
 def _drop_margins(proof):
     for holder in (proof, *proof["runs"]):
         for name in ("stability", "ms", "gain_margin", "phase_margin", "step_power"):
-            del holder["criteria"][name]
+            holder["criteria"].pop(name, None)  # a run at another mains voltage has none of them
 
 
 def _wider_band(proof):
@@ -127,11 +127,11 @@ def test_a_proof_of_some_settings_of_what_the_manual_leaves_open_is_refused(comm
     proof = json.loads((folder / "proof.json").read_text())
     whole, proof["runs"] = proof["runs"], proof["runs"][:-1]
     for name, criterion in proof["criteria"].items():  # the worst of what is left
-        values = [run["criteria"][name]["value"] for run in proof["runs"]]
+        values = [run["criteria"][name]["value"] for run in proof["runs"] if name in run["criteria"]]
         criterion["value"] = min(values) if criterion["bound"] == ">=" else max(values)
     told = _refusal(command, folder, tmp_path, json.dumps(digested(proof)), capsys)
     gone = ", ".join(f"{name} = {setting}" for name, setting in whole[-1]["switches"].items())
-    assert f"proof.json: runs: none on {whole[-1]['model']} under {gone}: no whole proof" in told
+    assert f"proof.json: runs: none on {whole[-1]['model']} under {gone}, mains +10 %: no whole proof" in told
 
 
 def _with_samples(folder, here, kept, monkeypatch):

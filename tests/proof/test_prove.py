@@ -100,12 +100,12 @@ def test_runs_that_are_asked_for_alone_are_those_of_the_whole_proof_and_count_as
     whole = prove_models(switched, words(tn=60), heaters, PAPER, PWM, JUDGED)
     chosen = [whole.runs[place] for place in (13, 2, 9)]
     alone = prove_models(switched, words(tn=60), heaters, PAPER, PWM, JUDGED,
-                         Coverage(only=[(run.model, run.switches) for run in chosen]))
+                         Coverage(only=[run.run for run in chosen]))
     assert alone.runs == tuple(sorted(chosen, key=whole.runs.index))
     assert (whole.open_points, alone.open_points) == (True, False)
     with pytest.raises(InputError, match="at least one run"):
         prove_models(switched, words(tn=60), heaters, PAPER, PWM,
-                     coverage=Coverage(only=[("third", whole.runs[0].switches)]))
+                     coverage=Coverage(only=[("third", whole.runs[0].switches, None)]))
 
 
 @pytest.mark.parametrize("noise_degC", [0.0, 0.1])

@@ -1,6 +1,7 @@
 """What printers' own rules say, worked out by hand from what their sources and manuals say they do."""
 
 import numpy as np
+import pytest
 
 from heatertune.proof.supervision.printers import Protection, VerifyHeater, klipper, lines_of, marlin
 
@@ -44,9 +45,20 @@ def test_both_stop_beyond_their_ends_while_they_heat_and_not_while_they_are_off(
 
 
 def test_the_lines_are_those_that_the_configuration_takes():
-    file, text = lines_of(KLIPPER, ["head"])
+    file, text = lines_of(KLIPPER, ["head"], {"heater": "extruder"})
     assert file == "klipper_verify_heater.cfg"
     assert text.startswith("# head\n[verify_heater extruder]\nhysteresis: 5\nmax_error: 120\nheating_gain: 2\ncheck_gain_time: 20\n")
-    _, text = lines_of(MARLIN, ["head"])
+    _, text = lines_of(MARLIN, ["head"], {"heater": "hotend"})
     assert "#define THERMAL_PROTECTION_PERIOD 40\n#define THERMAL_PROTECTION_HYSTERESIS 4\n#define WATCH_TEMP_PERIOD 20\n" in text
-    assert "WATCH_TEMP_INCREASE" not in lines_of(MARLIN._replace(watch_increase=0.0, watch_period=0.0), [])[1]
+    assert "WATCH_TEMP_INCREASE" not in lines_of(MARLIN._replace(watch_increase=0.0, watch_period=0.0), [], {})[1]
+
+
+@pytest.mark.parametrize(("rule", "heater", "lines"), [
+    (KLIPPER, "heater_bed", ("[verify_heater heater_bed]",)), (KLIPPER, None, ("[verify_heater YOUR_HEATER]",)),
+    (MARLIN, "bed", ("#define THERMAL_PROTECTION_BED_PERIOD 40", "#define THERMAL_PROTECTION_BED_HYSTERESIS 4", "#define WATCH_BED_TEMP_PERIOD 20",
+                     "// #define BED_MAXTEMP 260")),
+    (MARLIN, None, ("// of a hot end; for a bed design with --switch heater=bed", "// #define HEATER_0_MAXTEMP 260"))])
+def test_the_lines_are_of_the_heater_that_is_known(rule, heater, lines):
+    text = lines_of(rule, [], {} if heater is None else {"heater": heater})[1].splitlines()
+    assert set(lines) <= set(text)
+    assert not any(other in " ".join(text) for other in ("extruder", *(("HEATER_0", "THERMAL_PROTECTION_PERIOD") if heater == "bed" else ())))

@@ -8,12 +8,14 @@ from pathlib import Path
 
 from tests.report.conftest import DESIGN, HEATER
 
+from heatertune.codec import encode as as_json
 from heatertune.documents import plain
 from heatertune.model import document as model_document
 from heatertune.model.by_hand import model_by_hand
 from heatertune.pid import document as pid_document
 from heatertune.plc import TARGETS, Certificate, Scaling, controller_for
 from heatertune.plc.design import encode
+from heatertune.proof.presets import preset
 from heatertune.proof.specification import GENERAL
 from heatertune.report.brief import design_brief
 
@@ -45,7 +47,7 @@ def proof_of(target, verdict):
     return {
         "verdict": verdict, "target": target, "criteria": criteria, "findings": findings,
         "runs": [{"model": f"heater {number % 9}"} for number in range(54)], "scenario": {"setpoint_degC": 53.3},
-        "specification": {"name": GENERAL, "changed": [], "limits": {}}, "assumed": {}, "known": {}, "faults": [],
+        "specification": {"name": GENERAL, "changed": [], "limits": as_json(preset(GENERAL).limits)}, "assumed": {}, "known": {}, "faults": [],
         "remarks": ["dead time 0.48 s longer, for the input module"], "actuator": {"pwm_period_s": 4.0},
         "not_tested": ["mains voltage (at −10 % a heater has 2.98 % of power left over)",
                        "settings of integral_inward, limit, manual_flag (they change no run)"]}

@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 from tests.report.conftest import DESIGN
 from tests.report.screens import GOLDEN, NEAREST, VERDICTS, criterion, documents_of, proof_of, screen_of, screens
 
+from heatertune.codec import encode as as_json
 from heatertune.model.findings import KINDS
 from heatertune.plc import TARGETS, Certificate, controller_for
 from heatertune.plc.design import encode
 from heatertune.plc.typed import as_typed
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.nearest import limits_that_pass
+from heatertune.proof.presets import preset
 from heatertune.report.brief import design_brief, verify_brief
 from heatertune.report.layout import LINES, WIDTH, command, labelled, notes_within, wrapped
 from heatertune.report.targets import targets_brief
@@ -49,8 +51,8 @@ def test_every_verdict_of_every_controller_is_one_screen(target, verdict):
     assert "out/report.html" in whole
     if verdict == "PASS":
         for word in typed(documents_of(target, verdict)["words"]):
-            assert re.search(rf"^  .*\b{re.escape(word.name)} +{re.escape(as_typed(word.first, word.format))}(  |$)", screen, re.MULTILINE)
-            assert not word.changes or f"then {as_typed(word.then, word.format)}:" in screen
+            assert re.search(rf"^  .*\b{re.escape(word.name)} +{re.escape(word.first_text)}(  |$)", screen, re.MULTILINE)
+            assert not word.changes or f"then {word.then_text}:" in screen
     else:
         assert "not to be typed in: " in whole
         assert "no files for the PLC" in whole
@@ -72,7 +74,7 @@ def test_however_much_there_is_to_tell_it_is_one_screen_and_names_or_counts_all(
     proof["remarks"] = [f"remark {number}, which takes some room on its line" for number in range(9)]
     proof["assumed"], proof["known"] = {"sensor_delay_s": 0.5}, {"rounding": "cut", "sum": "wide"}
     proof["faults"] = ["the error word wraps above 127 counts", "its P accumulates"]
-    proof["specification"] = {"name": "oven", "changed": ["ms"], "limits": {"ms": ["1.6"]}, "profile": None}
+    proof["specification"] = {"name": "oven", "changed": ["ms"], "limits": {**as_json(preset("oven").limits), "ms": ["1.6"]}, "profile": None}
     if verdict == "FAIL":
         proof["criteria"] |= {f"another_{number}": criterion(3.0, 2.0) for number in range(9)}
     documents["pid"]["notes"] = [f"note {number}" for number in range(40)]

@@ -102,7 +102,7 @@ def test_words_show_what_is_typed_in_and_what_it_realises():
     words = Words(target="s5-ob251", sample_time_s=4.0, scaling=Scaling(), values={
         "K": 9728, "R": 1024, "TI": 64, "TD": 0, "W": 0, "STEU": 33, "YH": 0, "BGOG": 2047, "BGUG": 0})
     rows, text, pictures = _seen(words)
-    assert next(row for row in rows if row[1:2] == ["TI"])[:3] == ["DW5", "TI", "64"]
+    assert next(row for row in rows if row[1:2] == ["TI"])[:3] == ["DW5", "TI", "KF +00064"]
     # S5-115U manual, section 11.2.3: TI = TA/TN and K in 1024ths, so TN = 4 s·1024/64, K = 9728/1024
     assert ["TN", "64", "s"] in rows
     assert ["K", "9.5", "%/°C"] in rows
@@ -128,7 +128,7 @@ def test_a_proof_shows_its_verdict_and_every_criterion(proof):
 
 def test_a_failing_criterion_is_marked(proof):
     bad = replace(proof, criteria=tuple(replace(c, limit=0.001) if c.name == "overshoot" else c for c in proof.criteria))
-    assert next(row for row in _seen(bad)[0] if row[0] == "overshoot")[2:] == ["≤ 0.001", "%", "FAIL"]
+    assert next(row for row in _seen(bad)[0] if row[0] == "overshoot")[2:] == ["≤ 0.001", "% of rise", "FAIL"]
 
 
 def test_a_trace_shows_what_the_loop_did(proof):

@@ -5,14 +5,16 @@ import re
 from types import SimpleNamespace
 
 import pytest
+from tests.report.screens import documents_of
 from tests.report.test_record import _Seen
 
 from heatertune.errors import InputError
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Certificate, Ramp, Scaling, Words, controller_for
+from heatertune.plc import NAMES, Certificate, Ramp, Scaling, Words, controller_for
 from heatertune.plc.machine import read_machine
-from heatertune.plc.typed import typed_table, typed_words
+from heatertune.plc.typed import setpoint_entry, typed_table, typed_words
 from heatertune.proof.words_file import certificate, words_of
+from heatertune.report.brief import design_brief
 from heatertune.report.record import record
 from heatertune.report.text import words_table
 from heatertune.studio import views
@@ -27,8 +29,8 @@ def _listing(text):
 
 
 def _typed(cell):
-    """Return a cell as a listing has it: 200 is +00200, KM is told by the format."""
-    return cell.removeprefix("KM ") if " " in cell else f"{int(cell):+06d}"
+    """Return a cell as a listing has it, whose format stands in a column of its own."""
+    return cell.removeprefix("KM ").removeprefix("KF ")
 
 
 def _rows(cells):
@@ -53,12 +55,14 @@ def test_listing_table_terminal_studio_and_report_show_the_same_words(documents)
     files = OB251.export(words, certificate(documents["proof"]))
     listed = _listing(files["DB30_listing.txt"])
     used = {name: listed[name] for name in words.values}
-    assert used["W"] == ("+00818", "+00818", "setpoint, DW 0 of DB31: 40 °C as proven; others: whole part of (2047/100)·(°C − 0)")
+    assert used["W"] == ("+00818", "+00818", "setpoint, DW 0 of DB31: 40 °C as proven; others: whole part of (2047/100)·(°C - 0)")
     assert used["STEU"][:2] == ("00000000 00100000", "00000000 00100001")  # bit 0: automatic, bit 5: no Z
     assert used["YH"][:2] == ("+00200", "+00000")
     assert used["K"][:2] == (f"{words.values['K']:+06d}",) * 2
     table = [row for row in csv.reader(files["DB30.csv"].splitlines()) if row[-1].partition(" ")[0] in words.values]
-    assert {row[4].partition(" ")[0]: (row[2], row[3], row[4].partition(" ")[2]) for row in table} == used
+    plain = str.maketrans({"°": "deg", "·": "*"})  # a table is ASCII: what opens it may take it for another code page
+    assert {row[4].partition(" ")[0]: (row[2], row[3], row[4].partition(" ")[2]) for row in table} == {
+        name: (first, then, meaning.translate(plain)) for name, (first, then, meaning) in used.items()}
     terminal = [re.split(r" {2,}", line) for line in words_table(document).splitlines() if line.startswith("DW")]
     assert {name: _typed(first) for _, name, first, *_ in terminal} == {name: first for name, (first, *_) in used.items()}
     assert {row[1]: _typed(row[3]) for row in terminal if len(row) == 5} == {
@@ -122,3 +126,23 @@ def test_words_that_are_typed_once_stand_in_one_column():
 def _words(ramp=None, high_degC=100.0, **changed):
     values = {"K": 1024, "R": 1024, "TI": 20, "TD": 0, "W": 0, "STEU": 33, "YH": 0, "BGOG": 2047, "BGUG": 0} | changed
     return Words(target="s5-ob251", values=values, scaling=Scaling(high_degC=high_degC), sample_time_s=1.0, ramp=ramp)
+
+
+@pytest.mark.parametrize("target", NAMES)
+def test_screen_and_record_show_each_word_as_it_is_entered_and_name_the_same_file_first(target):
+    documents = documents_of(target, "PASS")
+    documents["log"] = {"name": "log"}
+    documents["proof"] |= {"digest": "sha256:0", "interlock": None}
+    document = documents["words"]
+    page, rows = record(documents), typed_words(words_of(document, target, "words.json"), document["setpoint_degC"])
+    seen = {row[1].split()[-1]: row[2] for row in _Seen(page).rows if len(row) == 4 and row[1]}
+    screen, text = design_brief(documents, "out"), " ".join(re.sub(r"<[^>]+>", " ", page).split())
+    for row in rows:
+        shown = seen[row.name].removeprefix("first ")
+        assert shown.removesuffix(row.format).split(" then ")[-1].strip() == row.then_text
+        assert f" {row.then_text}" in " ".join(screen.split())
+        assert f"{row.name} {row.then_text}" in text  # as left
+    main = controller_for(target).main_file
+    assert f"out/{main}" in screen
+    assert re.search(rf"File for the \w+: {re.escape(main)}( ;|$| )", text)
+    assert f"enter {setpoint_entry(words_of(document, target, 'words.json'), document['setpoint_degC'])}." in text

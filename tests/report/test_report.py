@@ -124,7 +124,7 @@ def test_tables_are_aligned_and_tell_what_never_happened():
     assert criterion_value({"value": None, "ok": True}) == "unlimited"
 
 
-FIRST = ["verdict", "target", "setpoint_degC", "specification", "words", "criteria"]
+FIRST = ["verdict", "relaxed_limits", "target", "setpoint_degC", "specification", "words", "criteria"]
 
 
 def _curves(document):
@@ -138,13 +138,13 @@ def _curves(document):
 
 def test_programs_get_first_what_is_asked_first_and_no_curves(documents):
     design = without_curves(documents, ["heatertune", "design"])
-    assert list(design)[:7] == [*FIRST, "files"]
+    assert list(design)[:8] == [*FIRST, "files"]
     assert design["words"] == documents["words"]["words"]
     assert design["files"] == documents["words"]["files"]
     assert (_curves(plain(design)), bool(_curves(plain(dict(documents))))) == ([], True)
-    assert list(verdict_first(documents["proof"]))[:6] == FIRST
+    assert list(verdict_first(documents["proof"]))[:7] == FIRST
     exported = export_first(documents["words"], documents["proof"])
-    assert list(exported)[:7] == [*FIRST, "files"]
+    assert list(exported)[:8] == [*FIRST, "files"]
     assert set(documents["words"]) < set(exported)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -26,7 +26,9 @@ else:
 
 
 @contextmanager
-def locked(table: Path, instead: str = ", or give another table") -> Iterator[None]:
+def locked(
+    table: Path, instead: str = ", or give another table", *, what: str | None = None, holder: str = ""
+) -> Iterator[None]:
     """Hold the lock of a table, or of another file, within the block.
 
     The system holds it for the process, not the file: with the process ends the lock, however that ended.
@@ -34,6 +36,8 @@ def locked(table: Path, instead: str = ", or give another table") -> Iterator[No
     Args:
         table: the file.
         instead: what can be done beside waiting, the end of the error.
+        what: beginning of the error of whoever comes second; None: that another run writes the table.
+        holder: said of this process in that error, behind its number.
 
     Raises:
         InputError: another run holds it, or the file beside the table cannot be written.
@@ -45,14 +49,16 @@ def locked(table: Path, instead: str = ", or give another table") -> Iterator[No
     except OSError as problem:
         raise InputError(f"{path}: cannot be written: {problem.strerror}") from problem
     with file:
-        _demand(file, path, table, instead)
+        _demand(file, path, what or f"{table}: another run writes it", instead)
+        with suppress(OSError):  # on a full disk the lock holds all the same
+            os.write(file.fileno(), f"process {os.getpid()}{holder}".encode())
         try:
             yield
         finally:
             path.unlink(missing_ok=True)
 
 
-def _demand(file: IO[str], path: Path, table: Path, instead: str) -> None:
+def _demand(file: IO[str], path: Path, what: str, instead: str) -> None:
     """Lock an open file that is still the one of this name: its last owner takes it away when it ends."""
     try:
         _take(file)
@@ -61,8 +67,5 @@ def _demand(file: IO[str], path: Path, table: Path, instead: str) -> None:
         mine = False
     if not mine:
         file.seek(0)
-        raise InputError(f"{table}: another run writes it ({file.read() or 'just begun'}); wait for its end"
-                         f"{instead}")
+        raise InputError(f"{what} ({file.read() or 'just begun'}); wait for its end{instead}")
     file.truncate(0)
-    file.write(f"process {os.getpid()}")
-    file.flush()

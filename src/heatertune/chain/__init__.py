@@ -3,7 +3,7 @@
     log = read_log("table4")
     model = fit(log)
     design = tune(model, target="s5-ob251")
-    words = encode(design, target="s5-ob251")
+    words = encode(design, "s5-ob251", model)
     proof = prove(words, model)
     write_report(log, model, design, proof, "out/")
 
@@ -21,24 +21,24 @@ __all__ = [
 
 if TYPE_CHECKING:
     from heatertune.chain.experiment import plan
-    from heatertune.chain.stages import export, fit, fit_known, fit_together
+    from heatertune.chain.stages import encode, export, fit, fit_known, fit_together
     from heatertune.chain.supervision import supervise
     from heatertune.chain.validation import validate
     from heatertune.chain.whole import design, write_report
     from heatertune.log import read_log
-    from heatertune.plc.design import encode, tune
+    from heatertune.plc.design import tune
     from heatertune.proof import prove
     from heatertune.proof.targets import compare
 
 # imported when it is first used: an export needs no fit, and a worker no report
 __getattr__, __dir__ = offered(__name__, {
     "chain.experiment": ("plan",),
-    "chain.stages": ("export", "fit", "fit_known", "fit_together"),
+    "chain.stages": ("encode", "export", "fit", "fit_known", "fit_together"),
     "chain.supervision": ("supervise",),
     "chain.validation": ("validate",),
     "chain.whole": ("design", "write_report"),
     "log": ("read_log",),
-    "plc.design": ("encode", "tune"),
+    "plc.design": ("tune",),
     "proof": ("prove",),
     "proof.targets": ("compare",),
 })

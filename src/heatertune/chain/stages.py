@@ -16,7 +16,10 @@ from heatertune.model import document as model_document
 from heatertune.model.temperature.pool import pool_candidates
 from heatertune.model.values import FittedModel
 from heatertune.options import merged
-from heatertune.plc import Words, controller_for
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Scaling, Words, controller_for
+from heatertune.plc.choose import choose_words
+from heatertune.plc.design import encode as round_words
 from heatertune.progress import Told
 from heatertune.proof import Proof
 from heatertune.proof.known import closed_again, controllers
@@ -28,13 +31,13 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 __all__ = [
-    "export", "fit", "fit_known", "fit_together",
+    "encode", "export", "fit", "fit_known", "fit_together",
 ]
 
 
 def fit(
     data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...], settings: FitSettings | None = None, *,
-    thorough: bool = False, companions: bool = False, progress: Told = str, **changed: Any,
+    thorough: bool = False, companions: bool = True, progress: Told = str, **changed: Any,
 ) -> FittedModel:
     """Identify the heater behind a log; the paper's controller laws run inside the fit where no power was logged.
 
@@ -43,7 +46,7 @@ def fit(
             of pandas, arrays (time_s, temperature_degC, power_pct), all of shape (n,).
         settings: what is known beside the log; None: nothing.
         thorough: carry every controller hypothesis to the end, however far behind it is.
-        companions: whether the candidates of other built-in logs of the same heater are added.
+        companions: whether the candidates of other built-in logs of the same heater are added, as `design` does.
         progress: told what begins.
         changed: fields of `FitSettings` that are other than in `settings`.
 
@@ -128,7 +131,8 @@ def _fit_one(log: Log, given: FitSettings, progress: Told, *, thorough: bool = F
 
 
 def _columns(log: Log) -> dict[str, Any]:
-    names = ("name", "time_s", "temperature_degC", "power_pct", "setpoint_degC", "rests_at_degC", "disturbance")
+    names = ("name", "time_s", "temperature_degC", "power_pct", "setpoint_degC", "rests_at_degC", "disturbance",
+             "power_late_s")
     taken = None if log.taken is None else (log.taken.line, log.taken.repaired_share)
     return {name: getattr(log, name) for name in names} | {"taken": taken}
 
@@ -143,6 +147,27 @@ def _laws() -> Sequence[Any]:
     from heatertune.plc.s7_200_paper.laws import LAWS  # noqa: PLC0415 - compiles; only logs without power need it
 
     return LAWS
+
+
+def encode(
+    design: PidDesign, target: str, fitted: FittedModel | None = None, *, scaling: Scaling | None = None
+) -> Words:
+    """Return the words of a design for a target.
+
+    Args:
+        design: what was tuned.
+        target: the controller.
+        fitted: the heater and its candidates: the words are those that `design` chooses for it; None: each word is
+            rounded on its own.
+        scaling: sensor range; None: 0…100 °C.
+
+    Raises:
+        UnknownName: no such target.
+        NotRepresentable: a word does not fit; the error tells the nearest change that would.
+    """
+    if fitted is None:
+        return round_words(design, target, scaling=scaling)
+    return choose_words(design, target, fitted, scaling=scaling).words
 
 
 def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str | bytes]:

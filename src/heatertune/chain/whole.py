@@ -26,6 +26,7 @@ from heatertune.pid.recipe import Recipe
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.plc.choose import search_document
+from heatertune.plc.design import loop_fit
 from heatertune.progress import Told
 from heatertune.proof import Proof
 from heatertune.proof.asked import Asked, Closed
@@ -95,6 +96,7 @@ def design(
     controller_for(asked.target)  # an unknown target is refused before the long part
     with beside(asked.target) if begun is None else nullcontext(begun) as second:
         log = source if isinstance(source, Log) else read_log(source, read, errata=True)
+        asked = _of_its_heater(asked, log)
         progress(_told("fit"))
         fitted = fit(log, fitted_with, companions=True, progress=progress)
         second.draw(_found(log, fitted), "log")
@@ -107,6 +109,16 @@ def design(
         documents = _with_comparison(documents, log, fitted, result.wished, result.proof, second)
         _write(documents, files, out, second)
         return ChainResult(log=log, fitted=fitted, closed=result, files=files, documents=documents)
+
+
+def _of_its_heater(asked: Asked, log: Log) -> Asked:
+    """Return the request with the heater of a printer that the user named when the log was read (`--tag`)."""
+    open_ = next((each for each in controller_for(asked.target).switches if each.name == "heater"), None)
+    tag = None if log.taken is None else log.taken.reading.get("tag")
+    known = asked.conditions.switches
+    if open_ is None or open_.name in known or tag not in open_.settings:
+        return asked
+    return replace(asked, conditions=replace(asked.conditions, switches={**known, open_.name: str(tag)}))
 
 
 def _shown(
@@ -185,7 +197,8 @@ def _with_comparison(
     inputs = {name: documents[name] for name in ("model", "pid", "words", "proof")} | {"same_heater": log.same_heater}
     comparison = cache.cached("comparison", inputs, lambda: encode(ComparisonView(
         paper=paper_runs(fitted) if log.same_heater else None,
-        price=price_of_doubt(fitted, wished), rivals=rivals(fitted, wished, proof),  # last: they wait for the compiler
+        price=price_of_doubt(loop_fit(fitted, proof.words.target, proof.words.scaling), wished),
+        rivals=rivals(fitted, wished, proof),  # last: they wait for the compiler
     )), lambda kept: encode(decode(ComparisonView, kept, "comparison")))
     compared = {**documents, "comparison": comparison}
     second.draw(compared, "comparison")

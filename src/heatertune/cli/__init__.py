@@ -9,6 +9,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -151,7 +152,8 @@ def _run(given: tuple[str, ...]) -> int:
 
 def _complain(text: str) -> None:
     LINE.end()
-    print(painted(f"error: {text}", sys.stderr), file=sys.stderr)
+    with suppress(OSError):  # nobody is there to read it
+        print(painted(f"error: {text}", sys.stderr), file=sys.stderr)
 
 
 def _fault(problem: Exception) -> str:

@@ -204,8 +204,22 @@ def _given(settings: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {name: getattr(settings, name) for name in names if getattr(settings, name) is not None}
 
 
+def _model_of_design(path: str) -> FittedModel | None:
+    """Return the model that a pid.json holds; None where the file is none."""
+    from heatertune.documents import peek_schema  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.pid.document import SCHEMA, read_design  # noqa: PLC0415
+
+    if peek_schema(path) != SCHEMA:
+        return None
+    model = read_design(path)[1]
+    if model is None:
+        raise InputError(f"{path} is a design without its model: give the model.json, or --gain, --time-constant and "
+                         "--dead-time")
+    return model
+
+
 def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
-    """Return the model of a file, or the one given by hand.
+    """Return the model of a file (model.json, or the one in a pid.json), or the one given by hand.
 
     Raises:
         InputError: both or neither are given, or a number of the hand-given model is missing.
@@ -219,7 +233,7 @@ def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
     if path is not None and numbers:
         raise InputError("give a model file or --gain, --time-constant, --dead-time, not both")
     if path is not None:
-        return read_model(path)
+        return _model_of_design(path) or read_model(path)
     missing = [f"--{name.replace('_', '-')}" for name in names if name not in numbers]
     if missing:
         raise InputError(f"no model: give a model file, or {', '.join(missing)} as well")

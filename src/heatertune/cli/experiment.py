@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import shlex
+import signal
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -10,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
 from heatertune.cli.line import LINE
-from heatertune.cli.record import asked_to_end, live_line
+from heatertune.cli.record import ALL_SIGNALS, asked_to_end, live_line, tell
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,7 +38,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("plan", metavar="PLAN", nargs="?", help="CSV file that heatertune plan wrote")
     command.add_argument("address", metavar="ADDRESS", nargs="?", help="as for heatertune record")
     command.add_argument("--design", metavar="DIR", help="folder whose controller runs there")
-    command.add_argument("-o", "--out", required=True, metavar="FILE", help="the log to write")
+    command.add_argument("-o", "--out", metavar="FILE", help="the log to write")
     limits = command.add_argument_group("what ends it at once")
     limits.add_argument("--limit-temperature", type=float, metavar="°C", help="a temperature as high as this")
     limits.add_argument("--limit-rate", type=float, metavar="°C/MIN", help="a faster change, up or down")
@@ -46,8 +48,10 @@ def add_to(commands: Any) -> None:
     command.add_argument("--yes", action="store_true", help="begin without asking")
     command.add_argument("--without-dead-man", action="store_true",
                          help="begin though the PLC would hold the last power if this machine died")
+    command.add_argument("--in-manual", action="store_true",
+                         help="the controller is in manual before, and goes back to manual at the same value")
     command.add_argument("--restore", action="store_true",
-                         help="bring back what stood there before an experiment that was cut off (-o its log)")
+                         help="with ADDRESS alone: bring back what stood there before an experiment that was cut off")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
@@ -55,13 +59,13 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.proof.words_file import pwm_period_in, words_in  # noqa: PLC0415 - the help must not wait for it
 
+    if settings.restore:
+        return _restored(settings)
     if settings.design is None:
         raise InputError("experiment needs --design DIR: the folder whose controller runs there")
     words, _ = words_in(settings.design)
-    if settings.restore:
-        return _restored(settings, words)
-    if settings.plan is None or settings.address is None or settings.limit_temperature is None:
-        raise InputError("experiment needs PLAN, ADDRESS and --limit-temperature")
+    if None in (settings.plan, settings.address, settings.out, settings.limit_temperature):
+        raise InputError("experiment needs PLAN, ADDRESS, -o FILE and --limit-temperature")
     from heatertune.live.client.address import address_of  # noqa: PLC0415
     from heatertune.live.experiment import Experiment, Watching  # noqa: PLC0415
     from heatertune.live.schedule import Limits, read_plan  # noqa: PLC0415
@@ -69,13 +73,14 @@ def _run(settings: argparse.Namespace) -> int:
     plan, address, aims = read_plan(settings.plan), address_of(settings.address), _aims(settings.until)
     limits = Limits(temperature_degC=settings.limit_temperature, rate_degC_per_min=settings.limit_rate)
     whole = Experiment(plan, address, words, limits, pwm_period_s=pwm_period_in(settings.design),
-                       heaters=_heaters(settings.design))
+                       heaters=_heaters(settings.design), in_manual=settings.in_manual)
     blind = () if whole.heaters else (f"no heater in {settings.design}: a frozen sensor is not noticed",)
     found = (*whole.check(), *blind)
     _agree(settings, whole, found)
-    with asked_to_end() as asked:
+    with asked_to_end(ALL_SIGNALS) as asked:
         ended = whole.run(settings.out, aims, Watching(
-            shown=_shown(settings, whole), key=lambda: bool(asked), fit=_fit if aims.shares else None))
+            shown=_shown(settings, whole), key=lambda: bool(asked), fit=_fit if aims.shares else None,
+            progress=_to_terminal, enough=lambda: asked.count(signal.SIGINT) > 1))
     LINE.end()
     document = _document(settings, ended)
     printing.output(settings, document, lambda: _lines(document))
@@ -149,27 +154,40 @@ def _fit(log: Any) -> Any:
     return chain.fit(log)
 
 
-def _restored(settings: argparse.Namespace, words: Any) -> int:
+def _to_terminal(message: str) -> None:
+    tell(f"{message} (Ctrl-C twice: no longer)")
+
+
+def _restored(settings: argparse.Namespace) -> int:
+    from heatertune.live.client.address import address_of  # noqa: PLC0415
     from heatertune.live.experiment import restore  # noqa: PLC0415
 
-    restored, address = restore(settings.out, words)
-    document = {"schema": "heatertune/experiment/1", "address": address, "log": settings.out, "restored": restored}
-    printing.output(settings, document, lambda: f"{address}: {_OF_RESTORED[restored]}")
+    given = [each for each in (settings.plan, settings.address) if each is not None]
+    if len(given) != 1:
+        raise InputError("experiment --restore needs ADDRESS, and no PLAN")
+    address = address_of(given[0])
+    restored = restore(address, progress=tell)
+    document = {"schema": "heatertune/experiment/1", "address": address.text, "restored": restored}
+    printing.output(settings, document, lambda: f"{address.text}: {_of_restored(restored, address.text)}")
     return 0 if restored else 1
 
 
-_OF_RESTORED: Final = {
-    True: "mode and manual value stand there as before",
-    False: "somebody else has changed mode or manual value since: they were left alone",
-    None: "NOT KNOWN what stands there: no answer. Go and look; then heatertune experiment --restore",
-}
+def _of_restored(restored: bool | None, address: str, power_pct: float | None = None) -> str:
+    """Return what stands in the PLC, as far as that is known."""
+    if restored is None:
+        power = "" if power_pct is None else f" at {power_pct:g} %"
+        return (f"UNKNOWN what stands there: no answer. The controller may be in manual{power}. Look at it; and once "
+                f"it answers: heatertune experiment --restore {shlex.quote(address)}")
+    return ("mode and manual value stand there as before" if restored else
+            "somebody else has changed mode or manual value since: they were left alone")
 
 
 def _document(settings: argparse.Namespace, ended: Ended) -> dict[str, Any]:
     fitted = ended.fitted
     return {
         "schema": "heatertune/experiment/1", "address": settings.address, "log": settings.out, "ended": ended.why,
-        "told": ended.told, "restored": ended.restored, "rows": ended.recorded.rows if ended.recorded else 0,
+        "told": ended.told, "restored": ended.restored, "power_pct": ended.power_pct,
+        "rows": ended.recorded.rows if ended.recorded else 0,
         "gaps": ended.recorded.gaps if ended.recorded else 0,
         "model": None if fitted is None else {name: getattr(fitted.model, field) for name, field in _FIELDS.items()},
     }
@@ -178,7 +196,7 @@ def _document(settings: argparse.Namespace, ended: Ended) -> dict[str, Any]:
 def _lines(document: Mapping[str, Any]) -> str:
     good = document["ended"] in ("plan", "known")
     lines = [f"{'ended' if good else 'BROKEN OFF'}: {document['told']}",
-             f"{document['address']}: {_OF_RESTORED[document['restored']]}",
+             f"{document['address']}: {_of_restored(document['restored'], document['address'], document['power_pct'])}",
              f"{document['log']}: {document['rows']} rows"]
     if document["model"] is not None:
         lines[-1] += "; " + ", ".join(f"{name} {value:.4g}" for name, value in document["model"].items())

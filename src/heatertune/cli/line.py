@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import select
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Final, TextIO
 
-__all__ = ["LINE", "Line", "to_nobody"]
+__all__ = ["LINE", "Line", "can_take", "to_nobody"]
 
 _ERASE: Final = "\r\033[K"  # ECMA-48, 8.3.41 EL
 _BEAT_S: Final = 0.5
@@ -51,7 +53,17 @@ class Line:
 
 
 def _print(stream: TextIO, text: str) -> None:
-    print(text, end="", file=stream, flush=True)
+    if can_take(stream):
+        with suppress(OSError):  # a terminal that was closed: what it would show is not worth the work's end
+            print(text, end="", file=stream, flush=True)
+
+
+def can_take(stream: TextIO) -> bool:
+    """Return whether a stream takes a line without waiting: a terminal held by Ctrl-S would stop the program."""
+    try:
+        return bool(select.select([], [stream], [], 0.0)[1])
+    except (OSError, TypeError, ValueError):  # Windows asks this of sockets alone; a stream without a file takes all
+        return True
 
 
 #: of this process: a terminal has one last line

@@ -84,8 +84,23 @@ def _run(settings: argparse.Namespace) -> int:
     if settings.out is not None:
         target = Path(settings.out)
         write_files(target.parent, {target.name: plan_csv(document)})
-    printing.output(settings, document, lambda: plan_lines(document))
+    known = [] if fitted is None else _known_already(fitted, settings.aim / 100.0)
+    printing.output(settings, document, lambda: "\n".join([*known, plan_lines(document)]))
     return 0
+
+
+def _known_already(fitted: FittedModel, aim: float) -> list[str]:
+    """Return a sentence where a log knows its heater as well as the experiment aims at, else nothing."""
+    widths = []
+    for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s"):
+        interval, value = fitted.ci95.get(name), getattr(fitted.model, name)
+        if interval is None or interval.low is None or interval.high is None or value == 0.0:
+            return []
+        widths.append(abs(0.5 * (interval.high - interval.low) / value))
+    if not max(widths) <= aim:
+        return []
+    return [f"This model's log knows gain, time constant and dead time within ±{100.0 * max(widths):.2g} % already: "
+            "no experiment is needed for this aim."]
 
 
 def _model(settings: argparse.Namespace) -> FittedModel:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import shlex
 import sys
 import textwrap
 import time
@@ -12,11 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli.line import LINE, to_nobody
-from heatertune.cli.parsing import FULL
+from heatertune.cli.parsing import FULL, again
 from heatertune.cli.terminal import painted
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
+    from heatertune.log.taken import Taken
     from heatertune.log.values import Log
 
 __all__ = ["Progress", "add_output_options", "output", "save", "tell_taken", "time_left"]
@@ -109,7 +111,7 @@ def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Prog
     from heatertune.units import count  # noqa: PLC0415 - the help must not wait for it
 
     for log in logs:
-        line = [] if log.taken is None else [f"[log] {log.taken.line}"]
+        line = [] if log.taken is None else [f"[log] {log.taken.line}", *_unit_lines(settings, log.taken)]
         if settings.quiet:
             settings.taken = [*getattr(settings, "taken", ()), *line]
         else:
@@ -120,6 +122,14 @@ def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Prog
         elif told := [f"{count(len(notes), noun)}" for notes, noun in (
                 (log.repairs, "repair"), (log.doubts, "doubt")) if notes]:
             progress.note(f"[log] {log.name}: {' and '.join(told)} (heatertune read tells which)")
+
+
+def _unit_lines(settings: argparse.Namespace, taken: Taken) -> list[str]:
+    """Return the command that states the units which a log does not show, to be checked; nothing where it shows all."""
+    options = " ".join(taken.assumed.values()).split()
+    if not options or "unit-assumed" in getattr(settings, "accept", ()):
+        return []
+    return [f"[log] {taken.file}: units assumed; check and state them: {shlex.join(again(settings.given, options))}"]
 
 
 def _print_lines(lines: Iterable[str]) -> None:

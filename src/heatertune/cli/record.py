@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import argparse
 import signal
+import sys
+import threading
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
-from heatertune.cli.line import LINE
+from heatertune.cli.line import LINE, can_take
 
 if TYPE_CHECKING:
     from heatertune.live.recorder import Recorded
 
-__all__ = ["add_to", "asked_to_end", "live_line"]
+__all__ = ["ALL_SIGNALS", "add_to", "asked_to_end", "live_line", "show_notes", "signals_as_ctrl_c", "tell"]
 
 _EXAMPLE: Final = "example: heatertune record s7://192.168.0.10/0/2/db30 --design out/ -o log.csv"
 
@@ -54,8 +56,10 @@ def _run(settings: argparse.Namespace) -> int:
     how = Recording(every_s=settings.every, for_s=settings.for_s, append=settings.append, timeout_s=settings.timeout,
                     pwm_period_s=_pwm_period_s(settings.design))
     places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
+    shown_notes: list[str] = []
     with asked_to_end() as asked:
         def shown(so_far: Recorded) -> None:
+            show_notes(so_far, shown_notes)
             if not settings.quiet:
                 LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}; Ctrl-C ends it")
 
@@ -63,7 +67,22 @@ def _run(settings: argparse.Namespace) -> int:
     LINE.end()
     document = _document(settings, so_far)
     printing.output(settings, document, lambda: _lines(document))
-    return 0
+    return 1 if so_far.notes else 0
+
+
+def show_notes(so_far: Recorded, shown: list[str]) -> None:
+    """Show on stderr, once, what others have done to the log."""
+    for note in so_far.notes[len(shown):]:
+        tell(note)
+        shown.append(note)
+
+
+def tell(message: str) -> None:
+    """Show a message that stays on stderr, where that neither waits nor fails: what is under way goes on."""
+    LINE.end()
+    if can_take(sys.stderr):
+        with suppress(OSError):
+            print(message, file=sys.stderr, flush=True)
 
 
 def _pwm_period_s(design: str | None) -> float | None:
@@ -74,14 +93,56 @@ def _pwm_period_s(design: str | None) -> float | None:
     return pwm_period_in(design)
 
 
+#: signals that end what can be ended at any time: Ctrl-C, a service manager, a terminal that is closed
+_ENDING: Final = ("SIGINT", "SIGTERM", "SIGHUP")
+#: all that would end or stop a program that has left a controller in manual, as far as a program can catch them
+ALL_SIGNALS: Final = (*_ENDING, "SIGQUIT", "SIGBREAK", "SIGTSTP", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGVTALRM",
+                      "SIGPROF", "SIGIO", "SIGPWR", "SIGSTKFLT", "SIGXCPU")
+#: would stop a program in the background that writes to its terminal, or reads from it
+_IGNORED: Final = ("SIGTTOU", "SIGTTIN")
+
+
 @contextmanager
-def asked_to_end() -> Iterator[list[int]]:
-    """Give a list that is filled when somebody asks for the end: Ctrl-C, or whoever ends services."""
+def asked_to_end(signals: Sequence[str] = _ENDING) -> Iterator[list[int]]:
+    """Give a list that is filled when somebody asks for the end.
+
+    What the caller of this program has it ignore, as `nohup` does with SIGHUP, stays ignored, but for Ctrl-C and
+    SIGTERM.
+
+    Args:
+        signals: names of those that ask for it; a system does not have them all.
+    """
     asked: list[int] = []
-    before = {number: signal.signal(number, lambda number, _: asked.append(number))
-              for number in (signal.SIGINT, signal.SIGTERM)}
+    before: dict[int, Any] = {}
+    for name in signals:
+        number = getattr(signal, name, None)
+        if number is not None and (name in ("SIGINT", "SIGTERM") or signal.getsignal(number) is not signal.SIG_IGN):
+            before[number] = signal.signal(number, lambda number, _: asked.append(number))
+    if signals is not _ENDING:
+        before |= {number: signal.signal(number, signal.SIG_IGN) for name in _IGNORED
+                   if (number := getattr(signal, name, None)) is not None}
     try:
         yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def signals_as_ctrl_c() -> Iterator[None]:
+    """Have SIGTERM and SIGHUP interrupt as Ctrl-C does, but for those that the caller of this program has it ignore."""
+
+    def interrupt(_number: int, _frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in _ENDING:
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, interrupt)
+    try:
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -111,7 +172,7 @@ def _document(settings: argparse.Namespace, so_far: Recorded) -> dict[str, Any]:
         "schema": "heatertune/record/1", "address": settings.address, "log": settings.out, "rows": so_far.rows,
         "until_s": None if so_far.last is None else so_far.last.time_s,
         "clock": "this machine" if so_far.interval_s is None else "scans of the PLC", "interval_s": so_far.interval_s,
-        "gaps": so_far.gaps, "torn_looks": so_far.torn,
+        "gaps": so_far.gaps, "notes": so_far.notes, "torn_looks": so_far.torn,
         "last": None if so_far.last is None else dict(so_far.last.seen),
     }
 
@@ -125,6 +186,7 @@ def _lines(document: Mapping[str, Any]) -> str:
     lines = [f"{log}: {rows} rows, until {document['until_s']:.6g} s; {clock}"]
     if document["gaps"]:
         lines.append(f"- {document['gaps']} times without readings: each is a comment in the log")
+    lines += [f"- {note}" for note in document["notes"]]
     if document["torn_looks"]:
         lines.append(f"- {document['torn_looks']} looks that a scan fell into were left out")
     return "\n".join([*lines, f"next: heatertune read {Path(log)}"])

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 from heatertune import options
 from heatertune.cli import common
@@ -20,7 +22,11 @@ if TYPE_CHECKING:
     from heatertune.plc import Words
     from heatertune.plc.choice import WordChoice
 
-__all__ = ["Proving", "in_force", "proving"]
+__all__ = ["Proving", "in_force", "proving", "redesign_command"]
+
+#: an option in what was found to pass when a design was made
+_OPTION: Final = re.compile(r"(--[a-z][a-z-]*) ([^\s,;:]+)")
+_BY_HAND: Final = ("gain", "time_constant", "second_time_constant", "dead_time", "ambient")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +43,7 @@ class Proving:
         way_on: where they fail, what was found when they were made for the very same; None: nobody looked.
         design: from which the words were made; None: the words were given.
         recipe: how they were made from it; None: the words were given.
+        structure: of the design behind the words; None: not known.
     """
 
     words: Words
@@ -48,6 +55,7 @@ class Proving:
     way_on: str | None = None
     design: PidDesign | None = None
     recipe: Recipe | None = None
+    structure: str | None = None
 
 
 def proving(settings: argparse.Namespace) -> Proving:
@@ -70,7 +78,52 @@ def proving(settings: argparse.Namespace) -> Proving:
     recipe, notes = in_force(settings, kept, settings.pid)
     choice, same = made_again(design, fitted, recipe), recipe == kept and ramp is None and not common.by_hand(settings)
     return Proving(words=choice.words, choice=choice, fitted=fitted, conditions=recipe.conditions, ramp=ramp,
-                   notes=tuple(notes), way_on=recipe.way_on if same else None, design=design, recipe=recipe)
+                   notes=tuple(notes), way_on=recipe.way_on if same else None, design=design, recipe=recipe,
+                   structure=design.structure)
+
+
+def redesign_command(settings: argparse.Namespace, asked: Proving, setpoint_degC: float) -> tuple[str, ...]:
+    """Return the whole command that designs again what fails, for the same heater, controller and conditions.
+
+    Args:
+        settings: of the command that proved it.
+        asked: what was proven.
+        setpoint_degC: of the proof [°C].
+    """
+    from heatertune.cli.parsing import again  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc.targets import REPAIRED  # noqa: PLC0415
+
+    target, path = asked.words.target, Path(settings.pid)
+    hand = [part for name in _BY_HAND if (value := getattr(settings, name)) is not None
+            for part in (f"--{name.replace('_', '-')}", f"{value:g}")]
+    words = ["tune", *(hand or [str(path)]), "--target", REPAIRED.get(target, target)]
+    scaling, known = asked.words.scaling, asked.conditions
+    words += [] if scaling.input is None else ["--input", scaling.input]
+    words += ["--range", *(f"{end:.12g}" for end in scaling.sensor_degC)]
+    if known.setpoint_degC is None and known.profile is None:
+        known = replace(known, setpoint_degC=setpoint_degC)
+    if target in REPAIRED:
+        known = replace(known, switches={})
+    for name, one in options_of(Conditions).items():
+        if (value := getattr(known, name)) != one.default:
+            words += _typed(one, value)
+    if asked.choice is not None and asked.structure not in (None, "pi"):
+        words += ["--structure", str(asked.structure)]
+    words += ["--out", str(path.with_name(f"{path.stem}_redesigned.json"))]
+    found = [part for flag, value in _OPTION.findall(asked.way_on or "") for part in (flag, value)]
+    return again(words, found) if found else ("heatertune", *words)
+
+
+def _typed(one: Option, value: Any) -> list[str]:
+    """Return an option as the words of a command line."""
+    if isinstance(value, Mapping):
+        return [part for name, setting in value.items() for part in (one.flag, f"{name}={setting}")]
+    if one.kind is tuple:
+        return [part for item in value for part in (one.flag, str(item))]
+    if one.kind is bool:
+        return [one.flag]
+    values = value if isinstance(value, tuple) else (value,)
+    return [one.flag, *(f"{item:.12g}" if isinstance(item, float) else str(item) for item in values)]
 
 
 def in_force(settings: argparse.Namespace, kept: Recipe | None, where: str) -> tuple[Recipe, list[str]]:

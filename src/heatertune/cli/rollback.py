@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from heatertune.cli import printing
+from heatertune.cli.record import signals_as_ctrl_c
 from heatertune.cli.write import add_guard, ended_lines, link_of, not_read
 from heatertune.errors import LinkError
 
@@ -36,26 +37,32 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.live.change.rollback import before_of, looked, rolled_back  # noqa: PLC0415 - as in write
+    from heatertune.live.plc_state import PlcState  # noqa: PLC0415
 
     before, link = before_of(settings.record), link_of(settings)
     document: dict[str, Any] = {
         "schema": "heatertune/rollback/1", "record": settings.record, "address": before.address.text,
         "yes": before.yes, "applied": settings.apply}
     if settings.apply:
-        ended = rolled_back(before, settings.yes, link, settings.most_writes, unproven=settings.unproven)
+        with signals_as_ctrl_c():
+            ended = rolled_back(before, settings.yes, link, settings.most_writes, unproven=settings.unproven)
     else:
         try:
             ended = looked(before, link)
         except LinkError as problem:
             return not_read(settings, document, problem)
-    printing.output(settings, document | ended.to_document(), lambda: "\n".join(_lines(settings, before, ended)))
+    open_experiment = PlcState(before.address).message()
+    printing.output(settings, document | ended.to_document() | {"open_experiment": open_experiment or None},
+                    lambda: "\n".join(_lines(settings, before, ended, open_experiment)))
     return 0 if not settings.apply or ended.is_done else 1
 
 
-def _lines(settings: argparse.Namespace, before: Before, ended: Ended) -> Iterator[str]:
+def _lines(settings: argparse.Namespace, before: Before, ended: Ended, open_experiment: str) -> Iterator[str]:
     from heatertune.live.change.rollback import not_proven  # noqa: PLC0415
     from heatertune.report.layout import wrapped  # noqa: PLC0415
 
+    if open_experiment:
+        yield from wrapped(open_experiment, "- ")
     if settings.apply:
         yield from ended_lines(ended)
     else:

@@ -33,7 +33,8 @@ def add_to(commands: Any) -> None:
                     "(--spec, --limit) its words are proven, and where they fail the cheapest change that passes is "
                     "taken; exit status 1 where none is found.",
     )
-    command.add_argument("model", metavar="MODEL", nargs="?", help="model.json as written by fit")
+    command.add_argument("model", metavar="MODEL", nargs="?",
+                         help="model.json as written by fit, or a pid.json, which holds one")
     command.add_argument("-o", "--out", metavar="FILE", help="write the design to this JSON file")
     common.add_word_options(command)
     common.add_proof_options(command, needed=False)
@@ -49,6 +50,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.pid.alternatives import alternatives  # noqa: PLC0415 - the help must not wait for it
     from heatertune.pid.document import to_document  # noqa: PLC0415
     from heatertune.pid.forms import other_forms  # noqa: PLC0415
+    from heatertune.plc.design import loop_fit  # noqa: PLC0415
     from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
     from heatertune.report.brief import tune_brief  # noqa: PLC0415
     from heatertune.report.text import alternatives_table, design_lines, forms_lines  # noqa: PLC0415
@@ -57,11 +59,12 @@ def _run(settings: argparse.Namespace) -> int:
     proven = _closed(settings, fitted, progress)
     design = _plain(settings, fitted, progress) if proven is None else replace(
         proven.wished, notes=(*proven.wished.notes, *proven.notes))
+    loop = fitted if settings.target is None else loop_fit(fitted, common.target(settings), common.scaling(settings))
     if settings.second_opinion:
         from heatertune.pid.loop.linear import second_opinion  # noqa: PLC0415 - loads python-control
 
-        design = replace(design, notes=(*design.notes, second_opinion(fitted.plants, design)))
-    others = alternatives(fitted, design)
+        design = replace(design, notes=(*design.notes, second_opinion(loop.plants, design)))
+    others = alternatives(loop, design)
     settled = (design.gain_pct_per_degC, design.integral_time_s, design.derivative_time_s)
     document = to_document(design, fitted, None if proven is None else proven.recipe) | {
         "forms": other_forms(*settled), "alternatives": others}
@@ -103,7 +106,8 @@ def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing
     if by_words and settings.target is None:
         raise InputError("--sample-time words needs --target: the words are its own")
     asked = options.of(TuneSettings, settings)
-    tuned = aimed(asked, common.conditions(settings))
+    proven_later = settings.target is not None or _proof_asked(settings)
+    tuned = aimed(asked, common.conditions(settings)) if proven_later else asked
     find = partial(tune_for_words if by_words else chain.tune, target=settings.target, progress=progress)
     design = find(fitted, tuned, scaling=common.scaling(settings))
     notes = [*told_of_aim(asked, tuned), *([_UNPROVEN] if _proof_asked(settings) else [])]

@@ -7,7 +7,7 @@ from typing import Any
 
 from heatertune import options
 from heatertune.cli import common, printing
-from heatertune.cli.recorded import proving
+from heatertune.cli.recorded import proving, redesign_command
 from heatertune.errors import InputError
 from heatertune.settings import SampleSettings
 
@@ -58,10 +58,11 @@ def _run(settings: argparse.Namespace) -> int:
         progress(f"proving them on {drawn.samples} samples")
         proof = with_samples(proof, fitted, drawn, conditions)
     document = proof.to_document()
+    redesign = redesign_command(settings, asked, proof.scenario.setpoint_degC)
     remarks, line = [*asked.notes, *ramp_note(document), *notes], verdict_line(document)
     printing.output(
         settings, document,
         lambda: "\n".join([line, criteria_table(document), *(f"- {remark}" for remark in remarks),
                            *samples_table(document), f"VERDICT {line}"]),
-        brief=lambda: verify_brief(document, remarks, asked.way_on), short=lambda: verdict_first(document))
+        brief=lambda: verify_brief(document, remarks, asked.way_on, redesign), short=lambda: verdict_first(document))
     return 0 if document["verdict"] == "PASS" else 1

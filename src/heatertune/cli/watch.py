@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
 from heatertune.cli.line import LINE
-from heatertune.cli.record import asked_to_end, live_line
+from heatertune.cli.record import asked_to_end, live_line, show_notes
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.live.change.proven import read_proven  # noqa: PLC0415 - the help must not wait for it
     from heatertune.live.client.address import address_of  # noqa: PLC0415
     from heatertune.live.places import places_of  # noqa: PLC0415
+    from heatertune.live.plc_state import PlcState  # noqa: PLC0415
     from heatertune.live.recorder import Recording, record  # noqa: PLC0415
     from heatertune.live.watching import Beside, others_there  # noqa: PLC0415
 
@@ -60,6 +61,7 @@ def _run(settings: argparse.Namespace) -> int:
     log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
     beside, monitored = Beside(proven), _monitored(settings.monitor, proven)
     others, unknown = others_there(proven, address)
+    open_experiment = PlcState(address).message()
     with asked_to_end() as asked:
         so_far = record(address, log, places, Recording(
             every_s=None if monitored is None else min(1.0, 0.5 * monitored.view.scan_s), for_s=settings.for_s,
@@ -70,9 +72,11 @@ def _run(settings: argparse.Namespace) -> int:
         others, unknown = others_there(proven, address)
     unmoved = _unmoved(beside, so_far)
     well = beside.seen.readings > 0 and beside.seen.well and not unmoved  # who has seen nothing knows nothing
+    open_experiment = open_experiment or PlcState(address).message()  # one may have begun meanwhile
     well = well and not others and (monitored is None or not monitored.told()) and not so_far.trouble
+    well = well and not open_experiment
     seen = beside.seen.to_document()
-    seen["told"] = [*([others] if others else []), *([unmoved] if unmoved else []), *seen["told"]]
+    seen["told"] = [*(line for line in (open_experiment, others, unmoved) if line), *seen["told"]]
     document = {"schema": "heatertune/watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
                 "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well,
                 "words_not_compared": unknown or None, **seen,
@@ -108,8 +112,10 @@ def _shown(
     settings: argparse.Namespace, beside: Beside, monitored: Monitored | None
 ) -> Callable[[Recorded], object]:
     begun, last = time.monotonic(), [0]
+    shown_notes: list[str] = []
 
     def shown(so_far: Recorded) -> None:
+        show_notes(so_far, shown_notes)
         if so_far.last is not None and so_far.rows > last[0]:
             last[0] = so_far.rows
             beside.see(so_far.last)
@@ -142,7 +148,7 @@ def _refitted(log: Path, proven: Proven) -> dict[str, Any]:
             (interval.low is not None and was < interval.low) or (interval.high is not None and was > interval.high))
         found[name] = {"was": was, "now": now, "low": interval and interval.low, "high": interval and interval.high,
                        "moved": apart}
-    return {"told": fitted.outcome.value, "parameters": found}
+    return {"told": fitted.outcome_text, "parameters": found}
 
 
 def _lines(document: Mapping[str, Any]) -> str:

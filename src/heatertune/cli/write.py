@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.cli import printing
+from heatertune.cli.record import signals_as_ctrl_c
 from heatertune.errors import LinkError
 from heatertune.settings import SensorSettings
 
@@ -80,6 +81,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.live.change.proven import read_proven  # noqa: PLC0415
     from heatertune.live.change.rollback import unended  # noqa: PLC0415
     from heatertune.live.client.address import address_of  # noqa: PLC0415
+    from heatertune.live.plc_state import PlcState  # noqa: PLC0415
 
     sensor = options.given(SensorSettings, settings)
     said = Said(called_every_s=settings.called_every, range_degC=sensor.get("range_degC"),
@@ -92,7 +94,8 @@ def _run(settings: argparse.Namespace) -> int:
     document = {"schema": PLAN_SCHEMA, "directory": settings.directory, "address": address.text,
                 "digest": wanted.proven.view.digest, "yes": wanted.proven.yes, "applied": settings.apply}
     if settings.apply:
-        done = applied(wanted, settings.yes, progress)
+        with signals_as_ctrl_c():
+            done = applied(wanted, settings.yes, progress)
         document |= done.to_document()
         printing.output(settings, document, lambda: "\n".join(_of_applied(done)))
         return 0 if done.ended.is_done else 1
@@ -102,8 +105,10 @@ def _run(settings: argparse.Namespace) -> int:
         except LinkError as problem:
             return not_read(settings, document, problem)
     open_ = [str(lines.path) for lines in unended(Path(settings.directory), address)]
-    printing.output(settings, document | plan.to_document() | {"unended": open_},
-                    lambda: "\n".join(_of_plan(settings, wanted, plan, open_)))
+    open_experiment = PlcState(address).message()
+    printing.output(settings, document | plan.to_document() | {
+        "unended": open_, "open_experiment": open_experiment or None},
+                    lambda: "\n".join(_of_plan(settings, wanted, plan, open_, open_experiment)))
     return 0
 
 
@@ -114,7 +119,8 @@ def not_read(settings: argparse.Namespace, document: dict[str, Any], problem: Li
     return 1
 
 
-def _of_plan(settings: argparse.Namespace, wanted: Wanted, plan: Planned, open_: list[str]) -> Iterator[str]:
+def _of_plan(settings: argparse.Namespace, wanted: Wanted, plan: Planned, open_: list[str],
+             open_experiment: str) -> Iterator[str]:
     from heatertune.report.difference import difference_lines  # noqa: PLC0415
     from heatertune.report.layout import table, wrapped  # noqa: PLC0415
 
@@ -129,6 +135,8 @@ def _of_plan(settings: argparse.Namespace, wanted: Wanted, plan: Planned, open_:
         yield from wrapped(plan.no_order, "- ")
     if plan.undone_by:
         yield from wrapped(f"{plan.undone_by}: load the exported one, too", "- ")
+    if open_experiment:
+        yield from wrapped(open_experiment, "- ")
     yield from (f"- a write that never ended: heatertune rollback {path}" for path in open_)
     if all(check.ok is not False for check in plan.checks) and plan.parts and not plan.no_order:
         said = [check.option for check in plan.checks if check.ok is None and check.option]

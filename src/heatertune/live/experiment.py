@@ -3,41 +3,41 @@
     checked → armed (what stood there is on the disk) → running → ended: what stood there stands there again
 
 Whatever ends it (the plan, a limit, a sensor, the link, somebody's key, somebody else's hand) is followed by the same
-way back. Where the host dies, the PLC's own dead man does it, and the next start finds the file and finishes the way.
+way back. Where the host dies, the PLC's own dead man does it, and the next command on this PLC finds the way back in
+the user's state folder.
 """
 
 from __future__ import annotations
 
-import json
 import math
+import os
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Thread
-from typing import Any, Final
+from typing import Final
 
-from heatertune.documents import read_document
-from heatertune.errors import DocumentError, HeatertuneError, InputError, LinkError
+from heatertune.errors import HeatertuneError, InputError, LinkDown, LinkError, PlcRefused
 from heatertune.live.change.cells import standing
 from heatertune.live.client.address import Address, address_of
 from heatertune.live.client.client import Client
 from heatertune.live.client.simulator import told_by
 from heatertune.live.looking import Look
-from heatertune.live.manual import ManualMode
+from heatertune.live.manual import ManualMode, give_back
 from heatertune.live.memory import GUARDED, OWN, OWN_CELLS, RUNS
 from heatertune.live.places import places_of
+from heatertune.live.plc_state import PlcState, WayBack, utc_now
 from heatertune.live.readings import StillSensor
 from heatertune.live.recorder import Recorded, Recording, record
 from heatertune.live.schedule import RATE_ROWS, Aims, Limits, Relay, Steps
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.plc import Words, controller_for
-from heatertune.writing import write_files
+from heatertune.plc.typed import value_texts
 
-__all__ = ["BEFORE_SCHEMA", "Ended", "Experiment", "Watching", "before_of", "restore"]
+__all__ = ["Ended", "Experiment", "Watching", "restore"]
 
-BEFORE_SCHEMA: Final = "heatertune/experiment-before/1"
 _SAME_PCT: Final = 1e-6
 #: by how much every plausible heater must have moved before a reading that stands still is frozen
 _FROZEN_DEGC: Final = 3.0
@@ -48,11 +48,12 @@ class Ended:
     """How an experiment ended.
 
     Attributes:
-        why: one of `plan`, `known`, `limit`, `rate`, `sensor`, `link`, `silence`, `hand`, `key`.
+        why: one of `plan`, `known`, `limit`, `rate`, `sensor`, `link`, `silence`, `hand`, `key`, `output`.
         told: the same as a sentence.
         restored: whether what stood there before is known to stand there again; None: it is not known.
         recorded: the log's figures.
         fitted: the heater, where a fit beside the looks succeeded.
+        power_pct: the latest power that was sent [%]; None: none was.
     """
 
     why: str
@@ -60,6 +61,7 @@ class Ended:
     restored: bool | None = None
     recorded: Recorded | None = None
     fitted: FittedModel | None = None
+    power_pct: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,16 +72,15 @@ class Watching:
         shown: called after each look, with what is recorded and what the hand does.
         key: asked after each look whether somebody wants the end.
         fit: log → heater, for the aims; None: the plan is run to its end.
+        progress: called with a sentence where bringing back what stood there takes long.
+        enough: asked meanwhile whether somebody wants to wait no longer.
     """
 
     shown: Callable[[Recorded, str], object] = lambda *_: None
     key: Callable[[], bool] = lambda: False
     fit: Callable[[Path], FittedModel] | None = None
-
-
-def before_of(log: str | Path) -> Path:
-    """Return the file beside a log that holds what stood in the PLC before."""
-    return Path(f"{log}.before.json")
+    progress: Callable[[str], object] = str
+    enough: Callable[[], bool] = lambda: False
 
 
 class Experiment:
@@ -95,7 +96,7 @@ class Experiment:
     """
 
     def __init__(self, plan: Steps | Relay, address: Address, words: Words, limits: Limits, *,
-                 timeout_s: float = 1.0, pwm_period_s: float | None = None,
+                 timeout_s: float = 1.0, pwm_period_s: float | None = None, in_manual: bool = False,
                  heaters: Sequence[HeaterModel] = ()) -> None:
         """Prepare; nothing is asked of the PLC yet.
 
@@ -106,6 +107,7 @@ class Experiment:
             limits: what ends it at once.
             timeout_s: after which an answer is lost [s].
             pwm_period_s: of the heater's switch, for the log; None where nobody knows [s].
+            in_manual: whether the controller is in manual before, and is to be so afterwards.
             heaters: that are plausible, to tell a frozen sensor; none: it is not told.
 
         Raises:
@@ -118,18 +120,25 @@ class Experiment:
         self.plan, self._words, self.limits = plan, words, limits
         self._recording = Recording(timeout_s=timeout_s, pwm_period_s=pwm_period_s)
         self.sensor_degC, self.has_dead_man = words.scaling.sensor_degC, False
+        self._in_manual, self._state = in_manual, PlcState(address)
 
     def check(self) -> tuple[str, ...]:
         """Return what was found, one sentence each.
 
         Raises:
-            InputError: another block, other words, a temperature beyond the limit or the sensor's range, a CPU in STOP.
+            InputError: another block, other words, a temperature beyond the limit or the sensor's range, a CPU in STOP;
+                a controller in manual, unless it is said to be; another command on this PLC, or an experiment on it
+                that has not ended.
             LinkError: nobody is there.
         """
         where = self.mode.address.text
+        with self._state.locked("experiment"):
+            self._state.demand_no_way_back()
+            self._state.demand_nothing_late()
         with self.mode.connected() as client:
             self._demand_words(client)
             image, own = self.mode.image(client), told_by(client)
+        self._demand_mode(image)
         if own is not None and not own.status & RUNS:
             raise InputError(f"{where}: the CPU is in STOP")
         degC = self.mode.block.signals["temperature"].of(image)
@@ -141,12 +150,23 @@ class Experiment:
         dead_man = "dead man: the simulator's, by its heartbeat" if self.has_dead_man else "no dead man is known here"
         return f"the block holds the words of {self._words.target}", f"{mode}, {degC:.2f} °C", dead_man
 
+    def _demand_mode(self, image: bytes) -> None:
+        """Refuse a mode that nobody has said: an experiment from elsewhere may have left it."""
+        manual = self.mode.block.in_manual(image)
+        if manual and not self._in_manual:
+            raise InputError(f"{self.mode.address.text}: the controller is in manual already, and the experiment would "
+                             "leave it so: put it in automatic; or, where manual at its present value is what you "
+                             "want afterwards, say --in-manual")
+        if self._in_manual and not manual:
+            raise InputError(f"{self.mode.address.text}: the controller is in automatic, not in manual as said")
+
     def _demand_words(self, client: Client) -> None:
         there = self._standing
         content = there.read(client)
         found = {**{name: value for name, value in there.values(content).items() if name in there.own},
                  **there.bits(content)}
-        other = [f"{name} = {value:g}, not {self._words.values[name]:g}" for name, value in found.items()
+        there_texts, texts = value_texts(self._words, found), value_texts(self._words, self._words.values)
+        other = [f"{name} = {there_texts[name]}, not {texts[name]}" for name, value in found.items()
                  if name not in there.block.operators and value != self._words.values[name]]
         if other:
             raise InputError(f"{self.mode.address.text} holds other words: {', '.join(other[:3])}; give the folder of "
@@ -161,48 +181,68 @@ class Experiment:
             watching: who watches.
 
         Raises:
-            InputError: there is a log already, or a file of what stood there before: `restore` comes first.
+            InputError: there is a log already; as `check`; the state folder or the log cannot be written.
             LinkError: nobody is there at the beginning; nothing has been changed.
         """
-        kept = before_of(log)
-        if kept.exists():
-            raise InputError(f"{kept}: an experiment was cut off; bring back what stood there before with --restore")
         if Path(log).exists():
             raise InputError(f"{log}: is there already; take another name")
-        with self.mode.connected() as client:
-            before = self.mode.cells(client)
-        puts = {self.mode.by_hand(before, power) for power in self.plan.powers}
-        write_files(kept.parent, {kept.name: self._kept(before, puts)})
-        hand = _Hand(self, before, Path(log), aims or Aims(), watching or Watching())
-        restored = None
-        try:
-            recorded = record(self.mode.address, log, places_of(self._words), self._recording,
-                              shown=hand.looked, ended=lambda: hand.ended is not None)
-        finally:
-            hand.let_go()
-            restored = self.mode.give_back(before, puts)
-            if restored is not None:
-                kept.unlink(missing_ok=True)
-            hand.join()
+        with self._state.locked("experiment"):
+            self._state.demand_no_way_back()
+            with self.mode.connected() as client:
+                image = self.mode.image(client)
+            self._demand_mode(image)
+            _, start, count = self.mode.place
+            way_back = self._way_back(image[start : start + count], log)
+            self._state.keep(way_back)
+            hand = _Hand(self, way_back, Path(log), aims or Aims(), watching or Watching())
+            restored = None
+            try:
+                recorded = self._recorded(hand, log)
+            finally:
+                restored = hand.give_back()
+                hand.join()
         assert hand.ended is not None
         hand.ended.restored, hand.ended.recorded, hand.ended.fitted = restored, recorded, hand.fitted
+        hand.ended.power_pct = hand.sent_pct
         return hand.ended
 
-    def _kept(self, before: bytes, puts: set[bytes]) -> str:
+    def _recorded(self, hand: _Hand, log: str | Path) -> Recorded:
+        """Record, with the hand on the controller, until that has ended; raise what stops it before the first put."""
+        try:
+            return record(self.mode.address, log, places_of(self._words), self._recording,
+                          shown=hand.looked, ended=lambda: hand.ended is not None)
+        except (HeatertuneError, OSError) as problem:  # a disk that is full, a terminal that is gone
+            if hand.sent_pct is None:
+                raise
+            hand.end("output", str(problem))
+            return hand.so_far
+
+    def _way_back(self, before: bytes, log: str | Path) -> WayBack:
         number, start, _ = self.mode.place
-        return json.dumps({
-            "schema": BEFORE_SCHEMA, "address": self.mode.address.text, "target": self._words.target, "block": number,
-            "start": start, "before": before.hex(), "puts": sorted(put.hex() for put in puts)}, indent=2) + "\n"
+        puts = {self.mode.by_hand(before, power) for power in self.plan.powers}
+        return WayBack(address=self.mode.address.text, number=number, start=start, before=before,
+                       own=puts | set(map(self.mode.after_dead_man, puts)), power_pct=max(self.plan.powers),
+                       log=str(log), begun=utc_now(), process=os.getpid())
+
+    def keep(self, way_back: WayBack) -> None:
+        """Put the way back on the disk; errors as `PlcState.keep`."""
+        self._state.keep(way_back)
+
+    def forget(self) -> None:
+        """Remove the way back."""
+        self._state.forget()
 
 
 class _Hand:
     """The hand on the controller while the recorder looks; it has a connection of its own."""
 
-    def __init__(self, whole: Experiment, before: bytes, log: Path, aims: Aims, watching: Watching) -> None:
-        self._whole, self._before, self._log, self._aims, self._watching = whole, before, log, aims, watching
+    def __init__(self, whole: Experiment, way_back: WayBack, log: Path, aims: Aims, watching: Watching) -> None:
+        self._whole, self._way_back, self._log, self._aims, self._watching = whole, way_back, log, aims, watching
         self._client: Client | None = None
-        self._put = before
+        self._put = way_back.before
         self._power: float | None = None
+        self.sent_pct: float | None = None
+        self.so_far = Recorded()
         self._rows = self._fitted_at = self._beats = 0
         self._first_s: float | None = None
         self._latest = list[tuple[float, float]]()
@@ -214,25 +254,29 @@ class _Hand:
 
     def looked(self, so_far: Recorded) -> None:
         """Act on a look: end it, or go on by the plan."""
+        self.so_far = so_far
         if self.ended is None:
             try:
                 self._act(so_far)
             except LinkError as problem:
-                self._end("link", str(problem))
+                self.end("link", str(problem))
         self._watching.shown(so_far, "" if self._power is None else f"{self._power:g} % by hand")
 
-    def _end(self, why: str, told: str) -> None:
+    def end(self, why: str, told: str) -> None:
+        """End it; `why` as in `Ended`."""
         self.ended = Ended(why=why, told=told)
 
     def _act(self, so_far: Recorded) -> None:
         if so_far.trouble:
-            self._end("link", so_far.trouble)
+            self.end("link", so_far.trouble)
+        elif so_far.notes:
+            self.end("output", so_far.notes[-1])
         elif self._watching.key():
-            self._end("key", "somebody asked for the end")
+            self.end("key", "somebody asked for the end")
         elif so_far.rows == self._rows or so_far.last is None:
             silent_s = time.monotonic() - self._new_at
             if silent_s > self._whole.limits.silence_s:
-                self._end("silence", f"no new scan for {silent_s:.0f} s: is the CPU in STOP?")
+                self.end("silence", f"no new scan for {silent_s:.0f} s: is the CPU in STOP?")
         else:
             self._rows, self._new_at = so_far.rows, time.monotonic()
             self._new(so_far.last)
@@ -247,13 +291,13 @@ class _Hand:
         self._latest = [*self._latest[1 - RATE_ROWS :], (look.time_s, degC)]
         broken = self._whole.limits.broken(self._latest, self._whole.sensor_degC)
         if broken is not None:
-            self._end(*broken)
+            self.end(*broken)
         elif frozen := self._frozen(after_s, degC):
-            self._end("sensor", frozen)
+            self.end("sensor", frozen)
         elif look.restarted:
-            self._end("silence", "the PLC has begun anew")
+            self.end("silence", "the PLC has begun anew")
         elif after_s >= self._whole.plan.ends_s:
-            self._end("plan", "the plan is over")
+            self.end("plan", "the plan is over")
         else:
             self._set(self._whole.plan.power(after_s, degC, self._power))
             self._fit_beside()
@@ -273,11 +317,31 @@ class _Hand:
         """Put a power, where what stands there is what was put before; nobody else's change is undone."""
         mode, client = self._whole.mode, self._asked()
         if mode.cells(client) != self._put:
-            self._end("hand", "somebody else has changed the mode or the manual value, or the PLC's dead man has")
+            self.end("hand", "somebody else has changed the mode or the manual value, or the PLC's dead man has")
         elif power != self._power:
-            self._put = mode.by_hand(self._before, power)
-            mode.put(client, self._put)
+            self._put = mode.by_hand(self._way_back.before, power)
+            self._send(client, power)
             self._power = power
+
+    def _send(self, client: Client, power: float) -> None:
+        """Send a put; until it is answered, the way back on the disk says that it may still arrive."""
+        answered = self._way_back
+        self._way_back = replace(answered, sent_at=time.time())
+        try:
+            self._whole.keep(self._way_back)
+        except InputError as problem:
+            self._way_back = answered
+            self.end("output", str(problem))
+            return
+        self.sent_pct = power
+        try:
+            self._whole.mode.put(client, self._put)
+        except (PlcRefused, LinkDown):  # nothing has changed
+            self._way_back = answered
+            raise
+        self._way_back = answered
+        with suppress(InputError):  # that it may still arrive costs time at the end, no more
+            self._whole.keep(answered)
 
     def _fit_beside(self) -> None:
         """Begin a fit of what there is, beside the looks; end where it knows enough."""
@@ -285,7 +349,7 @@ class _Hand:
         if fit is None or not self._aims.shares or (self._fitting is not None and self._fitting.is_alive()):
             return
         if self.fitted is not None and self._aims.reached(self.fitted):
-            self._end("known", "what was asked for is known")
+            self.end("known", "what was asked for is known")
         elif self._rows >= self._fitted_at + self._aims.every_rows:
             self._fitted_at = self._rows
             self._fitting = Thread(target=self._fit, args=(fit,), name="fit", daemon=True)
@@ -295,10 +359,16 @@ class _Hand:
         with suppress(HeatertuneError):  # too little yet: the next one has more
             self.fitted = fit(self._log)
 
-    def let_go(self) -> None:
-        """Close the connection."""
+    def give_back(self) -> bool | None:
+        """Bring back what stood there, and forget the way back once that is known; as `ManualMode.give_back`."""
         if self._client is not None:
             self._client.close()
+        restored: bool | None = True
+        if self.sent_pct is not None:
+            restored = self._whole.mode.give_back(self._way_back, self._watching.progress, self._watching.enough)
+        if restored is not None:
+            self._whole.forget()
+        return restored
 
     def join(self) -> None:
         """Wait for a fit that is under way: the controller has been given back by then."""
@@ -315,33 +385,27 @@ def _demand_proven_power(plan: Steps | Relay, words: Words) -> None:
                          f"{largest:.4g} %: plan again with --power 0 {math.floor(largest):g}")
 
 
-def restore(log: str | Path, words: Words, timeout_s: float = 1.0) -> tuple[bool | None, str]:
+def restore(address: Address, timeout_s: float = 1.0, progress: Callable[[str], object] = str) -> bool | None:
     """Finish the way back of an experiment whose program died.
 
     Args:
-        log: that it wrote.
-        words: that the controller holds.
+        address: of the PLC.
         timeout_s: after which an answer is lost [s].
+        progress: called with a sentence where it takes long.
 
     Returns:
-        As `heatertune.live.manual.ManualMode.give_back`, and the address.
+        As `heatertune.live.manual.give_back`.
 
     Raises:
-        DocumentError: there is no file of what stood there before, or it is damaged, or of another controller.
-        InputError: as `Experiment`.
+        DocumentError: the way back is damaged.
+        InputError: there is none, or the experiment still runs.
     """
-    kept = before_of(log)
-    document: Any = read_document(kept, BEFORE_SCHEMA)
-    try:
-        address, before = address_of(document["address"]), bytes.fromhex(document["before"])
-        puts = {bytes.fromhex(put) for put in document["puts"]}
-        place = document["block"], document["start"], len(before)
-    except (AttributeError, KeyError, TypeError, ValueError) as problem:
-        raise DocumentError(f"{kept}: {problem}; expected address, block, start, before and puts") from None
-    mode = ManualMode(address, words, timeout_s)
-    if place != mode.place or {len(put) for put in puts} != {len(before)}:
-        raise DocumentError(f"{kept}: block, byte and bytes {place}; expected {mode.place} for {words.target}")
-    restored = mode.give_back(before, puts)
-    if restored is not None:
-        kept.unlink(missing_ok=True)
-    return restored, address.text
+    state = PlcState(address)
+    with state.locked("experiment --restore"):
+        way_back = state.way_back()
+        if way_back is None:
+            raise InputError(f"{address.text}: no experiment from here is open on this PLC: nothing to bring back")
+        restored = give_back(address_of(way_back.address), way_back, timeout_s, progress)
+        if restored is not None:
+            state.forget()
+    return restored

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
-from contextlib import suppress
+from collections.abc import Callable
 from typing import Final
 
 from heatertune.errors import InputError, LinkError
 from heatertune.live.blocks import SERVED, Block, block_for
 from heatertune.live.client.address import Address
 from heatertune.live.client.client import Client, connect
+from heatertune.live.plc_state import WayBack, late_left_s
 from heatertune.plc import Words, controller_for
 
-__all__ = ["ManualMode"]
+__all__ = ["RETRY_S", "ManualMode", "give_back"]
 
-#: before each try to give back what stood there; a link that is gone for longer is told
-_TRIES_S: Final = (0.0, 0.2, 0.5, 1.0, 2.0, 4.0)
+#: so long a dead link is tried again [s]
+RETRY_S = 60.0
+#: before each look; the last one for all that follow [s]
+_PAUSES_S: Final = (0.0, 0.2, 0.5, 1.0, 2.0)
 
 
 class ManualMode:
@@ -68,30 +70,14 @@ class ManualMode:
         """Return the cells in manual with a power, all else in them as before."""
         return self.block.put_in_manual(bytes(self._with(before)), power_pct)[1]
 
-    def give_back(self, before: bytes, puts: Collection[bytes]) -> bool | None:
-        """Bring back what stood there, where what stands there now is this hand's, or of the PLC's dead man after it.
+    def give_back(
+        self, way_back: WayBack, progress: Callable[[str], object], enough: Callable[[], bool]
+    ) -> bool | None:
+        """Bring back what stood there; see `give_back`."""
+        return give_back(self.address, way_back, self._timeout_s, progress, enough)
 
-        Args:
-            before: the cells as they were.
-            puts: what this hand may have written there.
-
-        Returns:
-            Whether it stands there again; False: somebody else has been there, and it was left alone; None: not known.
-        """
-        own = {before, *puts, *map(self._after_dead_man, puts)}
-        for pause_s in _TRIES_S:
-            time.sleep(pause_s)
-            with suppress(LinkError), self.connected() as client:
-                found = self.cells(client)
-                if found not in own:
-                    return False
-                if found != before:
-                    self.put(client, before)
-                if self.cells(client) == before:
-                    return True
-        return None
-
-    def _after_dead_man(self, put: bytes) -> bytes:
+    def after_dead_man(self, put: bytes) -> bytes:
+        """Return the cells as the PLC's dead man leaves them behind a put."""
         image = self._with(put)
         self.block.into_automatic(image)
         _, start, count = self.place
@@ -102,3 +88,62 @@ class ManualMode:
         _, start, count = self.place
         image[start : start + count] = cells
         return image
+
+
+def give_back(
+    address: Address, way_back: WayBack, timeout_s: float, progress: Callable[[str], object] = str,
+    enough: Callable[[], bool] = lambda: False,
+) -> bool | None:
+    """Bring back mode and manual value where what stands there is the experiment's, or of the PLC's dead man after it.
+
+    Each look is made on a connection of its own. Where the latest request of the experiment has no answer, the cells
+    are looked at until `heatertune.live.plc_state.LATE_S` after it: a gateway may still pass it on.
+
+    Args:
+        address: of the PLC.
+        way_back: what stood there.
+        timeout_s: after which an answer is lost [s].
+        progress: told why this takes long.
+        enough: asked between two looks whether somebody wants no more of them.
+
+    Returns:
+        Whether what stood there stands there again, read back; False: somebody else has changed it, and it was left
+        alone; None: not known.
+    """
+    begun, number, stands = time.monotonic(), 0, None
+    wait_s = late_left_s(way_back.sent_at)
+    while True:
+        time.sleep(_PAUSES_S[min(number, len(_PAUSES_S) - 1)])
+        number += 1
+        try:
+            found = _brought_back(address, way_back, timeout_s)
+        except LinkError:
+            found = None
+        passed_s = time.monotonic() - begun
+        if found is not None and passed_s >= wait_s:
+            return found
+        if (found is None and passed_s >= max(wait_s, RETRY_S)) or enough():
+            return None
+        if found != stands or number == 1:
+            left_s = (max(wait_s, RETRY_S) if found is None else wait_s) - passed_s
+            progress(f"{address.text}: " + (
+                f"no answer; trying for {left_s:.0f} s to bring back mode and manual value" if found is None
+                else f"looking for {left_s:.0f} s more whether a request without an answer still arrives"))
+        stands = found
+
+
+def _brought_back(address: Address, way_back: WayBack, timeout_s: float) -> bool | None:
+    """Look once, and write where it is not as before; as `give_back`.
+
+    Raises:
+        LinkError: no answer.
+    """
+    with connect(address, timeout_s) as client:
+        place = way_back.number, way_back.start, len(way_back.before)
+        found = client.read(*place)
+        if not way_back.owns(found, address.protocol):
+            return False
+        if found == way_back.before:
+            return True
+        client.write(way_back.number, way_back.start, way_back.before)
+        return True if client.read(*place) == way_back.before else None

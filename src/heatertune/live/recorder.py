@@ -2,6 +2,8 @@
 
 Each row is one write at the end of the file. A kill can tear the last line at most: it has no line's end, and who reads
 or continues the file knows it by that. What is no reading is a comment: a gap, a new connection, a PLC that began anew.
+Where the file is removed, moved, replaced, emptied or cut meanwhile, the log goes on in the file of its name, and a
+note says so.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ import math
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -72,6 +74,7 @@ class Recorded:
         last: the latest look.
         interval_s: of the PLC's scans, whose count is the log's clock [s]; None: this machine's clock is.
         trouble: of the link just now, empty where there is none.
+        notes: what others did to the file meanwhile, one sentence each: it does not hold all rows.
     """
 
     rows: int = 0
@@ -80,6 +83,7 @@ class Recorded:
     last: Look | None = None
     interval_s: float | None = None
     trouble: str = ""
+    notes: list[str] = field(default_factory=list)
 
 
 class _File:
@@ -87,21 +91,27 @@ class _File:
 
     def __init__(self, path: Path, heads: str, append: bool) -> None:
         """Open, and write or check the heads; errors as in `record`."""
-        self._path, self._synced = path, 0.0
+        self._path, self._synced, self._heads = path, 0.0, heads
         self.last_s: float | None = None
+        self.notes = list[str]()
+        self._size, self._latest_s = 0, float("-inf")
         flags = os.O_WRONLY | os.O_APPEND
         if append and path.exists():
             end = self._checked(heads.splitlines()[-1])
+            self._latest_s = float("-inf") if self.last_s is None else self.last_s
             self._number = self._opened(flags)
-            self.write(end + f"# continued {_now()}\n")
+            self._append(end + f"# continued {_now()}\n")
         else:
             self._number = self._opened(flags | os.O_CREAT | os.O_EXCL)
-            self.write(heads)
+            self._append(heads)
             settle(self._path.parent)
 
     def _opened(self, flags: int) -> int:
         try:
-            return os.open(self._path, flags, 0o644)
+            number = os.open(self._path, flags, 0o644)
+            kind = os.fstat(number)
+            self._file, self._size = (kind.st_dev, kind.st_ino), kind.st_size
+            return number
         except FileExistsError:
             raise InputError(f"{self._path}: is there already{self._left()}; --append continues it, or take another "
                              "name") from None
@@ -139,11 +149,64 @@ class _File:
         return ("" if text.endswith("\n") else f"{TORN}\n") + (f"{columns}\n" if found is None else "")
 
     def write(self, text: str) -> None:
-        """Write at the end; raise InputError where the disk does not take it."""
+        """Write at the end, and see that it stands in the file of this name.
+
+        Raises:
+            InputError: the disk does not take it, or the file of this name is none to continue.
+        """
+        self._go_on(self._changed())
+        self._append(text)
+        if what := self._changed():  # just now: the row may be gone with the file
+            self._go_on(what)
+            self._append(text)
+        if text[:1].isdigit():
+            self._latest_s = float(text.partition(",")[0])
+
+    def check(self) -> None:
+        """Note what others have done to the file since the last row."""
+        if what := self._changed():
+            self.notes.append(f"{self._path}: {what} before the recording ended")
+
+    def _changed(self) -> str:
+        """Return what others have done to the file since it was written to; nothing where they did nothing."""
+        try:
+            there = self._path.stat()
+        except (FileNotFoundError, NotADirectoryError):
+            return "was removed or moved"
+        except OSError:  # nobody may look there just now: the file that is open takes rows all the same
+            return ""
+        if (there.st_dev, there.st_ino) != self._file:
+            return "was replaced by another file"
+        if there.st_size < self._size:
+            return "was emptied or cut"
+        return "was written to by another program" if there.st_size > self._size else ""
+
+    def _go_on(self, what: str) -> None:
+        """Go on in the file of this name, or in a new one, where others have done something to it."""
+        if not what:
+            return
+        try:
+            is_new, is_empty = False, self._path.stat().st_size == 0
+        except OSError:
+            is_new = is_empty = True
+        begin = self._heads if is_empty else self._checked(self._heads.splitlines()[-1])
+        if not is_empty and self.last_s is not None and self.last_s > self._latest_s:
+            raise InputError(f"{self._path}: another program writes rows into it; what is there stays")
+        old = self._number
+        self._number = self._opened(os.O_WRONLY | os.O_APPEND | (os.O_CREAT | os.O_EXCL if is_new else 0))
+        os.close(old)
+        if what != "was written to by another program" or begin:
+            self.notes.append(f"{self._path}: {what} while it was recorded into; the log goes on "
+                              f"{'in a new file' if is_empty else 'at its end'}")
+        self._append(f"{begin}# continued {_now()}: the file {what}\n")
+        settle(self._path.parent)
+
+    def _append(self, text: str) -> None:
         content, now = text.encode(), time.monotonic()
         try:
             while content:  # a disk that is nearly full takes a part
-                content = content[os.write(self._number, content):]
+                taken = os.write(self._number, content)
+                self._size, content = self._size + taken, content[taken:]
             if now - self._synced > _SYNCED_S:
                 os.fsync(self._number)
                 self._synced = now
@@ -209,7 +272,7 @@ class _Rows:
     def __init__(self, looking: Looking, file: _File, settings: Recording) -> None:
         self._looking, self._file, self._settings = looking, file, settings
         self._every_s = settings.every_s or (0.0 if looking.interval_s is not None else 1.0)
-        self.so_far = Recorded(interval_s=looking.interval_s)
+        self.so_far = Recorded(interval_s=looking.interval_s, notes=file.notes)
         self._shift_s: float | None = None if file.last_s is not None else 0.0
         self._first_s: float | None = None
         self._last_s: float | None = file.last_s
@@ -228,6 +291,7 @@ class _Rows:
                 break
             if look is None or self._looking.interval_s is None:
                 time.sleep(self._pause_s)
+        self._file.check()
         return self.so_far
 
     def _enough(self) -> bool:

@@ -21,6 +21,7 @@ from heatertune.live.change.proven import Proven
 from heatertune.live.client.address import Address
 from heatertune.live.looking import Look
 from heatertune.live.readings import StillSensor, reading_problem
+from heatertune.plc.typed import value_texts
 from heatertune.proof.heaters import labelled
 from heatertune.units import count
 
@@ -212,6 +213,7 @@ def others_there(proven: Proven, address: Address) -> tuple[str, str]:
     except (InputError, LinkError) as problem:
         return "", str(problem)
     found = {name: value for name, value in there.values(content).items() if name in there.own} | there.bits(content)
-    other = [f"{name} is {value:.9g}, not {words.values[name]:.9g}" for name, value in found.items()
+    there_texts, texts = value_texts(words, found), value_texts(words, words.values)
+    other = [f"{name} is {there_texts[name]}, not {texts[name]}" for name, value in found.items()
              if name not in there.block.operators and value != words.values[name]]
     return f"other words stand there than were proven: {', '.join(other)}" if other else "", ""

@@ -8,31 +8,44 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from heatertune.log.cells import Sheet
-from heatertune.log.clock import TIME_UNITS
+from heatertune.log.clock import ASSUMED, TIME_UNITS, likely_time_unit
 from heatertune.log.columns import NO_COLUMN, Columns
 from heatertune.log.numbers import Array
 from heatertune.log.power import Power
 from heatertune.log.tags import Tagged
-from heatertune.log.taken import Option, Taken
+from heatertune.log.taken import UNIT_OPTIONS, Option, Taken
+from heatertune.settings import ReadSettings
 
-__all__ = ["Counts", "Unit", "Written", "taken_of"]
+__all__ = ["SIGNS", "Counts", "Unit", "Written", "stated_units", "taken_of"]
 
-_SIGNS: Final = {"degC": "°C", "degF": "°F", "K": "K"}
+#: unit of a temperature → how it is written
+SIGNS: Final = {
+    "degC": "°C", "degF": "°F", "K": "K", "0.1degC": "0.1 °C", "0.01degC": "0.01 °C", "0.1degF": "0.1 °F"}
 
 
 class Unit(NamedTuple):
-    """Unit of the temperature, and whether nothing in the file tells it."""
+    """Unit of the temperature.
+
+    Attributes:
+        name: the unit.
+        assumed: whether neither the file nor the user states it.
+        evidence: of an assumed unit, what excludes every other; empty: nothing does.
+        likely: of an assumed unit, the unit to propose.
+    """
 
     name: str
     assumed: bool
+    evidence: str = ""
+    likely: str = ""
 
 
 class Written(NamedTuple):
-    """How time, temperature and power were written; without a power None."""
+    """How time, temperature and power were written; without a power None; which of the units the user states."""
 
     clock: str
     temperature: Unit
     power: Power | None
+    stated: frozenset[str] = frozenset()
 
 
 class Counts(NamedTuple):
@@ -42,11 +55,13 @@ class Counts(NamedTuple):
         read: that could have been readings, those aside that `Tagged` left out.
         repeats: that only repeated the one before.
         filled: in which a setpoint was put in.
+        put_back: that the file does not hold because nothing had changed.
     """
 
     read: int
     repeats: int
     filled: int
+    put_back: int = 0
 
 
 def taken_of(
@@ -65,9 +80,10 @@ def taken_of(
         counts: how many rows were what.
         options: what the user or the file said about its rows.
     """
-    clock, temperature, power = written
+    clock, temperature, power, stated = written
+    grounds = temperature.evidence or "assumed"
     how = {
-        "time": clock, "temperature": _SIGNS[temperature.name] + (", assumed" if temperature.assumed else ""),
+        "time": clock, "temperature": SIGNS[temperature.name] + (f", {grounds}" if temperature.assumed else ""),
         "power": "" if power is None else power.written, "setpoint": "", "disturbance": "",
     }
     used = {role: (_names(sheet, columns, role), how[role]) for role in columns.index if role in how}
@@ -77,10 +93,28 @@ def taken_of(
         used.pop("power", None)
     return Taken(
         file=file, rows=len(time), interval_s=float(np.median(np.diff(time))) if len(time) > 1 else 0.0, columns=used,
-        rows_read=counts.read + tagged.lost, left_out=counts.read + tagged.lost - len(time), repeats=counts.repeats,
-        repaired=counts.filled, unused=tagged.unused or _unused(sheet, columns, tagged, clock),
-        reading=_reading(sheet, columns, tagged, written, options),
+        rows_read=counts.read + tagged.lost, left_out=counts.read + tagged.lost + counts.put_back - len(time),
+        repeats=counts.repeats, repaired=counts.filled, unused=tagged.unused or _unused(sheet, columns, tagged, clock),
+        reading=_reading(sheet, columns, tagged, written, options), assumed=_assumed(written, time), stated=stated,
     )
+
+
+def stated_units(asked: ReadSettings) -> frozenset[str]:
+    """Return the roles whose unit the user states."""
+    stated = {role for role, option in UNIT_OPTIONS.items() if getattr(asked, option) is not None}
+    return frozenset(stated | ({"time"} if asked.sample_time_s is not None else set()))
+
+
+def _assumed(written: Written, time: Array) -> dict[str, str]:
+    """Return role → option that states its unit, of each unit without evidence: the likeliest one, to be checked."""
+    likely = {}
+    if written.clock.endswith(ASSUMED):
+        likely["time"] = likely_time_unit(time)
+    if written.temperature.assumed and not written.temperature.evidence:
+        likely["temperature"] = written.temperature.likely or written.temperature.name
+    if written.power is not None and written.power.written.endswith(ASSUMED):
+        likely["power"] = f"{written.power.likely_full_scale:g}"
+    return {role: f"--{UNIT_OPTIONS[role].replace('_', '-')} {unit}" for role, unit in likely.items()}
 
 
 def _names(sheet: Sheet, columns: Columns, role: str) -> str:

@@ -11,16 +11,22 @@ import numpy as np
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet, is_number
 from heatertune.log.columns import NO_COLUMN, Columns
-from heatertune.log.names import role_of
+from heatertune.log.names import is_scaled, role_of
 from heatertune.log.numbers import Array, numbers, refused
 from heatertune.log.stamps import STAMPS, is_clock, is_date, is_day_or_month, is_hours_or_minutes, month_first, stamp
 
-__all__ = ["TIME_UNITS", "forwards", "seconds", "with_dates"]
+__all__ = ["ASSUMED", "TIME_UNITS", "forwards", "likely_time_unit", "seconds", "with_dates"]
+
+#: ends how a number was written whose unit nothing shows
+ASSUMED: Final = ", assumed"
 
 #: unit → its length [s]
 TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0, "d": 86400.0}
 _EPOCH: Final = 1e8  # beyond three years in seconds the numbers are a calendar's
+_THIS_CENTURY: Final = (946_684_800.0, 4_102_444_800.0)  # 2000 to 2100, in seconds since 1970
+_LONGEST_STEP_S: Final = 500.0  # of a calendar's seconds: a counter of milliseconds has longer ones after weeks
 _EPOCHS: Final = ((1e17, "ns", 1e-9), (1e14, "µs", 1e-6), (1e11, "ms", 1e-3))  # 19, 16 and 13 digits since 1970
+_UNEVEN: Final = 0.02
 _DAY: Final = 86400.0
 _SHEET_DAYS: Final = (20_000.0, 80_000.0)  # days since 1900 as spreadsheets count them: 1954 to 2119
 
@@ -102,12 +108,34 @@ def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: lis
     time_unit = unit or named or "s"
     if time_unit != "s":
         repairs.append(f"The time is in {time_unit} {'as told' if unit else 'by its name'}, turned into seconds.")
-    elif unit is None and named is None and values[0] <= _EPOCH:
-        repairs.append("The time has no unit in the file; taken as seconds (else: --time-unit).")
+    assumed = unit is None and not _is_calendar(values) and (named is None or is_scaled("time", columns.names["time"]))
+    if assumed and time_unit == "s":
+        likely = likely_time_unit(values)
+        other = "" if likely == "s" else f"; its interval makes {likely} likelier"
+        repairs.append(f"The time has no unit in the file; taken as seconds (else: --time-unit){other}.")
     if values[0] * TIME_UNITS[time_unit] > _EPOCH:
         repairs.append("The time is a calendar's and was counted from the first row.")
         values = values - values[0]
-    return values * TIME_UNITS[time_unit], time_unit if unit or named or values[0] > _EPOCH else f"{time_unit}, assumed"
+    return values * TIME_UNITS[time_unit], f"{time_unit}{ASSUMED}" if assumed else time_unit
+
+
+def _is_calendar(values: Array) -> bool:
+    """Return whether numbers can only be seconds since 1970."""
+    first, last = _THIS_CENTURY
+    return len(values) > 1 and first < values[0] < last and float(np.median(np.abs(np.diff(values)))) < _LONGEST_STEP_S
+
+
+def likely_time_unit(time: Array) -> str:
+    """Return the likeliest unit of a time without one, judged by its interval if it were in seconds, shape (n,) [s].
+
+    Loggers write every so many seconds or minutes: 1000 s are milliseconds, and a sixtieth of a second is a minute's.
+    """
+    usual = float(time[-1] - time[0]) / max(len(time) - 1, 1)
+    if usual > _LONGEST_STEP_S / 10.0 and abs(usual / 60.0 - round(usual / 60.0)) > _UNEVEN:
+        return "ms"
+    in_milliseconds, as_minutes = usual * 1e3, usual * 60.0
+    uneven = abs(in_milliseconds - round(in_milliseconds)) > _UNEVEN
+    return "min" if usual < 1.0 and uneven and abs(as_minutes - round(as_minutes)) < _UNEVEN else "s"
 
 
 def _are_days(values: Array, named: str | None) -> bool:

@@ -14,6 +14,7 @@ from heatertune.units import count
 
 __all__ = ["Held", "held"]
 
+_FEW_LEVELS: Final = 5  # of a power that is switched between them: a mean would be none of them
 _SWITCHED: Final = 0.01  # share of the intervals in which a power changes more than once
 
 
@@ -45,14 +46,15 @@ def held(at: Array, time: Array, cells: Sequence[str], *, is_power: bool) -> Hel
         return Held(values, 0, [f"The setpoint of the first {count(late, 'row')} is taken from after."] if late else [])
     notes = [f"{count(late, 'row')} before the first power left out."] if late else []
     switched = on_or_off(cells)
-    means = _means(at, time, switched or cells)
+    moved = _latest(at, time, cells)
+    twice = _change_twice(at, time, cells)
+    means = _means(at, time, switched or cells) if twice or (moved > 0.0 and len(set(cells)) > _FEW_LEVELS) else None
     if means is not None:
-        notes.append("The power changes more than once between readings; its mean over each interval was taken.")
+        changes = "more than once " if twice else ""
+        notes.append(f"The power changes {changes}between readings; its mean over each interval was taken.")
         values = [repr(float(mean) * (100.0 if switched else 1.0)) for mean in means]
-    else:
-        moved = _latest(at, time, cells)
-        if moved > 0.0:
-            notes.append(f"The power is held to the next reading, up to {moved:.3g} s after it changed.")
+    elif moved > 0.0:
+        notes.append(f"The power is held to the next reading, up to {moved:.3g} s after it changed.")
     return Held(values, late, notes, "%" if switched and means is not None else "")
 
 
@@ -67,12 +69,14 @@ def _latest(at: Array, time: Array, cells: Sequence[str]) -> float:
     return float(np.max(at[np.searchsorted(at, changes)] - changes, initial=0.0))
 
 
+def _change_twice(at: Array, time: Array, cells: Sequence[str]) -> bool:
+    """Return whether the power changes more than once in some of the intervals."""
+    in_each = np.histogram(_changes(time, cells), bins=at)[0] if len(at) > 1 else np.zeros(1)
+    return bool(np.count_nonzero(in_each > 1) > _SWITCHED * len(at))
+
+
 def _means(at: Array, time: Array, cells: Sequence[str]) -> Array | None:
-    """Return the mean over each interval; None where the power hardly ever changes twice in one, or is no number."""
-    changes = _changes(time, cells)
-    in_each = np.histogram(changes, bins=at)[0] if len(at) > 1 else np.zeros(1)
-    if np.count_nonzero(in_each > 1) <= _SWITCHED * len(at):
-        return None
+    """Return the mean over each interval; None where the power is no number."""
     try:
         values = np.array([float(cell) for cell in cells])
     except ValueError:
@@ -82,4 +86,5 @@ def _means(at: Array, time: Array, cells: Sequence[str]) -> Array | None:
     k = np.clip(np.searchsorted(time, ends, side="right") - 1, 0, None)
     energy = grown[k] + values[k] * (ends - time[k])
     lasted = np.diff(ends)
-    return np.where(lasted > 0.0, np.diff(energy) / np.where(lasted > 0.0, lasted, 1.0), values[k[:-1]])
+    means = np.where(lasted > 0.0, np.diff(energy) / np.where(lasted > 0.0, lasted, 1.0), values[k[:-1]])
+    return np.clip(means, values.min(), values.max())  # rounding may leave the range of the power

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
-__all__ = ["ROLES", "is_foreign", "is_second_choice", "plain_name", "role_of", "unit_in_name"]
+__all__ = ["ROLES", "is_foreign", "is_scaled", "is_second_choice", "plain_name", "role_of", "unit_in_name"]
 
 ROLES: Final = ("time", "temperature", "power", "setpoint")
 
@@ -30,6 +30,9 @@ _SECOND_CHOICE: Final = re.compile(
     r"(?i:ambient|room|\bext|outside|umgebung|raum|junction|board|cpu|^dat(e|um)$|volt|watt|spannung|strom|\bcurrent"
     r"|\bamp(s|ere)?\b|^control|last.?updated)")
 
+#: after a unit of time in full: no second one follows, as in "hours, minutes and seconds"
+_ALONE: Final = r"(?!.*\b(minutes|seconds|minuten|sekunden)\b)"
+
 _UNITS: Final[dict[str, tuple[tuple[str, re.Pattern[str]], ...]]] = {
     "temperature": (
         ("degF", re.compile(r"°\s*f|deg\s*f|fahrenheit|[\[(/ ]f[\])]?$|temp(erature)?\d*f$")),
@@ -42,6 +45,10 @@ _UNITS: Final[dict[str, tuple[tuple[str, re.Pattern[str]], ...]]] = {
         ("h", re.compile(r"(^|[\[(/ ])(h(ours?|rs?)?|std|stunden)\.?[\])]?$")),
         ("d", re.compile(r"(^|[\[(/ ])(d|days?|tage)\.?[\])]?$")),
         ("s", re.compile(r"(^|[\[(/ ])s(e[ck](onds?|unden)?)?\.?[\])]?$")),
+        ("ms", re.compile(rf"\b(milliseconds|millisekunden)\b{_ALONE}")),
+        ("min", re.compile(rf"\b(minutes|minuten)\b{_ALONE}")),
+        ("h", re.compile(rf"\b(hours|stunden)\b{_ALONE}")),
+        ("s", re.compile(rf"\b(seconds|sekunden)\b{_ALONE}")),
     ),
     "power": (
         ("255", re.compile(r"255|8.?bit|pwm.*counts")),
@@ -58,6 +65,17 @@ _FOREIGN: Final[dict[str, re.Pattern[str]]] = {
                         r"|^control( signal| value)?$|counts?\b|\braw\b|\b[da][da]c\b|°|deg ?[cf]\b"),
 }
 
+#: a unit of time written as a capitalised end: timeMs, elapsedSeconds
+_CAPITALISED: Final = re.compile(r"(?<=[a-z])(?=(Ms|Millis|Sec|Secs|Seconds|Min|Minutes|Hours)$)")
+#: the numbers are a multiple of the unit: Temp_x10, PV [0.1 °C], time [10 ms]
+_TIMES_TEN: Final = (r"(?<![a-z0-9])(x|×|\*) ?10+\b|(?<!\d)/ ?10+\b|(?<=[a-z])X10+\b"
+                     r"|(?i:\bdeci(?!mal)|\bcenti(?!grad)|tenths?|zehntel|hundredths?)")
+_SCALED: Final[dict[str, re.Pattern[str]]] = {
+    "temperature": re.compile(rf"{_TIMES_TEN}|\b(0[.,]0?1|1/10+) ?(°|[dD]eg|[CFK]\b)|\b[cd]deg"),
+    "time": re.compile(rf"{_TIMES_TEN}|\d ?(?i:m?s|sec|min|h)\b"),
+    "power": re.compile(rf"{_TIMES_TEN}|\b(0[.,]0?1|1/10+) ?%|‰|(?i:permil|promille)"),
+}
+
 
 def role_of(name: str) -> str | None:
     """Return the role that a name tells, None where it tells none."""
@@ -72,7 +90,7 @@ def is_second_choice(name: str) -> bool:
 
 def unit_in_name(role: str, name: str) -> str | None:
     """Return the unit a column's name tells, None where it tells none; for power its full scale."""
-    lower = plain_name(name).lower()
+    lower = _CAPITALISED.sub(" ", plain_name(name)).lower()
     patterns = _UNITS.get("temperature" if role == "setpoint" else role, ())
     units = (unit for unit, pattern in patterns if pattern.search(lower))
     return next(units, None)
@@ -81,6 +99,11 @@ def unit_in_name(role: str, name: str) -> str | None:
 def is_foreign(role: str, name: str) -> bool:
     """Return whether a column's name tells a unit that the role does not have: power in watts, a PV in percent."""
     return unit_in_name(role, name) is None and _FOREIGN[role].search(plain_name(name).lower()) is not None
+
+
+def is_scaled(role: str, name: str) -> bool:
+    """Return whether a column's name says that its numbers are a multiple of a unit: Temp_x10, time [10 ms]."""
+    return _SCALED["temperature" if role == "setpoint" else role].search(plain_name(name)) is not None
 
 
 def plain_name(name: str) -> str:

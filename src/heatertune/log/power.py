@@ -9,7 +9,9 @@ import numpy as np
 
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet
+from heatertune.log.clock import ASSUMED
 from heatertune.log.columns import Columns
+from heatertune.log.names import is_scaled
 from heatertune.log.numbers import Array, numbers, refused
 from heatertune.log.quantities import on_or_off
 
@@ -17,16 +19,18 @@ __all__ = ["Power", "power_of"]
 
 _SWITCH: Final = re.compile(
     r"relay|relais|\bssr\b|switch|schalter|[_ ](on|ein|state|status|active|aktiv)$", re.IGNORECASE)
+_PWM: Final = re.compile("pwm", re.IGNORECASE)
 _SMALL: Final = 12.0  # a power in percent that never exceeds this may be volts of 0…10 V or amperes
 _EXPECTED: Final = "--power-full-scale with the reading at full power, or --power-column none"
 
 
 class Power(NamedTuple):
-    """The power [%], its reading at full power, and how it was written."""
+    """The power [%], its reading at full power, how it was written, and which full scale is likeliest if assumed."""
 
     percent: Array
     full_scale: float
     written: str
+    likely_full_scale: float = 100.0
 
 
 def power_of(
@@ -52,7 +56,9 @@ def power_of(
         return Power(np.array(switched, dtype=np.float64) * 100.0, 1.0, "on/off")
     expected = "a number, or on and off in every row (--power-column none: there is no power)"
     values = numbers(sheet, columns, "power", expected)
-    named = columns.unit("power")
+    named = None if is_scaled("power", columns.names["power"]) else columns.unit("power")
+    if named == "100" and "power" not in columns.units and 0.0 < float(np.max(values)) <= 1.0:
+        named = None  # a column named in percent that holds shares, as a spreadsheet exports it
     full_scale = given or (float(named) if named else _assumed(sheet, columns, values, repairs, doubts))
     written = f"0…{full_scale:g} %" if full_scale == 100.0 else f"0…{full_scale:g}"
     if full_scale != 100.0:
@@ -62,7 +68,20 @@ def power_of(
         raise refused(sheet, columns, "power", int(outside[0]), "power out of range:",
                       f"0…{full_scale:g} (--power-full-scale tells another reading at full power)")
     percent = values if full_scale == 100.0 else values / full_scale * 100.0
-    return Power(percent, full_scale, written if given or named else f"{written}, assumed")
+    if not (given or named):
+        written += _grounds(columns.names["power"], values, full_scale)
+    return Power(percent, full_scale, written, 255.0 if _PWM.search(columns.names["power"]) else 100.0)
+
+
+def _grounds(name: str, values: Array, full_scale: float) -> str:
+    """Return by what the full scale of a power without a unit is known: as a switch, by its ends; else assumed.
+
+    A name that speaks of counts or of multiples, PWM or x10, contradicts the ends.
+    """
+    if full_scale == 1.0:
+        return ", of a switch"
+    reached = float(values.min()) == 0.0 and float(values.max()) == full_scale
+    return ", both reached" if reached and not (_PWM.search(name) or is_scaled("power", name)) else ASSUMED
 
 
 def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], doubts: list[str]) -> float:
@@ -75,7 +94,7 @@ def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], 
         (columns.is_foreign("power"), "in a unit that is no share of full power"),
         (largest > 100.0, "is no percentage"),
         (0.0 < largest <= 1.0, "may be a fraction or percent"),
-        ("pwm" in name.lower() and not np.any(values % 1.0), "may be percent or counts of 255"),
+        (_PWM.search(name) is not None and not np.any(values % 1.0), "may be percent or counts of 255"),
     ) if holds), None)
     if why:
         raise LogError(f"a power up to {largest:g} {why}", file=sheet.file, column=name, expected=_EXPECTED)

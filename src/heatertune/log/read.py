@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
@@ -12,15 +12,16 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError, LogError, OutOfRange
 from heatertune.files import display_name
-from heatertune.log.account import Counts, Unit, Written, taken_of
+from heatertune.log.account import SIGNS, Counts, Unit, Written, stated_units, taken_of
 from heatertune.log.care import no_readings, one_run, tell_gaps
 from heatertune.log.cells import Sheet, plain_cells, read_sheet
 from heatertune.log.clock import forwards, seconds, with_dates
 from heatertune.log.columns import Columns, find_columns, with_names
-from heatertune.log.names import ROLES
+from heatertune.log.names import ROLES, is_scaled
 from heatertune.log.numbers import Array, numbers, refused
+from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
 from heatertune.log.power import power_of
-from heatertune.log.quantities import on_or_off
+from heatertune.log.quantities import on_or_off, says_nothing
 from heatertune.log.repeats import kept_rows
 from heatertune.log.tables import BUILT_IN, BuiltIn, built_in
 from heatertune.log.tags import Tags, by_tags
@@ -36,10 +37,14 @@ if TYPE_CHECKING:
 __all__ = ["read_log"]
 
 _TO_DEGC: Final[dict[str, Callable[[Any], Any]]] = {
-    "degC": lambda value: value, "degF": degF_to_degC, "K": kelvin_to_degC,
+    "degC": lambda value: value, "degF": degF_to_degC, "K": kelvin_to_degC, "0.1degC": lambda value: 0.1 * value,
+    "0.01degC": lambda value: 0.01 * value, "0.1degF": lambda value: degF_to_degC(0.1 * value),
 }
 _KELVIN: Final = 250.0  # no heater log lies wholly above 250 °C without saying so, and every room is above 250 K
 _ROOM_DEGF: Final = (55.0, 110.0)  # 13…43 °C
+_ROOM_DEGC: Final = (15.0, 30.0)  # in °F, in kelvins and in tenths of a degree no heater rests there
+_WITHIN: Final = 1.5  # intervals between two readings: a power that is late by no more is as in any other log
+_BELOW_FIRST: Final = 0.1  # share of the span that a heater's log may lie below where it begins
 _POSSIBLE_DEGC: Final = (-90.0, 2000.0)  # colder than any place on earth; hotter than any electric heater
 
 
@@ -98,8 +103,8 @@ def read_log(
     time, clock = seconds(sheet, columns, asked.time_unit, asked.sample_time_s, repairs)
     sheet, time = forwards(sheet, time, repairs)
     sheet, time, chosen_run = one_run(sheet, time, asked.run, repairs)
-    raw = numbers(
-        sheet, columns, "temperature", "a number (--skip-empty leaves such rows out)", holes=asked.skip_empty)
+    sheet, time, edges = without_blank_power(sheet, columns, time, repairs)
+    raw = _readings(sheet, columns, time, edges, skip_empty=asked.skip_empty)
     kept, repeats = kept_rows(sheet, columns, time, repairs)
     kept &= ~no_readings(sheet, columns, raw, time, repairs)
     unit = _temperature_unit(sheet, columns, asked.temperature_unit, raw[kept], repairs, doubts)
@@ -111,27 +116,100 @@ def read_log(
         power_pct=None if power is None else power.percent[kept],
         setpoint_degC=None if setpoint is None else setpoint[kept],
         disturbance=None if disturbance is None else disturbance[kept])
-    lines = [line for line, keeps in zip(sheet.lines, kept, strict=True) if keeps]
+    series, continued, late_s = _put_back(series, edges[kept], tagged.lost_s, repairs)
+    lines = np.array(sheet.lines)[kept][continued].tolist()
     tell_gaps(series.time_s, lines, power is not None, doubts)
     taken = taken_of(
         table.name if table else display_name(Path(source).name), sheet, columns, tagged, time=series.time_s,
-        written=Written(clock, unit, power), counts=Counts(read=len(time), repeats=repeats, filled=filled + held),
+        written=Written(clock, unit, power, stated_units(asked)),
+        counts=Counts(read=len(time), repeats=repeats, filled=filled + held, put_back=len(lines) - int(kept.sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above)},
     )
-    return _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
+    log = _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
+    return replace(log, power_late_s=late_s) if late_s else log
+
+
+def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_empty: bool) -> Array:
+    """Return the column of the temperature, shape (n,), filled in the rows that hold another power alone.
+
+    Raises:
+        LogError: as `numbers`: a cell without a reading that is neither such a row nor to be left out.
+    """
+    place = columns.index["temperature"]
+    explained = bool(np.any(edges)) and all(
+        edge or not says_nothing(row[place]) for edge, row in zip(edges, sheet.rows, strict=True))
+    raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves such rows out)",
+                  holes=skip_empty or explained)
+    own = ~np.isnan(raw)
+    return at_edges(time, raw, edges, stands=on_change(time[own], raw[own]) is not None) if np.any(edges) else raw
+
+
+def _put_back(
+    series: _Series, edges: Mask, lost_s: Sequence[float], repairs: list[str]
+) -> tuple[_Series, npt.NDArray[np.intp], float]:
+    """Return the rows with those that were not written since nothing changed, and the row that each continues.
+
+    And by how much the power may have changed before the row that shows it [s]: up to the row before, where no row is
+    there for the power alone.
+    """
+    time, temperature = series.time_s, series.temperature_degC
+    other = np.zeros(len(time), dtype=np.bool_)
+    for column in (series.power_pct, series.setpoint_degC):
+        if column is not None:
+            other[1:] |= np.diff(column) != 0.0
+    alone = edges | (other & np.array([False, *(np.diff(temperature) == 0.0)]))
+    own = ~alone
+    written = on_change(time[own], temperature[own])
+    if written is None:
+        return series, np.arange(len(time)), 0.0
+    late_s = _late_s(time, series.power_pct, alone, written.interval_s)
+    rows = spread(time, temperature, written, np.array(lost_s) + time[0])
+    if len(rows.source) == len(time):
+        return series, rows.source, late_s
+    repairs.append(
+        f"The temperature is written where it changes by {written.step_degC:.3g} °C; {len(rows.source) - len(time)} "
+        f"rows in which it stood were put back, {written.interval_s:.3g} s apart.")
+    power, setpoint, disturbance = (
+        None if column is None else column[rows.source]
+        for column in (series.power_pct, series.setpoint_degC, series.disturbance))
+    return _Series(rows.time_s, rows.temperature, power, setpoint, disturbance), rows.source, late_s
+
+
+def _late_s(time: Array, power: Array | None, alone: Mask, interval_s: float) -> float:
+    """Return by how much a power may have changed before its row, where all its rows are readings' as well [s]."""
+    if power is None:
+        return 0.0
+    changed = np.flatnonzero(np.diff(power) != 0.0) + 1
+    if not len(changed) or np.any(alone[changed]):
+        return 0.0
+    late_s = float(np.max(time[changed] - time[changed - 1]))
+    return late_s if late_s > _WITHIN * interval_s else 0.0
 
 
 def _handed(source: Any) -> tuple[str, bytes]:
     """Return name and content of an open file, or of a table of pandas as a file would hold it."""
     if hasattr(source, "to_csv"):
-        counted = source.index.name is None and source.index.dtype.kind in "iu"
-        return "frame", str(source.to_csv(index=not counted, index_label=source.index.name or "time")).encode()
+        return "frame", _csv(source)
     if not hasattr(source, "read"):
         raise InputError(f"no log: {type(source).__name__}; expected a path, an open file, or a table of pandas")
     content = source.read()
     name = getattr(source, "name", "file")
     return str(name), content.encode() if isinstance(content, str) else content
+
+
+def _csv(frame: DataFrame) -> bytes:
+    """Return a table of pandas as a file would hold it, spans of time as seconds by their name."""
+    frame = frame.copy(deep=False)
+    counted = frame.index.name is None and frame.index.dtype.kind in "iu"
+    label = frame.index.name or "time"
+    if frame.index.dtype.kind == "m":
+        frame.index = frame.index / np.timedelta64(1, "s")
+        label = f"{label} [s]"
+    for name in [name for name in frame.columns if frame[name].dtype.kind == "m"]:
+        frame[name] = frame[name] / np.timedelta64(1, "s")
+        frame = frame.rename(columns={name: f"{name} [s]"})
+    return str(frame.to_csv(index=not counted, index_label=label)).encode()
 
 
 def _opened(
@@ -182,20 +260,42 @@ def _temperature_unit(
     sheet: Sheet, columns: Columns, given: str | None, values: Array, repairs: list[str], doubts: list[str]
 ) -> Unit:
     name, named = columns.names["temperature"], columns.unit("temperature")
-    unit = given or named
-    if unit is not None:
+    unit, scaled = given or named, is_scaled("temperature", name)
+    if unit is not None and not (scaled and given is None):
         if unit != "degC":
             repairs.append(f"The temperature is in {unit} {'as told' if given else 'by its name'}, turned into °C.")
         return Unit(unit, assumed=False)
+    if unit == "degF":
+        return Unit(unit, assumed=True, likely="0.1degF")
     lowest, highest, first = float(np.min(values)), float(np.max(values)), float(values[0])
     least, most = _POSSIBLE_DEGC
     if columns.is_foreign("temperature") or lowest >= _KELVIN or lowest < least or highest > most:
         raise LogError(f"readings from {lowest:g} up to {highest:g} whose unit is not known", file=sheet.file,
-                       column=name, expected="--temperature-unit degC, degF or K")
+                       column=name, expected="--temperature-unit degC, degF or K, or 0.1degC for tenths")
+    if not scaled and _starts_at_room(values):
+        repairs.append(f"The temperature has no unit in the file; taken as °C, for it starts at {first:g}, which is a "
+                       "room's in °C alone.")
+        return Unit("degC", assumed=True, evidence="from a room's temperature")
     repairs.append("The temperature has no unit in the file; taken as °C (else: --temperature-unit).")
-    if _ROOM_DEGF[0] <= first <= _ROOM_DEGF[1]:
-        doubts.append(f"The first reading, {first:g}, taken as °C, would be a room's temperature in °F.")
-    return Unit("degC", assumed=True)
+    likely = _likely(first, scaled=scaled)
+    if _ROOM_DEGF[0] <= first <= _ROOM_DEGF[1] or likely != "degC":
+        sign = SIGNS["degF" if likely == "degC" else likely]
+        doubts.append(f"The first reading, {first:g}, taken as °C, would be a room's temperature in {sign}.")
+    return Unit("degC", assumed=True, likely=likely)
+
+
+def _starts_at_room(values: Array) -> bool:
+    """Return whether readings begin at a room's temperature in °C, and rise from there."""
+    least, most = _ROOM_DEGC
+    first, span = float(values[0]), float(np.ptp(values))
+    rises = float(np.max(values)) > first + span / 2.0
+    return least <= first <= most and rises and first - float(np.min(values)) <= _BELOW_FIRST * span
+
+
+def _likely(first: float, *, scaled: bool) -> str:
+    """Return the unit in which the first reading is likeliest a room's."""
+    units = [unit for unit in _TO_DEGC if unit.startswith("0.") or not scaled]
+    return next((unit for unit in units if _ROOM_DEGC[0] <= _TO_DEGC[unit](first) <= _ROOM_DEGC[1]), units[0])
 
 
 def _temperature(

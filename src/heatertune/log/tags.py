@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -18,8 +19,9 @@ from heatertune.log.columns import NO_COLUMN, Columns, chosen
 from heatertune.log.held import held
 from heatertune.log.names import is_second_choice, plain_name, role_of
 from heatertune.log.numbers import Array
+from heatertune.log.on_change import on_change
 from heatertune.log.quality import good_rows, is_quality
-from heatertune.log.quantities import says_nothing
+from heatertune.log.quantities import restored, says_nothing
 from heatertune.units import count
 
 __all__ = ["Tagged", "Tags", "by_tags", "places"]
@@ -34,6 +36,8 @@ _WINCC: Final = ("varname", "timestring", "varvalue", "validity", "time ms")
 _FIRST_DAY: Final = datetime(1899, 12, 30)  # of WinCC's and spreadsheets' calendar
 _ROLES: Final = ("temperature", "power", "setpoint")
 _SHOWN: Final = 12
+#: share of the readings: so many more rows may be added, each with a temperature on a line between two readings
+_MOST_EDGES: Final = 0.1
 _OPTIONS: Final = {"temperature": "--tag", "power": "--power-tag", "setpoint": "--setpoint-tag"}
 
 
@@ -66,6 +70,7 @@ class Tagged:
         unused: tags that were not used.
         options: option of `read_log` → what repeats this reading.
         wanted: role → number of its column, of a long table; else empty.
+        lost_s: instants of lost readings of the temperature, counted from the first row, ascending [s].
     """
 
     sheet: Sheet
@@ -73,6 +78,7 @@ class Tagged:
     unused: tuple[str, ...] = ()
     options: Mapping[str, str] = field(default_factory=dict)
     wanted: Mapping[str, str | int] = field(default_factory=dict)
+    lost_s: tuple[float, ...] = ()
 
     @property
     def is_long(self) -> bool:
@@ -187,7 +193,7 @@ def _pivoted(
     series = {role: _series(of_tag == name, good, time) for role, name in roles.items()}
     for role, places in series.items():
         _demand_order(sheet, role, roles[role], time[places], places)
-    rows = series["temperature"]
+    rows, edges = _with_edges(sheet, value, series, time)
     others = {role: held(time[rows], time[places], [sheet.rows[k][value] for k in places], is_power=role == "power")
               for role, places in series.items() if role != "temperature"}
     late = max((other.late for other in others.values()), default=0)
@@ -202,8 +208,8 @@ def _pivoted(
         sheet=replace(
             sheet, comment=(), units=(), lines=[sheet.lines[k] for k in rows[late:]],
             header=(sheet.header[clock[0]], *(_with_unit(sheet, tag, roles[role], units[role]) for role in series)),
-            rows=[[sheet.rows[k][clock[0]], sheet.rows[k][value], *(other.cells[n] for other in others.values())]
-                  for n, k in enumerate(rows) if n >= late],
+            rows=[[sheet.rows[k][clock[0]], "" if k in edges else sheet.rows[k][value],
+                   *(other.cells[n] for other in others.values())] for n, k in enumerate(rows) if n >= late],
             repairs=(*sheet.repairs, *repairs, *(note for other in others.values() for note in other.notes)),
         ),
         lost=int(np.count_nonzero(bad)) + late,
@@ -215,7 +221,40 @@ def _pivoted(
         },
         wanted={role: n + 1 for n, role in enumerate(["time", *series])}
         | {role: NO_COLUMN for role in _ROLES if role not in series},
+        lost_s=tuple(time[(of_tag == roles["temperature"]) & ~good] - time[rows[late]]),
     )
+
+
+def _with_edges(
+    sheet: Sheet, value: int, series: Mapping[str, npt.NDArray[np.intp]], time: Array
+) -> tuple[npt.NDArray[np.intp], frozenset[int]]:
+    """Return the rows of the temperature and those of the power's changes between them, and which the latter are.
+
+    Where the temperature is not written on change, so that its value there has to be put on a line, they are not many.
+    """
+    rows = series["temperature"]
+    if "power" not in series:
+        return rows, frozenset()
+    power = series["power"]
+    cells = [sheet.rows[k][value] for k in power]
+    changed = power[1:][[a != b for a, b in pairwise(cells)]]
+    within = (time[changed] > time[rows[0]]) & (time[changed] < time[rows[-1]])
+    edges = changed[within & ~np.isin(time[changed], time[rows])]
+    if len(edges) > _MOST_EDGES * len(rows) and not _stands(sheet, value, rows, time):
+        return rows, frozenset()
+    both = np.concatenate([rows, edges])
+    return both[np.argsort(time[both], kind="stable")], frozenset(edges.tolist())
+
+
+def _stands(sheet: Sheet, value: int, rows: npt.NDArray[np.intp], time: Array) -> bool:
+    """Return whether the temperature is written on change."""
+    cells = [sheet.rows[k][value] for k in rows]
+    plain = restored(cells)
+    try:
+        readings = np.array(cells if plain is None else plain[0], dtype=np.float64)
+    except ValueError:
+        return False
+    return on_change(time[rows], readings) is not None
 
 
 def _unused(

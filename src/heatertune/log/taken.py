@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-__all__ = ["MOST_REPAIRED", "Option", "Taken"]
+__all__ = ["MOST_REPAIRED", "UNIT_OPTIONS", "Option", "Taken"]
+
+#: role → option of `read_log` that states its unit
+UNIT_OPTIONS: Final = {"time": "time_unit", "temperature": "temperature_unit", "power": "power_full_scale"}
 
 Option = bool | float | str | None
 
@@ -33,6 +36,8 @@ class Taken:
         repaired: rows in which a value was put in.
         unused: columns or tags that were not used.
         reading: option of `read_log` → what repeats this reading with nothing left to guess.
+        assumed: role → option that states its unit, of each unit that neither the file nor the user states.
+        stated: roles whose unit the user states by an option.
     """
 
     file: str
@@ -45,6 +50,8 @@ class Taken:
     repaired: int = 0
     unused: tuple[str, ...] = ()
     reading: Mapping[str, Option] = field(default_factory=dict)
+    assumed: Mapping[str, str] = field(default_factory=dict)
+    stated: frozenset[str] = frozenset()
 
     @property
     def repaired_share(self) -> float:
@@ -62,6 +69,12 @@ class Taken:
             more = f" and {len(self.unused) - _SHOWN} more" if len(self.unused) > _SHOWN else ""
             parts.append(f"not used: {', '.join(map(repr, self.unused[:_SHOWN]))}{more}")
         return f"{self.file}: {'; '.join(parts)}"
+
+    def unit_option(self, role: str) -> str:
+        """Return the option that states the unit of a column as it was read: of time, temperature or power."""
+        name = UNIT_OPTIONS[role]
+        value = self.reading.get(name, "s")
+        return f"--{name.replace('_', '-')} {f'{value:g}' if isinstance(value, float) else value}"
 
     @property
     def _roles(self) -> tuple[str, ...]:

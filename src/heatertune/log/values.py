@@ -43,6 +43,7 @@ class Log(Shown):
         taken: what was taken of a file as what, None for a log that was not read from one.
         rests_at_degC: where the source says that the record rests, None where it says nothing [°C].
         pwm_period_s: by which the heater was switched, as the source says, 0 where it says nothing [s].
+        power_late_s: by which the power may have changed before the row that shows it, beyond the interval [s].
 
     Raises:
         OutOfRange: shapes differ, fewer than 20 readings, times not increasing, values not finite,
@@ -62,6 +63,7 @@ class Log(Shown):
     taken: Taken | None = None
     rests_at_degC: float | None = None
     pwm_period_s: float = 0.0
+    power_late_s: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
@@ -134,7 +136,7 @@ class Log(Shown):
             setpoint_degC=cut(self.setpoint_degC), disturbance=cut(self.disturbance), repairs=self.repairs,
             doubts=self.doubts,
             same_heater=self.same_heater, taken=self.taken, rests_at_degC=self.rests_at_degC,
-            pwm_period_s=self.pwm_period_s,
+            pwm_period_s=self.pwm_period_s, power_late_s=self.power_late_s,
         )
 
 

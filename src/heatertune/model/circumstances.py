@@ -10,11 +10,11 @@ import numpy as np
 
 from heatertune.log.values import Log
 from heatertune.model.outliers import sensor_step, tamed
-from heatertune.model.switched import with_pwm_hidden
+from heatertune.model.switched import with_late_power, with_pwm_hidden
 from heatertune.model.values import FittedModel
 from heatertune.units import check
 
-__all__ = ["DelaysKnown", "reading_step_degC", "setpoint_of"]
+__all__ = ["DelaysKnown", "logged_range_degC", "reading_step_degC", "setpoint_of"]
 
 _SECOND_DIFFERENCE: Final = 6.0**0.5  # standard deviation of y₋ − 2y + y₊ of white noise of 1
 _USED: Final = 0.75  # of what the heater reached: the middle of the upper half
@@ -58,8 +58,14 @@ class DelaysKnown:
         given = {"dead_time_at_most_s": self.dead_time_at_most_s, "sensor_delay_s": self.sensor_delay_s or None,
                  "log_pwm_period_s": period_s or None}
         fitted = with_pwm_hidden(fitted, period_s)
+        powered = [log for log in logs if log.power_pct is not None]
+        if powered:
+            fitted = with_late_power(
+                fitted, _interval_s(powered), gap_s=max(log.power_late_s for log in powered),
+                most_s=self.dead_time_at_most_s, least_s=self.least_dead_time_s(logs))
         return replace(
-            fitted, setpoint_degC=setpoint_of(logs[0]), log_interval_s=_interval_s(logs),
+            fitted, setpoint_degC=setpoint_of(logs[0]), logged_range_degC=logged_range_degC(logs),
+            log_interval_s=_interval_s(logs),
             least_dead_time_s=self.least_dead_time_s(logs), reading_step_degC=max(map(reading_step_degC, logs)),
             assumed={**fitted.assumed, **{name: value for name, value in given.items() if value is not None}},
         )
@@ -75,6 +81,12 @@ class DelaysKnown:
 
 def _interval_s(logs: Sequence[Log]) -> float:
     return max(float(np.median(np.diff(log.time_s))) for log in logs)
+
+
+def logged_range_degC(logs: Sequence[Log]) -> tuple[float, float]:
+    """Return the lowest and the highest temperature of some logs, single odd readings left out [°C]."""
+    readings = [tamed(log.temperature_degC) for log in logs]
+    return min(float(each.min()) for each in readings), max(float(each.max()) for each in readings)
 
 
 def reading_step_degC(log: Log) -> float:

@@ -309,6 +309,7 @@ class ModelView:
     log_told: tuple[str, ...] = ()
     findings: tuple[FindingView, ...] = ()
     setpoint_degC: float | None = None
+    logged_range_degC: tuple[float, float] | None = field(default=None, metadata=LEFT_OUT)
     log_interval_s: float | None = None
     least_dead_time_s: float | None = None
     reading_step_degC: float | None = None
@@ -324,7 +325,7 @@ class ModelView:
         rest, checks = fitted.residuals, fitted.validation
         return built(
             cls, fitted, fitted.model, **{f"{name}_ci95": _pair(fitted.ci95.get(name)) for name in _FIELDS},
-            outcome_text=fitted.outcome.value,
+            outcome_text=fitted.outcome_text,
             combinations={name: CombinationView(value=value, ci95=_pair(ci95))
                           for name, (value, ci95) in fitted.combinations.items()},
             candidates=tuple(map(CandidateView.of, fitted.candidates)),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
 from heatertune.errors import UnknownName
 
-__all__ = ["KINDS", "Finding", "Kind"]
+__all__ = ["KINDS", "Finding", "Kind", "remedy_of"]
 
 Effect = Literal["blocks", "widens", "told"]
 
@@ -20,11 +21,13 @@ class Kind(NamedTuple):
             are designed for and proven on; "told": it stands on the verdict's line.
         short: what was found, for the verdict's line.
         remedy: what closes it.
+        by_case: whether the sentence of a finding, which has this log's numbers, stands in place of the short form.
     """
 
     effect: Effect
     short: str
     remedy: str
+    by_case: bool = False
 
 
 #: name → kind; the manual's table and --accept's choices are made of this
@@ -40,12 +43,25 @@ KINDS: Final[dict[str, Kind]] = {
         "blocks", "readings left out of the fit are not foretold", "log one open-loop step until it rests"),
     "follows-power": Kind(
         "told", "what the model leaves over still follows the power", "log one open-loop step until it rests"),
+    "unexplained-by-power": Kind(
+        "blocks", "the power does not explain the temperature",
+        "log steps of the power from rest, each until it rests, and keep doors, fans and other heaters still "
+        "(heatertune plan)"),
     "halves-disagree": Kind(
         "widens", "the halves of the log give different heaters", "log one open-loop step until it rests"),
     "logs-disagree": Kind(
         "widens", "the logs give different heaters", "log them under the conditions of use"),
     "contradicted": Kind(
         "blocks", "what the curve shows by itself contradicts every model", "log the power, or one open-loop step"),
+    "not-regulated": Kind(
+        "blocks", "the log looks like a heat-up in open loop, and its power is not in it",
+        "add the power as a column, 100 while the heater was on and 0 while it was off"),
+    "two-level": Kind(
+        "blocks", "the log looks like two-level control, and its power is not in it",
+        "add the power as a column, 100 while the heater was on and 0 while it was off"),
+    "on-bound": Kind(
+        "blocks", "a parameter of the fit lies on a bound of its search",
+        "log the power as well, or one open-loop step and its power"),
     "one-level": Kind(
         "told", "the log knows one level of power, so that the heater is linear is assumed",
         "log steps to two levels of power around the one of use"),
@@ -53,6 +69,10 @@ KINDS: Final[dict[str, Kind]] = {
         "widens", "the gain depends on the power or on the level", "log steps around the setpoint of use"),
     "setpoint-unreached": Kind(
         "blocks", "not every possible heater can hold the setpoint", "log nearer to the setpoint, or lower it"),
+    "beyond-the-log": Kind(
+        "blocks", "a setpoint lies beyond what was logged",
+        "log up to the setpoint (heatertune plan MODEL --limit-temperature), or take one that the log covers "
+        "(--setpoint)", by_case=True),
     "coarse-sensor": Kind(
         "blocks", "the sensor is too coarse for the tolerance asked for",
         "take a narrower sensor range (--range) or a finer input module, or ask for less (--tolerance)"),
@@ -65,10 +85,10 @@ KINDS: Final[dict[str, Kind]] = {
         "(--switch), or keep it in manual while the circuit is open"),
     "warm-restart": Kind(
         "blocks", "it overshoots by more than its limit where the PLC is restarted while the heater is warm",
-        "allow what it does then (--limit restart-overshoot), or let the heater cool down before it is switched on"),
+        "allow what it does then (--limit overshoot), or let the heater cool down before it is switched on"),
     "part-change": Kind(
         "blocks", "it overshoots by more than its limit where the setpoint changes by a part of its range of use",
-        "allow what it does then (--limit change-overshoot), or say a smaller range (--setpoint)"),
+        "allow what it does then (--limit overshoot), or say a smaller range (--setpoint)"),
     "stays-at-limit": Kind(
         "blocks", "it may stay at full power where the setpoint rises while the heater warms up",
         "find out what your controller does at its limit (--switch), leave out D (--structure pi), or let the heater "
@@ -82,6 +102,9 @@ KINDS: Final[dict[str, Kind]] = {
     "alias": Kind(
         "blocks", "the power switches faster than it was logged",
         "log the power's mean over each interval, or at every switching"),
+    "unit-assumed": Kind(
+        "blocks", "a unit is assumed for which the log holds no evidence",
+        "check and state it (--time-unit, --temperature-unit, --power-full-scale; heatertune read shows which)"),
     "closed-loop": Kind(
         "told", "the log is of a closed loop", "log one open-loop step"),
     "no-power": Kind(
@@ -89,6 +112,36 @@ KINDS: Final[dict[str, Kind]] = {
     "repaired": Kind(
         "told", "more than 1 % of the rows were repaired or left out", "read the log's line on what was taken"),
 }
+
+
+_LONGER: Final = ("log steps of the power up and down (heatertune plan), each until the temperature rests, with doors "
+                  "and fans still")
+#: kind → what closes it where the power was logged already
+_OF_POWER_LOGS: Final = {
+    "poor-fit": "keep doors and fans still while you log, and log each change of the power at its own instant",
+    "contradicted": "log one open-loop step of the power",
+}
+#: kind → what closes it where the log is of open-loop steps of the power already
+_OF_OPEN_LOOP_LOGS: Final = _OF_POWER_LOGS | dict.fromkeys(
+    ("not-foretold", "follows-power", "halves-disagree", "contradicted"), _LONGER)
+
+
+def remedy_of(name: str, names: Collection[str]) -> str:
+    """Return what closes a finding, other than what its log is already.
+
+    Args:
+        name: of the finding.
+        names: of all findings of the same fit: "no-power" and "closed-loop" tell what kind of log it was.
+
+    Raises:
+        UnknownName: no such finding.
+    """
+    if name not in KINDS:
+        raise UnknownName("finding", name, KINDS)
+    if "no-power" in names:
+        return KINDS[name].remedy
+    known = _OF_POWER_LOGS if "closed-loop" in names else _OF_OPEN_LOOP_LOGS
+    return known.get(name, KINDS[name].remedy)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,13 +16,15 @@ from heatertune.model.by_hand import model_by_hand
 from heatertune.model.circumstances import DelaysKnown
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.findings import Finding
-from heatertune.model.hearing import Remark, findings_of
+from heatertune.model.hearing import Remark, findings_of, unit_findings
 from heatertune.model.mirrored import middle_degC, mirrored, mirrored_log
+from heatertune.model.power.columns import AMBIENT
 from heatertune.model.power.explained import Explained, explained
 from heatertune.model.power.feedback import loop_remarks
 from heatertune.model.power.fit_logs import fit_logs
 from heatertune.model.power.fit_power import fit_power, weighed
 from heatertune.model.power.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
+from heatertune.model.power.loads import is_sensible
 from heatertune.model.relay.relay_log import with_relay
 from heatertune.model.temperature.closed_loop import Bounds
 from heatertune.model.temperature.fit_temperature import fit_temperature
@@ -226,7 +228,8 @@ def _of_files(fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
                 for reading in taken if reading.repaired_share > MOST_REPAIRED]
     return replace(
         fitted, log_told=tuple(reading.line for reading in taken),
-        findings=(*fitted.findings, *(Finding(name="repaired", told=sentence) for sentence in repaired)),
+        findings=(*fitted.findings, *(Finding(name="repaired", told=sentence) for sentence in repaired),
+                  *unit_findings(fitted, logs)),
     )
 
 
@@ -333,11 +336,26 @@ def _explained(
     explain = partial(explained, log, power_before_pct=power_before_pct, believed=believed,
                       most_dead_time_s=delays.dead_time_at_most_s)
     explanation = explain(ambient_degC=ambient)
-    end = None if bounds is None else _nearest_end(explanation, bounds)
+    end = _begun_at_degC(log, explanation) if bounds is None else _nearest_end(explanation, bounds)
     if end is None:
         return explanation, ()
-    held = explain(ambient_degC=end)
-    return held, (f"Left free, the ambient leaves the given interval; its end of {end:g} °C was taken.",)
+    note = f"Left free, the ambient leaves the given interval; its end of {end:g} °C was taken."
+    if bounds is None:
+        note = (f"Left free, the ambient comes out at {explanation.fits[0].linear[AMBIENT]:.3g} °C, but {log.name} "
+                f"begins without power at {end:.3g} °C, and no heater is colder than its room; that was taken; "
+                "--ambient would settle it.")
+    return explain(ambient_degC=end), (note,)
+
+
+def _begun_at_degC(log: Log, explanation: Explained) -> float | None:
+    """Return the temperature at which a log begins without power, where the free ambient lies above it."""
+    assert log.power_pct is not None
+    on = np.flatnonzero(log.power_pct > 0.0)
+    first = log.temperature_degC[: on[0] if len(on) else 0]
+    if not len(first) or is_sensible(explanation.problems[0], explanation.fits[0]):
+        return None
+    begun = float(np.median(first))
+    return begun if explanation.fits[0].linear[AMBIENT] > begun else None
 
 
 def _nearest_end(explanation: Explained, ambient_degC: Bounds) -> float | None:

@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from heatertune.log.taken import Taken
 from heatertune.log.values import Log
 from heatertune.model.findings import Finding
-from heatertune.model.values import Outcome
+from heatertune.model.intervals import Interval
+from heatertune.model.values import FittedModel, Outcome
+from heatertune.units import degF_to_degC
 
-__all__ = ["Remark", "fast_remarks", "findings_of", "level_remarks", "poor_remarks"]
+__all__ = [
+    "DROP_PCT", "Remark", "fast_remarks", "findings_of", "level_remarks", "poor_remarks", "unit_findings",
+]
 
+#: fit that may be lost on readings not seen [%]
+DROP_PCT = 10.0
 _BESIDE = 1.01  # times the least time constant
 _TWO = 2  # levels of power
 _FULL = 99.0  # %
+_AMBIENT_DEGC = (-40.0, 50.0)  # around a heater that is off
+_ROOM_DEGC = (10.0, 35.0)
+_LEAST_TIME_CONSTANT_S = 0.5  # a wire in a stream of air is as fast
+_MOST_TIME_CONSTANT_S = 3.0 * 86400.0
+_MOST_DEAD_TIME_S = 3600.0
+_MOST_RISE_DEGC = 4000.0  # at full power: tungsten melts at 3422 °C
+_HOLDS = {"time": "the time", "temperature": "the temperature", "power": "the power"}
 
 
 class Remark(NamedTuple):
@@ -34,7 +49,7 @@ def poor_remarks(outcome: Outcome, fit_pct: float, name: str) -> tuple[Remark, .
     """Return what a poor fit of a log, or logs, of this name means; nothing for another outcome."""
     if outcome is not Outcome.POOR_FIT:
         return ()
-    return (Remark("poor-fit", f"{fit_pct:.0f} % of {name} are explained. {outcome.value}"),)
+    return (Remark("poor-fit", f"{fit_pct:.0f} % of {name} are explained."),)
 
 
 def level_remarks(log: Log) -> tuple[Remark, ...]:
@@ -56,3 +71,63 @@ def fast_remarks(least_s: float, time_constant_s: float, name: str) -> tuple[Rem
         f"The time constant ended at {time_constant_s:.3g} s, half the interval of {name} and the least searched: "
         "the heater answers faster than the log shows."
     )),)
+
+
+def unit_findings(fitted: FittedModel, logs: Sequence[Log]) -> tuple[Finding, ...]:
+    """Return a finding for each log with a unit for which it holds no evidence, or with one that the fit contradicts.
+
+    A unit that the user states by an option is never asked for again.
+    """
+    findings = []
+    for taken in (log.taken for log in logs if log.taken is not None):
+        doubts = {role: doubt for role, doubt in _implausible(fitted).items()
+                  if role in taken.columns and role not in taken.stated}
+        if taken.assumed or doubts:
+            findings.append(Finding(name="unit-assumed", told=_unit_sentence(taken, doubts)))
+    return tuple(findings)
+
+
+def _unit_sentence(taken: Taken, doubts: Mapping[str, str]) -> str:
+    """Return which units are assumed or contradicted, with the options that state them all."""
+    parts = []
+    if taken.assumed:
+        columns = [f"{_HOLDS[role]} ({', '.join(taken.columns[role])})" for role in taken.assumed]
+        parts.append(f"nothing in {taken.file} shows the unit of {' and '.join(columns)}")
+    parts += doubts.values()
+    options = dict(taken.assumed)
+    for role in doubts:
+        options.setdefault(role, taken.unit_option(role))
+    return f"{'; '.join(parts)}; check, and state: {' '.join(options.values())}"
+
+
+def _implausible(fitted: FittedModel) -> dict[str, str]:
+    """Return role → what a fit gives that hardly any heater has, so that the unit of that column is doubtful."""
+    ends = {name: _ends(fitted.ci95.get(name), getattr(fitted.model, name)) for name in (
+        "gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")}
+    doubts = {}
+    low, high = ends["ambient_degC"]
+    if high < _AMBIENT_DEGC[0] or low > _AMBIENT_DEGC[1]:
+        doubts["temperature"] = _ambient_doubt(float(fitted.model.ambient_degC or 0.0))
+    low, high = ends["time_constant_s"]
+    if high < _LEAST_TIME_CONSTANT_S or low > _MOST_TIME_CONSTANT_S:
+        doubts["time"] = f"a time constant of {fitted.model.time_constant_s:.3g} s is hardly a heater's"
+    if ends["dead_time_s"][0] > _MOST_DEAD_TIME_S:
+        doubts["time"] = f"a dead time of {fitted.model.dead_time_s / 3600.0:.3g} h is hardly a heater's"
+    if 100.0 * abs(ends["gain_degC_per_pct"][0]) > _MOST_RISE_DEGC:
+        doubts["power"] = f"full power would heat by {100.0 * fitted.model.gain_degC_per_pct:.4g} °C"
+    return doubts
+
+
+def _ambient_doubt(ambient_degC: float) -> str:
+    """Return what is odd about an ambient, and in which unit it would be a room's [°C]."""
+    least, most = _ROOM_DEGC
+    other = next((f": {value:.3g} °C if the readings are in {unit}" for unit, value in (
+        ("°F", degF_to_degC(ambient_degC)), ("tenths of a degree", ambient_degC / 10.0)) if least <= value <= most), "")
+    return f"an ambient of {ambient_degC:.3g} °C is no room's{other}"
+
+
+def _ends(interval: Interval | None, value: float | None) -> tuple[float, float]:
+    """Return the ends of an interval; NaN, which no comparison holds for, where an end or the value is not known."""
+    if interval is None or value is None:
+        return math.nan, math.nan
+    return (math.nan if interval.low is None else interval.low, math.nan if interval.high is None else interval.high)

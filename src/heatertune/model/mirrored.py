@@ -38,12 +38,13 @@ def mirrored(fitted: FittedModel, about_degC: float = 0.0) -> FittedModel:
 
     combinations = {name: (-value, _turned(its, 0.0)) if name in _SIGNED else (value, its)
                     for name, (value, its) in fitted.combinations.items()}
-    rest = fitted.residuals
+    rest, limits = fitted.residuals, fitted.logged_range_degC
     return replace(
         fitted, model=mirrored_model(fitted.model, about_degC), ci95=_intervals(fitted.ci95, about_degC),
         combinations=combinations, candidates=tuple(map(turned, fitted.candidates)),
         hypotheses=tuple(map(turned, fitted.hypotheses)),
         setpoint_degC=None if fitted.setpoint_degC is None else 2.0 * about_degC - fitted.setpoint_degC,
+        logged_range_degC=None if limits is None else (2.0 * about_degC - limits[1], 2.0 * about_degC - limits[0]),
         residuals=None if rest is None else replace(
             rest, measured_degC=2.0 * about_degC - rest.measured_degC,
             simulated_degC=2.0 * about_degC - rest.simulated_degC),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -122,6 +122,10 @@ class TwoLag(Dynamics):
 HeaterModel = Fopdt | TwoLag
 
 
+def _delayed(plant: HeaterModel, delay_s: float) -> HeaterModel:
+    return replace(plant, dead_time_s=plant.dead_time_s + delay_s)
+
+
 def _check_plant(plant: HeaterModel) -> None:
     check("gain_degC_per_pct", plant.gain_degC_per_pct)
     if plant.gain_degC_per_pct == 0.0:
@@ -150,7 +154,21 @@ class Outcome(Enum):
     )
     NO_POWER_CHANGE = "The power never changes, so the gain is unknown: log a step of the power."
     POOR_FIT = "No model explains the log well: log the power, and keep doors and fans still."
+    LAW_UNKNOWN = "No control law that can be tried made this log: log the heater power."
     BY_HAND = "The model was given by hand; no log supports it."
+
+
+#: how the law of a candidate of a log with power begins
+_POWER_LOGGED: Final = "power logged"
+#: outcome → its sentence for a log with power
+_OF_POWER_LOGS: Final = {
+    Outcome.COMBINATIONS_ONLY: (
+        "Only combinations of parameters are identified: log on until the temperature rests, at least three time "
+        "constants after a step of the power in open loop."),
+    Outcome.POOR_FIT: (
+        "No model explains the log well: keep doors and fans still while you log, and log each change of the power at "
+        "its own instant."),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -255,6 +273,8 @@ class FittedModel(Shown, Dynamics):
         log_told: what was taken of each log's file as what, one line each.
         findings: what a verdict has to hear.
         setpoint_degC: where the heater was used, None where no log tells [°C].
+        logged_range_degC: lowest and highest logged temperature, None without a log and in a document of an earlier
+            version [°C].
         log_interval_s: between two readings, 0 for a model given by hand [s].
         least_dead_time_s: no dead time below this is believed: half the log's interval, and the sensor's delay [s].
         reading_step_degC: sensor step, or the noise of one reading where that is more, 0 where unknown [°C].
@@ -277,6 +297,7 @@ class FittedModel(Shown, Dynamics):
     log_told: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     setpoint_degC: float | None = None
+    logged_range_degC: tuple[float, float] | None = None
     log_interval_s: float = 0.0
     least_dead_time_s: float = 0.0
     reading_step_degC: float = 0.0
@@ -286,10 +307,21 @@ class FittedModel(Shown, Dynamics):
     def __post_init__(self) -> None:
         for name in ("log_interval_s", "least_dead_time_s", "reading_step_degC"):
             check(name, getattr(self, name), least=0.0)
+        if self.logged_range_degC is not None:
+            low, high = self.logged_range_degC
+            check("logged_range_degC", low, least=-273.15)
+            check("logged_range_degC", high, least=low)
 
     @property
     def _heater(self) -> Fopdt:
         return self.model
+
+    @property
+    def outcome_text(self) -> str:
+        """How the fit ended, for a reader; its remedy is never what the log is already."""
+        if not any(each.law.startswith(_POWER_LOGGED) for each in self.candidates):
+            return self.outcome.value
+        return _OF_POWER_LOGS.get(self.outcome, self.outcome.value)
 
     @property
     def heaters(self) -> tuple[tuple[str, HeaterModel], ...]:
@@ -310,6 +342,27 @@ class FittedModel(Shown, Dynamics):
         """The possible heaters that are no ends of an interval: what is drawn is drawn around these."""
         given = [(c.label, c.model) for c in self.candidates if not c.part] or [("by hand", self.model)]
         return tuple(model for _, model in self._believed(given))
+
+    def with_delay(self, delay_s: float) -> FittedModel:
+        """Return the fit with every dead time longer, as a loop has it whose readings come late.
+
+        Args:
+            delay_s: between the temperature and its reading, and between the output and the heater's switch [s].
+
+        Raises:
+            OutOfRange: a negative delay.
+        """
+        check("delay_s", delay_s, least=0.0)
+        if delay_s == 0.0:
+            return self
+        interval = self.ci95.get("dead_time_s")
+        ci95 = self.ci95 if interval is None else {**self.ci95, "dead_time_s": replace(
+            interval, **{end: value + delay_s for end in ("low", "high")
+                         if (value := getattr(interval, end)) is not None})}
+        candidates = tuple(replace(each, model=_delayed(each.model, delay_s)) for each in self.candidates)
+        model = replace(self.model, dead_time_s=self.model.dead_time_s + delay_s)
+        return replace(self, model=model, candidates=candidates, ci95=ci95,
+                       least_dead_time_s=self.least_dead_time_s + delay_s)
 
     def _believed(self, given: Sequence[tuple[str, HeaterModel]]) -> tuple[tuple[str, HeaterModel], ...]:
         labels: dict[HeaterModel, str] = {}

@@ -55,6 +55,6 @@ def _sentence(specs: Specs, name: str, cost: float, solve: Callable[[Specs], flo
         looser = specs.with_limit(name, limit * LOOSER)
     except InputError:  # beyond what a limit may be
         return f"{called} stands at its limit of {limit:g}, the largest there is."
-    gained = 100.0 * (1.0 - solve(looser) / cost)
+    gained = 100.0 * (1.0 - solve(looser) / cost) if cost > 0.0 else 0.0
     worth = f"the cost would be {gained:.1f} % lower" if gained >= 0.05 else "nothing would be gained"
     return f"{called} stands at its limit of {limit:g}; with {called} <= {limit * LOOSER:.4g} {worth}."

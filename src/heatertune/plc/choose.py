@@ -22,7 +22,7 @@ from heatertune.pid.search.uncertain import draw_heaters, ms_over
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.choice import Optimum, Realised, WordChoice, WordSearch
-from heatertune.plc.design import encode, tune
+from heatertune.plc.design import encode, loop_fit, tune
 from heatertune.plc.promise import broken_by, demand_kept
 from heatertune.progress import Told
 from heatertune.settings import TuneSettings
@@ -34,7 +34,8 @@ WAYS: Final = ("auto", "optimum", "rounded")
 
 _COARSE: Final = 10  # below this one step of the word is more than a tenth, and rounding decides
 _FINE: Final = 20
-_LESS: Final = (1.0, *(1.0 - 10.0**power for power in (-6, -5, -4, -3, -2)))  # shares of K, see `_as_robust`
+#: shares of K, see `_as_robust`; whole seconds of TN ask for the smallest
+_LESS: Final = (*(1.0 - share for share in (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)),)
 _INTERVALS: Final = (0.5, 0.7, 1.0, 1.4, 2.0)  # times TRdom/10
 
 
@@ -69,6 +70,7 @@ def choose_words(
     """
     if way not in WAYS:
         raise UnknownName("way to find words", way, WAYS)
+    fitted = loop_fit(fitted, target, scaling)
     choice, promise = _choice(design, target, fitted, scaling, way, progress), design.promise
     if promise is None or controller_for(target).decode(choice.words) is None:
         return choice
@@ -164,7 +166,7 @@ def _why_rounded(design: PidDesign, rounded: Words, way: str, wished: _Measured)
 
 
 def _as_robust(design: PidDesign, rounded: Words, fitted: FittedModel, wished: _Measured) -> Words:
-    """Return the words with a little less gain where whole milliseconds have lifted an optimum's Ms over its limit."""
+    """Return the words with less gain where whole milliseconds or seconds have lifted an optimum's Ms."""
     its, gain = controller_for(rounded.target), design.gain_pct_per_degC
     if its.integers is not None or not design.method.startswith("optimum") or math.isinf(wished.ms):
         return rounded
@@ -293,7 +295,7 @@ def _plainly(rounded: Words, fitted: FittedModel, wished: _Measured, why: str) -
 
 def realised_as(words: Words, fitted: FittedModel, wished_iae: float | None) -> Realised:
     """Return what words are on the heaters, beside the mean load IAE that was wished for."""
-    return _as_realised(_realised(words, fitted), wished_iae)
+    return _as_realised(_realised(words, loop_fit(fitted, words.target, words.scaling)), wished_iae)
 
 
 def search_document(choice: WordChoice, fitted: FittedModel, notes: Sequence[str] = ()) -> dict[str, Any]:
@@ -314,7 +316,8 @@ def search_document(choice: WordChoice, fitted: FittedModel, notes: Sequence[str
 
 def _ms_drawn(words: Words, fitted: FittedModel) -> dict[str, Any] | None:
     design = controller_for(words.target).decode(words)
-    drawn = None if design is None else ms_over(draw_heaters(fitted), design)
+    heaters = draw_heaters(loop_fit(fitted, words.target, words.scaling))
+    drawn = None if design is None else ms_over(heaters, design)
     return None if drawn is None else {
         "count": drawn.count, "median": _finite(drawn.median), "p95": _finite(drawn.p95), "worst": _finite(drawn.worst),
         "unstable": drawn.unstable,

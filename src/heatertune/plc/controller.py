@@ -54,6 +54,7 @@ class Controller(Led, ABC):
     Attributes:
         name: on the command line.
         title: controller, manual and edition.
+        main_file: the file of the export that a person loads or enters first: it has all words.
         fields: the words, in the order in which they are typed in.
         inputs: what one scan reads, in the controller's units: name → format; the first two are setpoint and reading.
         written: names of words that the program around writes while it runs, so that no proof is of them.
@@ -100,6 +101,8 @@ class Controller(Led, ABC):
         feed: the input that a measured disturbance is written to; None: there is none.
         typed: (words, setpoint of the proof [°C], the same in units; None without a proof) → word → what of its
             `heatertune.plc.typed.TypedWord` is other than the words and their fields say; None: nothing.
+        setpoint_entry: (words, setpoint of the proof [°C], the same in units) → the setpoint as a person enters
+            it, with its unit; None: in °C where the controller's setpoint is a REAL, else its word.
         cooling: what is known of the cooler beside the heater; None: the controller has no output for one.
         scan_all: (parameters, state, all inputs) → what the core's `step` gives, those not named being as the words
             have them; None: there are no inputs but `step`'s.
@@ -107,6 +110,7 @@ class Controller(Led, ABC):
 
     name: ClassVar[str]
     title: ClassVar[str]
+    main_file: ClassVar[str]
     fields: ClassVar[tuple[WordField, ...]]
     inputs: ClassVar[Mapping[str, str]]
     written: ClassVar[tuple[str, ...]] = ()
@@ -136,6 +140,7 @@ class Controller(Led, ABC):
     direct: ClassVar[staticmethod[[Words, Any], tuple[Core, Running]] | None] = None
     feed: ClassVar[Feed | None] = None
     typed: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, Mapping[str, Any]]] | None] = None
+    setpoint_entry: ClassVar[staticmethod[[Words, float, Any], str] | None] = None
     cooling: ClassVar[Cooling | None] = None
     scan_all: ClassVar[staticmethod[[Any, Any, Mapping[str, Any]], tuple[Any, float, Any, int]] | None] = None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from heatertune.plc.ramp import Number
 
@@ -40,6 +40,10 @@ class Scan:
     flags: Mapping[str, bool] = field(default_factory=dict)
 
 
+#: of a count: what the arithmetic of binary numbers can take from a temperature that is a whole number of counts
+BINARY_LOSS: Final = 1e-9
+
+
 class Sensor(NamedTuple):
     """The input module.
 
@@ -59,7 +63,7 @@ class Sensor(NamedTuple):
 
 def count(sensor: Sensor, temperature_degC: float) -> int:
     """Return the count of a temperature, limited to 0…`counts`."""
-    exact = (temperature_degC - sensor.low) * sensor.counts / sensor.span + sensor.half
+    exact = (temperature_degC - sensor.low) * sensor.counts / sensor.span + sensor.half + BINARY_LOSS
     return int(min(max(exact, 0.0), float(sensor.counts)))
 
 

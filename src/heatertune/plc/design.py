@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any, Final
 
@@ -17,7 +17,7 @@ from heatertune.plc import Scaling, Words, controller_for
 from heatertune.progress import Told
 from heatertune.settings import TuneSettings
 
-__all__ = ["encode", "tune"]
+__all__ = ["encode", "loop_fit", "tune"]
 
 #: of a model's document, what is told and no design depends on
 _TOLD: Final = (
@@ -29,6 +29,8 @@ def tune(
     scaling: Scaling | None = None, progress: Told = str, **changed: Any,
 ) -> PidDesign:
     """Find K, TN, TV and TA; with a target, TA is what its timer can do, and a reading as fine as its input's.
+
+    With a target the loop that is tuned is the one that a proof judges: its input module's delay is part of it.
 
     Args:
         fitted: the heater and its candidates.
@@ -45,9 +47,13 @@ def tune(
 
     asked = merged(TuneSettings, settings, changed)
     held: dict[str, Any] = {}
+    delay: list[str] = []
     most_gain: Callable[[PidDesign], float] | None = None
     if target is not None:
         its, sensor = controller_for(target), scaling or Scaling()
+        fitted, seconds = loop_fit(fitted, target, sensor), its.delayed_s(sensor)
+        if seconds > 0.0:
+            delay = [f"Tuned with {seconds:g} s more dead time, the delay of {target}'s input and output."]
         held = {"timer": its.timer, "derivative_filter": its.derivative_filter,
                 "resolution_degC": sensor.span_degC / its.sensor(sensor).counts}
         if its.most_gain is not None:
@@ -58,13 +64,28 @@ def tune(
     def run() -> dict[str, Any]:
         return pid_document.to_document(tune_model(fitted, asked, most_gain=most_gain, progress=progress, **held))
 
-    return cache.cached("tune", inputs, run, pid_document.from_document, progress=progress)
+    design = cache.cached("tune", inputs, run, pid_document.from_document, progress=progress)
+    return replace(design, notes=(*design.notes, *delay))
 
 
 def _essence(fitted: FittedModel) -> dict[str, Any]:
     """Return what a design depends on: the working model and the candidates."""
     document = model_document.to_document(fitted)
     return {key: document[key] for key in document if key not in _TOLD}
+
+
+def loop_fit(fitted: FittedModel, target: str, scaling: Scaling | None = None) -> FittedModel:
+    """Return the heaters as the loop of a target has them: with the delay of its input module and its output.
+
+    Args:
+        fitted: the heater and its candidates.
+        target: the controller.
+        scaling: sensor range; None: 0…100 °C.
+
+    Raises:
+        UnknownName: no such target.
+    """
+    return fitted.with_delay(controller_for(target).delayed_s(scaling or Scaling()))
 
 
 def encode(design: PidDesign, target: str, *, scaling: Scaling | None = None) -> Words:

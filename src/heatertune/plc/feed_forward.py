@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from heatertune.errors import NotRepresentable, OutOfRange
+from heatertune.plc.core import Sensor, count
 from heatertune.plc.ramp import Number
 from heatertune.plc.single import single
 from heatertune.plc.words import Certificate, rounded
@@ -46,10 +47,10 @@ class FeedForward:
 
         A whole input is cut towards zero, a REAL computed as the exported program does.
         """
-        count = int(min(max((level - self.low) / (self.high - self.low), 0.0), 1.0) * counts)
+        read = count(Sensor(self.low, self.high - self.low, counts), level)
         if isinstance(self.at_low, int):
-            return int(self.at_low + (self.at_high - self.at_low) * count / counts)
-        return single(single(count * single((self.at_high - self.at_low) / counts)) + self.at_low)
+            return int(self.at_low + (self.at_high - self.at_low) * read / counts)
+        return single(single(read * single((self.at_high - self.at_low) / counts)) + self.at_low)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +105,7 @@ def feed_forward(
         raise NotRepresentable(f"input {feed.word}", pct_per_unit * feed.per_pct * (high - low), "a unit or more",
                                "a disturbance as weak as this needs no feed-forward")
     realised = (at_high - at_low) / feed.per_pct / (high - low)
-    return FeedForward(column=column, low=low, high=high, calm=calm, at_low=at_low, at_high=at_high,
+    return FeedForward(column=" ".join(column.split()), low=low, high=high, calm=calm, at_low=at_low, at_high=at_high,
                        pct_per_unit=realised, switched=switched)
 
 

@@ -80,6 +80,11 @@ class Scaling:
         return self.high_degC - self.low_degC
 
     @property
+    def formula(self) -> str:
+        """Temperature above the low end, for a formula that people reckon with: "°C - 20"."""
+        return f"°C {'-' if self.low_degC >= 0.0 else '+'} {abs(self.low_degC):g}"
+
+    @property
     def sensor_degC(self) -> tuple[float, float]:
         """Both ends of the sensor's own range [°C]."""
         return self.low_degC if self.from_degC is None else self.from_degC, self.high_degC
@@ -187,6 +192,7 @@ class Certificate:
         specification: name of what was kept; None: told nowhere.
         digest: of the proof's document; None: told nowhere.
         switches: switch → setting that the user knows of the controller, or has chosen.
+        relaxed: which limits it kept are wider than their defaults, beginning "against relaxed limits"; "": none.
     """
 
     verdict: str
@@ -197,6 +203,7 @@ class Certificate:
     specification: str | None = None
     digest: str | None = None
     switches: Mapping[str, str] = field(default_factory=dict)
+    relaxed: str = ""
 
     @property
     def head(self) -> tuple[str, ...]:
@@ -211,7 +218,9 @@ class Certificate:
             None if self.specification is None else f"specification: {self.specification}",
             None if self.digest is None else f"digest of the proof: {self.digest}",
         ]
-        return (f"verdict of the proof: {self.verdict}{forced}", *self.lines, *(told for told in conditions if told))
+        verdict = f"{self.verdict} {self.relaxed}" if self.relaxed else self.verdict
+        lines = (f"verdict of the proof: {verdict}{forced}", *self.lines, *(told for told in conditions if told))
+        return tuple(" ".join(line.split()) for line in lines)  # names are the user's: a line must not become two
 
 
 def holds(format_: str, value: object) -> bool:

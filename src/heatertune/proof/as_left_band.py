@@ -152,10 +152,10 @@ def _traces(
 ) -> Iterator[Trace]:
     """Yield every run of a proof in another scenario; errors as `foretold`."""
     heaters = dict(labelled(fitted))
-    ran = [(run.model, dict(run.switches)) for run in proof.runs]
-    if missing := [model for model, _ in ran if model not in heaters]:
+    ran = [(run.model, dict(run.switches), None) for run in proof.runs if run.mains_power is None]
+    if missing := [model for model, *_ in ran if model not in heaters]:
         raise InputError(f"proof.json: runs: on {missing[0]!r}, which is none of the possible heaters of model.json")
-    models = [(label, heaters[label]) for label in dict.fromkeys(model for model, _ in ran)]
+    models = [(label, heaters[label]) for label in dict.fromkeys(model for model, *_ in ran)]
     runs = Runs.of(
         controller_for(words.target), words, models, scenario, proof.actuator, proof.limits,
         Coverage(known=proof.known, only=ran), interlock=proof.interlock)

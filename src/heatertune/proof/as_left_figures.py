@@ -36,6 +36,7 @@ _NOT_IN_TRACE: Final = {
 }
 _NO_EVENT: Final = {
     "heat-up": "no heat-up from cold in the trace", "change": "no change of the setpoint in the trace",
+    "small-change": "changes of the setpoint are held against the rise",
     "recovery": "no load in the trace, or nobody says when (--load-at)",
     "reheat": "the heater's circuit was not open in the trace", "restart": "no start-up of the PLC in the trace",
 }

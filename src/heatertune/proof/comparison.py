@@ -44,7 +44,8 @@ def rivals(fitted: FittedModel, wished: PidDesign, proof: Proof) -> tuple[RivalV
     """Return how other designs fare in the same proof: rules on the best single-lag model alone, two-level control."""
     alone, target = best_single_lag(fitted), proof.words.target
     heater = f"{alone.gain_degC_per_pct:.3g} °C/%, {written(alone.lags_s[0], 3)} s, {written(alone.dead_time_s, 3)} s"
-    ruled = [(f"{rule} on {heater}", tune(model_by_hand(alone), target=target, method=rule)) for rule in RIVAL_RULES]
+    ruled = [(f"{rule} on {heater}", tune(
+        model_by_hand(alone), target=target, scaling=proof.words.scaling, method=rule)) for rule in RIVAL_RULES]
     compared = [replace(_rival(label, design, target, fitted, proof), gain_pct_per_degC=design.gain_pct_per_degC,
                         integral_time_s=design.integral_time_s) for label, design in ruled]
     baseline = controller_for(target).baseline

@@ -31,6 +31,8 @@ class Loop:
         forgets_degC: so far from the setpoint it has forgotten what it summed up, for certain; None: nowhere, or a
             boost's controller begins again only nearer [°C].
         cooling_gain: full power of a cooler as a part of the heater's; 0: there is none.
+        small_change_degC: the least change of the setpoint whose overshoot is judged as a share of it; 0: none is
+            [°C].
     """
 
     scan_s: float
@@ -45,6 +47,7 @@ class Loop:
     again_degC: float | None = None
     forgets_degC: float | None = None
     cooling_gain: float = 0.0
+    small_change_degC: float = 0.0
 
     def instant(self, seconds: float) -> float:
         """Return an instant, a scan's where it is one but for its last digits: a scan would miss what is later."""

@@ -7,8 +7,12 @@ from dataclasses import dataclass, field
 
 from heatertune.plc.open_points import Switch, settings_to_prove
 from heatertune.progress import Told
+from heatertune.proof.mains import Supply
 
-__all__ = ["Coverage"]
+__all__ = ["Coverage", "Run"]
+
+#: label of a model, setting of each switch, full power as a share of the rated one (None: the rated power)
+Run = tuple[str, Mapping[str, str], float | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,19 +22,20 @@ class Coverage:
     Attributes:
         known: switch → setting of what is known of this very controller, the manual leaving it open.
         open_points: False: only the default settings of the controller's switches, for a quick comparison.
-        only: label of a model and settings of each run, by the controller's direct form alone; None: every model under
-            every setting.
+        only: these runs, by the controller's direct form alone; None: every model under every setting at each power.
         night: with `only`: the heat-up and one of `heatertune.proof.night` alone, by its name, if the words have it.
         draws: False: no more than one draw of the noise; see `heatertune.proof.noise`.
         progress: told how many runs are done, as "18 of 54 runs".
+        supplies: other mains voltages, each with the heaters that run at it; none: the rated power alone.
     """
 
     known: Mapping[str, str] = field(default_factory=dict)
     open_points: bool = True
-    only: Sequence[tuple[str, Mapping[str, str]]] | None = None
+    only: Sequence[Run] | None = None
     night: str | None = None
     draws: bool = True
     progress: Told = str
+    supplies: Sequence[Supply] = ()
 
     @property
     def whole(self) -> bool:
@@ -45,9 +50,13 @@ class Coverage:
         """
         return settings_to_prove(switches, self.known)[: None if self.open_points else 1]
 
-    def runs(self, model: str, settings: Mapping[str, str]) -> bool:
-        """Return whether a model, by its label, is run under these settings."""
-        return self.only is None or (model, settings) in self.only
+    def runs(self, model: str, settings: Mapping[str, str], mains_power: float | None = None) -> bool:
+        """Return whether a model, by its label, is run under these settings at a power, see `Run`."""
+        return self.only is None or (model, settings, mains_power) in self.only
+
+    def runs_any(self, mains_power: float | None) -> bool:
+        """Return whether there is a run at a power, see `Run`."""
+        return self.only is None or any(power == mains_power for *_, power in self.only)
 
     def in_question(self, switches: Sequence[Switch]) -> list[Switch]:
         """Return the switches that are run in several settings, or that no run can show though nobody knows them."""

@@ -106,9 +106,12 @@ class Limits:
     hold for every model, the least likely one included. The other limits are this project's choice for heaters.
 
     Attributes:
-        overshoot_pct, overshoot_degC: beyond the setpoint during heat-up [% of the setpoint step, °C]; both hold.
+        overshoot_pct, overshoot_degC: beyond the setpoint during heat-up [% of the rise from ambient to setpoint, °C];
+            both hold.
         reheat_overshoot_pct, reheat_overshoot_degC: beyond the setpoint after the heater's circuit was open [% of the
-            setpoint step, °C]; both hold.
+            rise, °C]; both hold.
+        small_change_overshoot_pct, small_change_overshoot_degC: beyond the setpoint after a small change of it [% of
+            that change, °C]; both hold.
         settling_s: time after which the temperature stays in the band [s]; None: the time of the first
             disturbance, or the end.
         tolerance_degC: how far from the setpoint the process still is as it should be [°C]: half width of the band,
@@ -121,7 +124,7 @@ class Limits:
         recovery_s: time after a disturbance until the temperature stays in the band [s]; None: the time until the
             next one, or the end.
         recovery_overshoot_pct, recovery_overshoot_degC: beyond the setpoint after a disturbance, on the other side
-            [% of the step, °C]; both hold.
+            [% of the rise, °C]; both hold.
         deviation_degC: largest distance from the setpoint after a disturbance, on its side [°C].
         saturation_pct: share of the scans that ask for 0 or 100 % power [%].
         power_reserve_pct: power that is left over where the heater holds the highest setpoint [% of full power].
@@ -144,6 +147,8 @@ class Limits:
     overshoot_degC: float | None = None
     reheat_overshoot_pct: float | None = 40.0
     reheat_overshoot_degC: float | None = None
+    small_change_overshoot_pct: float | None = field(default=None, metadata=LEFT_OUT)
+    small_change_overshoot_degC: float | None = field(default=None, metadata=LEFT_OUT)
     settling_s: float | None = None
     tolerance_degC: float = 1.0
     tolerance_resolutions: float = 2.0

@@ -15,13 +15,14 @@ from heatertune.pid.document import read_design
 from heatertune.plc import Controller, Scaling, Words, controller_for
 from heatertune.plc.inputs import described
 from heatertune.plc.machine import content_of, read_machine, realised
+from heatertune.plc.typed import typed_words
 from heatertune.proof.document import checked
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA, demand_same_words, read_words
 
 __all__ = ["DIFF_SCHEMA", "Given", "Side", "difference", "read_sides"]
 
-DIFF_SCHEMA: Final = "heatertune/diff/1"
+DIFF_SCHEMA: Final = "heatertune/diff/2"
 
 #: of a proof's document: under what it was made, and how that is called
 _CONDITIONS: Final = {
@@ -265,9 +266,11 @@ def _words(a: Side, b: Side) -> list[dict[str, Any]]:
     """Return the words that differ; of two controllers none can be compared."""
     if a.words.target != b.words.target:
         return []
+    texts = [{row.name: row.then_text for row in typed_words(side.words)} for side in (a, b)]
     return [
         {"address": one.address, "name": one.name, "a": a.words.values[one.name], "b": b.words.values[one.name],
-         "format": one.format, "comment": one.comment, "written": one.name in a.controller.written}
+         "a_text": texts[0][one.name], "b_text": texts[1][one.name], "format": one.format, "comment": one.comment,
+         "written": one.name in a.controller.written}
         for one in a.controller.fields if a.words.values[one.name] != b.words.values[one.name]]
 
 

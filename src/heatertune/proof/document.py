@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -21,6 +21,7 @@ from heatertune.plc import Scaling
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.criteria import CriterionView, Limits
 from heatertune.proof.interlock import Interlock
+from heatertune.proof.mains import RATED_ONLY, MainsScenario
 from heatertune.proof.measured import IN_DEGC
 from heatertune.proof.scenario import LED, WAYS, Scenario, kinds_of, phases_of
 from heatertune.proof.specification import Specification
@@ -51,6 +52,8 @@ LIMIT_OF: Final = {
     **{f"{overshoot}{IN_DEGC}": "overshoot_degC" for overshoot, *_ in WAYS.values()},
     "reheat_overshoot": "reheat_overshoot_pct", f"reheat_overshoot{IN_DEGC}": "reheat_overshoot_degC",
     "recovery_overshoot": "recovery_overshoot_pct", f"recovery_overshoot{IN_DEGC}": "recovery_overshoot_degC",
+    "small_change_overshoot": "small_change_overshoot_pct",
+    f"small_change_overshoot{IN_DEGC}": "small_change_overshoot_degC",
     "pwm_ripple": "pwm_ripple_degC", "iae": "iae_degC_s", "deviation": "deviation_degC",
     "power_reserve": "power_reserve_pct", "saturation": "saturation_pct", "switchings": "switchings_per_h",
     "overflow": "overflows", "ms": "ms", "gain_margin": "gain_margin", "phase_margin": "phase_margin_deg",
@@ -82,6 +85,7 @@ class RunView:
     switches: Mapping[str, str]
     verdict: Literal["PASS", "FAIL"]
     criteria: Mapping[str, OutcomeView]
+    mains_power: float | None = field(default=None, metadata=LEFT_OUT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,6 +161,7 @@ class ProofView:
     remarks: tuple[str, ...]
     not_tested: tuple[str, ...]
     samples: SamplesView | None = field(default=None, metadata=LEFT_OUT)
+    mains: tuple[MainsScenario, ...] = field(default=(), metadata=LEFT_OUT)
     digest: str
 
     def demand_whole(self, where: str | Path) -> None:
@@ -234,10 +239,9 @@ class ProofView:
                 raise DocumentError(f"criteria.{name}.limit: {band}; the tolerance is {asked:g} °C")
 
     def _check_run(self, at: str, run: RunView) -> None:
-        if set(run.criteria) != set(self.criteria):
-            raise DocumentError(f"{at}.criteria: others than those of the proof")
+        self._demand_criteria_of(at, run)
         for name, outcome in run.criteria.items():
-            longest_s = self._longest_s(name)
+            longest_s = self._longest_s(name, run.mains_power)
             keeps = self.criteria[name].keeps(outcome.value) if longest_s is None else (
                 outcome.ok and outcome.value <= longest_s)
             if outcome.ok != keeps:
@@ -246,27 +250,59 @@ class ProofView:
         if run.verdict != ("PASS" if kept else "FAIL"):
             raise DocumentError(f"{at}.verdict: {run.verdict!r}; its values say otherwise")
 
+    def _demand_criteria_of(self, at: str, run: RunView) -> None:
+        """Refuse a run without the criteria of its power, or of a power at which nothing was run."""
+        names, power = set(self.criteria), run.mains_power
+        if power is None:
+            if set(run.criteria) != names:
+                raise DocumentError(f"{at}.criteria: others than those of the proof")
+            return
+        if power not in self._scenarios:
+            raise DocumentError(f"{at}.mains_power: {power:g}; the proof has no scenario of this power")
+        kinds = {kind for kind, *_ in kinds_of(self._scenarios[power])}
+        needed = names - RATED_ONLY - set(_OF_PID) - (set() if "recovery" in kinds else set(_of_recovery(names)))
+        if set(run.criteria) != needed:
+            raise DocumentError(f"{at}.criteria: others than those at this power")
+
+    @property
+    def _scenarios(self) -> dict[float | None, Scenario]:
+        """The scenario at each power, None: the rated one."""
+        return {None: self.scenario, **{one.mains_power: one.scenario for one in self.mains}}
+
     def _check_criterion(self, at: str, name: str, criterion: CriterionView) -> None:
         if criterion.bound != (">=" if name in _AT_LEAST else "<="):
             raise DocumentError(f"{at}.bound: {criterion.bound!r}; the other way round is right")
         if name in LIMIT_OF and criterion.limit != getattr(self.limits, LIMIT_OF[name]):
             raise DocumentError(f"{at}.limit: {criterion.limit}; limits.{LIMIT_OF[name]} says otherwise")
-        values = [run.criteria[name].value for run in self.runs]
+        own = [(run, run.criteria[name]) for run in self.runs if name in run.criteria]
+        values = [outcome.value for _, outcome in own]
         worst = min(values) if criterion.bound == ">=" else max(values)
-        if worst != criterion.value and (self._longest_s(name) is None or criterion.value not in values):
+        alike = all(self._longest_s(name, run.mains_power) is None for run, _ in own)
+        if worst != criterion.value and (alike or criterion.value not in values):
             raise DocumentError(f"{at}.value: {encode(criterion.value)}; the worst run has {worst:g}")
         if criterion.ok != criterion.keeps(criterion.value):
             raise DocumentError(f"{at}.ok: {criterion.ok}; its value says otherwise")
-        if criterion.ok != all(run.criteria[name].ok for run in self.runs):
+        if criterion.ok != all(outcome.ok for _, outcome in own):
             raise DocumentError(f"{at}.ok: {criterion.ok}; its runs say otherwise")
 
-    def _longest_s(self, name: str) -> float | None:
-        """Return the longest part of the story that a run has for a way, where each has its own; else None."""
-        kind = _OF_PARTS.get(name)
-        if kind is None or (kind == "recovery" and self.limits.recovery_s is not None):
+    def _longest_s(self, name: str, mains_power: float | None = None) -> float | None:
+        """Return the longest part of the story that a run has for a way, where each has its own; else None.
+
+        At other than the rated power that is all that limits a time.
+        """
+        kind, rated = _OF_PARTS.get(name), mains_power is None
+        if not rated and name == WAYS["heat-up"][1]:
+            kind = "heat-up"
+        if kind is None or (rated and kind == "recovery" and self.limits.recovery_s is not None):
             return None
-        parts = phases_of(self.scenario, self.scenario.duration_s, 0.0)
+        scenario = self._scenarios[mains_power]
+        parts = phases_of(scenario, scenario.duration_s, 0.0)
         return max((part.limit_s for part in parts if part.kind == kind), default=0.0)
+
+
+def _of_recovery(names: Iterable[str]) -> list[str]:
+    """Return the criteria of the disturbances among those of a proof."""
+    return [name for name in names if name.removesuffix(IN_DEGC) in _DISTURBED]
 
 
 def digested(proof: Mapping[str, Any]) -> dict[str, Any]:

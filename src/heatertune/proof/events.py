@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from heatertune.codec import LEFT_OUT
 from heatertune.units import check
 
 __all__ = ["Disturbance", "Led", "Load", "Mains", "NewSetpoint", "PlcPower", "TemperatureStep"]
@@ -52,10 +53,12 @@ class NewSetpoint:
     Attributes:
         time_s: [s].
         setpoint_degC: [°C]. A ramp on the way to it belongs to the words.
+        small: True: the change is so small that its overshoot is judged as a share of it; None: as one of the rise.
     """
 
     time_s: float
     setpoint_degC: float
+    small: bool | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         check("time_s", self.time_s, above=0.0)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
-from heatertune.errors import InputError
+from heatertune.errors import InputError, OutOfRange
 from heatertune.model.mirrored import cools
 from heatertune.model.values import FittedModel, HeaterModel, Outcome
 from heatertune.options import merged
@@ -19,10 +19,13 @@ from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
 from heatertune.progress import Told
 from heatertune.proof.acceptance import Acceptance
 from heatertune.proof.course import Course, Loop
-from heatertune.proof.coverage import Coverage
+from heatertune.proof.coverage import Coverage, Run
 from heatertune.proof.criteria import Limits
-from heatertune.proof.heaters import default_setpoint, holding, unreached
+from heatertune.proof.heaters import beyond_log, default_setpoint, holding, left_out, range_is_unknown, unreached
 from heatertune.proof.interlock import Interlock
+from heatertune.proof.loop import MOST_SCANS
+from heatertune.proof.mains import MAINS_POWERS, RESERVE_PCT, Supply, limits_off_rated, mains_label, powered
+from heatertune.proof.measured import band_of
 from heatertune.proof.proving import Proof, prove_models
 from heatertune.proof.spec_file import specified
 from heatertune.proof.specification import Specification
@@ -31,16 +34,20 @@ from heatertune.proof.verdict import Heard
 from heatertune.settings import Conditions, TuneSettings
 
 __all__ = [
-    "actuator_for", "aimed", "course_for", "default_pwm_period_s", "limits_of", "prove", "setpoints_for", "told_of_aim",
+    "actuator_for", "aimed", "course_for", "default_pwm_period_s", "every_setpoint", "limits_of", "prove",
+    "setpoints_for", "told_of_aim",
 ]
 
 #: of the band of soaks: as near to the ambient a heater has to be before a profile
 _OF_BAND: Final = 0.5
+#: times how far from the setpoint is still right: the least setpoint change that is judged by itself, so that half of
+#: it, its limit, is no less than what is right
+_IN_BANDS: Final = 2.0
 
 
 def prove(
     words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool = False,
-    only: Sequence[tuple[str, Mapping[str, str]]] | None = None, night: str | None = None, progress: Told = str,
+    only: Sequence[Run] | None = None, night: str | None = None, progress: Told = str,
     **changed: Any,
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
@@ -53,7 +60,7 @@ def prove(
         fitted: the heater and its candidates.
         conditions: what is assumed; None: the defaults.
         first_look: only the nominal model under the default settings, in the same scenario; `export` refuses it.
-        only: only these runs, label of a model and settings, in the same scenario; `export` refuses it too.
+        only: only these runs, in the same scenario; `export` refuses it too.
         night: with `only`: the heat-up and one of `heatertune.proof.night` alone, by its name, if the words have it.
         progress: told how many runs are done.
         changed: fields of `Conditions` that are other than in `conditions`.
@@ -67,21 +74,68 @@ def prove(
     if asked.interlock is not None and cools(fitted):
         raise InputError("an interlock switches off a heater that gets too hot; for a cooler leave --interlock out")
     setpoint, farthest = setpoints_for(fitted, asked)
-    models = holding(fitted, farthest)
+    models, setpoints = holding(fitted, farthest), every_setpoint(fitted, asked)
     heaters = [model for _, model in models]
     course, specification = course_for(words, heaters, asked, setpoint), specified(asked)
+    powers = () if first_look else MAINS_POWERS if only is None else dict.fromkeys(power for *_, power in only if power)
+    supplies, told, untested = _supplies(words, models, asked, (setpoint, farthest), powers)
     heard = Heard(
-        findings=(*fitted.findings, *unreached(fitted, len(models), farthest)), accepted=asked.accept,
-        assumed=fitted.assumed, remarks=(*_remarks(words, fitted, asked), *course.told), not_tested=course.not_tested)
+        findings=(*fitted.findings, *unreached(fitted, len(models), farthest),
+                  *beyond_log(fitted, setpoints)), accepted=asked.accept,
+        assumed=fitted.assumed, not_tested=(*course.not_tested, *untested),
+        remarks=(*_remarks(words, fitted, asked, setpoints), *left_out(fitted, len(models), farthest), *course.told,
+                 *told))
     acceptance = Acceptance(
         limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
         reading_step_degC=fitted.reading_step_degC, heard=heard)
     coverage = Coverage(
         known=asked.switches, open_points=not first_look, only=only, night=night, draws=not first_look,
-        progress=progress)
+        progress=progress, supplies=supplies)
     return prove_models(
         controller_for(words.target), words, models[:1] if first_look else models, course.scenario,
         actuator_for(asked, words), acceptance, coverage, interlock=_interlock(asked, words))
+
+
+def _supplies(
+    words: Words, models: Sequence[tuple[str, HeaterModel]], conditions: Conditions,
+    setpoints_degC: tuple[float, float], powers: Iterable[float],
+) -> tuple[list[Supply], list[str], list[str]]:
+    """Return the test sequence at other mains voltages, what is easier in it, and where it is not run, and why.
+
+    Args:
+        words: what the PLC will hold.
+        models: (label, heater) of the proof.
+        conditions: of the proof.
+        setpoints_degC: the upper end of the setpoints of use, and the farthest of it and a profile's targets [°C].
+        powers: full power as a share of the rated one, of each voltage.
+    """
+    supplies, told, untested = list[Supply](), list[str](), list[str]()
+    story, scan_s = (specified(conditions).story_at(conditions.lowest_degC),
+                     controller_for(words.target).timing(words).scan_s)
+    if not story.mains or story.paper_times:
+        return supplies, told, untested
+    for power in powers:
+        label = f"{mains_label(power)} throughout"
+        at_power = [(name, powered(model, power)) for name, model in models]
+        held = [(max(setpoints_degC, key=lambda each: abs(each - ambient)) - ambient) / model.gain_degC_per_pct
+                for _, model in at_power for ambient in [float(model.ambient_degC or 0.0)]]
+        able = tuple(one for one, pct in zip(at_power, held, strict=True) if pct <= 100.0 - RESERVE_PCT)
+        if len(able) < len(models):
+            whom = "" if len(models) == 1 else f" on {len(models) - len(able)} of {len(models)} heaters"
+            untested.append(f"{label}{whom} ({max(held):.3g} % of that power would hold the setpoint)")
+        if not able:
+            continue
+        try:
+            course = course_for(words, [model for _, model in able], conditions, setpoints_degC[0], mains_power=power)
+        except (InputError, OutOfRange) as problem:
+            untested.append(f"{label} ({problem})")
+            continue
+        if course.scenario.duration_s > MOST_SCANS * scan_s:
+            untested.append(f"{label} (more than {MOST_SCANS // 1_000_000} million scans)")
+            continue
+        supplies.append(Supply(mains_power=power, scenario=course.scenario, models=able))
+        told += [f"{label}, of that power: {easier}" for easier in course.told]
+    return supplies, told, untested
 
 
 def setpoints_for(fitted: FittedModel, conditions: Conditions) -> tuple[float, float]:
@@ -98,10 +152,26 @@ def setpoints_for(fitted: FittedModel, conditions: Conditions) -> tuple[float, f
     return given, farthest([given, *targets])
 
 
+def every_setpoint(fitted: FittedModel, conditions: Conditions) -> tuple[float, ...]:
+    """Return every temperature that a proof asks for: both ends of the setpoints of use, a profile's targets [°C]."""
+    profile, lowest = specified(conditions).profile, conditions.lowest_degC
+    targets = () if profile is None else tuple(segment.target_degC for segment in profile.segments)
+    return (*setpoints_for(fitted, conditions), *targets, *(() if lowest is None else (lowest,)))
+
+
 def course_for(
-    words: Words, models: Sequence[HeaterModel], conditions: Conditions, setpoint_degC: float
+    words: Words, models: Sequence[HeaterModel], conditions: Conditions, setpoint_degC: float, *,
+    mains_power: float | None = None,
 ) -> Course:
     """Return what words have to live through on heaters.
+
+    Args:
+        words: what the PLC will hold.
+        models: the heaters, with their gains at the mains voltage.
+        conditions: of the proof.
+        setpoint_degC: upper end of the setpoints of use [°C].
+        mains_power: full power as a share of the rated one throughout; None: the rated one, but where the story
+            changes it. A load is a share of the rated power: draughts and goods know no mains voltage.
 
     Raises:
         InputError, OutOfRange: as `story_for`.
@@ -109,7 +179,12 @@ def course_for(
     controller, actuator = controller_for(words.target), actuator_for(conditions, words)
     timing, design = controller.timing(words), controller.decode(words)
     specification = specified(conditions)
-    limits = limits_of(specification, models)
+    limits, cooling_gain, story = (
+        limits_of(specification, models), actuator.cooling_gain or 0.0, specification.story_at(conditions.lowest_degC))
+    if mains_power is not None:
+        limits, cooling_gain = limits_off_rated(limits), cooling_gain / mains_power
+        story = replace(story, mains=False, load_pct=min(story.load_pct / mains_power, 99.0))
+    resolution_degC = words.scaling.span_degC / controller.sensor(words.scaling).counts
     loop = Loop(
         scan_s=timing.scan_s, sample_time_s=words.sample_time_s,
         pwm_period_s=actuator.pwm_period_s if timing.pwm_period_s is None else timing.pwm_period_s,
@@ -118,8 +193,7 @@ def course_for(
         recovery_s=limits.recovery_s or 0.0, soak_settles_s=limits.soak_settles_s,
         cold_degC=_OF_BAND * (limits.tolerance_degC if limits.soak_band_degC is None else limits.soak_band_degC),
         again_degC=controller.again_degC(words), forgets_degC=controller.forgets_degC(words),
-        cooling_gain=actuator.cooling_gain or 0.0)
-    story = specification.story_at(conditions.lowest_degC)
+        cooling_gain=cooling_gain, small_change_degC=_IN_BANDS * band_of(limits, resolution_degC))
     return story_for(models, loop, story, noise_degC=conditions.noise_degC, setpoint_degC=setpoint_degC)
 
 
@@ -153,9 +227,7 @@ def _heaters_switch(conditions: Conditions, words: Words) -> Actuator:
 
 
 def aimed(tuned: TuneSettings, conditions: Conditions) -> TuneSettings:
-    """Return what a design is asked for, so that it aims at what a specification of the user's own asks for."""
-    if conditions.spec is None and not conditions.limit:
-        return tuned
+    """Return what a design is asked for with the specification's limits on Ms and on the power of one sensor step."""
     limits = specified(conditions).limits_for(1.0)
     ms, step_power = (math.inf if limit is None else limit for limit in (limits.ms, limits.step_power_pct))
     own = math.inf if tuned.step_power_pct is None else tuned.step_power_pct
@@ -199,10 +271,14 @@ def _interlock(conditions: Conditions, words: Words) -> Interlock | None:
     return Interlock(name=conditions.interlock, limit_degC=limit, fan_stops_s=conditions.fan_stops_s)
 
 
-def _remarks(words: Words, fitted: FittedModel, asked: Conditions) -> Iterator[str]:
+def _remarks(
+    words: Words, fitted: FittedModel, asked: Conditions, setpoints_degC: Sequence[float]
+) -> Iterator[str]:
     """Return what stands on the verdict's line beside the findings of the fit."""
     if fitted.outcome is Outcome.BY_HAND:
         yield "the model was given by hand"
+    if range_is_unknown(fitted, setpoints_degC):
+        yield "how far the log reached is not in the model (fit the log again)"
     if (delay := controller_for(words.target).delayed_s(words.scaling)) > 0.0:
         yield f"dead time {delay:g} s longer, for the input module"
     if (cooling := controller_for(words.target).cooling) is not None:

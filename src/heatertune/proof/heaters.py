@@ -3,18 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from heatertune.model.findings import Finding
-from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.model.mirrored import cools
+from heatertune.model.outliers import tamed
+from heatertune.model.values import FittedModel, HeaterModel, Outcome
 from heatertune.proof.scenario import can_hold
 
-__all__ = ["ROOM_DEGC", "default_setpoint", "holding", "labelled", "unreached"]
+__all__ = [
+    "ROOM_DEGC", "beyond_log", "covered_degC", "default_setpoint", "holding", "labelled", "left_out",
+    "range_is_unknown", "unreached",
+]
 
 #: ambient assumed where neither the log nor the user tells it [°C]
 ROOM_DEGC: Final = 20.0
+#: of the logged rise above the ambient: a setpoint so far beyond the log is covered by it. The gain of a heater that
+#: loses by radiation alone falls with the third power of its absolute temperature: by a fifth over such a step
+_COVERED: Final = 0.1
+#: no room is colder or hotter, whatever ambient a fit extrapolates to [°C]
+_ROOMS_DEGC: Final = (0.0, 40.0)
+
+_NEAR: Final = 0.02  # of the span of the readings: as near to a setpoint they are at it
 
 
 def labelled(fitted: FittedModel) -> list[tuple[str, HeaterModel]]:
@@ -31,11 +45,101 @@ def holding(fitted: FittedModel, setpoint_degC: float) -> list[tuple[str, Heater
 
 
 def unreached(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[Finding]:
-    """Return the finding that only so many of the possible heaters can hold the setpoint, none where all can."""
+    """Return the finding that only so many of the possible heaters can hold the setpoint, none where all can.
+
+    A heater that cannot, though the log shows that it did, contradicts the log and counts for nothing.
+    """
+    unable = [model for _, model in labelled(fitted)
+              if not can_hold(model, setpoint_degC, float(model.ambient_degC or 0.0))]
     possible = len(fitted.heaters)
-    if able < possible:
+    if able < possible and not all(_contradicts(fitted, model, setpoint_degC) for model in unable):
         yield Finding(name="setpoint-unreached",
                       told=f"{possible - able} of {possible} possible heaters cannot hold {setpoint_degC:g} °C.")
+
+
+def covered_degC(fitted: FittedModel) -> tuple[float, float] | None:
+    """Return the lowest and highest setpoint that a log covers [°C], None where it is unknown how far the log reached.
+
+    A tenth of the logged rise above the ambient is added at both ends: the gain of a real heater falls as it gets
+    hotter, and how fast it does beyond the log, no reading shows.
+    """
+    limits, rest = fitted.logged_range_degC, fitted.residuals
+    if limits is None and rest is not None:
+        limits = float(rest.measured_degC.min()), float(rest.measured_degC.max())
+    if limits is None:
+        return None
+    (low, high), (coldest, hottest), ambient = limits, _ROOMS_DEGC, fitted.model.ambient_degC
+    if cools(fitted):
+        margin = _COVERED * (max(high, min(high if ambient is None else ambient, hottest)) - low)
+    else:
+        margin = _COVERED * (high - min(low, max(low if ambient is None else ambient, coldest)))
+    return low - margin, high + margin
+
+
+def beyond_log(fitted: FittedModel, setpoints_degC: Sequence[float]) -> Iterator[Finding]:
+    """Yield the finding that a setpoint of use lies beyond what the log covers.
+
+    That is on the far side of the log, seen from the ambient; on the near side, where the heater is known to be
+    nonlinear.
+
+    Args:
+        fitted: the heater.
+        setpoints_degC: every temperature that is asked for [°C].
+    """
+    covered = covered_degC(fitted)
+    if fitted.outcome is Outcome.BY_HAND or covered is None:
+        return
+    (low, high), sides = covered, {"high"}
+    if cools(fitted):
+        sides = {"low"}
+    if any(finding.name == "nonlinear" for finding in fitted.findings):
+        sides = {"low", "high"}
+    lowest, highest = min(setpoints_degC), max(setpoints_degC)
+    if "high" in sides and highest > high:
+        yield _beyond(highest, math.floor(10.0 * high) / 10.0, "up")
+    if "low" in sides and lowest < low:
+        yield _beyond(lowest, math.ceil(10.0 * low) / 10.0, "down")
+
+
+def range_is_unknown(fitted: FittedModel, setpoints_degC: Sequence[float]) -> bool:
+    """Return whether nobody knows if a setpoint lies within a log: a model file of an earlier version has no range."""
+    if fitted.outcome is Outcome.BY_HAND or fitted.log_interval_s == 0.0 or covered_degC(fitted) is not None:
+        return False
+    return fitted.setpoint_degC is None or any(setpoint != fitted.setpoint_degC for setpoint in setpoints_degC)
+
+
+def _beyond(setpoint_degC: float, covered: float, towards: str) -> Finding:
+    return Finding(name="beyond-the-log", told=(
+        f"{setpoint_degC:g} °C is asked for, and the log covers setpoints {towards} to {covered:g} °C (--setpoint "
+        f"{covered:g})."))
+
+
+def left_out(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[str]:
+    """Return the remark on possible heaters that are left out as the log contradicts them, nothing without any."""
+    possible = len(fitted.heaters)
+    if able < possible and not any(unreached(fitted, able, setpoint_degC)):
+        yield (f"{possible - able} of {possible} possible heaters left out: they could not hold {setpoint_degC:g} °C, "
+               "which the log shows held")
+
+
+def _contradicts(fitted: FittedModel, model: HeaterModel, setpoint_degC: float) -> bool:
+    """Return whether a log shows that a heater, which cannot hold a setpoint, is another than the log's.
+
+    Its ambient lies beyond the setpoint, which the readings have passed; or full power does not lead as far as the
+    readings have rested for as long as all its lags and its dead time.
+    """
+    if fitted.residuals is None:
+        return False
+    sign, time = math.copysign(1.0, model.gain_degC_per_pct), fitted.residuals.time_s
+    above = sign * (tamed(fitted.residuals.measured_degC) - setpoint_degC)
+    near = _NEAR * float(np.ptp(above))
+    if sign * (float(model.ambient_degC or 0.0) - setpoint_degC) >= 0.0:
+        return float(above.min()) < -near
+    lasts = model.dead_time_s + sum(model.lags_s)
+    breaks = np.flatnonzero(above < -near)
+    runs = zip(np.append(0, breaks + 1), np.append(breaks, len(above)), strict=True)
+    return any(end - begin > 1 and time[end - 1] - time[begin] >= lasts and above[end - 1] > above[begin] - near
+               for begin, end in runs)
 
 
 def default_setpoint(fitted: FittedModel) -> float:

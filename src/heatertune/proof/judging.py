@@ -150,5 +150,5 @@ def of_words(
             where=where, what="Phase that the loop may lose.")
     if step_power_pct is not None:
         yield Criterion(
-            name="step_power", value=step_power_pct, limit=limits.step_power_pct, unit="%", where=where,
+            name="step_power", value=step_power_pct, limit=limits.step_power_pct, unit="% of power", where=where,
             what="Power that one step of the reading, or its noise where that is more, moves within one scan.")

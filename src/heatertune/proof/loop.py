@@ -34,14 +34,14 @@ from heatertune.proof.scenario import (
 from heatertune.proof.trace import Trace
 
 __all__ = [
-    "InLoop", "actuator_of", "check_words", "in_loop", "noise_of", "plant_row",
+    "MOST_SCANS", "InLoop", "actuator_of", "check_words", "in_loop", "noise_of", "plant_row",
     "program_of", "pulses_of", "ring_size", "run_compiled", "run_loop", "run_of", "run_plainly", "run_with", "scans_of",
     "simulate", "traced",
 ]
 
 Array = npt.NDArray[np.float64]
 
-_MOST_SCANS: Final = 10_000_000
+MOST_SCANS: Final = 10_000_000
 _PLC_RESOLUTION_S: Final = 0.001  # pulse width register in milliseconds: S7-200 System Manual, SMW70
 
 
@@ -165,8 +165,9 @@ def scans_of(controller: InLoop, scenario: Scenario) -> int:
         OutOfRange: more than a proof can run.
     """
     scans = scenario.duration_s / controller.scan_s
-    if scans > _MOST_SCANS:
-        rule = f"<= {_MOST_SCANS * controller.scan_s:.3g} (ten million scans); a longer TA or a faster heater"
+    if scans > MOST_SCANS:
+        rule = (f"<= {MOST_SCANS * controller.scan_s:.3g} (ten million scans every {controller.scan_s:g} s); for a "
+                "heater as slow take a longer --sample-time or, where that is fixed, another --target")
         raise OutOfRange("duration_s of the proof's story", scenario.duration_s, rule)
     return math.ceil(scans - INSTANT_S) + 1
 

@@ -39,6 +39,9 @@ Array = npt.NDArray[np.float64]
 
 #: end of the name of a criterion that is told in percent, where it is limited in °C, too
 IN_DEGC: Final = "_degC"
+#: what an overshoot is a percentage of: unit and meaning
+RISE: Final = ("% of rise", "the rise from ambient to the highest setpoint")
+CHANGE: Final = ("% of change", "that change")
 #: kinds of phases that are held against no criterion, or against those of a profile
 _OWN: Final = ("off", *LED)
 _PERIODS_AT_REST = 3  # PWM periods that the time at rest spans at least
@@ -159,6 +162,12 @@ def _steps(measured: Measured) -> Array:
     return np.asarray(np.abs(measured.scenario.setpoint_degC - measured.rows[:, 5:6]))
 
 
+def _changes(measured: Measured, phases: Sequence[int]) -> Array:
+    """Return by how much the setpoint changes at the begin of each phase [°C], shape (phases,)."""
+    asked = measured.scenario.setpoints_degC
+    return np.array([abs(asked[number] - asked[number - 1]) for number in phases])
+
+
 def _rises(measured: Measured, phases: Sequence[int]) -> npt.NDArray[np.bool_]:
     """Return for each loop whether the event of a phase moves the temperature up: a cooler's power moves it down."""
     up, by_power = np.array([(measured.phases[number].up, measured.phases[number].by_power) for number in phases]).T
@@ -185,7 +194,9 @@ def _way(measured: Measured, limits: Limits, kind: str, phases: Sequence[int]) -
     overshoot, time, when, since = WAYS[kind]
     seen, asked = measured.table[:, phases], limits.settling_s if kind == "heat-up" else None
     beyond = np.where(_rises(measured, phases), seen[:, :, HIGHEST], -seen[:, :, LOWEST])
-    yield from _beyond(overshoot, np.maximum(0.0, beyond), _steps(measured), _limits_of(limits, overshoot), when)
+    steps = _changes(measured, phases) if kind == "small-change" else _steps(measured)
+    yield from _beyond(overshoot, np.maximum(0.0, beyond), steps, _limits_of(limits, overshoot), when,
+                       CHANGE if kind == "small-change" else RISE)
     yield _column(
         time, "s", seen[:, :, SETTLED] - _numbers(measured, phases, "begin_s"),
         _numbers(measured, phases, "limit_s") if asked is None else asked,
@@ -194,11 +205,11 @@ def _way(measured: Measured, limits: Limits, kind: str, phases: Sequence[int]) -
 
 def _beyond(
     name: str, beyond: Array, steps: Array, limits: tuple[float | None, float | None], when: str,
-    step: str = "the setpoint step",
+    of: tuple[str, str] = RISE,
 ) -> Iterator[Column]:
-    """Return how far beyond the setpoint, in percent of the step, and in °C where that is limited."""
-    pct, degC = limits
-    yield _column(name, "%", beyond / steps * 100.0, pct, f"Beyond the setpoint {when}, of {step}.")
+    """Return how far beyond the setpoint, in percent of a step, and in °C where that is limited."""
+    (pct, degC), (unit, step) = limits, of
+    yield _column(name, unit, beyond / steps * 100.0, pct, f"Beyond the setpoint {when}, of {step}.")
     if degC is not None:
         yield _column(f"{name}{IN_DEGC}", "°C", beyond, degC, f"Beyond the setpoint {when}.")
 
@@ -292,7 +303,8 @@ def _ramp_ends(measured: Measured, limits: Limits, ramps: Sequence[int]) -> Iter
     """Return what goes beyond the ends of ramps: on each, in the soak after it, and on a way back that follows."""
     beyond, steps = zip(*(_beyond_ramp(measured, number) for number in ramps), strict=True)
     return _beyond("ramp_overshoot", np.maximum(0.0, np.column_stack(beyond)), np.array(steps),
-                   _limits_of(limits, "ramp_overshoot"), "at the end of a ramp of the profile", "that ramp's step")
+                   _limits_of(limits, "ramp_overshoot"), "at the end of a ramp of the profile",
+                   ("% of ramp", "the step of that ramp"))
 
 
 def _beyond_ramp(measured: Measured, number: int) -> tuple[Array, float]:
@@ -326,12 +338,12 @@ def _switching(measured: Measured, limits: Limits) -> Iterator[Column]:
     gain, ambient = measured.rows[:, :1], measured.rows[:, 4:5]
     held = ((np.asarray(measured.scenario.setpoints_degC) - ambient) / gain).max(axis=1)
     reserve = _column(
-        "power_reserve", "%", 100.0 - held, limits.power_reserve_pct,
+        "power_reserve", "% of power", 100.0 - held, limits.power_reserve_pct,
         "Power that is left over where the heater holds the highest setpoint, of full power.")
     yield replace(reserve, at_least=True)
     total = measured.totals
     yield _column(
-        "saturation", "%", total[:, LIMITED] / np.maximum(total[:, SCANS], 1.0) * 100.0, limits.saturation_pct,
+        "saturation", "% of scans", total[:, LIMITED] / np.maximum(total[:, SCANS], 1.0) * 100.0, limits.saturation_pct,
         "Share of the scans that ask for 0 or 100 % power.")
     yield _column(
         "switchings", "1/h", _switchings_per_h(measured), limits.switchings_per_h,

@@ -1,26 +1,32 @@
-"""What a proof that fails would need to pass: another question, since the one that was asked stays."""
+"""What a proof that fails would need to pass: another question, since the one that was asked stays.
+
+A limit is the last resort, and never beyond twice its default or what sensor and log reach.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
+from heatertune.model.mirrored import cools
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words, controller_for
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.document import LIMIT_OF
 from heatertune.proof.fitted import prove
+from heatertune.proof.heaters import ROOM_DEGC
+from heatertune.proof.presets import default_limit
 from heatertune.proof.proving import Proof, RunResult
 from heatertune.proof.screen import Screen
 from heatertune.proof.spec_file import specified
-from heatertune.proof.specification import LIMITS
+from heatertune.proof.specification import LIMITS, quantity
 from heatertune.settings import Conditions
 from heatertune.units import written
 
 __all__ = ["both_that_pass", "broken_names", "broken_told", "limits_that_pass", "loosened", "options_of",
-           "passing_settings", "settings_told", "suspects", "tolerance_that_passes"]
+           "passing_settings", "physical_help", "settings_told", "suspects", "tolerance_that_passes", "within_reach"]
 
 #: times the tolerance asked for
 _WIDER: Final = (1.5, 2.0, 3.0, 5.0)
@@ -28,6 +34,17 @@ _WIDER: Final = (1.5, 2.0, 3.0, 5.0)
 _IN_BAND: Final = ("limit_cycle", "steady_offset", "soak_deviation")
 #: limits that are never loosened for a design that fails
 _OF_ROBUSTNESS: Final = ("ms", "gain-margin", "phase-margin", "step-power")
+#: a suggested limit is at most so many times its default
+_MOST_DEFAULTS: Final = 2.0
+_ROUNDING: Final = 1e-9  # of a limit
+#: criteria → what helps at the heater itself, the most fundamental first
+_HELP: Final = (
+    (("power_reserve", "saturation", "_time"), "more heater power, better insulation or a lower setpoint"),
+    (("limit_cycle", "pwm_ripple", "switchings"), "a faster switch (solid-state relay) or a slower, heavier load"),
+    (("steady_offset", "step_power", "limit_cycle"), "a finer input module or a narrower sensor range"),
+    (("overshoot", "overshoot_degC", "deviation", "ms", "_margin", "iae"),
+     "a sensor nearer to the heater (less dead time)"),
+)
 #: above what was found, for another proof of the same words
 _ROOM: Final = 1.02
 
@@ -74,14 +91,29 @@ def suspects(proof: Proof, wound: Sequence[RunResult] = ()) -> dict[str, str]:
             if any(run.switches[switch.name] != switch.default for run in worst)}
 
 
-def tolerance_that_passes(words: Words, fitted: FittedModel, proof: Proof, conditions: Conditions) -> float | None:
-    """Return a wider tolerance at which words pass [°C]; None: none does, or something else is broken."""
+def _keeps_all(proof: Proof) -> bool:
+    return proof.verdict != "FAIL"
+
+
+def tolerance_that_passes(
+    words: Words, fitted: FittedModel, proof: Proof, conditions: Conditions,
+    passes: Callable[[Proof], bool] = _keeps_all,
+) -> float | None:
+    """Return a wider tolerance at which words pass [°C]; None: none does, or something else is broken.
+
+    Args:
+        words: whose proof fails.
+        fitted: the heater and its candidates.
+        proof: that fails.
+        conditions: of it.
+        passes: whether another proof is good enough.
+    """
     broken = [each.name for each in proof.criteria if not each.ok]
     if not all(name.endswith("_time") or name in _IN_BAND for name in broken):
         return None
     screen = Screen(fitted=fitted).with_failed(proof)
     for wider in _wider(proof, conditions):
-        if screen.keeps(words, wider) and prove(words, fitted, wider).verdict != "FAIL":
+        if screen.keeps(words, wider) and passes(prove(words, fitted, wider)):
             return wider.tolerance_degC
     return None
 
@@ -91,17 +123,22 @@ def _wider(proof: Proof, conditions: Conditions) -> Iterator[Conditions]:
     asked, least = specified(conditions).tolerance_degC, max(
         (each.value for each in proof.criteria if each.name in _IN_BAND), default=0.0)
     others = tuple(limit for limit in conditions.limit if not limit.lstrip().startswith("tolerance"))
-    for factor in _WIDER:
-        tolerance = float(f"{factor * asked:.3g}")
-        if tolerance >= least:
+    most = _MOST_DEFAULTS * (default_limit(specified(conditions), "tolerance", "degC") or asked)
+    for tolerance in dict.fromkeys(min(most, float(f"{factor * asked:.3g}")) for factor in _WIDER):
+        if tolerance >= least and tolerance > asked:
             yield replace(conditions, tolerance_degC=tolerance, limit=others)
 
 
-def both_that_pass(words: Words, fitted: FittedModel, proof: Proof, conditions: Conditions) -> tuple[str, ...]:
-    """Return options of a wider tolerance and of the limits that are still broken then, under which words pass."""
+def both_that_pass(
+    words: Words, fitted: FittedModel, proof: Proof, conditions: Conditions,
+    passes: Callable[[Proof], bool] = _keeps_all,
+) -> tuple[str, ...]:
+    """Return options of a wider tolerance and of the limits still broken then; arguments as `tolerance_that_passes`."""
     for wider in _wider(proof, conditions):
-        looser = limits_that_pass(prove(words, fitted, wider))
-        if looser and prove(words, fitted, loosened(wider, looser)).verdict != "FAIL":
+        looser = limits_that_pass(found := prove(words, fitted, wider))
+        if not looser or not within_reach(looser, found, fitted, wider):
+            continue
+        if passes(prove(words, fitted, loosened(wider, looser))):
             return "--tolerance", f"{wider.tolerance_degC:g}", *options_of(looser)
     return ()
 
@@ -132,6 +169,47 @@ def limits_that_pass(proof: Proof) -> dict[str, str]:
         name, unit = by_field[field]
         looser[name] = max(looser.get(name, (0.0, unit)), (each.value, unit))
     return {name: f"{_rounded_up(value):g}{unit}" for name, (value, unit) in looser.items()}
+
+
+def within_reach(limits: Mapping[str, str], proof: Proof, fitted: FittedModel, conditions: Conditions) -> bool:
+    """Return whether limits may be suggested: within twice their defaults, and where sensor and log reach.
+
+    Args:
+        limits: name → value, as `limits_that_pass` returns them.
+        proof: whose limits these are to replace.
+        fitted: the heater and its candidates; one of a log tells how hot that was.
+        conditions: of the proof.
+    """
+    spec = specified(conditions)
+    for name, text in limits.items():
+        number, unit = quantity(name, text)
+        own = [value for value, its in (quantity(name, each) for each in spec.limits.get(name, ())) if its == unit]
+        usual = default_limit(spec, name, unit)
+        most = _MOST_DEFAULTS * (min(own, default=math.inf) if usual is None else usual)
+        if not number <= most * (1.0 + _ROUNDING):
+            return False
+        if name.endswith("overshoot") and not _is_reached(number, unit, proof, fitted):
+            return False
+    return True
+
+
+def _is_reached(overshoot: float, unit: str, proof: Proof, fitted: FittedModel) -> bool:
+    """Return whether sensor and log reach so far beyond the setpoint."""
+    setpoint, sensor = proof.scenario.setpoint_degC, proof.words.scaling.sensor_degC
+    logged = () if fitted.residuals is None else fitted.residuals.measured_degC
+    ambients = [ROOM_DEGC if plant.ambient_degC is None else plant.ambient_degC for plant in fitted.plants]
+    rise = max(abs(setpoint - ambient) for ambient in ambients)
+    beyond = overshoot if unit == "degC" else overshoot / 100.0 * rise
+    if cools(fitted):
+        return setpoint - beyond >= max(sensor[0], *(min(logged, default=-math.inf),))
+    return setpoint + beyond <= min(sensor[1], max(logged, default=math.inf))
+
+
+def physical_help(broken: Iterable[str]) -> str:
+    """Return what at the heater, sensor or switch helps against broken criteria; "" where nothing is known to."""
+    names = tuple(broken)
+    kinds = [what for ends, what in _HELP if any(name.endswith(ends) for name in names)]
+    return "; ".join(kinds)
 
 
 def _rounded_up(value: float) -> float:

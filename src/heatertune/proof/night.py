@@ -4,7 +4,9 @@ And when the PLC loses its supply until the heater is neither hot nor cold, or t
 range.
 
 Most controllers stop summing somewhere, and how long it is open changes nothing. One that does not asks for more power
-the longer it waits, so no story is long enough: what it does after a longer one leaves its words unproven.
+the longer it waits, so no story is long enough: what it does after a longer one leaves its words unproven. Where little
+power is left over it cannot overshoot by much, and the overshoot's limit shows nothing: then the time to return grows
+with the length. So that time is held against the time after the story's length, too.
 
 Most has been summed up, and is given back by nothing, after a shorter one than a story's, and on the way back from a
 restart in between: see `heatertune.proof.brief`.
@@ -16,6 +18,7 @@ limit, where the sum is kept: once the reading is slow and D is gone, nothing ta
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -36,6 +39,7 @@ __all__ = ["JUDGED", "OVERSHOOTS", "Night", "briefly", "heat_up", "nights_of", "
 _REHEATED: Final = ("reheat_overshoot", f"reheat_overshoot{IN_DEGC}")
 _RESTARTED: Final = ("restart_overshoot", f"restart_overshoot{IN_DEGC}")
 _CHANGED: Final = ("change_overshoot", f"change_overshoot{IN_DEGC}")
+_RETURN, _GROWTH = "reheat_time", "return_growth"
 _LONGER, _RISING, _BRIEF, _WARM, _PART = "winds-up", "stays-at-limit", "briefly-open", "warm-restart", "part-change"
 #: what is broken there is of a story's kind, and other gains may mend it
 _MENDED: Final = frozenset({_BRIEF, _WARM, _PART})
@@ -43,8 +47,11 @@ _MENDED: Final = frozenset({_BRIEF, _WARM, _PART})
 OVERSHOOTS: Final = {
     _LONGER: _REHEATED, _RISING: _REHEATED, _BRIEF: _REHEATED, _WARM: _RESTARTED, _PART: _CHANGED}
 #: name of what is found → criteria that count
-JUDGED: Final = {**OVERSHOOTS, _RISING: (*_REHEATED, "reheat_time")}
+JUDGED: Final = {
+    **OVERSHOOTS, _LONGER: (*_REHEATED, _RETURN, _GROWTH), _RISING: (*_REHEATED, _RETURN)}
 _TIMES: Final = 4.0  # as long as in the story
+#: of the time to return after the story's open circuit: a heater that was not quite cold then needs so much more
+_COLDER: Final = 0.1
 _SLACK: Final = 1.1  # the limit is the story's; what stays at its limit goes far beyond it, or never comes to rest
 _LATER: Final = 1.2  # than full power takes to the lower setpoint: where two lags carry the reading beyond it
 
@@ -57,6 +64,7 @@ class Night(NamedTuple):
         scenario: from the heat-up right into it, and the way back.
         told: when it is.
         kept: what the story has shown.
+        heater_s: sum of lags and dead time of the slowest heater, by which a time to return may differ by chance [s].
         most: strain of a limit that is not yet held to be broken.
     """
 
@@ -65,14 +73,33 @@ class Night(NamedTuple):
     told: str
     kept: str = ""
     most: float = 1.0
+    heater_s: float = 0.0
+
+    def compared(self, criteria: Sequence[Criterion], before: Iterable[Criterion]) -> tuple[Criterion, ...]:
+        """Return the criteria of a run, with how much longer it takes to return than after the story's open circuits.
+
+        Args:
+            criteria: of the run.
+            before: criteria of the same run in the story.
+        """
+        now = {each.name: each for each in criteria}.get(_RETURN)
+        then = {each.name: each for each in before}.get(_RETURN)
+        if self.name != _LONGER or now is None or then is None:
+            return tuple(criteria)
+        growth = Criterion(
+            name=_GROWTH, value=now.value - then.value, limit=_COLDER * then.value + self.heater_s, unit="s",
+            what="By how much longer it takes to return after a longer open circuit.", where=now.where)
+        return *criteria, growth
 
     def found(self, criteria: Iterable[Criterion]) -> list[Finding]:
         """Return what broken limits mean; nothing where all are kept."""
         worst = self._worst(criteria)
         if worst.strain <= self.most:
             return []
+        grows = worst.name == _GROWTH and math.isfinite(worst.value)
         beyond = worst.name in OVERSHOOTS[self.name]
-        does = f"overshoots by {worst.value:.3g} {worst.unit}" if beyond else "does not come to rest"
+        does = (f"overshoots by {worst.value:.3g} {worst.unit}" if beyond else
+                f"takes {written(worst.value / 60.0, 2)} min longer to return" if grows else "does not come to rest")
         return [Finding(name=self.name, told=f"{self.told} it {does}{self.kept}.")]
 
     def strain(self, criteria: Iterable[Criterion]) -> float:
@@ -123,7 +150,8 @@ def _opened(
     scenario: Scenario, models: Sequence[HeaterModel], number: int, opened: Mapping[int, float],
     brief_s: Sequence[float],
 ) -> Iterator[Night]:
-    yield _longer(scenario, number, opened[number])
+    heater_s = max(sum(model.lags_s) + model.dead_time_s for model in models)
+    yield _longer(scenario, number, opened[number])._replace(heater_s=heater_s)
     low = next((event.setpoint_degC for event in scenario.disturbances if isinstance(event, NewSetpoint)), None)
     if low is not None and scenario.rests_s:
         yield _rising(scenario, number, low, models)

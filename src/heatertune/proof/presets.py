@@ -7,16 +7,19 @@ says anything: such a reason is called practice.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from heatertune.errors import UnknownName
 from heatertune.proof.criteria import Limits
-from heatertune.proof.specification import GENERAL, LIMITS, Specification
+from heatertune.proof.specification import GENERAL, LIMITS, NOTHING, STORY, Part, Specification, quantity
+from heatertune.proof.story import Story
 
-__all__ = ["PRESETS", "Preset", "preset"]
+__all__ = ["PRESETS", "Preset", "default_limit", "preset", "relaxed_limits"]
+
+_ROUNDING: Final = 1e-9  # of a limit
 
 
 class Preset(NamedTuple):
@@ -79,12 +82,17 @@ PRESETS: Final[dict[str, Preset]] = {
     }),
 }
 
+#: overshoot after a small change of the setpoint, of that change [%]
+SMALL_CHANGE_PCT: Final = 50.0
+
 #: why the general limits are as they are
 _REASONS: Final = {
     "tolerance": "what most heaters' users call right",
     "overshoot": "this project's choice for heaters; ask for less where the goods do",
     "recovery-overshoot": "as on heat-up",
     "reheat-overshoot": "twice that of the heat-up: a fault, not use; a controller that winds up without end breaks it",
+    "small-change-overshoot": "a PI tuned against disturbances overshoots by a quarter to a third of a change without "
+                              "saturation, more at 121 % of the power; half still comes to rest",
     "ms": "K. J. Åström, T. Hägglund, Advanced PID Control, ISA 2006",
     "gain-margin": "D. E. Seborg, T. F. Edgar, D. A. Mellichamp, Process Dynamics and Control: 1.7 to 4",
     "phase-margin": "Seborg, Edgar, Mellichamp: 30 to 45°",
@@ -107,10 +115,74 @@ def preset(name: str) -> Specification:
         reasons={**_REASONS, **{limit: why for limit, (_, why) in own.items()}})
 
 
+def relaxed_limits(spec: Specification, rise_degC: float) -> tuple[str, ...]:
+    """Return what a specification asks less of than its preset does, such as "overshoot 30 % (default 20 %)".
+
+    Limits in other units than the preset's are compared by the rise; parts of the test sequence count as well.
+
+    Args:
+        spec: in force; of a file its preset is `base`.
+        rise_degC: from ambient to the setpoint [°C].
+    """
+    usual = preset(spec.base or (spec.name if spec.name in PRESETS else GENERAL))
+    limits = [_told(name, own, values) for name, values in usual.limits.items()
+              if any(_asks_less(name, own := spec.limits.get(name, ()), value, rise_degC) for value in values)]
+    mild, hard = spec.story_at(None), usual.story_at(None)
+    parts = [f"{name} {_part_told(part, mild)} (default {_part_told(part, hard)})" for name, part in STORY.items()
+             if _is_milder(getattr(mild, part.field), getattr(hard, part.field), inverted=name == "paper-times")]
+    return (*limits, *parts)
+
+
+def default_limit(spec: Specification, name: str, unit: str) -> float | None:
+    """Return what the preset of a specification asks for in a unit; None: nothing."""
+    usual = preset(spec.base or (spec.name if spec.name in PRESETS else GENERAL))
+    return next((number for number, its in (quantity(name, value) for value in usual.limits.get(name, ()))
+                 if its == unit), None)
+
+
+def _asks_less(name: str, own: Sequence[str], usual: str, rise_degC: float) -> bool:
+    """Return whether the values of a limit, all of which hold, allow more than the usual one."""
+    number, unit = quantity(name, usual)
+    sign = -1.0 if LIMITS[name].at_least else 1.0
+    values = [_in_unit(name, value, its, unit, rise_degC) for value, its in (quantity(name, each) for each in own)]
+    known = [sign * value for value in values if value is not None]
+    return not known or min(known) > sign * number + _ROUNDING * abs(number)
+
+
+def _in_unit(name: str, value: float, unit: str, wanted: str, rise_degC: float) -> float | None:
+    """Return a value of a limit in another unit; None: it has no meaning there."""
+    units = LIMITS[name].units
+    if unit == wanted:
+        return value
+    if units[unit].field == units[wanted].field and "T+L" not in (unit, wanted):
+        return value * units[unit].factor / units[wanted].factor
+    if {unit, wanted} == {"%", "degC"} and rise_degC > 0.0:
+        return 100.0 * value / rise_degC if wanted == "%" else value * rise_degC / 100.0
+    return None
+
+
+def _is_milder(own: float | bool, usual: float | bool, *, inverted: bool) -> bool:
+    return own > usual if inverted else own < usual
+
+
+def _told(name: str, own: Sequence[str], usual: Sequence[str]) -> str:
+    def text(values: Sequence[str]) -> str:
+        pairs = (quantity(name, value) for value in values)
+        return " and ".join(f"{number:.6g} {unit}".strip() for number, unit in pairs).replace("degC", "°C") or NOTHING
+
+    return f"{name.replace('-', ' ')} {text(own)} (default {text(usual)})"
+
+
+def _part_told(part: Part, story: Story) -> str:
+    value = getattr(story, part.field)
+    return ("on" if value else "off") if not part.unit else f"{value / part.factor:g} {part.unit}"
+
+
 def _general() -> dict[str, tuple[str, ...]]:
     """Return the defaults of `Limits` as a user would write them."""
     defaults = {one.name: one.default for one in fields(Limits)}
     limits: dict[str, tuple[str, ...]] = {}
+    defaults["small_change_overshoot_pct"] = SMALL_CHANGE_PCT
     for name, kind in LIMITS.items():
         measures = {measure.field: unit for unit, measure in kind.units.items() if measure.factor == 1.0}
         limits[name] = tuple(f"{defaults[field]:g} {unit}".strip() for field, unit in measures.items()

@@ -21,15 +21,16 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.acceptance import Acceptance
 from heatertune.proof.brief import Cooling
-from heatertune.proof.coverage import Coverage
+from heatertune.proof.coverage import Coverage, Run
 from heatertune.proof.criteria import Criterion, Limits, worst_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, digested
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.judging import judge, of_words
+from heatertune.proof.judging import of_words
+from heatertune.proof.mains import MainsScenario, mains_label
 from heatertune.proof.measured import band_of
-from heatertune.proof.night import OVERSHOOTS, Night, heat_up, nights_of
+from heatertune.proof.night import JUDGED, OVERSHOOTS, Night, heat_up, nights_of
 from heatertune.proof.noise import drawn, nearest
-from heatertune.proof.runs import Runs
+from heatertune.proof.runs import AllRuns, Runs
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.specification import Specification
 from heatertune.proof.trace import Trace
@@ -41,9 +42,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Proof", "Run", "RunResult", "prove_models"]
 
-#: label of a model, setting of each switch
-Run = tuple[str, Mapping[str, str]]
-
 _NEAR: Final = 0.5  # of a limit after few places: between those no drawn design without a boost went 1.8 times as far
 
 
@@ -54,8 +52,9 @@ class RunResult:
     Attributes:
         model: the model's label.
         switches: setting of each switch.
-        label: model and the settings that are not the default.
+        label: model, the settings that are not the default, and the mains voltage where it is not the rated one.
         criteria: of this run.
+        mains_power: full power as a share of the rated one; None: the rated power.
 
     Raises:
         InputError: no criterion.
@@ -65,10 +64,16 @@ class RunResult:
     switches: Mapping[str, str]
     label: str
     criteria: tuple[Criterion, ...]
+    mains_power: float | None = None
 
     def __post_init__(self) -> None:
         if not self.criteria:
             raise InputError(f"run {self.label}: no criteria; what is judged by nothing proves nothing")
+
+    @property
+    def run(self) -> Run:
+        """Which run it is."""
+        return self.model, self.switches, self.mains_power
 
     @property
     def verdict(self) -> str:
@@ -91,8 +96,8 @@ class Proof(Shown):
         limits: they were held against.
         specification: behind the limits, in its user's words; None: the limits were given as they are.
         criteria: each the worst over all runs, with the label of the run it comes from.
-        runs: first model and default settings first.
-        scenario: of each run.
+        runs: first model and default settings first, those at other mains voltages last.
+        scenario: of each run at the rated power.
         actuator: the switch; the controller's own where it makes the PWM itself.
         interlock: what watches the heater in every run; None: nothing.
         traced: number of a run → its trace, made when it is asked for first.
@@ -104,6 +109,7 @@ class Proof(Shown):
         heard: what the fit found and the user knows, which no run shows.
         nights: name of what was found in `heatertune.proof.night` → runs in which it was.
         samples: what the words do on drawn heaters; None: none were drawn.
+        mains: the test sequence at other mains voltages, where runs are made at them.
 
     Raises:
         InputError: no run.
@@ -127,6 +133,7 @@ class Proof(Shown):
     specification: Specification | None = None
     nights: Mapping[str, tuple[Run, ...]] = field(default_factory=dict, repr=False)
     samples: SampleProof | None = None
+    mains: tuple[MainsScenario, ...] = ()
 
     def __post_init__(self) -> None:
         if not (self.runs and self.criteria):
@@ -139,13 +146,17 @@ class Proof(Shown):
 
     @property
     def worst(self) -> Trace:
-        """Trace of the run whose criteria strain their limits most."""
+        """Trace of the run of `worst_run`."""
         return self.traced(self.worst_run)
 
     @property
     def worst_run(self) -> int:
-        """Number of the run whose criteria strain their limits most."""
-        return _worst(self.runs)
+        """Number of the run at the rated power whose criteria strain their limits most.
+
+        A picture can show it with the nominal run, as their events coincide. Without such a run it is the worst of all.
+        """
+        rated = [run for run in self.runs if run.mains_power is None] or self.runs
+        return self.runs.index(rated[_worst(rated)])
 
     @property
     def verdict(self) -> str:
@@ -208,41 +219,32 @@ def prove_models(
         OutOfRange, UnknownName: as in `simulate`.
     """
     acceptance, coverage, design = acceptance or Acceptance(), coverage or Coverage(), controller.decode(words)
-    limits = acceptance.limits
-    if coverage.night is not None:
-        nights = _nights(controller, words, scenario, models)
-        scenario = next((night.scenario for night in nights if night.name == coverage.night),
-                        heat_up(scenario))  # other words may have had it
-    runs = Runs.of(controller, words, models, scenario, actuator, limits, coverage, interlock=interlock)
+    runs = _all_runs(controller, words, models, scenario, actuator, acceptance.limits, coverage, interlock)
     traced = remember(partial(runs.traced, direct=not coverage.open_points))  # a quick look waits for no listing
     judged = runs.judged()
-    designs = _with_cooling(controller, words, design, runs.actuator)
-    step = acceptance.step_power_pct(designs, max(runs.resolution_degC, scenario.noise_degC))
-    margins = acceptance.margins(designs, (model for _, model, _ in runs.cases))
-    results = [
-        RunResult(model=name, switches=switches, label=runs.label(run),
-                  criteria=(*ran, *of_words(limits, margins.get(model), step, runs.label(run))))
-        for run, ((name, model, switches), ran) in enumerate(zip(runs.cases, judged, strict=True))
-    ]
-    heard = _with_unshown(_with_band(acceptance.heard, limits, runs.resolution_degC),
+    first = runs.parts[0]
+    step = acceptance.step_power_pct(
+        _with_cooling(controller, words, design, first.actuator), max(first.resolution_degC, scenario.noise_degC))
+    results = _results(runs, judged, acceptance, step, _with_cooling(controller, words, design, first.actuator))
+    heard = _with_unshown(_with_band(acceptance.heard, acceptance.limits, first.resolution_degC),
                           coverage.in_question(controller.switches), results)
     if controller.direct is not None and coverage.whole:  # measured on traces, whose last digits differ
         for run in {0, _worst(results)}:
-            results[run] = _ran(results[run], judge(traced(run), limits, where=results[run].label))
+            results[run] = _ran(results[run], runs.judge(traced(run), run))
     seeds, remarks = _with_draws(runs, results, judged) if coverage.draws else ({}, [])
     heard = replace(heard, remarks=(*heard.remarks, *remarks))
     broken: Mapping[str, tuple[Run, ...]] = {}
     if coverage.whole and all(result.verdict == "PASS" for result in results):
-        found, broken = _after_a_night(runs, results, models, coverage)
+        found, broken = _after_nights(runs, results, coverage)
         heard = replace(heard, findings=(*heard.findings, *found))
     return Proof(
         words=words,
         design=design,
-        limits=limits,
-        criteria=tuple(worst_of(same) for same in zip(*(run.criteria for run in results), strict=True)),
+        limits=acceptance.limits,
+        criteria=tuple(map(worst_of, _by_name(results))),
         runs=tuple(results),
-        scenario=scenario,
-        actuator=runs.actuator,
+        scenario=scenario if coverage.night is None else first.scenario,
+        actuator=first.actuator,
         interlock=interlock,
         traced=lambda run: traced(run, seeds[run]) if run in seeds else traced(run),
         known=dict(coverage.known),
@@ -253,7 +255,56 @@ def prove_models(
         heard=heard,
         specification=acceptance.specification,
         nights=broken,
+        mains=tuple(MainsScenario(mains_power=part.mains_power, scenario=part.scenario) for part in runs.parts
+                    if part.mains_power is not None),
     )
+
+
+def _all_runs(
+    controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario,
+    actuator: Actuator | None, limits: Limits, coverage: Coverage, interlock: Interlock | None,
+) -> AllRuns:
+    """Return the runs at the rated power and at each other one."""
+    parts = list[Runs]()
+    for mains_power, heaters, story in (
+        (None, models, scenario), *((each.mains_power, each.models, each.scenario) for each in coverage.supplies),
+    ):
+        if coverage.supplies and not coverage.runs_any(mains_power):
+            continue
+        if coverage.night is not None:
+            nights = _nights(controller, words, story, heaters)
+            story = next((night.scenario for night in nights if night.name == coverage.night),  # noqa: PLW2901
+                         heat_up(story))  # other words may have had it
+        parts.append(Runs.of(controller, words, heaters, story, actuator, limits, coverage, interlock=interlock,
+                             mains_power=mains_power))
+    return AllRuns.of(parts)
+
+
+def _results(
+    runs: AllRuns, judged: Sequence[tuple[Criterion, ...]], acceptance: Acceptance, step: float | None,
+    designs: Sequence[PidDesign],
+) -> list[RunResult]:
+    """Return the result of each run; margins and step power are those of the words at the rated power."""
+    rated = [part for part in runs.parts if part.mains_power is None]
+    margins = acceptance.margins(designs, (model for part in rated for _, model, _ in part.cases))
+    results = list[RunResult]()
+    for part in runs.parts:
+        for run, (name, model, switches) in enumerate(part.cases):
+            label, ran = part.label(run), judged[len(results)]
+            words = () if part.mains_power is not None else of_words(
+                acceptance.limits, margins.get(model), step, label)
+            results.append(RunResult(model=name, switches=switches, label=label, criteria=(*ran, *words),
+                                     mains_power=part.mains_power))
+    return results
+
+
+def _by_name(results: Sequence[RunResult]) -> list[list[Criterion]]:
+    """Return the criteria of all runs, those of one name together; some do not hold at each power."""
+    same: dict[str, list[Criterion]] = {}
+    for result in results:
+        for criterion in result.criteria:
+            same.setdefault(criterion.name, []).append(criterion)
+    return list(same.values())
 
 
 def _with_cooling(
@@ -267,7 +318,7 @@ def _with_cooling(
 
 
 def _with_draws(
-    runs: Runs, results: list[RunResult], judged: Sequence[tuple[Criterion, ...]]
+    runs: AllRuns, results: list[RunResult], judged: Sequence[tuple[Criterion, ...]]
 ) -> tuple[dict[int, int], list[str]]:
     """Enter what more draws of noise do to the hardest of runs that all pass; return its seed, and what is told.
 
@@ -276,12 +327,12 @@ def _with_draws(
         results: of all runs.
         judged: the criteria of each that need a run.
     """
-    scenario = runs.scenario
-    if not scenario.noise_degC > 0.0 or any(result.verdict != "PASS" for result in results):
+    if not runs.parts[0].scenario.noise_degC > 0.0 or any(result.verdict != "PASS" for result in results):
         return {}, []
     run = nearest(judged)
-    draws = drawn(results[run].criteria[:len(judged[run])], lambda seeds: runs.judged_with(seeds, run),
-                  seed=scenario.seed, scans=runs.scans, noise_degC=scenario.noise_degC)
+    part, own = runs.place(run)
+    draws = drawn(results[run].criteria[:len(judged[run])], lambda seeds: part.judged_with(seeds, own),
+                  seed=part.scenario.seed, scans=part.scans, noise_degC=part.scenario.noise_degC)
     results[run] = _ran(results[run], draws.criteria)
     return {run: draws.seed}, [draws.told]
 
@@ -289,16 +340,38 @@ def _with_draws(
 def _hardest_after(results: Sequence[RunResult], night: str) -> list[RunResult]:
     """Return of each setting the run that overshoots most, for its limit, after what a night tries in other lengths.
 
-    That which overshoots most of all comes last.
+    Where the time to return counts too, also the run that needs the most of it. That which overshoots most of all comes
+    last.
     """
-    def strain(result: RunResult) -> float:
-        return max(each.strain for each in result.criteria if each.name in OVERSHOOTS[night])
+    def by(names: Sequence[str]) -> Callable[[RunResult], float]:
+        return lambda result: max(each.strain for each in result.criteria if each.name in names)
 
-    return sorted({tuple(run.switches.items()): run for run in sorted(results, key=strain)}.values(), key=strain)
+    over = by(OVERSHOOTS[night])
+    judged = {each.name for each in results[0].criteria}
+    times = [name for name in JUDGED[night] if name in judged and name not in OVERSHOOTS[night]]
+    hardest = [run for strain in (*([by(times)] if times else []), over) for run in
+               {tuple(run.switches.items()): run for run in sorted(results, key=strain)}.values()]
+    return sorted({run.label: run for run in hardest}.values(), key=over)
+
+
+def _after_nights(
+    runs: AllRuns, results: Sequence[RunResult], coverage: Coverage
+) -> tuple[list[Finding], dict[str, tuple[Run, ...]]]:
+    """Return what other lengths show at each power, a finding once, and the runs that show it, by its name."""
+    findings, broken = dict[str, Finding](), dict[str, tuple[Run, ...]]()
+    for part in runs.parts:
+        own = [result for result in results if result.mains_power == part.mains_power]
+        found, over = _after_a_night(part, own, coverage)
+        for finding in found:
+            told = finding.told if part.mains_power is None else (
+                f"{finding.told.removesuffix('.')} ({mains_label(part.mains_power)}).")
+            findings.setdefault(finding.name, replace(finding, told=told))
+        broken |= {name: (*broken.get(name, ()), *some) for name, some in over.items()}
+    return list(findings.values()), broken
 
 
 def _after_a_night(
-    runs: Runs, results: Sequence[RunResult], models: Sequence[tuple[str, HeaterModel]], coverage: Coverage
+    runs: Runs, results: Sequence[RunResult], coverage: Coverage
 ) -> tuple[list[Finding], dict[str, tuple[Run, ...]]]:
     """Return what other lengths show, and the runs that show it, by its name.
 
@@ -307,19 +380,23 @@ def _after_a_night(
     Whether a setting winds up does not show in the story where the setpoint is held near the reading.
     """
     def judged(night: Night, only: Sequence[Run]) -> list[tuple[Run, tuple[Criterion, ...]]]:
-        again = Runs.of(runs.controller, runs.words, models, night.scenario, runs.actuator, runs.limits,
-                        replace(coverage, only=only, progress=str), interlock=runs.interlock)
-        return [((name, switches), ran) for (name, _, switches), ran in zip(again.cases, again.judged(), strict=True)]
+        again = runs.again(night.scenario, only, replace(coverage, progress=str))
+        ran = ((name, switches, runs.mains_power) for name, _, switches in again.cases)
+        return [(run, night.compared(criteria, before[again.label(number)]))
+                for number, (run, criteria) in enumerate(zip(ran, again.judged(), strict=True))]
+
+    models, before = runs.models, {result.label: result.criteria for result in results}
 
     coarse, fine = (_nights(runs.controller, runs.words, runs.scenario, models, closely=closely)
                     for closely in (False, True))
     findings, broken = list[Finding](), dict[str, tuple[Run, ...]]()
     for first, closer in zip(coarse, fine, strict=True):
         hardest = _hardest_after(results, first.name)
-        every = [(name, hardest[-1].switches) for name, _ in models]
-        told = judged(first, [*((run.model, run.switches) for run in hardest), *every])
-        (model, _), _ = max(told, key=lambda each: first.strain(each[1]))
-        others = [run for run in ((model, run.switches) for run in hardest) if run not in [ran for ran, _ in told]]
+        every = [(name, hardest[-1].switches, runs.mains_power) for name, _ in models]
+        told = judged(first, [*(run.run for run in hardest), *every])
+        (model, *_), _ = max(told, key=lambda each: first.strain(each[1]))
+        others = [run for run in ((model, run.switches, runs.mains_power) for run in hardest)
+                  if run not in [ran for ran, _ in told]]
         told += judged(first, others) if others else []
         near = [run for run, criteria in told if first.strain(criteria) > _NEAR]
         if near and closer.scenario != first.scenario:
@@ -366,6 +443,7 @@ def _unshown(switch: Switch, results: Sequence[RunResult]) -> bool:
     alike: dict[tuple[str, ...], set[tuple[str, tuple[float, ...]]]] = {}
     for run in results:
         others = tuple(f"{name} = {setting}" for name, setting in run.switches.items() if name != switch.name)
+        others = (*others, f"{run.mains_power}")
         values = tuple(criterion.value for criterion in run.criteria)
         alike.setdefault((run.model, *others), set()).add((run.switches[switch.name], values))
     compared = [same for same in alike.values() if len({setting for setting, _ in same}) > 1]

@@ -20,7 +20,7 @@ from heatertune.plc import Words, controller_for
 from heatertune.plc.choice import WordChoice
 from heatertune.plc.choose import realised_as
 from heatertune.plc.cooler import cooled
-from heatertune.plc.design import encode
+from heatertune.plc.design import encode, loop_fit
 from heatertune.plc.promise import broken_by
 from heatertune.progress import Told
 from heatertune.proof import Proof, prove
@@ -83,7 +83,8 @@ def refine(
     promise = choice.search.promise
     loop = _Loop(
         choice=choice, fitted=fitted, conditions=conditions, ms=max(limit, choice.search.realised.ms or limit),
-        drawn=None if promise is None else Open.of(fitted, promise.way))
+        drawn=None if promise is None else Open.of(
+            loop_fit(fitted, choice.words.target, choice.words.scaling), promise.way))
     first = best = loop.run(choice.words, design)
     seen = {tuple(choice.words.values.items())}
     for step in _STEPS:
@@ -125,6 +126,7 @@ class _Loop:
     def around(self, design: PidDesign, step: float, seen: set[Any]) -> Iterator[tuple[Words, PidDesign]]:
         """Return the words a step away that are new, fit the target and keep the limit on Ms."""
         target, scaling = self.choice.words.target, self.choice.words.scaling
+        plants = loop_fit(self.fitted, target, scaling).plants
         gain_of_cooler = None if self.conditions is None else self.conditions.cooling_gain
         for gain, time in product((-step, 0.0, step), repeat=2):
             changed = replace(
@@ -140,7 +142,7 @@ class _Loop:
             if key in seen or real is None:
                 continue
             seen.add(key)
-            worst = max(sensitivity_peaks(plant, real)[0] for plant in self.fitted.plants)
+            worst = max(sensitivity_peaks(plant, real)[0] for plant in plants)
             if worst <= self.ms and self.keeps(words):
                 yield words, real
 

@@ -18,17 +18,18 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.processors import each, processors
 from heatertune.progress import Told
-from heatertune.proof.coverage import Coverage
+from heatertune.proof.coverage import Coverage, Run
 from heatertune.proof.criteria import Criterion, Limits
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.judging import judge
 from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop, noise_of, plant_row, scans_of, simulate
+from heatertune.proof.mains import RATED_ONLY, limits_off_rated, mains_label
 from heatertune.proof.measured import Measured, columns_of, joined, ordered
 from heatertune.proof.metered import metered
 from heatertune.proof.scenario import Scenario, conditions, delayed
 from heatertune.proof.trace import Trace
 
-__all__ = ["Runs", "judged_once"]
+__all__ = ["AllRuns", "Runs", "judged_once"]
 
 _Judged = tuple[Criterion, ...]
 
@@ -71,6 +72,9 @@ class Runs:
         limits: that are to be kept.
         interlock: what watches the heater in every run; None: nothing.
         progress: told how many runs are judged.
+        mains_power: full power as a share of the rated one; None: the rated power.
+        models: (label, heater) of all, without the controller's delay.
+        done: how many runs of the proof come before these, and how many there are in all; None: these are all.
     """
 
     controller: Controller
@@ -82,11 +86,15 @@ class Runs:
     limits: Limits
     interlock: Interlock | None
     progress: Told
+    mains_power: float | None = None
+    done: tuple[int, int] | None = None
+    models: Sequence[tuple[str, HeaterModel]] = ()
 
     @classmethod
-    def of(
+    def of(  # noqa: PLR0913 - what a run is made of
         cls, controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario,
         actuator: Actuator | None, limits: Limits, coverage: Coverage, *, interlock: Interlock | None,
+        mains_power: float | None = None,
     ) -> Runs:
         """Return the runs of every model under every setting that a proof covers.
 
@@ -99,6 +107,7 @@ class Runs:
             limits: as the attribute.
             coverage: which of the runs are made.
             interlock: as the attribute.
+            mains_power: as the attribute; the heaters' gains are those at this power.
 
         Raises:
             InputError: no model or no run, or as in `simulate`, with the model's label.
@@ -110,21 +119,29 @@ class Runs:
         late = [(name, delayed(model, controller.delayed_s(words.scaling))) for name, model in models]
         _check(controller, words, late, scenario)
         cases = [(name, model, setting) for (name, model), setting in product(late, settings)
-                 if coverage.runs(name, setting)]
+                 if coverage.runs(name, setting, mains_power)]
         if not cases:
             raise InputError("a proof needs at least one run")
         loops = [in_loop(controller, words, scenario.setpoints_degC, setting, direct=True) for setting in settings
                  if any(setting is ran for *_, ran in cases)]
         return cls(controller=controller, words=words, cases=cases, loops=loops, scenario=scenario,
-                   actuator=actuator_of(loops[0], actuator), limits=limits, interlock=interlock,
-                   progress=coverage.progress)
+                   actuator=_at_mains(actuator_of(loops[0], actuator), mains_power),
+                   limits=limits if mains_power is None else limits_off_rated(limits), interlock=interlock,
+                   progress=coverage.progress, mains_power=mains_power, models=models)
+
+    def again(self, scenario: Scenario, only: Sequence[Run], coverage: Coverage) -> Runs:
+        """Return some of these runs in another scenario."""
+        again = Runs.of(self.controller, self.words, self.models, scenario, self.actuator, self.limits,
+                        replace(coverage, only=only), interlock=self.interlock, mains_power=self.mains_power)
+        return replace(again, actuator=self.actuator)
 
     def label(self, run: int) -> str:
         """Return the model of a run, and the settings that are not the default."""
         name, _, setting = self.cases[run]
         changed = [f"{switch.name} = {setting[switch.name]}" for switch in self.controller.switches
                    if setting[switch.name] != switch.default]
-        return ", ".join([name, *changed])
+        supply = [] if self.mains_power is None else [mains_label(self.mains_power)]
+        return ", ".join([name, *changed, *supply])
 
     @property
     def resolution_degC(self) -> float:
@@ -153,15 +170,26 @@ class Runs:
             self._tell(len(judged))
         return judged
 
+    def judge(self, trace: Trace, run: int) -> _Judged:
+        """Return the criteria of a run from its trace."""
+        return self._held(judge(trace, self.limits, where=self.label(run)))
+
+    def _held(self, criteria: _Judged) -> _Judged:
+        """Return the criteria that hold at the power of these runs."""
+        if self.mains_power is None:
+            return criteria
+        return tuple(criterion for criterion in criteria if criterion.name not in RATED_ONLY)
+
     def judged_with(self, seeds: Sequence[int], run: int) -> list[_Judged]:
         """Return the criteria of one run with noise of other seeds."""
         if self.interlock is None:
             return self._metered([run] * len(seeds), seeds)
         # what it sees is the temperature at any instant, which only a trace tells
-        return [judge(self.traced(run, seed, direct=True), self.limits, where=self.label(run)) for seed in seeds]
+        return [self.judge(self.traced(run, seed, direct=True), run) for seed in seeds]
 
     def _tell(self, done: int) -> None:
-        self.progress(f"{done} of {len(self.cases)} runs")
+        before, total = self.done or (0, len(self.cases))
+        self.progress(f"{before + done} of {total} runs")
 
     def _metered(
         self, runs: Sequence[int], seeds: Sequence[int] = (), tell: Callable[[int], object] = int,
@@ -211,7 +239,8 @@ class Runs:
         back = dict(zip(once, np.argsort(np.concatenate([part.places for part in parts])), strict=True))
         columns = columns_of(ordered(joined(measured), np.array([back[key] for key in keys])), self.limits)
         labels = [self.label(run) for run in runs]
-        return list(zip(*(column.criteria(labels) for column in columns), strict=True))
+        return [self._held(criteria)
+                for criteria in zip(*(column.criteria(labels) for column in columns), strict=True)]
 
     def _shown(self, run: int) -> frozenset[tuple[str, str]]:
         """Return what a run shows of its setting: runs of one heater that show the same are the same, bit for bit."""
@@ -226,6 +255,53 @@ class Runs:
                 ahead -= len(places)
                 parts.append(_Part(loop, places, ahead))
         return parts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AllRuns:
+    """The loops of a proof at each power, numbered one after the other, those at the rated power first.
+
+    Attributes:
+        parts: the loops at one power each.
+    """
+
+    parts: tuple[Runs, ...]
+
+    @classmethod
+    def of(cls, parts: Sequence[Runs]) -> AllRuns:
+        """Return them, each part counting its runs from the end of the part before."""
+        lengths = [len(part.cases) for part in parts]
+        return cls(parts=tuple(replace(part, done=(sum(lengths[:number]), sum(lengths)))
+                               for number, part in enumerate(parts)))
+
+    def place(self, run: int) -> tuple[Runs, int]:
+        """Return the part of a run, and its number there."""
+        for part in self.parts:
+            if run < len(part.cases):
+                return part, run
+            run -= len(part.cases)
+        raise IndexError(run)
+
+    def traced(self, run: int, seed: int | None = None, *, direct: bool = False) -> Trace:
+        """Return the trace of a run, see `Runs.traced`."""
+        part, own = self.place(run)
+        return part.traced(own, seed, direct=direct)
+
+    def judge(self, trace: Trace, run: int) -> _Judged:
+        """Return the criteria of a run from its trace."""
+        part, own = self.place(run)
+        return part.judge(trace, own)
+
+    def judged(self) -> list[_Judged]:
+        """Return the criteria of each run."""
+        return [criteria for part in self.parts for criteria in part.judged()]
+
+
+def _at_mains(actuator: Actuator, mains_power: float | None) -> Actuator:
+    """Return the switch at a power: a cooler next to the heater, a fan or a valve, is as strong as ever."""
+    if mains_power is None or actuator.cooling_gain is None:
+        return actuator
+    return replace(actuator, cooling_gain=actuator.cooling_gain / mains_power)
 
 
 def _check(

@@ -138,6 +138,8 @@ WAYS: Final = {
     "reheat": ("reheat_overshoot", "reheat_time", "after the heater's circuit was open",
                "Time after the heater's circuit is closed again"),
     "change": ("change_overshoot", "change_time", "after a change of the setpoint", "Time after it"),
+    "small-change": ("small_change_overshoot", "small_change_time", "after a small change of the setpoint",
+                     "Time after it"),
     "restart": ("restart_overshoot", "restart_time", "after a start-up of the PLC", "Time after it"),
 }
 
@@ -155,9 +157,9 @@ class Phase:
         rest_s: from when on it is held to be at rest; `end_s`: not at all [s].
         limit_s: in which it has to get there [s].
         setpoint_degC: what is asked for [°C].
-        kind: by which criteria it is judged: "heat-up", "recovery" (from a disturbance), "change" (of the setpoint),
-            "reheat" (the heater's circuit was open), "restart" (the PLC was without supply), "ramp" and "soak" (of a
-            profile), or "off": by none.
+        kind: by which criteria it is judged: "heat-up", "recovery" (from a disturbance), "change", "small-change" (of
+            the setpoint), "reheat" (the heater's circuit was open), "restart" (the PLC was without supply), "ramp" and
+            "soak" (of a profile), or "off": by none.
         up: whether the event moves the temperature up, or adds power.
         by_power: whether it adds or takes power; a cooler's power moves the temperature down.
     """
@@ -221,7 +223,7 @@ def kinds_of(scenario: Scenario) -> Iterator[tuple[str, bool, bool]]:
         elif _goes_on(scenario, number):
             yield "off", False, True
         elif isinstance(event, NewSetpoint):
-            kind = "reheat" if _goes_on(scenario, number - 1) else "change"
+            kind = "reheat" if _goes_on(scenario, number - 1) else "small-change" if event.small else "change"
             yield kind, asked[number + 1] > asked[number], False
         elif isinstance(event, Mains):
             yield "reheat" if mains[number] == 0.0 else "recovery", mains[number + 1] > mains[number], True

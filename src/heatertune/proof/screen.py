@@ -9,10 +9,11 @@ from typing import Final, NamedTuple
 
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words
+from heatertune.proof.coverage import Run
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.fitted import prove
 from heatertune.proof.night import JUDGED, wound
-from heatertune.proof.proving import Proof, Run, RunResult
+from heatertune.proof.proving import Proof, RunResult
 from heatertune.settings import Conditions
 
 __all__ = ["NOTICEABLE", "Look", "Screen"]
@@ -54,7 +55,7 @@ class Screen:
     def with_failed(self, proof: Proof) -> Screen:
         """Return it with the worst run of each criterion that a proof breaks, before what is there."""
         broken = sorted(self._broken(proof), key=lambda criterion: -criterion.strain)
-        runs = {run.label: (run.model, run.switches) for run in proof.runs}
+        runs = {run.label: run.run for run in proof.runs}
         worst = dict.fromkeys(criterion.where for criterion in broken)
         new = [runs[label] for label in worst if label in runs and runs[label] not in self.runs]
         return replace(self, runs=(*new, *self.runs))

@@ -35,14 +35,15 @@ _OF_SETTLING: Final = 0.8  # of the time until all has settled, that the ramp it
 _HOLDS: Final = ((8.0, 4.0, 2.0), (32.0, 16.0))
 #: criteria that a slower way to the setpoint helps to keep
 OVERSHOOTS: Final = frozenset(
-    f"{way}{unit}" for way in ("overshoot", "change_overshoot", "restart_overshoot") for unit in ("", "_degC"))
+    f"{way}overshoot{unit}" for way in ("", "change_", "small_change_", "restart_") for unit in ("", "_degC"))
 #: criteria that only a holdback helps to keep: the setpoint is at its end when the heater's circuit opens
 REHEATS: Final = frozenset({"reheat_overshoot", "reheat_overshoot_degC", "reheat_time"})
 #: what stays where even the slowest way to the setpoint leaves it
 _UNLED: Final = frozenset({"steady_offset", "limit_cycle", "recovery_time"})
 #: what a windup on the way leaves behind
 _LEFT_BEHIND: Final = frozenset(
-    {"settling_time", "steady_offset", "limit_cycle", "recovery_time", "change_time", "restart_time"})
+    {"settling_time", "steady_offset", "limit_cycle", "recovery_time", "change_time", "small_change_time",
+     "restart_time"})
 #: what each slower way mends a little more of
 _LED: Final = OVERSHOOTS | (REHEATS - {"reheat_time"})
 _MENDED: Final = 0.5  # of what the fastest way breaks it by: where the slowest leaves more, none between them keeps it
@@ -155,7 +156,8 @@ def _fastest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: 
 def _why_none(plain: Proof, broken: list[str], *, ramped: bool) -> str:
     if not broken:
         overshoot = _value(plain, "overshoot")
-        return f"No setpoint ramp is needed: the worst overshoot without one is {overshoot:.3g} %, within its limit."
+        return (f"No setpoint ramp is needed: the worst overshoot without one is {overshoot:.3g} % of the rise, within "
+                "its limit.")
     if not ramped:
         return f"{plain.words.target} has no setpoint ramp."
     return f"No setpoint ramp was looked for: it mends nothing but overshoot, and {', '.join(broken)} fails."
@@ -168,10 +170,11 @@ def _told(plain: Proof, ramped: Proof) -> str:
     others = [criterion.name for criterion in ramped.criteria if not criterion.ok]
     fails = f" {' and '.join(others)} fails with it." if others else ""
     held = f", which follows the reading within {ramped.hold_degC:.3g} °C," if ramped.hold_degC is not None else ""
-    opened = f", after an open circuit {change('reheat_overshoot', '%')}" if held else ""
+    opened = f", after an open circuit {change('reheat_overshoot', '% of the rise')}" if held else ""
+    rise = "% of the rise"
     return (
         f"a setpoint ramp of {ramped.ramp_degC_per_min:.3g} °C/min ({ramped.words.ramp}){held} the worst overshoot "
-        f"goes {change('overshoot', '%')}{opened}, and the worst settling time {change('settling_time', 's')}. The "
+        f"goes {change('overshoot', rise)}{opened}, and the worst settling time {change('settling_time', 's')}. The "
         f"gains are the same: after the disturbance the worst deviation goes {change('deviation', '°C')}, the recovery "
         f"time {change('recovery_time', 's')}.{fails}"
     )

@@ -103,7 +103,7 @@ def read_spec(path: str | Path) -> Specification:
             raise DocumentError(f"{path}: story.{name}: {problem}") from problem
     return Specification(
         name=Path(path).name, limits={**begun.limits, **own}, story={**begun.story, **parts},
-        profile=_profile(Path(path), document.get("profile")),
+        profile=_profile(Path(path), document.get("profile")), base=None if base == GENERAL else base,
         reasons={name: why for name, why in begun.reasons.items() if own.get(name) in (None, begun.limits[name])})
 
 

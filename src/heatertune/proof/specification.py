@@ -17,7 +17,7 @@ from heatertune.units import check
 
 __all__ = [
     "GENERAL", "LIMITS", "NOTHING", "STORY", "Limit", "Measure", "Part", "Specification", "limit_of", "limits_from",
-    "split",
+    "quantity", "split",
 ]
 
 #: what holds where nothing is said
@@ -73,18 +73,22 @@ LIMITS: Final[dict[str, Limit]] = {
         what="how far from the setpoint is still right: half width of the band, limit of offset and swing at rest",
         units={"degC": Measure("tolerance_degC")}, example="1 degC", demanded=True),
     "overshoot": Limit(
-        what="beyond the setpoint on heat-up, of the setpoint step",
+        what="beyond the setpoint on heat-up, after a change of the setpoint and a restart, of the rise above ambient",
         units={"%": Measure("overshoot_pct"), "degC": Measure("overshoot_degC")}, example="5 %"),
     "reheat-overshoot": Limit(
-        what="beyond the setpoint after the heater's circuit was open for a while, of the setpoint step",
+        what="beyond the setpoint after the heater's circuit was open for a while, of the rise above ambient",
         units={"%": Measure("reheat_overshoot_pct"), "degC": Measure("reheat_overshoot_degC")}, example="40 %"),
+    "small-change-overshoot": Limit(
+        what="beyond the setpoint after a small change of the setpoint, of that change",
+        units={"%": Measure("small_change_overshoot_pct"), "degC": Measure("small_change_overshoot_degC")},
+        example="30 %"),
     "settling": Limit(
         what="time from cold until the temperature stays in the band", units=_of_time("settling_s"), example="20 min"),
     "recovery": Limit(
         what="time after a disturbance until the temperature stays in the band", units=_of_time("recovery_s"),
         example="5 min"),
     "recovery-overshoot": Limit(
-        what="beyond the setpoint after a disturbance, on the other side, of the setpoint step",
+        what="beyond the setpoint after a disturbance, on the other side, of the rise above ambient",
         units={"%": Measure("recovery_overshoot_pct"), "degC": Measure("recovery_overshoot_degC")}, example="5 %"),
     "load-deviation": Limit(
         what="largest distance from the setpoint after a disturbance, on its side",
@@ -146,12 +150,13 @@ class Part:
 
 #: everything of the story that a user can set, by the name that a user writes
 STORY: Final[dict[str, Part]] = {
-    "temperature-step": Part(what="the temperature falls at once, of the setpoint step: cold goods, an opened door",
+    "temperature-step": Part(what="the temperature falls at once, of the rise above ambient: cold goods, open doors",
                  field="step_share", unit="%", factor=0.01),
     "load": Part(what="a load takes so much of full power for five (T+L), and gives it back",
                  field="load_pct", unit="%"),
     "open-circuit": Part(what="the heater's circuit is open for two TN and a night, the PLC running", field="opens"),
-    "setpoint-change": Part(what="the setpoint falls to the lower end of the setpoints of use, and rises again",
+    "setpoint-change": Part(what="the setpoint falls to the lower end of the setpoints of use, and rises again; small "
+                            "changes likewise",
                             field="changes"),
     "mains": Part(what="the mains voltage falls and rises by 10 %", field="mains"),
     "restart": Part(what="the PLC is restarted with the heater hot, and cold", field="restarts"),
@@ -171,6 +176,7 @@ class Specification:
         reasons: name → why, where it is told.
         changed: names of the limits that options set beside preset and file.
         profile: along which the setpoint is led; None: along none.
+        base: of a file, the preset it began from; None: the general one, or the preset that `name` says.
 
     Raises:
         UnknownName: no such limit.
@@ -184,6 +190,7 @@ class Specification:
     reasons: Mapping[str, str] = field(default_factory=dict)
     changed: tuple[str, ...] = ()
     profile: Profile | None = field(default=None, metadata=LEFT_OUT)
+    base: str | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         for name, values in self.limits.items():
@@ -191,7 +198,7 @@ class Specification:
             if kind.demanded and not values:
                 raise InputError(f"limit {name} is {NOTHING!r}; expected a value, such as {kind.example!r}")
             for value in values:
-                _quantity(name, value)
+                quantity(name, value)
         self.story_at(None)
 
     @property
@@ -209,7 +216,7 @@ class Specification:
             measure.field: None for kind in LIMITS.values() for measure in kind.units.values() if not kind.demanded}
         for name, values in self.limits.items():
             for value in values:
-                number, unit = _quantity(name, value)
+                number, unit = quantity(name, value)
                 measure = LIMITS[name].units[unit]
                 wanted = number * (heater_s if unit == "T+L" else measure.factor)
                 before = given.get(measure.field)
@@ -229,7 +236,7 @@ class Specification:
     def with_limits(self, given: Mapping[str, tuple[str, ...]]) -> Specification:
         """Return it with some limits as given instead; errors as on construction."""
         return Specification(
-            name=self.name, limits={**self.limits, **given}, story=self.story, profile=self.profile,
+            name=self.name, limits={**self.limits, **given}, story=self.story, profile=self.profile, base=self.base,
             changed=tuple(dict.fromkeys((*self.changed, *given))),
             reasons={name: why for name, why in self.reasons.items() if name not in given})
 
@@ -298,8 +305,14 @@ def _setting(name: str, text: str) -> float | bool:
 
 
 @lru_cache(maxsize=256)
-def _quantity(name: str, text: str) -> tuple[float, str]:
-    """Return number and unit of a value."""
+def quantity(name: str, text: str) -> tuple[float, str]:
+    """Return number and unit of a value of a limit.
+
+    Raises:
+        UnknownName: no such limit.
+        InputError: no number, or a unit that this limit does not have.
+        OutOfRange: a number that the limit cannot have.
+    """
     units = limit_of(name).units
     spelled = _NUMBER.match(text)
     expected = f"a number with its unit ({' or '.join(units)})" if any(units) else "a number without a unit"

@@ -18,6 +18,7 @@ from heatertune.errors import InputError
 from heatertune.heater.exact import time_to
 from heatertune.model.values import HeaterModel
 from heatertune.proof.course import Course, Loop
+from heatertune.proof.mains import MAINS_POWERS, RESERVE_PCT
 from heatertune.proof.profile import Leg, Profile
 from heatertune.proof.scenario import (
     Disturbance,
@@ -43,17 +44,14 @@ _LOOP_TIMES: Final = 5.0
 #: a TN beyond so many sums of lags and dead time is no motion of the loop that a proof waits for
 _SLOWEST_TN: Final = 20.0
 _SLOWEST_BEAT: Final = 10.0  # of the slowest other period; a slower beat is a drift, which the loop follows
-#: power that is left over where a load or a low mains voltage is tested [%]
-_RESERVE_PCT: Final = 5.0
-#: ±10 % of the voltage (EN 50160), as power
-_LOW_MAINS: Final = 0.9**2
-_HIGH_MAINS: Final = 1.1**2
 _HOT_OFF: Final = 0.1  # of the sum of lags and dead time: a PLC that is restarted while the heater is hot
 _OPENED_TN: Final = 2.0  # for which the circuit is open
 _NIGHT_TN: Final = 10.0
 _EDGE_PCT: Final = 1.0  # power that decides at the edge of a window: no heater is known better
 _COLD: Final = 0.95  # share of the way to the ambient after which a heater is cold
 _LOW_SHARE: Final = 0.2  # of the setpoint step, where nobody tells the lower end of the setpoints of use
+_SMALL_SHARE: Final = 0.05  # of the setpoint step: a small change of the setpoint, and times it
+_SMALL: Final = (1.0, 2.0)
 _ROUNDED: Final = 1e-9
 
 
@@ -176,14 +174,32 @@ class _Teller:
             yield _Part(event=NewSetpoint(time_s=1.0, setpoint_degC=self.low_degC),
                         limit_s=self._cooling_s + self.loop_s + self._ramp_s, rest_s=self.long_rest_s)
             yield self._part(NewSetpoint(time_s=1.0, setpoint_degC=self.setpoint_degC), self.way_s)
+        yield from self._small_changes()
         if self._mains_tested:
-            for share in (_LOW_MAINS, _HIGH_MAINS):
+            for share in MAINS_POWERS:
                 yield replace(self._part(Mains(time_s=1.0, share=share)), rest_s=self.long_rest_s)
             yield self._part(Mains(time_s=1.0, share=1.0))
         if self.story.restarts:
             for off_s in (_HOT_OFF * self.heater_s, self._longest_s(_COLD for _ in self.models)):
                 yield self._off(PlcPower(time_s=1.0, on=False), off_s)
                 yield self._part(PlcPower(time_s=1.0, on=True), self.way_s)
+
+    def _small_changes(self) -> Iterator[_Part]:
+        """Yield small changes of the setpoint, down and up again: most of them without a limit of the output."""
+        for change_degC in self._small_degC:
+            for setpoint in (self.setpoint_degC - change_degC, self.setpoint_degC):
+                change = NewSetpoint(time_s=1.0, setpoint_degC=setpoint, small=True)
+                yield self._part(change, self.loop_s + self._ramp_s)
+
+    @cached_property
+    def _small_degC(self) -> list[float]:
+        """The small changes of the setpoint, negative for a cooler; those beyond the lowest setpoint are left out."""
+        least, low = self.loop.small_change_degC, self.low_degC
+        if low is None or least == 0.0:
+            return []
+        small = max(_SMALL_SHARE * abs(self.step_degC), least)
+        most = abs(self.setpoint_degC - low)
+        return [math.copysign(times * small, self.step_degC) for times in _SMALL if times * small <= most]
 
     def _at_the_edge(self) -> Iterator[_Part]:
         """Yield two open circuits until the sum is forgotten, under a small load.
@@ -240,10 +256,13 @@ class _Teller:
             yield "an open circuit of the heater"
         if self.low_degC is None:
             yield "a change of the setpoint"
+        elif self.loop.small_change_degC > 0.0 and not self._small_degC:
+            least = self.loop.small_change_degC
+            yield f"a small change of the setpoint (none from {least:.3g} °C on is within its range)"
         if not story.mains:
             yield "mains voltage"
         elif not self._mains_tested:
-            yield f"mains voltage (at −10 % a heater has {self._reserve_pct(_LOW_MAINS):.3g} % of power left over)"
+            yield f"mains voltage (at −10 % a heater has {self._reserve_pct(MAINS_POWERS[0]):.3g} % of power left over)"
         if not story.restarts:
             yield "a restart of the PLC"
         if self.period_s < self.loop.beat_s:
@@ -308,13 +327,13 @@ class _Teller:
     @cached_property
     def load_pct(self) -> float:
         """The load that leaves every heater its reserve."""
-        return max(0.0, min(self.story.load_pct, self._reserve_pct() - _RESERVE_PCT))
+        return max(0.0, min(self.story.load_pct, self._reserve_pct() - RESERVE_PCT))
 
     @cached_property
     def heating_load_pct(self) -> float:
         """The load that heats so that the cooler has to hold the setpoint of every heater; 0: none."""
         held = self._held_pct()
-        cooled = min(self.story.load_pct, 100.0 * self.loop.cooling_gain - _RESERVE_PCT - (max(held) - min(held)))
+        cooled = min(self.story.load_pct, 100.0 * self.loop.cooling_gain - RESERVE_PCT - (max(held) - min(held)))
         return max(held) + cooled if cooled > 0.0 else 0.0
 
     @cached_property
@@ -372,7 +391,7 @@ class _Teller:
 
     @cached_property
     def _mains_tested(self) -> bool:
-        return self.story.mains and self._reserve_pct(_LOW_MAINS) >= _RESERVE_PCT
+        return self.story.mains and self._reserve_pct(MAINS_POWERS[0]) >= RESERVE_PCT
 
     def _reserve_pct(self, mains: float = 1.0) -> float:
         """Return the least power that is left over at the setpoint [% of full power]."""

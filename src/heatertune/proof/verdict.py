@@ -9,23 +9,29 @@ from typing import Any, Final, Literal
 
 from heatertune.codec import built, decode, encode
 from heatertune.errors import DocumentError, InputError, UnknownName
-from heatertune.model.findings import KINDS, Finding
+from heatertune.model.findings import KINDS, Finding, remedy_of
 from heatertune.model.statistics import share_bounds
+from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.period import life
+from heatertune.proof.presets import relaxed_limits
 from heatertune.proof.profile import Profile
-from heatertune.proof.specification import GENERAL, NOTHING
+from heatertune.proof.specification import GENERAL, NOTHING, Specification
 from heatertune.units import count
 
 __all__ = [
-    "ASSUMED", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "combined", "derived", "extent",
-    "sampled", "samples_told", "switched", "told_by_kind", "told_of", "verdict_first", "verdict_line",
-    "verdict_of_samples",
+    "ASSUMED", "BREAKS_NONE", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "closing_text",
+    "combined",
+    "derived", "extent", "relaxed_clause", "relaxed_of", "sampled", "samples_told", "switched", "told_by_kind",
+    "told_of", "verdict_first", "verdict_line", "verdict_of_samples",
 ]
 
 #: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use
 PROOF_SCHEMA: Final = "heatertune/proof/3"
 
 NOT_PROVEN: Final = "NOT PROVEN"
+
+#: begins the remark about a request whose design keeps every limit and is not proven all the same
+BREAKS_NONE: Final = "would break no limit, yet be not proven, at"
 
 #: what a user may know beside the log → how a certificate says it
 ASSUMED: Final = {
@@ -37,7 +43,7 @@ ASSUMED: Final = {
 _MORE: Final = [number * 10**size for size in range(2, 7) for number in (1, 2, 5)]
 
 #: what is asked of a proof first
-FIRST: Final = ("verdict", "target", "setpoint_degC", "specification", "words", "criteria")
+FIRST: Final = ("verdict", "relaxed_limits", "target", "setpoint_degC", "specification", "words", "criteria")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,12 +141,44 @@ def blocking(proof: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 def verdict_line(proof: Mapping[str, Any]) -> str:
     """Return the verdict of a proof's document as one line: where, on how many heaters, why not, and what is told."""
-    parts = [f"{proof['verdict']} {extent(proof)}"]
+    parts = [f"{proof['verdict']} {''.join(f'{part}, ' for part in [relaxed_clause(proof)] if part)}{extent(proof)}"]
     parts += [f"not kept: {', '.join(broken)}"] if (broken := _broken(proof)) else []
     parts += sampled(proof)
-    parts += [f"{KINDS[name].short} ({name}): {KINDS[name].remedy}, or --accept {name}"
-              for name in (finding["name"] for finding in blocking(proof))]
+    parts += [closing_text(finding, proof, f" ({finding['name']}): ") for finding in blocking(proof)]
     return "; ".join([*parts, *told_of(proof), *switched(proof)])
+
+
+def closing_text(finding: Mapping[str, Any], proof: Mapping[str, Any], between: str = "; ") -> str:
+    """Return what a finding of a proof's document leaves open and what closes it; `between`: the two."""
+    name, kind = finding["name"], KINDS[finding["name"]]
+    said = finding["told"].rstrip(".") if kind.by_case else kind.short
+    remedy = remedy_of(name, [other["name"] for other in proof["findings"]])
+    return f"{said}{between}{remedy}, or --accept {name}"
+
+
+def relaxed_clause(proof: Mapping[str, Any]) -> str:
+    """Return which limits a proof's document kept are wider than their defaults; "" where none is, or it fails.
+
+    It stands directly after the verdict: "against relaxed limits: overshoot 30 % (default 20 %)".
+    """
+    relaxed = () if proof["verdict"] == "FAIL" else relaxed_of(proof)
+    return f"against relaxed limits: {', '.join(relaxed)}" if relaxed else ""
+
+
+def relaxed_of(proof: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the limits of a proof's document that are wider than their defaults, see `relaxed_limits`."""
+    if proof.get("specification") is None:
+        return ()
+    return relaxed_limits(decode(Specification, proof["specification"], PROOF_SCHEMA), _rise_degC(proof))
+
+
+def _rise_degC(proof: Mapping[str, Any]) -> float:
+    """Return the setpoint step of a proof's heat-up: by its overshoot in both units, else from the ambient [°C]."""
+    pct, degC = (proof["criteria"].get(name, {}) for name in ("overshoot", "overshoot_degC"))
+    if pct.get("value") and degC.get("value") and pct.get("where") == degC.get("where"):
+        return abs(100.0 * float(degC["value"]) / float(pct["value"]))
+    ambient = proof["scenario"].get("ambient_degC")
+    return abs(float(proof["scenario"]["setpoint_degC"]) - (ROOM_DEGC if ambient is None else float(ambient)))
 
 
 def sampled(proof: Mapping[str, Any]) -> list[str]:
@@ -226,7 +264,7 @@ def switched(proof: Mapping[str, Any]) -> list[str]:
 
 def verdict_first(proof: Mapping[str, Any]) -> dict[str, Any]:
     """Return a proof's document with what is asked of it first."""
-    told = {**proof, "setpoint_degC": proof["scenario"]["setpoint_degC"]}
+    told = {**proof, "setpoint_degC": proof["scenario"]["setpoint_degC"], "relaxed_limits": list(relaxed_of(proof))}
     return {name: told[name] for name in FIRST} | {name: part for name, part in told.items() if name not in FIRST}
 
 

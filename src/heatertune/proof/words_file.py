@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -14,12 +14,14 @@ from heatertune.pid.recipe import BoostView
 from heatertune.plc import Boost, Certificate, Ramp, Scaling, Words, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
+from heatertune.proof.mains import mains_label
 from heatertune.proof.verdict import (
     FIRST,
     PROOF_SCHEMA,
     blocking,
     derived,
     extent,
+    relaxed_clause,
     sampled,
     told_of,
     verdict_first,
@@ -203,7 +205,8 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
     spec = proof["specification"]
     return Certificate(verdict=verdict, lines=tuple(lines), forced=verdict != "PASS", digest=proof["digest"],
                        setpoint_degC=proof["scenario"]["setpoint_degC"], actuator=Actuator(**proof["actuator"]),
-                       specification=None if spec is None else spec["name"], switches=proof["known"])
+                       specification=None if spec is None else spec["name"], switches=proof["known"],
+                       relaxed=relaxed_clause(proof))
 
 
 def export_first(words: Mapping[str, Any], proof: Mapping[str, Any]) -> dict[str, Any]:
@@ -229,9 +232,20 @@ def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where:
     if words.get("realised") is not None and "ms" not in proof["criteria"]:
         raise DocumentError(f"{where}: criteria.ms: is missing: no whole proof; prove the words again")
     demanded = settings_to_prove(controller_for(proof["target"]).switches, proof["known"])
-    for model in dict.fromkeys(run["model"] for run in proof["runs"]):
-        ran = [dict(run["switches"]) for run in proof["runs"] if run["model"] == model]
+    for mains_power in (None, *(one["mains_power"] for one in proof.get("mains", ()))):
+        runs = [run for run in proof["runs"] if run.get("mains_power") == mains_power]
+        _demand_settings(runs, demanded, "" if mains_power is None else f", {mains_label(mains_power)}", where)
+
+
+def _demand_settings(
+    runs: Sequence[Mapping[str, Any]], demanded: Sequence[Mapping[str, str]], at: str, where: str | Path
+) -> None:
+    """Refuse runs (of a document) at one mains voltage that leave out a setting on a heater, or are none."""
+    if not runs:
+        raise DocumentError(f"{where}: runs: none{at}: no whole proof; prove the words again")
+    for model in dict.fromkeys(run["model"] for run in runs):
+        ran = [dict(run["switches"]) for run in runs if run["model"] == model]
         if missing := [setting for setting in demanded if setting not in ran]:
             untried = ", ".join(f"{name} = {setting}" for name, setting in missing[0].items())
             raise DocumentError(
-                f"{where}: runs: none on {model} under {untried}: no whole proof; prove the words again")
+                f"{where}: runs: none on {model} under {untried}{at}: no whole proof; prove the words again")

@@ -11,18 +11,28 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.model.findings import KINDS
+from heatertune.model.findings import KINDS, remedy_of
 from heatertune.plc.targets import REPAIRED
-from heatertune.plc.typed import TypedWord, as_typed
+from heatertune.plc.typed import TypedWord
 from heatertune.proof.period import life
-from heatertune.proof.verdict import blocking, sampled, told_by_kind, verdict_of_samples
+from heatertune.proof.verdict import (
+    BREAKS_NONE,
+    blocking,
+    closing_text,
+    relaxed_clause,
+    sampled,
+    told_by_kind,
+    verdict_of_samples,
+)
 from heatertune.report.layout import LINES, WIDTH, beside, command, cut, labelled, notes_within, screen, table, wrapped
 from heatertune.report.text import (
     NOT_IDENTIFIED,
     called_every_s,
     criterion_value,
     figure,
+    holder,
     limit_text,
+    main_file,
     model_rows,
     quantity,
     ramp_note,
@@ -79,9 +89,19 @@ def design_brief(documents: Mapping[str, Document], out: str, nearest: Sequence[
     return screen(said, values, worst, [*doubts, *ends])
 
 
-def verify_brief(proof: Document, notes: Sequence[str] = (), found: str | None = None) -> str:
-    """Return a proof on one screen; `found` is the way on that was found when the words were made, see `Recipe`."""
+def verify_brief(
+    proof: Document, notes: Sequence[str] = (), found: str | None = None, redesign: Sequence[str] = ()
+) -> str:
+    """Return a proof on one screen.
+
+    Args:
+        proof: its document.
+        notes: one sentence each.
+        found: the way on that was found when the words were made, see `Recipe`; None: nobody looked.
+        redesign: the whole command that designs again what fails; none: it is not known.
+    """
     way_on = wrapped(_way_on(proof, found), "way on: ") if proof["verdict"] == "FAIL" else []
+    way_on += command(redesign) if way_on and redesign and not _fails_on_samples(proof) else []
     return _with_notes(notes, [*_verdict(proof), *way_on], _worst(proof), labelled(_doubts(proof), _DOUBTS))
 
 
@@ -92,7 +112,7 @@ def _way_on(proof: Document, found: str | None) -> str:
         return f"the same program repaired: --target {REPAIRED[proof['target']]}"
     if _fails_on_samples(proof):
         return _of_samples(proof["samples"])
-    return "heatertune design or tune with this --target looks for the least change that passes"
+    return "heatertune design or tune with this --target looks for the least change that passes, or says what would"
 
 
 def _fails_on_samples(proof: Document) -> bool:
@@ -120,8 +140,8 @@ def _of_samples(samples: Document, *, closed: bool = False) -> str:
 def model_brief(model: Document, out: str | None = None) -> str:
     """Return a fit on one screen."""
     rows = [("", "value", "95 %", ""), *model_rows(model)]
-    told = [f"{KINDS[finding['name']].short}: {KINDS[finding['name']].remedy}"
-            for finding in model.get("findings", ())]
+    names = [finding["name"] for finding in model.get("findings", ())]
+    told = [f"{KINDS[name].short}: {remedy_of(name, names)}" for name in names]
     others = len(model.get("candidates", ()))
     unseen = model.get("held_out")
     fit = f"{figure(model.get('fit_pct'), 3)} % of the curve"
@@ -171,13 +191,17 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
         said += f"; {on}"
     else:
         said = f"every limit is kept in {on}"
+    if relaxed := relaxed_clause(proof):
+        where = f"{relaxed}; {where}"
     lines = wrapped("; ".join([f"{where}: {said}", *sampled(proof)]), f"{verdict}  ", _SAID)
-    if open_ := list(dict.fromkeys(finding["name"] for finding in blocking(proof))):
-        kind, others = KINDS[open_[0]], ", ".join(open_[1:])
-        lines += wrapped(f"{kind.short}; {kind.remedy}, or --accept {open_[0]}", "  not proven: ", _SAID)
+    if open_ := {finding["name"]: finding for finding in blocking(proof)}:
+        first, *more = open_.values()
+        others = ", ".join(finding["name"] for finding in more)
+        lines += wrapped(closing_text(first, proof), "  not proven: ", _SAID)
         lines += wrapped(f"{others} (--verbose)", "  nor proven: ", 1) if others else []
     if verdict == "FAIL" and nearest:
-        lines += ["no limit is broken by:" if blocking(proof) else "nearest that passes:", *command(nearest)]
+        unproven = blocking(proof) or any(BREAKS_NONE in remark for remark in proof["remarks"])
+        lines += ["no limit is broken by:" if unproven else "nearest that passes:", *command(nearest)]
     return lines
 
 
@@ -186,7 +210,8 @@ def _breaks(proof: Document, name: str) -> str:
     criterion = proof["criteria"][name]
     if name == "stability":
         return "the loop is not stable"
-    return f"{_called(name)} {_value(criterion)} (limit {quantity(criterion['limit'], criterion['unit'])})"
+    limit = limit_text(criterion).removeprefix("at most ").removeprefix("at least ")
+    return f"{_called(name)} {_value(criterion)} (limit {limit})"
 
 
 def _worst(proof: Document) -> list[str]:
@@ -247,7 +272,7 @@ def _values(words: Document, proof: Document) -> list[str]:
     """Return what is typed in, and what belongs to it; of words that may not leave only what they are."""
     rows = typed(words)
     if not words["files"]:
-        values = ", ".join(f"{row.name} {as_typed(row.then, row.format)}" for row in rows)
+        values = ", ".join(f"{row.name} {row.then_text}" for row in rows)
         return wrapped(values, "not to be typed in: ", _FAILING)
     forced = "by --force, against the verdict; " if words.get("forced") else ""
     return [*wrapped(f"{forced}{_facts(words, proof)}", "values to type in: "), *_typed_lines(rows)]
@@ -256,12 +281,12 @@ def _values(words: Document, proof: Document) -> list[str]:
 def _typed_lines(rows: Sequence[TypedWord]) -> list[str]:
     """Return the words in the order in which they are typed in, each once or, where it changes, twice."""
     named = any(row.address != row.name for row in rows)
-    cells = [[row.address, *([row.name] if named else []), as_typed(row.first, row.format)] for row in rows]
+    cells = [[row.address, *([row.name] if named else []), row.first_text] for row in rows]
     if len(rows) > _WITH_MEANING:
         lines = beside(cells)
         short = lines if len(lines) < len(rows) else beside([[line[-2], line[-1]] for line in cells])
         return [f"  {line}" for line in min(lines, short, key=len)]
-    later = [f"then {as_typed(row.then, row.format)}: " if row.changes else "" for row in rows]
+    later = [f"then {row.then_text}: " if row.changes else "" for row in rows]
     meant = [[*line, f"{then}{row.meaning}"] for line, then, row in zip(cells, later, rows, strict=True)]
     return [cut(f"  {line}") for line in table(meant).splitlines()]
 
@@ -313,17 +338,8 @@ def _files(words: Document, out: str) -> list[str]:
     """Return the two files that matter."""
     rows = [(str(Path(out) / "report.html"), "the record: read it, tick it, print it")]
     if words["files"]:
-        rows.append((str(Path(out) / _program(words["files"])), "what goes into the PLC"))
+        rows.append((str(Path(out) / main_file(words)), f"what goes into the {holder(words['target'])}"))
     lines = table(rows).splitlines()
     fits = all(len(line) <= WIDTH for line in lines)
     refused = [] if words["files"] else ["no files for the PLC: only proven words are exported, or --force"]
     return [*(lines if fits else [name for name, _ in rows]), *refused]
-
-
-def _program(files: Sequence[str]) -> str:
-    """Return the file that is the program, or the words where there is none."""
-    for end in (".awl", "program_listing.txt", "_call.st", "_listing.txt"):
-        for name in files:
-            if name.endswith(end):
-                return name
-    return files[0]

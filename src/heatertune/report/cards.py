@@ -70,7 +70,7 @@ def _span(name: str, column: Any, unit: str) -> tuple[str, str, str]:
 @card.register
 def _model(value: FittedModel) -> str:
     rows = model_rows(model_document.to_document(value))
-    remark = text_of(value.outcome.value)
+    remark = text_of(value.outcome_text)
     if len(value.candidates) > 1:
         remark += f" {len(value.candidates)} candidate models; design and proof run on all of them."
     if value.fit_pct is not None:

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from heatertune.plc.inputs import INPUTS
-from heatertune.plc.typed import word_text
 from heatertune.report.layout import table
 from heatertune.report.text import figure
 
@@ -52,8 +51,7 @@ def _change(term: Document) -> str:
 def _words(document: Document) -> Iterator[tuple[str, str, str, str, str]]:
     for one in document["words"]:
         live = " (written by the program: no difference)" if one["written"] else ""
-        before, after = (word_text(one[side], one["format"]) for side in "ab")
-        yield one["address"], one["name"], before, after, f"{one['comment']}{live}"
+        yield one["address"], one["name"], one["a_text"], one["b_text"], f"{one['comment']}{live}"
 
 
 def _of_side(side: Document) -> Iterator[str]:

@@ -9,6 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from typing import Any, Final
 
+from heatertune.plc import Scaling, Words
+from heatertune.plc.typed import value_texts
 from heatertune.report.html import Markup, page, text_of
 from heatertune.units import written
 
@@ -104,7 +106,9 @@ def _to_do(loop: Loop) -> Markup | str:
     told = text_of(loop["what_to_do"])
     if loop["words"] is None:
         return Markup(told + (f" <span class=soft>(no words: {text_of(loop['why'])})</span>" if loop["why"] else ""))
-    words = ", ".join(f"{name} {value:g}" for name, value in json.loads(loop["words"]).items())
+    values = json.loads(loop["words"])
+    plain = Words(target=loop["target"], values=values, scaling=Scaling(), sample_time_s=1.0)
+    words = ", ".join(f"{name} {text}" for name, text in value_texts(plain, values).items())
     kind = "pass" if loop["verdict"] == "PASS" else "fail"
     why = "" if loop["why"] is None else f" ({text_of(loop['why'])})"
     return Markup(

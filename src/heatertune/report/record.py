@@ -6,15 +6,26 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from heatertune import __version__
-from heatertune.model.findings import KINDS
+from heatertune.model.findings import remedy_of
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.plc.inputs import described
-from heatertune.plc.typed import TypedWord, as_typed, word_text
-from heatertune.proof.verdict import blocking, sampled, told_of
+from heatertune.plc.typed import TypedWord
+from heatertune.proof.verdict import blocking, relaxed_clause, sampled, told_of
 from heatertune.report.as_left import judged_text, measured_text, plot_as_left, worst_text
 from heatertune.report.html import BLANK, Markup, bullets, coded, picture, steps, table, text_of, tick
-from heatertune.report.text import called_every_s, figure, limit_text, ramp_note, search_notes, spaced, typed
+from heatertune.report.text import (
+    called_every_s,
+    figure,
+    holder,
+    limit_text,
+    main_file,
+    ramp_note,
+    search_notes,
+    setpoint_text,
+    spaced,
+    typed,
+)
 from heatertune.report.written import in_plc, written
 from heatertune.units import count
 
@@ -61,12 +72,14 @@ def _verdict(documents: Documents) -> str:
     models = len({run["model"] for run in proof["runs"]})
     broken = [f"Not kept: {spaced(name)}, {worst_text(_line(name, one))} (limit {limit_text(one)})."
               for name, one in proof["criteria"].items() if not one["ok"]]
-    points = [f"Not proven: {finding['told']} What closes it: {KINDS[finding['name']].remedy}."
+    names = [finding["name"] for finding in proof["findings"]]
+    points = [f"Not proven: {finding['told']} What closes it: {remedy_of(finding['name'], names)}."
               for finding in blocking(proof)]
     points += [*sampled(proof), *told_of(proof)]
+    verdict = " ".join(filter(None, (proof["verdict"], relaxed_clause(proof))))
     forced = " The words were exported in spite of it (--force)." if documents["words"].get("forced") else ""
     return (
-        f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{proof["verdict"]} at '
+        f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{text_of(verdict)} at '
         f"{figure(proof['scenario']['setpoint_degC'])} °C</p>"
         f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {count(models, 'possible heater')}, "
         f"each under every setting of what the manual leaves open.{forced}</p>{bullets([*broken, *points])}"
@@ -84,13 +97,15 @@ def _words(documents: Documents) -> str:
     down = ", down the first column, then the second" if half < len(rows) else ""
     if down:
         columns = f'<div class="two">{columns}</div>'
-    files = " ".join(f"<code>{text_of(name)}</code>" for name in document["files"])
-    listed = f"<p>Files for the PLC: {files}</p>" if files else ""
+    first = [main_file(document)] if document["files"] else []
+    files = [f"<code>{text_of(name)}</code>" for name in dict.fromkeys([*first, *document["files"]])]
+    others = f"; with it: {' '.join(files[1:])}" if files[1:] else ""
+    listed = f"<p>File for the {holder(document['target'])}: {files[0]}{others}</p>" if files else ""
     return (
         f"<h2>Words for {text_of(document['target'])}</h2>{refused}<p>In the order in which they are typed in"
         f"{down}. Sensor {described(Scaling(**scale))}; call every "
-        f"{figure(called)} s. The setpoint of the proof, {figure(document['setpoint_degC'])} °C, is "
-        f"{word_text(document['setpoint_units'])} units.</p>"
+        f"{figure(called)} s. Setpoint of the proof: {figure(document['setpoint_degC'])} °C; enter "
+        f"{text_of(setpoint_text(document))}.</p>"
         f'{columns}<p class="soft">Source: {text_of(source)}</p>'
         f"{bullets(ramp_note(document))}{listed}"
     )
@@ -99,7 +114,7 @@ def _words(documents: Documents) -> str:
 def _is_narrow(rows: Sequence[TypedWord]) -> bool:
     """Whether two columns of words stand side by side: neither a word nor its value is broken in lines."""
     names = max(len(row.name) if row.address == row.name else len(f"{row.address} {row.name}") for row in rows)
-    values = max(len(f"{as_typed(one, row.format)} {row.format}") for row in rows for one in (row.first, row.then))
+    values = max(len(f"{text} {row.format}") for row in rows for text in (row.first_text, row.then_text))
     return names + values <= _MOST_LETTERS
 
 
@@ -114,10 +129,11 @@ def _column(rows: Sequence[TypedWord]) -> str:
 
 
 def _word(row: TypedWord) -> str:
-    value = text_of(as_typed(row.then, row.format))
+    value = text_of(row.then_text)
     if row.changes:
-        value = f"first {text_of(as_typed(row.first, row.format))}<br>then {value}"
-    kind = "" if value.partition(" ")[0] == row.format or row.changes else f' <span class="soft">{row.format}</span>'
+        value = f"first {text_of(row.first_text)}<br>then {value}"
+    shown = row.format and not row.changes and value.partition(" ")[0] != row.format
+    kind = f' <span class="soft">{row.format}</span>' if shown else ""
     place = "" if row.address == row.name else f"{text_of(row.address)} "
     return (f"<tr><td>{tick(f'word-{row.name}', f'{row.name} typed in')}</td>"
             f'<td class="word">{place}<b>{text_of(row.name)}</b></td><td class="value">{value}{kind}</td>'
@@ -187,7 +203,7 @@ def _acceptance(documents: Documents) -> str:
 
 def _as_left(documents: Documents) -> str:
     left, words = documents.get("as_left"), documents["words"]
-    values = ", ".join(f"{row.name} {as_typed(row.then, row.format)}" for row in typed(words))
+    values = ", ".join(f"{row.name} {row.then_text}" for row in typed(words))
     if _refused(words):
         values = "not to be typed in"
     now: list[str] = [BLANK, values if len(values) <= _SHORT else "as above, each ticked"]

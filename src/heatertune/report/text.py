@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from heatertune.plc.controller import controller_for
-from heatertune.plc.typed import TypedWord, typed_table, typed_words, word_text
+from heatertune.plc.targets import GROUPS, NAMES, TARGETS
+from heatertune.plc.typed import TypedWord, setpoint_entry, typed_table, typed_words, word_text
 from heatertune.proof.verdict import samples_told, verdict_line
 from heatertune.proof.words_file import words_of
 from heatertune.report.layout import table
@@ -15,10 +16,11 @@ from heatertune.units import NOMENCLATURE, written
 
 __all__ = [
     "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
-    "feed_forward_lines", "figure", "forms_lines", "hypothesis_rows", "hypothesis_table", "limit_text", "model_lines",
-    "model_rows", "outcome_lines", "pareto_table", "quantity", "ramp_note", "samples_rows", "samples_table",
-    "search_notes", "spaced",
-    "summary", "typed", "unit_text", "validation_lines", "words_table",
+    "feed_forward_lines", "figure", "forms_lines", "holder", "hypothesis_rows", "hypothesis_table", "limit_text",
+    "main_file",
+    "model_lines", "model_rows", "outcome_lines", "pareto_table", "quantity", "ramp_note", "samples_rows",
+    "samples_table", "search_notes", "setpoint_text", "spaced", "summary", "typed", "unit_text", "validation_lines",
+    "words_table",
 ]
 
 Document = Mapping[str, Any]
@@ -50,7 +52,7 @@ def limit_text(criterion: Document) -> str:
     if criterion["limit"] is None:
         return "none"
     way = "at least" if criterion["bound"] == ">=" else "at most"
-    return f"{way} {quantity(criterion['limit'], criterion['unit'])}"
+    return f"{way} {quantity(criterion['limit'], criterion['unit'].partition(' of ')[0])}"
 
 
 def criterion_value(criterion: Document) -> str:
@@ -183,6 +185,24 @@ def typed(words: Document) -> tuple[TypedWord, ...]:
     return typed_words(words_of(words, words["target"], "words.json"), words["setpoint_degC"])
 
 
+def holder(target: str) -> str:
+    """Return what holds a controller: "PLC", "instrument", "printer" or "controller"."""
+    packages = {TARGETS[name]: group for group, names in GROUPS.items() for name in names}
+    group = packages.get(NAMES.get(target, ""), "PLC")
+    return "controller" if group == "maker" else group
+
+
+def main_file(words: Document) -> str:
+    """Return which of the exported files a person loads or enters first."""
+    declared = controller_for(words["target"]).main_file
+    return declared if declared in words["files"] else str(words["files"][0])
+
+
+def setpoint_text(words: Document) -> str:
+    """Return the setpoint of the proof of a document's words as a person enters it."""
+    return setpoint_entry(words_of(words, words["target"], "words.json"), words["setpoint_degC"])
+
+
 def called_every_s(words: Document, switch: Document | None) -> float:
     """Return the interval at which a program calls the controller [s]: TA; of a block that keeps it, a PWM step."""
     if switch is None or controller_for(words["target"]).own_pwm[0] is None:
@@ -201,10 +221,10 @@ def ramp_note(words: Document) -> list[str]:
     if ramp is None:
         return []
     every = "call" if ramp["calls"] == 1 else f"{ramp['calls']} calls"
-    rate = figure(ramp["degC_per_min"], 3)
+    rate, unit = figure(ramp["degC_per_min"], 3), "units" if isinstance(ramp["step"], int) else "°C"
     held = ramp.get("hold_degC")
     hold = "" if held is None else f", and follows the reading within {figure(held, 3)} °C while it is led"
-    return [f"The setpoint moves by {figure(ramp['step'])} units every {every}, {rate} °C/min{hold}: the exported "
+    return [f"The setpoint moves by {figure(ramp['step'])} {unit} every {every}, {rate} °C/min{hold}: the exported "
             "files hold the program of this ramp, and the words are proven with it only."]
 
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from heatertune.plc import controller_for
-from heatertune.plc.typed import as_typed
+from heatertune.plc.typed import TypedWord, value_texts
+from heatertune.proof.words_file import words_of
 from heatertune.report.html import BLANK, bullets, coded, picture, table, text_of
 from heatertune.report.layout import screen, wrapped
 from heatertune.report.style import LOOK, key, label_levels, new_figure
@@ -44,7 +45,8 @@ def in_plc(values: Mapping[str, float] | None, words: Document) -> str:
     """Return the words that stood in a PLC, each as it is typed in; those that the program writes are left out."""
     if values is None:
         return _NOT_KNOWN
-    return ", ".join(f"{name} {as_typed(values[name], form)}" for _, name, form, _ in _own(words) if name in values)
+    texts = _texts(words, values)
+    return ", ".join(f"{row.name} {texts[row.name]}" for row in _own(words) if row.name in values)
 
 
 def _passage(one: Document, words: Document) -> str:
@@ -101,20 +103,27 @@ def _shown(value: float | None, unit: str, *, known: bool) -> str:
 
 def _words(one: Document, words: Document) -> Iterator[list[str]]:
     """Yield the words that are not the same in all three sets."""
-    for address, name, form, proven in _own(words):
-        values = [proven if of is None else None if one[of] is None else one[of].get(name)
-                  for of in ("found", None, "left")]
-        if any(value != proven for value in values):
-            yield [name if address == name else f"{address} {name}",
-                   *(_NOT_KNOWN if value is None else as_typed(value, form) for value in values)]
+    proven = {row.name: row.then for row in _own(words)}
+    sets = [one["found"] or {}, proven, one["left"] or {}]
+    texts = [_texts(words, values) for values in sets]
+    for row in _own(words):
+        if any(values.get(row.name) != row.then for values in sets):
+            yield [row.name if row.address == row.name else f"{row.address} {row.name}",
+                   *(text[row.name] if row.name in values else _NOT_KNOWN
+                     for values, text in zip(sets, texts, strict=True))]
 
 
-def _own(words: Document) -> Iterator[tuple[str, str, str, float]]:
-    """Yield address, name, format and proven value of the words that the program does not write."""
+def _texts(words: Document, values: Mapping[str, float]) -> dict[str, str]:
+    """Return each word as a person enters it, with these values in place of the proven ones."""
+    return value_texts(words_of(words, words["target"], "words.json"), values)
+
+
+def _own(words: Document) -> Iterator[TypedWord]:
+    """Yield the words that the program does not write, with their proven values."""
     live = controller_for(words["target"]).written
     for row in typed(words):
         if row.name not in live:
-            yield row.address, row.name, row.format, row.then
+            yield row
 
 
 def plot_watch(watch: Document) -> Figure:

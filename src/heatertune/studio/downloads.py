@@ -11,6 +11,7 @@ from heatertune.chain.documents import words_document
 from heatertune.chain.whole import dossier
 from heatertune.codec import encode
 from heatertune.documents import DATA, plain, to_json
+from heatertune.plc import controller_for
 from heatertune.studio.session import Standing
 
 __all__ = ["export_zip", "report_page"]
@@ -20,6 +21,8 @@ _EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # the earliest a zip can hold: no date
 
 def export_zip(standing: Standing, *, force: bool) -> bytes:
     """Return the export files with `data/words.json` and `data/proof.json`, as `heatertune export-db` writes them.
+
+    The main file of the controller comes first.
 
     Raises:
         ExportRefused: the verdict is not PASS and it is not forced.
@@ -31,7 +34,8 @@ def export_zip(standing: Standing, *, force: bool) -> bytes:
     }
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
-        for name, content in sorted({**files, **documents}.items()):
+        first = controller_for(gains.words.target).main_file
+        for name, content in sorted({**files, **documents}.items(), key=lambda one: (one[0] != first, one[0])):
             entry = zipfile.ZipInfo(name, _EPOCH)
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16

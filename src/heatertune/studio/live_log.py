@@ -135,6 +135,7 @@ class LiveLog:
         if so_far is None:
             return "" if self.is_over else f"Connecting to {self.address}…"
         gaps = "" if not so_far.gaps else f", {so_far.gaps} gap{'s' if so_far.gaps > 1 else ''}"
+        gaps += "".join(f"; {note}" for note in so_far.notes[-1:])
         if self.is_over:
             return f"Ended: {so_far.rows} rows{gaps} in {self.path}."
         if self.is_ending:

@@ -7,21 +7,28 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from heatertune import chain
-from heatertune.model.values import FittedModel
+from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.loop.robustness import margins, worst
 from heatertune.pid.recipe import Recipe
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.choose import search_document
+from heatertune.plc.cooler import cooled
+from heatertune.plc.cycle import switched
+from heatertune.plc.design import loop_fit
 from heatertune.progress import Told
 from heatertune.proof import Proof, Trace, simulate_wish
+from heatertune.proof.asked import made_for
 from heatertune.proof.closing import Asked, Closed, closed
 from heatertune.proof.drawn import sample_document
+from heatertune.proof.exported import as_exported
 from heatertune.settings import Conditions
 from heatertune.studio.settings import Settings
 
-__all__ = ["DRAWN", "Found", "Gains", "Look", "designed", "first_look", "full_proof", "on_drawn_heaters"]
+__all__ = [
+    "DRAWN", "Found", "Gains", "Look", "designed", "first_look", "full_proof", "on_drawn_heaters", "optimum",
+]
 
 #: heaters that are drawn at a time
 DRAWN: Final = 1000
@@ -99,16 +106,30 @@ def first_look(fitted: FittedModel, settings: Settings, gains: Gains | None = No
     real, nominal = proof.design, proof.nominal
     return Look(
         settings=settings, gains=gains, realised=real, proof=proof,
-        margins=None if real is None else worst([margins(plant, real) for plant in fitted.plants]),
+        margins=None if real is None else worst([margins(plant, real) for plant in _plants(fitted, settings)]),
         wish=None if real is None else simulate_wish(
             gains.design, nominal.model, nominal.scenario, nominal.actuator,
             ramp_degC_per_min=proof.ramp_degC_per_min if proof.words.ramp else math.inf, hold_degC=proof.hold_degC),
     )
 
 
+def optimum(fitted: FittedModel, settings: Settings, progress: Told = str) -> Gains:
+    """Return the design and the words with which `heatertune design` begins for the same settings.
+
+    Raises:
+        InputError: no design keeps the limits.
+        NotRepresentable: as in `first_look`.
+    """
+    asked = _request(settings)
+    design, choice = made_for(fitted, asked, progress, str)
+    words = cooled(choice.words, asked.conditions.cooling_gain)
+    words = switched(controller_for(asked.target).cycle, words, asked.conditions.pwm_period_s)
+    return Gains(design=design, words=words, search=search_document(choice, fitted))
+
+
 def full_proof(fitted: FittedModel, look: Look, progress: Told = str) -> Proof:
     """Return the proof of the same words on every heater under every open point; errors as in `first_look`."""
-    return chain.prove(look.gains.words, fitted, look.conditions, progress=progress)
+    return as_exported(chain.prove(look.gains.words, fitted, look.conditions, progress=progress))
 
 
 def on_drawn_heaters(fitted: FittedModel, look: Look) -> dict[str, Any]:
@@ -127,18 +148,25 @@ def designed(fitted: FittedModel, settings: Settings, progress: Told = str) -> F
         InputError: no design keeps the limits.
         NotRepresentable: as in `first_look`.
     """
-    asked = Asked(
-        target=settings.target, scaling=settings.scaling, tuned=settings.tuned, conditions=settings.assumed)
-    found = closed(fitted, asked, progress=progress)
+    found = closed(fitted, _request(settings), progress=progress)
     return Found(closed=found, gains=Gains(
         design=found.wished, words=found.proof.words, search=search_document(found.choice, fitted, found.notes),
         recipe=found.recipe, conditions=found.conditions, proof=found.proof))
 
 
+def _request(settings: Settings) -> Asked:
+    return Asked(target=settings.target, scaling=settings.scaling, tuned=settings.tuned, conditions=settings.assumed)
+
+
+def _plants(fitted: FittedModel, settings: Settings) -> tuple[HeaterModel, ...]:
+    """Return the possible heaters with the delay of the target's input module and output."""
+    return loop_fit(fitted, settings.target, settings.scaling).plants
+
+
 def _quick(fitted: FittedModel, settings: Settings) -> Gains:
     controller = controller_for(settings.target)
     design = quick_tune(
-        fitted.plants, structure=settings.structure, ms=settings.ms, sample_time_s=settings.sample_time_s,
+        _plants(fitted, settings), structure=settings.structure, ms=settings.ms, sample_time_s=settings.sample_time_s,
         timer=controller.timer, derivative_filter=controller.derivative_filter,
     )
     return Gains(design=design, words=chain.encode(design, settings.target, scaling=settings.scaling))

@@ -17,10 +17,17 @@ _SWITCH: Final = re.compile(r",? and say --switch \w+=\S+?(?=[.;]|$)|--switch (\
 _LIMIT: Final = re.compile(r"--limit ([\w-]+)=(\S+)")
 _TOLERANCE: Final = re.compile(r"--tolerance ([\d.]*\d)")
 _INTERVAL: Final = re.compile(r"--sample-time ([\d.]*\d)(?= --)")
+_TA_AUTO: Final = re.compile(r"--sample-time auto")
+_STRUCTURE: Final = re.compile(r"--structure (\w+)")
+_MS: Final = re.compile(r"--ms ([\d.]*\d)")
+_SETPOINT: Final = re.compile(r"--setpoint ([\d.]*\d)")
 _BURST: Final = re.compile(r", and tried without --switch-kind")
 
 #: options that are one setting each
-_FIELDS: Final = {"--tolerance": "tolerance_degC", "--sample-time": "sample_time_s"}
+_FIELDS: Final = {"--tolerance": "tolerance_degC", "--sample-time": "sample_time_s", "--setpoint": "setpoint_degC",
+                  "--ms": "ms", "--structure": "structure"}
+#: options of the design and of the conditions, which allow nothing
+_ASKED: Final = ("--sample-time", "--setpoint", "--ms", "--structure")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +55,9 @@ def mend_for(found: Closed, settings: Settings) -> Mend:
     moved = dict(_moved(found.passes_with, settings))
     if not moved:
         return Mend(told=told)
-    return Mend(told=told, moved=moved, button="Take that as known" if "assumptions" in moved else "Allow that much")
+    button = "Take that as known" if "assumptions" in moved else (
+        "Ask for that" if {*found.passes_with[::2]} <= {*_ASKED} else "Allow that much")
+    return Mend(told=told, moved=moved, button=button)
 
 
 def assumed_told(settings: Settings) -> str:
@@ -73,13 +82,15 @@ def _moved(options: tuple[str, ...], settings: Settings) -> Iterator[tuple[str, 
         yield "limits", (*(own for own in settings.limits if own.partition("=")[0].strip() not in named), *limits)
     for flag, value in pairs:
         if flag in _FIELDS:
-            yield _FIELDS[flag], float(value)
+            yield _FIELDS[flag], None if value == "auto" else value if flag == "--structure" else float(value)
 
 
 def _plain(told: str) -> str:
     """Return a sentence without options of the command line."""
     told = _SWITCH.sub(lambda found: f"{found[1]} = {found[2]}" if found[1] else "", told)
     told = _LIMIT.sub(lambda found: f"{found[1].replace('-', ' ')} up to {found[2]}", told)
-    told = _INTERVAL.sub(r"TA = \1 s and", told)
+    told = _INTERVAL.sub(r"TA = \1 s and", _TA_AUTO.sub("a TA found with the design", told))
+    told = _STRUCTURE.sub(lambda found: f"the structure {found[1].upper()}", _MS.sub(r"Ms up to \1", told))
+    told = _SETPOINT.sub(r"a setpoint of \1 °C", told)
     told = for_page(_BURST.sub("", _TOLERANCE.sub(r"a tolerance of \1 °C", told)))
     return told if told.endswith(".") else f"{told}."

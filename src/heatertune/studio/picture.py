@@ -139,7 +139,8 @@ def walls_of(proof: Proof, run: int) -> Iterator[Wall]:
     """Return where the line of a run may not be: beyond its overshoot, and out of the band once it has to be there."""
     trace, limits = proof.traced(run), proof.limits
     band, row = band_of(limits, trace.resolution_degC), plant_row(trace.model, trace.scenario)
-    step = abs(trace.scenario.setpoint_degC - float(row[5]))
+    before = trace.scenario.setpoint_degC
+    step = abs(before - float(row[5]))
     for phase in _phases(trace, proof):
         if phase.kind not in (*WAYS, "recovery"):
             continue
@@ -150,7 +151,9 @@ def walls_of(proof: Proof, run: int) -> Iterator[Wall]:
         name = "recovery_overshoot" if phase.kind == "recovery" else WAYS[phase.kind][0]
         up = rises != (phase.kind == "recovery")
         asked = phase.setpoint_degC
-        beyond = [*_beyond(proof, name, step)]
+        change = abs(asked - before) if phase.kind == "small-change" else step
+        before = asked
+        beyond = [*_beyond(proof, name, change)]
         if beyond:
             yield _side(phase.begin_s, phase.end_s, asked, min(beyond), up=up, name="overshoot")
         if phase.kind == "recovery" and limits.deviation_degC is not None:

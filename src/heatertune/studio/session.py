@@ -32,6 +32,7 @@ _Beside = TypeVar("_Beside")
 
 #: what is allowed beside the defaults: none of it
 _ALLOWED: Final[Mapping[str, Any]] = {"tolerance_degC": None, "limits": (), "assumptions": ()}
+_QUICK: Final = "quick"  # of a ticket whose design was found in haste
 _KEPT: Final = 200  # looks and proofs remembered, the oldest forgotten first
 
 
@@ -172,7 +173,7 @@ class Session:
     @property
     def ticket(self) -> Ticket:
         """What the design depends on: the heater, all settings, and whether it is designed, an optimum, or quick."""
-        return *self.key, "designed" if self.taken else "optimum" if self._words_key() in self._gains else "quick"
+        return *self.key, "designed" if self.taken else "optimum" if self._words_key() in self._gains else _QUICK
 
     @property
     def key(self) -> Ticket:
@@ -184,10 +185,24 @@ class Session:
         found = self._found.get(self.key) if self.taken else None
         return self._gains.get(self._words_key()) if found is None else found.gains
 
-    def _words_key(self) -> Ticket:
-        now = self.settings
-        asked = now.target, now.tuned, now.scaling, now.spec, now.limits, now.tolerance_degC, now.assumptions
-        return self._heater, *asked
+    def _words_key(self, settings: Settings | None = None, heater: int | None = None) -> Ticket:
+        now = settings or self.settings
+        asked = (now.target, now.tuned, now.scaling, now.spec, now.limits, now.tolerance_degC, now.assumptions,
+                 now.pwm_period_s)
+        return self._heater if heater is None else heater, *asked
+
+    def is_quick(self, ticket: Ticket) -> bool:
+        """Return whether a design was found in haste, for the eye alone: another one is proven in its place."""
+        return bool(ticket[-1] == _QUICK)
+
+    def optimum_done(self, ticket: Ticket, look: Look) -> None:
+        """Take the loop of an optimum in the place of the quick design of a ticket, set aside or in front."""
+        heater, settings, _ = ticket
+        better = (heater, settings, "optimum")
+        _keep(self._gains, self._words_key(settings, heater), look.gains)
+        _keep(self._looks, better, look)
+        self._pins = [(name, look, better) if its == ticket else (name, old, its) for name, old, its in self._pins]
+        self.known_look()
 
     def known_look(self) -> bool:
         """Show the loop of the settings where it is remembered; return whether it is."""

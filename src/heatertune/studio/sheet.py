@@ -327,6 +327,9 @@ def _columns(sheet: Sheet, reading: Mapping[str, Any], log: Log | None) -> tuple
 
 
 def _unit(role: str, reading: Mapping[str, Any], log: Log | None) -> str:
+    """Return the unit of a column as the page shows it, "" where the user has to choose it: a select shows "unit?"."""
+    if log is not None and log.taken is not None and ("temperature" if role == "values" else role) in log.taken.assumed:
+        return ""
     if role == "time":
         stamps = log is not None and log.taken is not None and log.taken.columns.get("time", ("", ""))[1] == "stamps"
         return "stamps" if stamps else str(reading.get("time_unit", ""))

@@ -19,7 +19,8 @@ __all__ = ["preview", "sheet"]
 Array = npt.NDArray[np.float64]
 
 _UNITS: Final[Mapping[str, Mapping[str, str]]] = {
-    "temperature": {"degC": "°C", "degF": "°F", "K": "K"},
+    "temperature": {
+        "degC": "°C", "degF": "°F", "K": "K", "0.1degC": "0.1 °C", "0.01degC": "0.01 °C", "0.1degF": "0.1 °F"},
     "time": {"s": "s", "ms": "ms", "min": "min", "h": "h", "d": "days"},
 }
 _MOST_COLUMNS: Final = 40

@@ -11,7 +11,7 @@ from heatertune.model.document import to_document
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
-from heatertune.plc.typed import FIRST, THEN, TypedWord, as_typed, typed_words
+from heatertune.plc.typed import FIRST, THEN, TypedWord, typed_words
 from heatertune.proof import Proof
 from heatertune.proof.period import life
 from heatertune.proof.verdict import verdict_line
@@ -44,7 +44,7 @@ def diagnosis(log: Log, fitted: FittedModel) -> str:
                "all of them." if models > 1 else "One model explains the log.")
     fit = "" if fitted.fit_pct is None else f" It follows {figure(fitted.fit_pct, 3)} % of the log's movement."
     return (
-        f"<p><strong>{text_of(fitted.outcome.value)}</strong>{fit} {several}</p>"
+        f"<p><strong>{text_of(fitted.outcome_text)}</strong>{fit} {several}</p>"
         + table(["parameter", "value", "95 % interval", "unit"], rows, numeric=(1,))
         + "".join(f"<p>{text_of(for_page(line))}</p>" for line in fitted.log_told)
         + _folded("What the fit has to say", fitted.notes)
@@ -82,8 +82,7 @@ def _word_row(row: TypedWord, *, twice: bool) -> str:
 
 def _typed(row: TypedWord, *, twice: bool) -> tuple[str, ...]:
     """Return the values in the controller's own format: first and then, or the one."""
-    then = as_typed(row.then, row.format)
-    return (as_typed(row.first, row.format), then if row.changes else "") if twice else (then,)
+    return (row.first_text, row.then_text if row.changes else "") if twice else (row.then_text,)
 
 
 def _copy(text: str, label: str, said: str) -> str:
@@ -250,7 +249,7 @@ def _side_by_side(pinned: Sequence[Pinned]) -> Iterator[tuple[str, list[str]]]:
 
 def _words_of(pin: Pinned) -> dict[str, str]:
     rows = typed_words(pin.look.gains.words, pin.look.proof.scenario.setpoint_degC)
-    return {row.name: as_typed(row.then, row.format) for row in rows}
+    return {row.name: row.then_text for row in rows}
 
 
 def export_name(log: Log, look: Look) -> str:

@@ -20,8 +20,8 @@ from heatertune.settings import FitSettings
 from heatertune.studio.downloads import export_zip, report_page
 from heatertune.studio.left import held_against
 from heatertune.studio.live_log import Asked, LiveLog
-from heatertune.studio.loop import DRAWN, designed, first_look, full_proof, on_drawn_heaters
-from heatertune.studio.session import Session
+from heatertune.studio.loop import DRAWN, Look, designed, first_look, full_proof, on_drawn_heaters, optimum
+from heatertune.studio.session import Session, Ticket
 from heatertune.studio.sources import fit_log, read_source
 from heatertune.studio.views import export_name
 from heatertune.studio.wording import fault_told, for_page
@@ -185,6 +185,9 @@ class Work:
                     continue
                 ticket, look = waiting[0]
                 fitted, self.proving = session.fitted, ""
+                if session.is_quick(ticket):
+                    await self._optimise(ticket, look)
+                    continue
 
                 def run(tell: Told) -> Any:
                     return full_proof(fitted, look, tell)  # type: ignore[arg-type]  # noqa: B023 - runs before the next
@@ -199,6 +202,22 @@ class Work:
                 self.tell()
         finally:
             self._proving = False
+
+    async def _optimise(self, ticket: Ticket, look: Look) -> None:
+        """Put the optimum with which `heatertune design` begins in the place of a quick design."""
+        session, fitted = self.session, self.session.fitted
+
+        def run(tell: Told) -> Look:
+            gains = optimum(fitted, look.settings, tell)  # type: ignore[arg-type]  # there is a look, so a heater
+            return first_look(fitted, look.settings, gains)  # type: ignore[arg-type]  # likewise
+
+        try:
+            session.optimum_done(ticket, await self._told(run, "", lambda: ticket in dict(session.unproven())))
+        except _Abandoned:
+            return
+        except Exception as problem:
+            session.proof_refused(ticket, self._kind(problem))
+        self.tell()
 
     async def design(self) -> None:
         """Show what `heatertune design` finds for the settings, as soon as it is found."""

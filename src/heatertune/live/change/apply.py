@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from heatertune import __version__
-from heatertune.batch.lock import locked
 from heatertune.errors import LinkError
 from heatertune.live.change.budget import Budget
 from heatertune.live.change.guard import refused
@@ -20,6 +19,7 @@ from heatertune.live.change.record import RECORD_SCHEMA, Record, RecordBroken, w
 from heatertune.live.change.rollback import settled, unended
 from heatertune.live.change.watch import watched
 from heatertune.live.change.writer import Ended, Outcome, Writer
+from heatertune.live.plc_state import PlcState
 
 __all__ = ["Applied", "applied"]
 
@@ -56,12 +56,16 @@ def applied(wanted: Wanted, yes: str | None, progress: Progress = str) -> Applie
 
     Raises:
         InputError: another yes, something that nobody has said of the PLC, a file that cannot be written, or another
-            write to this PLC that is under way.
+            command on this PLC that is under way; an experiment on it that has not ended; a request without an answer
+            that may still arrive.
     """
     wanted.proven.demand_yes(yes)
     peer = peer_of(wanted)
     budget = Budget(wanted.address, peer.standing.number, wanted.most_writes)
-    with locked(budget.path, ""), peer:
+    state = PlcState(wanted.address)
+    with state.locked("write"), peer:
+        state.demand_no_way_back()
+        state.demand_nothing_late()
         progress("looking at the PLC")
         try:
             plan = planned(wanted, peer)
@@ -85,7 +89,7 @@ def _written(
     wanted: Wanted, plan: Planned, peer: Peer, record: Record, budget: Budget, progress: Progress
 ) -> Ended:
     record.put("begin", **_begin(wanted, plan, peer))
-    writer = Writer(peer, record, budget)
+    writer = Writer(peer, record, budget, progress)
     progress("writing")
     ended = writer.write(plan.parts, plan.before, plan.after)
     if ended.outcome is Outcome.DONE and wanted.watch and not wanted.said.in_manual:

@@ -8,12 +8,12 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import Counter
-from pathlib import Path
 from typing import Final
 
 from heatertune.errors import InputError
 from heatertune.live.change.record import now
 from heatertune.live.client.address import Address
+from heatertune.live.plc_state import state_folder
 from heatertune.writing import settle
 
 __all__ = ["MOST_WRITES", "Budget"]
@@ -38,7 +38,7 @@ class Budget:
             most: writes of one word.
         """
         where = f"{address.protocol} {address.host} {address.port} {address.way} {number} {address.block}"
-        self.path = _folder() / f"writes-{hashlib.sha256(where.encode()).hexdigest()[:16]}.log"
+        self.path = state_folder() / f"writes-{hashlib.sha256(where.encode()).hexdigest()[:16]}.log"
         self._where, self._most = where, most
 
     def counts(self) -> Counter[str]:
@@ -81,11 +81,3 @@ class Budget:
             raise InputError(f"{self.path}: cannot be written: {problem.strerror}") from None
         if is_new:
             settle(self.path.parent)
-
-
-def _folder() -> Path:
-    given = os.environ.get("HEATERTUNE_STATE")
-    if given:
-        return Path(given)
-    base = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
-    return (Path(base) if base else Path.home() / ".local" / "state") / "heatertune"

@@ -88,9 +88,9 @@ class Proven:
         """
         words = replace(self.words, values={**self.words.values, **values})
         view, heaters = self.view, dict(labelled(self.fitted))
-        ran = [(run.model, dict(run.switches)) for run in view.runs]
+        ran = [(run.model, dict(run.switches), None) for run in view.runs if run.mains_power is None]
         try:
-            models = [(label, heaters[label]) for label in dict.fromkeys(label for label, _ in ran)]
+            models = [(label, heaters[label]) for label in dict.fromkeys(label for label, *_ in ran)]
         except KeyError as problem:
             raise InputError(f"{self.directory}: proof.json was made on {problem}, which is none of the possible "
                              "heaters of its model; prove the words again") from None

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from heatertune.batch.lock import locked
 from heatertune.errors import DocumentError, HeatertuneError, InputError, LinkError
 from heatertune.live.change.budget import MOST_WRITES, Budget
 from heatertune.live.change.cells import Part, Standing, standing
@@ -17,6 +16,7 @@ from heatertune.live.change.proven import LEAST_YES, read_proven
 from heatertune.live.change.record import Lines, Record, read_lines
 from heatertune.live.change.writer import Ended, Outcome, Writer
 from heatertune.live.client.address import Address, address_of
+from heatertune.live.plc_state import PlcState
 from heatertune.plc.ramp import Number
 from heatertune.proof.words_file import words_of
 
@@ -140,7 +140,11 @@ def looked(before: Before, link: Link | None = None) -> Ended:
         LinkError: it cannot be read.
     """
     with Peer(before.address, before.standing, before.interval_s, link) as peer:
-        return became(before, peer.look())
+        ended = became(before, peer.look())
+    if (left_s := PlcState(before.address).late_left_s()) and ended.outcome is not Outcome.UNWATCHED:
+        return Ended(Outcome.UNKNOWN, f"{ended.told}; a request without an answer may still arrive: look again in "
+                     f"{left_s:.0f} s", ended.stands)
+    return ended
 
 
 def not_proven(before: Before, found: Values) -> str:
@@ -188,14 +192,17 @@ def rolled_back(
         unproven: whether words are put back that are not proven.
 
     Raises:
-        InputError: words that are not proven, and `unproven` was not said; another yes; the record cannot be written.
+        InputError: words that are not proven, and `unproven` was not said; another yes, another command on this PLC
+            that is under way, an experiment on it that has not ended, or the record cannot be written.
     """
     if yes is None or len(yes) < LEAST_YES or not str(before.lines.begin["sha256"]).startswith(yes.lower()):
         found = "it was not said" if yes is None else f"found {yes!r}"
         raise InputError(f"--yes: {found}; expected the first digits of the digest of what is put back, {before.yes}")
     budget = Budget(before.address, before.standing.number, most_writes)
     peer = Peer(before.address, before.standing, before.interval_s, link)
-    with locked(budget.path, ""), peer, Record(before.lines.path, torn=before.lines.torn) as record:
+    state = PlcState(before.address)
+    state.demand_no_way_back()
+    with state.locked("rollback"), peer, Record(before.lines.path, torn=before.lines.torn) as record:
         try:
             now = became(before, peer.look())
         except LinkError as problem:

@@ -5,7 +5,8 @@ Nothing is written twice because an answer was lost: the PLC is asked what stand
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -16,12 +17,15 @@ from heatertune.live.change.budget import Budget
 from heatertune.live.change.cells import Part, Standing
 from heatertune.live.change.peer import Peer
 from heatertune.live.change.record import Record, RecordBroken
+from heatertune.live.plc_state import PlcState
 from heatertune.plc.ramp import Number
 
 __all__ = ["Ended", "Outcome", "Writer"]
 
 Values = Mapping[str, Number]
 _SCANS: Final = 2  # after which a program that writes words of its own has done so
+_ROUNDS: Final = 5  # of taking back what was interrupted, or arrived late
+_PAUSE_S: Final = 1.0  # between two looks for what may still arrive
 
 
 class Outcome(StrEnum):
@@ -98,15 +102,19 @@ class _Change:
 class Writer:
     """What writes to one PLC, and records it."""
 
-    def __init__(self, peer: Peer, record: Record, budget: Budget) -> None:
+    def __init__(
+        self, peer: Peer, record: Record, budget: Budget, progress: Callable[[str], object] = str
+    ) -> None:
         """Take a PLC.
 
         Args:
             peer: the PLC.
             record: that every step goes into first.
             budget: that every write is counted in.
+            progress: called with a sentence where something takes long.
         """
-        self._peer, self._record, self._budget = peer, record, budget
+        self._peer, self._record, self._budget, self._progress = peer, record, budget, progress
+        self._state = PlcState(peer.address)
         self._standing: Standing = peer.standing
 
     def write(self, parts: Sequence[Part], before: Values, after: Values) -> Ended:
@@ -147,10 +155,42 @@ class Writer:
 
     def _safely(self, change: _Change, why: str) -> Ended:
         try:
-            return self._taken_back(change, why)
+            for _ in range(_ROUNDS):
+                try:
+                    ended = self._taken_back(change, why)
+                except KeyboardInterrupt:  # a second one: what was begun is ended all the same
+                    self._peer.close()
+                    continue
+                if (late := self._late(change, ended)) is not None:
+                    return late
+            raise LinkDown("again and again, requests have no answer")
         except LinkError as problem:
             return Ended(Outcome.UNKNOWN, f"{why}; whether {', '.join(change.names)} stand there is not known: "
                          f"{problem}; heatertune rollback {self._record.path} asks again")
+
+    def _late(self, change: _Change, ended: Ended) -> Ended | None:
+        """Look at the PLC until no request without an answer can still arrive.
+
+        Returns:
+            The end; None: one has arrived, and what it brought has to be taken back.
+
+        Raises:
+            LinkError: the PLC cannot be read.
+        """
+        if not self._state.late_left_s():
+            return ended
+        self._noted("waiting", told="a request without an answer may still arrive")
+        try:
+            while left_s := self._state.late_left_s():
+                self._progress(f"looking for {left_s:.0f} s more whether a request without an answer still arrives")
+                time.sleep(min(_PAUSE_S, left_s))
+                stands = self._peer.look().values
+                if any(stands[name] == change.after[name] != (ended.stands or {}).get(name) for name in change.names):
+                    self._noted("arrived late", stands=dict(stands))
+                    return None
+        except KeyboardInterrupt:
+            raise LinkDown("interrupted while a request without an answer may still arrive") from None
+        return Ended(ended.outcome, f"{ended.told}; nothing more has arrived since", ended.stands)
 
     def _demand_left(self, part: Part) -> None:
         if spent := self._budget.spent(part.names):
@@ -171,18 +211,22 @@ class Writer:
 
         What was before is put back even where that can be neither recorded nor counted.
         """
+        earlier = self._state.late_left_s() > 0.0  # it may still arrive, whatever becomes of this one
         with suppress(*((InputError,) if back else ())):
             self._record.put("writing", **part.to_document())
             self._budget.count(part.names)
+            self._state.send()
         try:
             self._peer.write(part, part.after)
         except (PlcRefused, LinkDown) as problem:
+            self._answered(earlier)
             self._record.put("not written", told=str(problem))
             raise _Stopped(str(problem)) from None
         except ReplyLost as problem:
             self._record.put("no answer", told=str(problem))
             self._decide(part, str(problem))
         else:
+            self._answered(earlier)
             self._record.put("written", names=list(part.names))
 
     def _demand_stored(self, names: Sequence[str], change: _Change) -> None:
@@ -197,6 +241,10 @@ class Writer:
             kept = ", ".join(f"{name} = {value:g} in place of {change.after[name]:g}"
                              for name, value in change.stored.items())
             raise _Stopped(f"the device keeps {kept}: a limit of its own, or a scale")
+
+    def _answered(self, earlier: bool) -> None:
+        if not earlier:
+            self._state.answered()
 
     def _decide(self, part: Part, problem: str) -> None:
         """Ask the PLC whether a part arrived; raise `_Stopped` where it did not."""

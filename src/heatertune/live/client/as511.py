@@ -206,6 +206,9 @@ class As511Client(Asking):
         return found
 
     def _close(self) -> None:
+        if self._under_way:  # the system would still send what waits there
+            with suppress(Exception):
+                self._line.reset_output_buffer()
         with suppress(OSError):
             self._line.close()
 

@@ -11,7 +11,7 @@ from pymodbus.pdu import ExceptionResponse
 
 from heatertune.errors import LinkDown
 from heatertune.live.client.address import Address
-from heatertune.live.client.base import Asking
+from heatertune.live.client.base import Asking, close_by_reset
 from heatertune.live.memory import OWN
 
 __all__ = ["ModbusClient", "connected"]
@@ -87,4 +87,5 @@ def connected(address: Address, timeout_s: float) -> ModbusClient:
     library: Any = ModbusTcpClient(address.host, port=address.port, timeout=timeout_s, retries=0)  # a write goes once
     if not library.connect():
         raise LinkDown(f"{address.text}: no Modbus connection to {address.host}:{address.port}")
+    close_by_reset(library.socket)
     return ModbusClient(address, library)

@@ -19,7 +19,7 @@ from asyncua import Client, ua
 
 from heatertune.errors import LinkDown, ReplyLost
 from heatertune.live.client.address import Address
-from heatertune.live.client.base import Asking
+from heatertune.live.client.base import Asking, close_by_reset
 from heatertune.live.memory import OWN
 
 __all__ = ["OpcuaClient", "connected"]
@@ -162,6 +162,7 @@ def connected(address: Address, timeout_s: float) -> OpcuaClient:
 async def _opened(library: Any) -> None:
     """Open a session, without what the library does by itself in the background: each request is one of ours."""
     await library.connect_socket()
+    close_by_reset(library.uaclient.protocol.transport.get_extra_info("socket"))
     await library.send_hello()
     await library.open_secure_channel()
     await library.create_session()
@@ -169,9 +170,15 @@ async def _opened(library: Any) -> None:
 
 
 def _end(library: Any, loop: asyncio.AbstractEventLoop) -> None:
-    """Close socket and loop; a session that is told nothing ends by itself."""
+    """Close socket and loop; a session that is told nothing ends by itself.
+
+    What the library has not sent yet is discarded: an orderly end would still send it.
+    """
 
     async def ended() -> None:
+        protocol = library.uaclient.protocol
+        if protocol is not None and protocol.transport is not None:
+            protocol.transport.abort()
         library.disconnect_socket()
         rest = asyncio.all_tasks() - {asyncio.current_task()}
         for task in rest:

@@ -13,7 +13,7 @@ from snap7.logo import Logo
 
 from heatertune.errors import LinkDown
 from heatertune.live.client.address import Address
-from heatertune.live.client.base import Asking
+from heatertune.live.client.base import Asking, close_by_reset
 
 __all__ = ["S7Client", "connected"]
 
@@ -92,4 +92,5 @@ def connected(address: Address, timeout_s: float) -> S7Client:
         library.connect(address.host, *address.way, address.port)
     except (S7Error, OSError) as problem:
         raise LinkDown(f"{address.text}: no S7 connection to {address.host}:{address.port}: {problem}") from None
+    close_by_reset(library.connection.socket)
     return S7Client(address, library)

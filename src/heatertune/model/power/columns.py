@@ -27,6 +27,8 @@ Held = tuple[Array, Array, Array, Array, float, Array, Array]
 #: columns of the linear part; one more for each load step, then two states for each restart
 GAIN, AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE, COLUMNS = 0, 1, 2, 3, 4, 5
 
+#: half widths of a reading in lags, from which on a free state is gone within it: its mean would overflow
+STEEP = 100.0
 ALIKE = 1e-10  # share of a step of the time by which another may differ and have its factors
 
 
@@ -99,7 +101,7 @@ def _decay(time: Array, half: Array, begun: float, lag: float, out: Array) -> No
                 factor = math.exp(-step / lag)
             left *= factor
         if half[i] != width:
-            width, share = half[i], half[i] / lag
+            width, share = half[i], min(half[i] / lag, STEEP)
             mean = math.sinh(share) / share if share > 1e-4 else 1.0  # below, the mean over the block is its middle
         out[i] = left * mean
 

@@ -17,8 +17,9 @@ from heatertune.model.power.events import refitted, with_events, without_events
 from heatertune.model.power.feedback import is_feedback
 from heatertune.model.power.nonlinear import Bend, judged_linear
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.opened import refuse_opened
 from heatertune.model.power.readings import Readings
-from heatertune.model.power.sanity import demand_cause, follows_temperature
+from heatertune.model.power.sanity import WRONG_SIGN, demand_cause, explains, follows_temperature
 from heatertune.model.values import Fopdt
 
 __all__ = ["Explained", "explained"]
@@ -40,6 +41,7 @@ class Explained:
         notes: about the log's disturbances, and what it cannot tell about its heater, one sentence each.
         alias: about power that switches faster than it was logged; empty where it does not.
         bend: what explains the log better than a linear heater, None where nothing does.
+        doubt: what casts doubt on the power as the cause of the temperature; empty where nothing does.
     """
 
     log: Log
@@ -51,6 +53,7 @@ class Explained:
     notes: tuple[str, ...]
     alias: str
     bend: Bend | None = None
+    doubt: str = ""
 
     @property
     def model(self) -> Fopdt:
@@ -101,27 +104,32 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explained:
     log, clean, notes = cleaned(log, problem)
     thin, fit = clean.problem, clean.fit
     alias = "" if believed else alias_of(log, thin, fit)
-    if not believed:
-        _demand_cause(log, thin, fit, alias)
+    doubt = "" if believed else _demand_cause(log, thin, fit, alias)
     two = replace(thin, two_lags=True)
     closed = is_feedback(log) or follows_temperature(log)
     way = with_events([thin, two], [fit, _second(two, fit)], closed=closed)
+    if doubt or way.problems[0].loads_s:
+        refuse_opened(log, thin)
+    if doubt and not doubt.startswith(WRONG_SIGN) and any(map(explains, *way)):
+        doubt = ""
     (problems, fits), bend, untold = judged_linear(without_events(way), way)
     if any(fit.model is None for fit in fits):
-        raise InputError(f"{log.name}: no heater explains the log: a rising power never warms it")
+        raise InputError(f"{log.name}: no heater explains the log, as something else than the power moved its "
+                         "temperature; log steps of the power from rest, each until it rests")
     return Explained(
         log=log, readings=clean.whole.readings, problems=problems, fits=fits, cleaned=clean.readings_degC,
-        outliers=clean.outliers, notes=(*notes, *untold), alias=alias, bend=bend,
+        outliers=clean.outliers, notes=(*notes, *untold), alias=alias, bend=bend, doubt=doubt,
     )
 
 
-def _demand_cause(log: Log, problem: PowerProblem, fit: PowerFit, alias: str) -> None:
+def _demand_cause(log: Log, problem: PowerProblem, fit: PowerFit, alias: str) -> str:
     """Refuse a log in which the power cannot be the temperature's cause, by its aliasing where it has one."""
     try:
-        demand_cause(log, problem, None if fit.model is None else fit)
+        return demand_cause(log, problem, None if fit.model is None else fit)
     except InputError as refused:
         if alias:
             raise InputError(f"{log.name}: {alias}") from refused
+        refuse_opened(log, problem)
         raise
 
 

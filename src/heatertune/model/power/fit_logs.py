@@ -19,11 +19,13 @@ from heatertune.model.power.diagnosis import limit_notes, log_notes, longest_hol
 from heatertune.model.power.ends import AtEnd, ends_of, told_apart
 from heatertune.model.power.explained import Explained
 from heatertune.model.power.family import open_ends
-from heatertune.model.power.fit_power import Weighed, outcome_of, values_of, weighed
+from heatertune.model.power.fit_power import Weighed, outcome_of, values_at_ends, values_of, weighed
 from heatertune.model.power.joint import LAG, JointFit, JointProblem
 from heatertune.model.power.joint_intervals import joint_held_at, joint_intervals
 from heatertune.model.power.loads import bic_of
+from heatertune.model.power.nonlinear import bend_remarks
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.power_share import share_remarks
 from heatertune.model.power.rivals import lies_inside, widened
 from heatertune.model.statistics import autocorrelation, fit_pct
 from heatertune.model.values import Candidate, FittedModel, Fopdt, OneLog, Residuals
@@ -72,13 +74,14 @@ def fit_logs(
     others = [values_of(_fopdt(rival)) for rival in rivals if not rival.shifted]
     # the ambient told is the first log's, whatever another's was
     others += [values_of(log.model) | {"ambient_degC": math.nan} for log in logs if apart]
+    others += [end for log in logs for end in values_at_ends(log.bend)]
     as_read = widened(inside, others)
     ci95: dict[str, Interval | None] = {
         **widened(as_read, [values_of(_fopdt(rival)) for rival in rivals if rival.shifted])}
     lag = ci95["time_constant_s"]
     assert lag is not None
     candidates = (*_candidates(best, rivals, _others(best, logs, open_lag=lag.high is None), logs),
-                  *(_own(log) for log in logs if apart))
+                  *(_own(log) for log in logs if apart), *(end for log in logs for end in _bent(log)))
     family = told_apart([*candidates, *_ends(best, logs, candidates[0], as_read, least_dead_time_s)], least_dead_time_s)
     open_ = open_ends([("one lag", {**ci95})])
     ratio = ci95.pop(RATIO)
@@ -87,7 +90,10 @@ def fit_logs(
     model, first = _fopdt(best), logs[0]
     simulated = first.at_readings(best.problem.parts[0], best.fit.parts[0])
     agreement, names = list(agreement_remarks(alone, apart)), " and ".join(log.log.name for log in logs)
-    checks = [*fast_remarks(math.exp(best.problem.low[LAG]), model.time_constant_s, names), *_aliases(logs)]
+    checks = [*fast_remarks(math.exp(best.problem.low[LAG]), model.time_constant_s, names), *_shares(best, logs),
+              *_aliases(logs),
+              *(remark._replace(sentence=f"{log.log.name}: {remark.sentence}")
+                for log in logs for remark in bend_remarks(log.bend))]
     fit = _fit_pct([log.cleaned for log in logs], _simulated(best, logs))
     outcome = outcome_of(fit, resolved=resolved)
     return FittedModel(
@@ -186,6 +192,19 @@ def _candidates(
         )
 
 
+def _bent(log: Explained) -> Iterator[Candidate]:
+    """Yield the local heaters at both ends of what a log shows of a heater that is not linear."""
+    bend = log.bend
+    if bend is None:
+        return
+    record = log.problems[0].readings.temperature_degC
+    for end in dict.fromkeys(bend.ends):
+        yield Candidate(
+            model=end.model, log=log.log.name, window_s=(float(log.log.time_s[0]), float(log.log.time_s[-1])),
+            law=f"power logged, {end.at}", fit_pct=fit_pct(record, bend.simulated_degC),
+            rmse_degC=float(np.sqrt(np.mean((record - bend.simulated_degC) ** 2))), delta_bic=0.0)
+
+
 def _own(log: Explained) -> Candidate:
     """Return the heater of one log alone."""
     left = log.cleaned - log.simulated_degC
@@ -245,6 +264,12 @@ def _fopdt(joint: _Joint) -> Fopdt:
     model = joint.fit.parts[0].model
     assert isinstance(model, Fopdt)
     return model
+
+
+def _shares(best: _Joint, logs: Sequence[Explained]) -> Iterator[Remark]:
+    """Yield what the power does not explain in each log, of the one heater for all."""
+    for log, part, fit in zip(logs, best.problem.parts, best.fit.parts, strict=True):
+        yield from share_remarks(log.log.name, [part], [fit], log.doubt)
 
 
 def _aliases(logs: Sequence[Explained]) -> Iterator[Remark]:

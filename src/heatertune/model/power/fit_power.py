@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from heatertune.model.hearing import fast_remarks, findings_of, level_remarks, poor_remarks
+from heatertune.model.hearing import DROP_PCT, fast_remarks, findings_of, level_remarks, poor_remarks
 from heatertune.model.intervals import PERIOD, RATIO, Interval, identified_parts
 from heatertune.model.judgement import Validation
 from heatertune.model.measures import ultimate_period_s
@@ -14,16 +14,16 @@ from heatertune.model.power.candidates import candidates_of, second_is_seen
 from heatertune.model.power.diagnosis import notes_of
 from heatertune.model.power.explained import Explained
 from heatertune.model.power.family import family_of
-from heatertune.model.power.judge import correlation_of, judged, judgement_remarks
+from heatertune.model.power.judge import correlation_of, judged, judgement_remarks, predicts
 from heatertune.model.power.nonlinear import Bend, bend_remarks
 from heatertune.model.power.parts import halves_notes, said_by_halves, widening, widening_notes
+from heatertune.model.power.power_share import share_remarks
 from heatertune.model.power.rivals import Rival, rivals_of, widened
 from heatertune.model.power.uncertainty import intervals_by
 from heatertune.model.statistics import autocorrelation, fit_pct
 from heatertune.model.values import FittedModel, Fopdt, Outcome, Residuals
 
-__all__ = ["fit_power", "outcome_of", "values_of", "weighed"]
-
+__all__ = ["fit_power", "outcome_of", "values_at_ends", "values_of", "weighed"]
 
 
 class Weighed(NamedTuple):
@@ -63,7 +63,7 @@ def fit_power(explanation: Explained, weight: Weighed, *, least_dead_time_s: flo
     log, (one, two) = explanation.log, explanation.fits
     inside, validation, rivals, wider = weight
     read_otherwise = widened(
-        inside, [*(values_of(rival.model) for rival in rivals if not rival.shifted), *_ends_of(explanation.bend)])
+        inside, [*(values_of(rival.model) for rival in rivals if not rival.shifted), *values_at_ends(explanation.bend)])
     as_read = widened(read_otherwise, said_by_halves(explanation.problems[0], one, validation, read_otherwise))
     ci95: dict[str, Interval | None] = {
         **widened(as_read, [values_of(rival.model) for rival in rivals if rival.shifted])}
@@ -78,10 +78,16 @@ def fit_power(explanation: Explained, weight: Weighed, *, least_dead_time_s: flo
     resolved = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
     simulated = explanation.simulated_degC
     fit = fit_pct(explanation.cleaned, simulated)
-    second = correlation_of(explanation.problems[1], two) if second_is_seen(two) else None
+    seen = second_is_seen(two)
+    second = correlation_of(explanation.problems[1], two) if seen else None
+    two_predict = (seen and validation.held_out.fit_pct < fit - DROP_PCT
+                   and any(len(each.model.lags_s) > 1 and each.delta_bic == 0.0 for each in candidates)
+                   and predicts(explanation.problems[1], two))
     outcome = outcome_of(max([fit, *(candidate.fit_pct for candidate in candidates)]), resolved=resolved)
     least_s = math.exp(explanation.problems[0].low[0])
-    checks = [*bend_remarks(explanation.bend), *judgement_remarks(log, validation, fit, second),
+    checks = [*bend_remarks(explanation.bend),
+              *share_remarks(log.name, explanation.problems, explanation.fits, explanation.doubt),
+              *judgement_remarks(log, validation, fit, second, two_lags_predict=two_predict),
               *alias_remarks(explanation.alias), *fast_remarks(least_s, explanation.model.time_constant_s, log.name),
               *level_remarks(log)]
     return FittedModel(
@@ -106,7 +112,7 @@ def fit_power(explanation: Explained, weight: Weighed, *, least_dead_time_s: flo
     )
 
 
-def _ends_of(bend: Bend | None) -> list[dict[str, float]]:
+def values_at_ends(bend: Bend | None) -> list[dict[str, float]]:
     """Return the values of a bend's ends; a second lag counts by the half rule, an ambient not at all."""
     ends = () if bend is None else bend.ends
     return [values_of(end.model.half_rule()) | {"ambient_degC": math.nan} for end in ends]

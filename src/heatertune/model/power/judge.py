@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from heatertune.log.values import Log
-from heatertune.model.hearing import Remark
+from heatertune.model.hearing import DROP_PCT, Remark
 from heatertune.model.intervals import identified_parts
 from heatertune.model.judgement import HeldOut, InputCorrelation, Validation, disagreeing
 from heatertune.model.power.feedback import is_feedback
@@ -15,14 +15,14 @@ from heatertune.model.power.input_correlation import input_correlation
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.sanity import follows_temperature
 from heatertune.model.power.uncertainty import sensitivities
+from heatertune.model.statistics import fit_pct
 from heatertune.model.validation import ljung_box
 from heatertune.units import NOMENCLATURE
 
-__all__ = ["correlation_of", "judged", "judgement_remarks", "unseen"]
+__all__ = ["correlation_of", "judged", "judgement_remarks", "predicts", "unseen"]
 
 _READINGS = 500  # averaged
 _SEED = 1
-_DROP = 10.0  # fit [%] that may be lost on readings not seen
 
 
 def judged(problem: PowerProblem, fit: PowerFit) -> Validation:
@@ -33,6 +33,12 @@ def judged(problem: PowerProblem, fit: PowerFit) -> Validation:
         held_out=unseen(problem, fit),
         halves=halves(problem, fit),
     )
+
+
+def predicts(problem: PowerProblem, fit: PowerFit) -> bool:
+    """Return whether a model is worth about as much on windows left out of its fit as on the readings it has seen."""
+    seen = fit_pct(problem.readings.temperature_degC, fit.simulated_degC)
+    return unseen(problem, fit).fit_pct >= seen - DROP_PCT
 
 
 def correlation_of(problem: PowerProblem, fit: PowerFit) -> InputCorrelation | None:
@@ -56,7 +62,7 @@ def _thinned(problem: PowerProblem, fit: PowerFit) -> tuple[PowerProblem, PowerF
 
 
 def judgement_remarks(
-    log: Log, validation: Validation, fit: float, second: InputCorrelation | None
+    log: Log, validation: Validation, fit: float, second: InputCorrelation | None, *, two_lags_predict: bool = False
 ) -> Iterator[Remark]:
     """Tell what the checks found, and which finding that is; nothing where all hold.
 
@@ -65,17 +71,19 @@ def judgement_remarks(
         validation: of one lag.
         fit: of one lag on the readings it has seen [%].
         second: the correlation that two lags leave, None where a second is not seen.
+        two_lags_predict: whether two lags are a candidate and predict the windows left out of their fit.
     """
     if validation.input_correlation is not None and not validation.input_correlation.ok:
         kept = second is not None and second.ok
         yield Remark("" if kept else "follows-power", _correlation_note(log, validation.input_correlation, second))
     held = validation.held_out
-    if held.fit_pct < fit - _DROP:
+    if held.fit_pct < fit - DROP_PCT:
         worst = max(range(len(held.rmses_degC)), key=lambda i: held.rmses_degC[i])
         start, end = held.windows_s[worst]
-        yield Remark("not-foretold", (
+        yield Remark("" if two_lags_predict else "not-foretold", (
             f"Windows left out of the fit are foretold to {held.fit_pct:.0f} % only (fit: {fit:.0f} %), worst from "
-            f"{start:.4g} to {end:.4g} s: what is fitted there is not what holds elsewhere."
+            f"{start:.4g} to {end:.4g} s: what is fitted there is not what holds elsewhere"
+            f"{'; two lags predict them' if two_lags_predict else ''}."
         ))
     if validation.halves is not None:
         apart = [name for name in disagreeing(validation.halves)

@@ -12,7 +12,7 @@ from heatertune.model.power.columns import AMBIENT, GAIN
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.statistics import ar1_bic
 
-__all__ = ["bic_of", "coincides", "is_sensible", "left_over", "lowest_degC", "with_loads"]
+__all__ = ["bic_of", "coincides", "edges_of", "is_sensible", "left_over", "lowest_degC", "with_loads"]
 
 Array = npt.NDArray[np.float64]
 
@@ -55,13 +55,21 @@ def lowest_degC(problem: PowerProblem) -> float:
     return float(tamed(problem.readings.temperature_degC, share=0.0).min())
 
 
+def edges_of(problem: PowerProblem) -> tuple[Array, Array]:
+    """Return instants [s] and sizes [%] of the power's steps of more than a tenth of its range, each shape (k,)."""
+    readings = problem.readings
+    steps = np.diff(readings.level_pct)
+    large = np.abs(steps) > _EDGE * np.ptp(readings.level_pct)
+    return readings.edge_s[1:][large], steps[large]
+
+
 def coincides(problem: PowerProblem, dead_time_s: float, instant_s: float) -> bool:
     """Return whether a load sets in as an edge of the power arrives: what follows is the heater's doing, not a load's.
 
     Where the power moves so often that most instants would coincide, none does.
     """
     readings = problem.readings
-    edges = readings.edge_s[1:][np.abs(np.diff(readings.level_pct)) > _EDGE * np.ptp(readings.level_pct)]
+    edges, _ = edges_of(problem)
     early = _FEW * float(np.median(np.diff(readings.time_s)))
     late = 2.0 * dead_time_s + early
     if len(edges) * (early + late) > _OFTEN * float(np.ptp(readings.time_s)):

@@ -139,8 +139,10 @@ def _of_curve(problem: PowerProblem, curve: InputCurve) -> Iterator[Bend]:
     knots, gains = curve.knots_pct, curve.gains_degC_per_pct
     lag, dead, ratio = float(np.exp(curve.vector[0])), float(curve.vector[1]), float(curve.vector[2])
     able = np.flatnonzero(gains > _SATURATED * gains.max())
+    if not len(able):  # no power warms it at all
+        return
     strong, weak = able[np.argmax(gains[able])], able[np.argmin(gains[able])]
-    if gains.max() <= 0.0 or (strong == weak and len(able) == len(gains)) or _alike(gains[strong], gains.min()):
+    if (strong == weak and len(able) == len(gains)) or _alike(gains[strong], gains.min()):
         return
     rises = np.append(0.0, np.cumsum(gains * np.diff(knots)))
     readings = problem.readings.temperature_degC

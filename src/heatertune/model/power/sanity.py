@@ -1,9 +1,13 @@
-"""Whether the power can have made the temperature: sign, order in time, and which drives which."""
+"""Whether the power can have made the temperature: sign, order in time, and which drives which.
+
+A log is refused for what it shows beyond doubt alone: the other explanation has to account for nearly all that the
+temperature does, by an answer that nothing cancels. What is less than sure is a doubt, which blocks a PASS.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NoReturn
 
@@ -17,7 +21,10 @@ from heatertune.model.power.loads import bic_of, with_loads
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.statistics import ar1_bic
 
-__all__ = ["demand_cause", "follows_temperature"]
+__all__ = ["WRONG_SIGN", "demand_cause", "explains", "follows_temperature"]
+
+#: how a doubt begins that no fit of a heater settles
+WRONG_SIGN = "a cooler"
 
 Array = npt.NDArray[np.float64]
 
@@ -27,14 +34,19 @@ _BETTER = 0.5  # share of the sum of squares that the opposite sign has to reach
 _COLDEST, _HOTTEST = -60.0, 150.0  # of rooms [°C]
 _FAR = 1.0  # spans of the readings
 _ENDLESS = 0.95  # of the longest dead time searched
+_LATE = 0.8  # of the longest dead time searched: an answer as late may be to anything
 _SHORT = 3.0  # sampling intervals: no heater's time constant
 _EXPLAINED = 0.3  # share of the power's moves that the temperature explains in a loop
 _USUAL = 0.9
+_NEARLY_ALL = 0.9  # share of what the temperature does, that an accusation has to explain
+_SETTLED = 0.98  # share of what the temperature does, from which on a heater with its loads is believed
+_CANCELS = 1.5  # spans of the readings: a larger answer is cancelled by something else
+_FOLLOWS = 0.5  # share of what the temperature does, from which on it follows the power
 _MOVES = 0.1  # share of the readings at which a controller moves its power
 
 
-def demand_cause(log: Log, problem: PowerProblem, fit: PowerFit | None) -> None:
-    """Refuse a log in which the power cannot be the temperature's cause.
+def demand_cause(log: Log, problem: PowerProblem, fit: PowerFit | None) -> str:
+    """Refuse a log in which the power cannot be the temperature's cause; return what casts doubt on it, if anything.
 
     Args:
         log: for its name and columns.
@@ -48,14 +60,35 @@ def demand_cause(log: Log, problem: PowerProblem, fit: PowerFit | None) -> None:
     fit = None if fit is None else problem.refined(fit.vector[None, :])
     opposite = replace(problem, sign=-1.0)
     other = opposite.fit()
-    best = min(bic_of(opposite, other), np.inf if fit is None else bic_of(problem, fit))
-    _demand_effect(log, problem, fit, best)
+    two = replace(problem, two_lags=True).fit()
+    moving = _moving(problem)
+    heaters = [each for each in (fit, two) if each is not None and each.model is not None]
+    share = max((_share(problem, each, moving) for each in heaters), default=0.0)
+    doubt = _demand_effect(log, problem, [*heaters, other], fit, share)
     if fit is None and not math.isfinite(bic_of(opposite, other)):
-        raise InputError(f"{log.name}: neither a heater nor a cooler explains the log; is it this heater's power?")
+        if share < _FOLLOWS:
+            raise InputError(f"{log.name}: neither a heater nor a cooler explains the log; is it this heater's power?")
+        return doubt or "one lag with a positive gain does not explain the log."
     if fit is None or _cools(problem, fit, opposite, other):
-        _refuse_sign(log, problem, other)
-    else:
-        _demand_order(log, problem, fit)
+        rivals = [each for each in heaters if not _is_late(problem, each) and "time_constant_s" not in each.on_bound]
+        if _is_plain(opposite, other, moving) and all(
+                _lost(opposite, other) < _BETTER * _lost(problem, each) for each in rivals):
+            _refuse_sign(log, problem, other)
+        if not heaters:
+            raise InputError(f"{log.name}: the power does not explain the temperature, which something else moved (a "
+                             "load, a drift, a second heater); log steps of the power from rest, each until it rests")
+        return doubt or f"{WRONG_SIGN} explains the log as badly: something else than the power moved the temperature."
+    return doubt or _demand_order(log, problem, fit, moving)
+
+
+def explains(problem: PowerProblem, fit: PowerFit) -> bool:
+    """Return whether a heater, with the loads and drift that were found, explains nearly all that the temperature does.
+
+    A doubt that another clock or a poor course raised is settled then, see `demand_cause`.
+    """
+    problem = problem.thinned(_READINGS)
+    return _share(problem, problem.refined(fit.vector[None, :]), _moving(replace(problem, drift=False, loads_s=()))
+                  ) > _SETTLED
 
 
 def follows_temperature(log: Log) -> bool:
@@ -142,31 +175,83 @@ def _refuse_sign(log: Log, problem: PowerProblem, other: PowerFit) -> NoReturn:
     )
 
 
-def _demand_order(log: Log, problem: PowerProblem, fit: PowerFit) -> None:
+def _demand_order(log: Log, problem: PowerProblem, fit: PowerFit, moving: float) -> str:
     ahead = _ahead(problem)
     other = ahead.fit()
     shift = -float(other.vector[1])
-    if shift > _sample(problem) and bic_of(ahead, other) < bic_of(problem, fit) - _SURE:
-        raise InputError(
-            f"{log.name}: the temperature moves {shift:.3g} s before the power that makes it: the two columns are in "
-            f"different clocks; take at least {shift:.3g} s off the power's time, and know that the dead time "
-            "is then what you assume"
-        )
-
-
-def _demand_effect(log: Log, problem: PowerProblem, fit: PowerFit | None, with_power: float) -> None:
-    if len(problem.readings.level_pct) == 1:
-        return  # constant power was accepted because the ambient is known
-    still = replace(
-        problem, sign=0.0, readings=replace(problem.readings, level_pct=np.zeros(len(problem.readings.level_pct)))
+    if shift <= _sample(problem) or bic_of(ahead, other) >= bic_of(problem, fit) - _SURE:
+        return ""
+    if not _is_plain(ahead, other, moving):
+        return f"a temperature that moves {shift:.3g} s before the power would explain the log better."
+    raise InputError(
+        f"{log.name}: the temperature moves {shift:.3g} s before the power that makes it: the two columns are in "
+        f"different clocks; take at least {shift:.3g} s off the power's time, and know that the dead time "
+        "is then what you assume"
     )
+
+
+def _moving(problem: PowerProblem) -> float:
+    """Return the sum of squares that the best decay of the initial state leaves, without any power [°C²]."""
+    still = _still(problem)
+    return _lost(still, still.fit())
+
+
+def _lost(problem: PowerProblem, fit: PowerFit) -> float:
+    """Return the sum of squares that a fit leaves beyond the noise between neighbours, at least 0 [°C²]."""
+    record = problem.readings.temperature_degC
+    noise = len(record) * float(np.mean(np.diff(record, 2) ** 2)) / 6.0
+    return max(_squares(problem, fit) - noise, 0.0)
+
+
+def _still(problem: PowerProblem) -> PowerProblem:
+    return replace(
+        problem, sign=0.0, readings=replace(problem.readings, level_pct=np.zeros(len(problem.readings.level_pct))))
+
+
+def _share(problem: PowerProblem, fit: PowerFit, moving: float) -> float:
+    """Return the share that the power explains of what the temperature does without it."""
+    return 1.0 - _lost(problem, fit) / moving if moving > 0.0 else 0.0
+
+
+def _is_plain(problem: PowerProblem, fit: PowerFit, moving: float) -> bool:
+    """Return whether a fit explains nearly all that the temperature does, by an answer that nothing cancels."""
+    answer = float(np.ptp(fit.linear[GAIN] * problem.basis(fit.vector)[GAIN]))
+    return (_share(problem, fit, moving) > _NEARLY_ALL and not _is_late(problem, fit)
+            and answer < _CANCELS * float(np.ptp(problem.readings.temperature_degC)))
+
+
+def _is_late(problem: PowerProblem, fit: PowerFit) -> bool:
+    return float(fit.vector[1]) >= _LATE * float(problem.high[1])
+
+
+def _demand_effect(
+    log: Log, problem: PowerProblem, fits: Sequence[PowerFit], fit: PowerFit | None, share: float
+) -> str:
+    """Refuse a log whose temperature does not follow the power; return the doubt where much of it does.
+
+    Args:
+        log: for its name.
+        problem: of one lag.
+        fits: with the power: heaters of one lag and two, and a cooler.
+        fit: the heater of one lag, None where there is none.
+        share: of what the temperature does, that the better heater explains.
+    """
+    if len(problem.readings.level_pct) == 1:
+        return ""  # constant power was accepted because the ambient is known
+    still = _still(problem)
     idle = still.fit()
-    error = problem.readings.temperature_degC - idle.simulated_degC
-    if ar1_bic(error, idle.unknowns - 2) < with_power + _SURE and not _answers_beside_load(problem, still, fit):
-        raise InputError(
-            f"{log.name}: the temperature does not follow the power within this log: the dead time is longer than the "
-            "log, the heater was off, or the sensor sits elsewhere; log until the temperature has answered a step"
-        )
+    record = problem.readings.temperature_degC
+    bics = [ar1_bic(record - each.simulated_degC, each.unknowns) for each in fits if np.all(np.isfinite(each.linear))]
+    limit = min(bics, default=math.inf) + _SURE
+    if ar1_bic(record - idle.simulated_degC, idle.unknowns - 2) >= limit or _answers_beside_load(problem, still, fit):
+        return ""
+    if share > _FOLLOWS:
+        return (f"the power explains {100.0 * share:.0f} % of what the temperature does, but not its course from "
+                "reading to reading: something else moved it as well.")
+    raise InputError(
+        f"{log.name}: the temperature does not follow the power within this log: the dead time is longer than the "
+        "log, the heater was off, or the sensor sits elsewhere; log until the temperature has answered a step"
+    )
 
 
 def _answers_beside_load(problem: PowerProblem, still: PowerProblem, fit: PowerFit | None) -> bool:

@@ -27,6 +27,12 @@ Bounds = tuple[float, float]
 _SCANS_PER_SAMPLE = 5  # the controller's interval is unknown; a fifth of the log's is short for every lag searched
 _GAIN = (0.1, 4.0)  # °C/%: full power warms by 10 to 400 °C
 _LAG_RATIO = (0.02, 0.995)
+#: bounds that only keep a search finite
+_ARBITRARY = {
+    "gain_degC_per_pct": ("low", "high"), "time_constant_s": ("low", "high"), "dead_time_s": ("high",),
+    "setpoint_degC": ("low", "high"), "setpoint_step_degC": ("low", "high"), "gain_pct_per_degC": ("low", "high"),
+    "gain_pct_per_degC_s": ("low", "high"), "integral_time_s": ("low",),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -249,6 +255,21 @@ class Hypothesis:
         margin = 1e-3 * (self.high - self.low)
         touching = (self.high > self.low) & ((z <= self.low + margin) | (z >= self.high - margin))
         return tuple(name for name, is_touching in zip(self.names, touching, strict=True) if is_touching)
+
+    def limits_reached(self, z: Array) -> dict[str, str]:
+        """Return which unknowns of a vector (p,) ended on an arbitrary bound of their search: name → "low" or "high".
+
+        Bounds that nature or the user sets do not count: no dead time below zero, no power beyond 0 and 100 %, equal
+        lags, no second lag, no integral action, the interval of the ambient.
+        """
+        margin = 1e-3 * (self.high - self.low)
+        reached = {}
+        for name, is_free, low, high in zip(
+                self.names, self.high > self.low, z <= self.low + margin, z >= self.high - margin, strict=True):
+            sides = _ARBITRARY.get(name, ())
+            if is_free and ((low and "low" in sides) or (high and "high" in sides)):
+                reached[name] = "low" if low else "high"
+        return reached
 
     def _width(self, segment: Segment) -> int:
         return 6 + len(segment.law.constants)

@@ -21,8 +21,8 @@ from heatertune.model.temperature.closed_loop import Bounds
 from heatertune.model.values import HeaterModel
 
 __all__ = [
-    "Bound", "Stretch", "contradictions", "evidence_notes", "fall_bound", "free_cooling", "rise_bound",
-    "saturated_heat_up",
+    "Bound", "Stretch", "bound_contradictions", "contradictions", "evidence_notes", "fall_bound", "free_cooling",
+    "noise_degC", "rise_bound", "saturated_heat_up",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -36,6 +36,7 @@ _CHI2 = 3.84  # 95 % point of χ² with one degree of freedom
 _LAGS: Final = 160  # time constants tried
 _COARSER: Final = 4  # of these every so many-th, for a first look
 _FAR_OFF: Final = 1.25  # times the ends of what a cooling shows
+_RISE_NOISE: Final = 4.0  # standard deviations by which noise may steepen the steepest rise
 
 
 class Bound(NamedTuple):
@@ -138,6 +139,25 @@ def evidence_notes(log: Log, ambient_degC: Bounds) -> Iterable[str]:
         )
 
 
+def bound_contradictions(log: Log, ambient_degC: Bounds, plants: Sequence[HeaterModel]) -> Iterator[Remark]:
+    """Yield the finding that all models have one lag, and break a bound of one lag under any controller."""
+    fall, rise, heat_up = fall_bound(log, ambient_degC[0]), rise_bound(log), saturated_heat_up(log)
+    interval = (rise.end_s - rise.start_s) * 100.0
+    least_ratio = (rise.value - _RISE_NOISE * noise_degC(log) / interval) / _FAR_OFF
+    longest = np.inf if fall is None else fall.value * _FAR_OFF
+    shortest = 0.0 if heat_up is None else heat_up.time_constant_s[0] / _FAR_OFF
+
+    def breaks(plant: HeaterModel) -> bool:
+        lag = plant.lags_s[0]
+        return len(plant.lags_s) == 1 and (
+            plant.gain_degC_per_pct / lag < least_ratio or not shortest <= lag <= longest)
+
+    if all(breaks(plant) for plant in plants):
+        yield Remark("contradicted", (
+            f"{log.name} is explained by models of one lag alone, and each breaks a bound that holds for one lag under "
+            "any controller (gain per time constant, or time constant, see above)."))
+
+
 def contradictions(log: Log, ambient_degC: Bounds, plants: Sequence[HeaterModel]) -> Iterator[Remark]:
     """Tell where a free cooling is far quicker or slower than on every model: the law that was assumed is not true."""
     cooling = free_cooling(log, ambient_degC)
@@ -159,7 +179,7 @@ def _longest(log: Log, first: int, last: int, is_wanted: Callable[[Stretch], boo
     Its intervals hold those of its first half and first three quarters: where the power began to change within the
     stretch, they differ, and so it is told.
     """
-    quiet = _QUIET * _noise(log)
+    quiet = _QUIET * noise_degC(log)
     starts = np.unique(np.linspace(first, max(first, last - _FEWEST + 1), _STARTS).astype(np.intp))
     ends = np.unique(np.linspace(min(first + _FEWEST - 1, last), last, _ENDS).astype(np.intp))
     pairs = [(int(a), int(b)) for a in starts for b in ends if b - a >= _FEWEST - 1]
@@ -177,7 +197,7 @@ def _hull(intervals: Sequence[Bounds]) -> Bounds:
     return min(low for low, _ in intervals), max(high for _, high in intervals)
 
 
-def _noise(log: Log) -> float:
+def noise_degC(log: Log) -> float:
     """Return the noise of the readings [°C], from their second differences; never less than their resolution shows."""
     y = log.temperature_degC
     step = float(np.min(np.diff(np.unique(y))))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -16,16 +16,19 @@ from heatertune.model.least_squares import minimise
 from heatertune.model.measures import COMBINATIONS, FIELDS
 from heatertune.model.statistics import autocorrelation, block_resamples, fit_pct
 from heatertune.model.temperature.closed_loop import Bounds, Hypothesis, Segment
-from heatertune.model.temperature.evidence import contradictions, evidence_notes
+from heatertune.model.temperature.evidence import bound_contradictions, contradictions, evidence_notes
 from heatertune.model.temperature.law import ControllerLaw
 from heatertune.model.temperature.notes import (
     ambient_note,
     event_notes,
+    foretelling_remarks,
     foretells,
     joint_note,
+    limit_remarks,
     lost_notes,
     validation_notes,
 )
+from heatertune.model.temperature.regulation import regulation_remarks
 from heatertune.model.temperature.search import Fit, fit_all, residuals_of
 from heatertune.model.values import Candidate, FittedModel, Outcome, Residuals
 
@@ -74,26 +77,30 @@ def fit_temperature(
     kept = _kept(ranked)
     best = max(kept, key=lambda fit: fit.fit_pct)
     ranges = _ranges(best, kept, seed, ambient_degC)
-    ci95 = _intervals(best, ranges, ambient_degC)
+    law = list(_law_remarks(best, logs))
+    against = list(_contradictions(best, kept))
+    ci95 = dict.fromkeys(FIELDS) if law or against else _intervals(best, kept, ranges, ambient_degC)
     plant = best.hypothesis.plant(best.vector)
     values = {name: measure(plant) for name, measure in COMBINATIONS.items()}
     if len(used) > 1:
         notes += (joint_note(best, ranked, alone),)
-    plants = [fit.hypothesis.plant(fit.vector) for fit in kept]
-    against = [remark for s in best.hypothesis.segments for remark in contradictions(s.log, s.ambient_degC, plants)]
+    doubts = [*law, *against, *limit_remarks(kept), *foretelling_remarks(best)]
     first, (simulated, *_) = used[0], best.hypothesis.parts(best.simulated_degC)
-    outcome, names = _outcome(best.fit_pct, ci95), " and ".join(log.name for log in used)
+    outcome = Outcome.LAW_UNKNOWN if law else _outcome(best.fit_pct, ci95)
+    names = " and ".join(log.name for log in used)
     return FittedModel(
         model=plant.half_rule(),
         outcome=outcome,
-        findings=findings_of([_NO_POWER, *poor_remarks(outcome, best.fit_pct, names), *against]),
+        findings=findings_of([_NO_POWER, *poor_remarks(outcome, best.fit_pct, names), *doubts]),
         method=_method(best),
         ci95=ci95,
-        combinations={name: (value, ranges[name]) for name, value in values.items() if np.isfinite(value)},
+        combinations={} if law else {
+            name: (value, ranges[name]) for name, value in values.items() if np.isfinite(value)},
         candidates=tuple(_candidate(fit, ranked[0].bic) for fit in kept),
         hypotheses=tuple(_candidate(fit, ranked[0].bic) for fit in ranked),
         fit_pct=best.fit_pct,
-        notes=notes + _notes(best, ranked, ranges, ci95, ambient_degC),
+        notes=(*notes, *_notes(best, ranked, ranges, ci95, ambient_degC),
+               *(remark.sentence for remark in doubts)),
         residuals=Residuals(
             time_s=first.time_s, measured_degC=first.temperature_degC, simulated_degC=simulated,
             autocorrelation=autocorrelation(first.temperature_degC - simulated),
@@ -128,12 +135,31 @@ def _joint(alone: Sequence[Sequence[Fit]]) -> list[Hypothesis]:
     return [Hypothesis(segments=chosen, two_lags=two) for chosen in product(*segments) for two in (False, True)]
 
 
-def _intervals(best: Fit, ranges: Mapping[str, Interval], ambient_degC: Bounds | None) -> dict[str, Interval | None]:
+def _law_remarks(best: Fit, logs: Sequence[Log]) -> Iterator[Remark]:
+    """Yield the findings that no law that was tried can have made a log, with all its readings."""
+    hypothesis = best.hypothesis
+    errors = hypothesis.parts(hypothesis.measured - best.simulated_degC)
+    for log, error in zip(logs, errors, strict=True):
+        yield from regulation_remarks(log, float(np.sqrt(np.mean(error**2))))
+
+
+def _contradictions(best: Fit, kept: Sequence[Fit]) -> Iterator[Remark]:
+    """Yield where the curve by itself contradicts every model."""
+    plants = [fit.hypothesis.plant(fit.vector) for fit in kept]
+    for segment in best.hypothesis.segments:
+        yield from contradictions(segment.log, segment.ambient_degC, plants)
+        yield from bound_contradictions(segment.log, segment.ambient_degC, plants)
+
+
+def _intervals(
+    best: Fit, kept: Sequence[Fit], ranges: Mapping[str, Interval], ambient_degC: Bounds | None
+) -> dict[str, Interval | None]:
     """Return what is identified; gain and time constant trade off against an unknown ambient.
 
     The intervals hold under the hypothesis alone: one that does not foretell the later readings identifies neither.
     """
-    ci95 = {name: identified(ranges[name]) for name in FIELDS}
+    limits = {name for fit in kept for name in fit.hypothesis.limits_reached(fit.vector)}
+    ci95 = {name: None if name in limits else identified(ranges[name]) for name in FIELDS}
     lost: dict[str, Interval | None] = {}
     if ambient_degC is not None and ambient_degC[0] == ambient_degC[1]:
         lost["ambient_degC"] = None
@@ -167,7 +193,9 @@ def _ranges(best: Fit, kept: Sequence[Fit], seed: int, ambient_degC: Bounds | No
         values = np.array([measure(plant) for plant in plants])
         range_ = envelope(interval(values, low, high), [measure(plant) for plant in others])
         endless = not np.isfinite(values).all() or range_.high == np.inf
-        ranges[name] = Interval(low=range_.low, high=None) if endless else range_
+        sides = {fit.hypothesis.limits_reached(fit.vector).get(name) for fit in kept}
+        ranges[name] = Interval(low=None if "low" in sides else range_.low,
+                                high=None if endless or "high" in sides else range_.high)
     return ranges
 
 
@@ -236,7 +264,4 @@ def _notes(
              *validation_notes(best, ranked)]
     if lost:
         notes.append("A log of the power, or one open-loop step of known size until the temperature rests, settles it.")
-    bound = [name for name in hypothesis.on_bound(best.vector) if name != "ambient_degC"]
-    if bound:
-        notes.append(f"On a bound of the search: {', '.join(bound)}.")
     return tuple(notes)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from heatertune.model.hearing import DROP_PCT, Remark
 from heatertune.model.intervals import Interval
 from heatertune.model.statistics import fit_pct
 from heatertune.model.temperature.closed_loop import Bounds
@@ -13,7 +14,12 @@ from heatertune.model.temperature.search import EARLY, Fit
 from heatertune.model.validation import LJUNG_BOX_95, constant_rmse, ljung_box
 from heatertune.units import NOMENCLATURE
 
-__all__ = ["ambient_note", "event_notes", "foretells", "joint_note", "lost_notes", "validation_notes"]
+__all__ = [
+    "ambient_note", "event_notes", "foretelling_remarks", "foretells", "joint_note", "limit_remarks", "lost_notes",
+    "validation_notes",
+]
+
+_FAR_OUT = 0.2  # of a log's span: a prediction that misses by more is none
 
 
 def event_notes(best: Fit) -> Iterable[str]:
@@ -51,6 +57,34 @@ def ambient_note(given: Bounds | None, sought: Bounds) -> str:
 def foretells(fit: Fit) -> bool:
     """Return whether the hypothesis, fitted to the beginning, foretells the later readings better than their mean."""
     return fit.hold_out_rmse_degC < constant_rmse(fit.hypothesis, fit.hypothesis.early(EARLY))
+
+
+def foretelling_remarks(best: Fit) -> Iterable[Remark]:
+    """Yield the finding that readings left out of the fit, or after its beginning, are badly predicted."""
+    hypothesis = best.hypothesis
+    names = " and ".join(segment.log.name for segment in hypothesis.segments)
+    if best.cross_rmse_degC is not None:
+        unseen = 100.0 - (100.0 - best.fit_pct) * best.cross_rmse_degC / max(best.rmse_degC, 1e-12)
+        if unseen < best.fit_pct - DROP_PCT:
+            yield Remark("not-foretold", (
+                f"Blocks of {names} left out of the fit are predicted to {unseen:.0f} % only (fit: "
+                f"{best.fit_pct:.0f} %)."))
+    span = max(float(np.ptp(segment.log.temperature_degC)) for segment in hypothesis.segments)
+    steps = any(segment.event for segment in hypothesis.segments)
+    if not steps and not foretells(best) and best.hold_out_rmse_degC > _FAR_OUT * span:
+        yield Remark("not-foretold", (
+            f"Fitted to the first {EARLY:.0%} of {names}, the model misses the later readings by "
+            f"{best.hold_out_rmse_degC:.3g} °C RMS, more than {_FAR_OUT:.0%} of what the log spans."))
+
+
+def limit_remarks(kept: Sequence[Fit]) -> Iterable[Remark]:
+    """Yield the finding that parameters of the possible heaters lie on arbitrary bounds of their search."""
+    names = list(dict.fromkeys(name for fit in kept for name in fit.hypothesis.limits_reached(fit.vector)))
+    if names:
+        logs = " and ".join(segment.log.name for segment in kept[0].hypothesis.segments)
+        yield Remark("on-bound", (
+            f"On a bound of the search where models explain {logs}: {', '.join(names)}. What lies beyond the bound "
+            "would explain it better still."))
 
 
 def validation_notes(best: Fit, ranked: Sequence[Fit]) -> Iterable[str]:

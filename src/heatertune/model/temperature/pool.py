@@ -17,4 +17,7 @@ def pool_candidates(fitted: FittedModel, others: Sequence[FittedModel]) -> Fitte
         return fitted
     logs = ", ".join(dict.fromkeys(candidate.log for candidate in added))
     note = f"Candidates of {logs}, a log of the same heater, were added: a design has to serve them too."
-    return replace(fitted, candidates=fitted.candidates + added, notes=(*fitted.notes, note))
+    ranges = [each.logged_range_degC for each in (fitted, *others)]
+    known = [limits for limits in ranges if limits is not None]
+    whole = (min(low for low, _ in known), max(high for _, high in known)) if known else None
+    return replace(fitted, candidates=fitted.candidates + added, notes=(*fitted.notes, note), logged_range_degC=whole)

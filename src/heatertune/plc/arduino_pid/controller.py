@@ -31,6 +31,7 @@ class ArduinoPid(Controller, name="arduino-pid"):
     """PID_v1 in double or single precision; the sketch around it switches the heater in windows of time."""
 
     title = "Arduino, library PID by Brett Beauregard 1.2.1 (PID_v1.cpp)"
+    main_file = "arduino_pid.ino"
     can = (
         "P, PI, PD and PID, D on the reading; P on the error, or on the measurement where words are read",
         "exported as a whole sketch: constructor, boost, window of time for a relay; a broken sensor is off",

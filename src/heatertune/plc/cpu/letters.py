@@ -1,4 +1,4 @@
-"""The letters that STEP 7 and STEP 7-Micro/WIN take in comments: ASCII alone."""
+"""The letters that every programming tool takes in comments: ASCII alone."""
 
 from __future__ import annotations
 

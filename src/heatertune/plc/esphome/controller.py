@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
-from heatertune.plc.esphome.export import export_words
+from heatertune.plc.esphome.export import entries, export_words
 from heatertune.plc.esphome.exported import exported
 from heatertune.plc.esphome.readback import from_text
 from heatertune.plc.esphome.step import Assumptions, parameters_of, scan
@@ -21,6 +21,7 @@ class EspHome(Controller, name="esphome"):
     """ESPHome's PID in single precision, called by each reading; slow_pwm behind it switches the heater."""
 
     title = "ESPHome 2026.6.5, PID climate (components/pid/pid_controller.cpp)"
+    main_file = "esphome_pid.yaml"
     can = (
         "P, PI, PD and PID in single precision by the measured interval, D on the reading",
         "limits of the integral part, mean of up to 8 changes in the derivative part",
@@ -35,6 +36,7 @@ class EspHome(Controller, name="esphome"):
     fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, Assumptions
     inputs: ClassVar = {
         "target_temperature": "REAL", "current_temperature": "REAL", "mode": "BOOL", "elapsed_ms": "UINT"}
+    typed = staticmethod(entries)
     derivative_filter = 0.0
     tick_s = 0.1
     boosted = True

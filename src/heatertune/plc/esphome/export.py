@@ -5,9 +5,10 @@ from __future__ import annotations
 from heatertune.plc.esphome.words import FIELDS
 from heatertune.plc.parallel.window import Window, window_of
 from heatertune.plc.parallel.words import decimal
+from heatertune.plc.typed import entry_texts
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words"]
+__all__ = ["entries", "export_words"]
 
 _LEAST_PERIOD_MS = 100
 
@@ -68,6 +69,11 @@ def _boost(words: Words) -> str:
         return ""
     within, again = (decimal(each, "REAL") for each in (words.boost.within_degC, words.boost.again_degC))
     return _BOOST.format(within=within, again=again)
+
+
+def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
+    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    return entry_texts({field.name: _text(words, field.name) for field in FIELDS})
 
 
 def _text(words: Words, name: str) -> str:

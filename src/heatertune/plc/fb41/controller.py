@@ -7,7 +7,7 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, INPUT_S, RANGES, TICK_S, TIMER
-from heatertune.plc.fb41.export import export_words
+from heatertune.plc.fb41.export import export_words, setpoint_entry
 from heatertune.plc.fb41.exported import exported
 from heatertune.plc.fb41.feed_forward import FEED
 from heatertune.plc.fb41.image import from_image, oddities
@@ -23,6 +23,8 @@ class ContC(Controller, name="fb41"):
     """The standard block CONT_C, called from OB35; the program around it makes the PWM."""
 
     title = "SIMATIC S7-300/400, FB41 CONT_C (Standard Library; SFB41 of the CPU 31xC)"
+    main_file = "fb41_cont_c.awl"
+    setpoint_entry = staticmethod(setpoint_entry)
     can = (
         "P, PI, PD and PID in single precision with a filtered derivative of the error; PV and setpoint in °C",
         "dead band, limits, feed-forward DISV, manual with a smooth return",

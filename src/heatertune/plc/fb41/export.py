@@ -13,7 +13,7 @@ from heatertune.plc.cpu.s7_300.switch import PULSEGEN, Switching, like, switchin
 from heatertune.plc.fb41.words import FIELDS
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words", "source"]
+__all__ = ["export_words", "setpoint_entry", "source"]
 
 _DB: Final = 41
 _LMN: Final = f"DB{_DB}.DBD   72"
@@ -95,3 +95,9 @@ def _led(words: Words, led: str) -> list[str]:
         f"      L     {awl.real(FULL_SCALE)};", "      /R    ;", f"      L     {factor};", "      *R    ;",
         f"      L     {low};", "      +R    ;", "      T     #led;",
     ]
+
+
+def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:
+    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
+    value = _setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC)).value
+    return f"SP (DBD 2 of DB 101) = {value:.9g} °C" if words.ramp is None else f"SP (DBW 2 of DB 101) = {value}"

@@ -44,8 +44,8 @@ def _listing(line: FeedForward, certificate: Certificate) -> dict[str, str]:
 
 
 def _contact(line: FeedForward) -> list[str]:
-    return ["      A     I      1.0;", "      JC    on;", f"      L     {awl.real(line.at_low)};", "      JU    end;",
-            f"on:   L     {awl.real(line.at_high)};", "end:  NOP   0;"]
+    return ["      A     I      1.0;", "      JC    shut;", f"      L     {awl.real(line.at_low)};", "      JU    end;",
+            f"shut: L     {awl.real(line.at_high)};", "end:  NOP   0;"]
 
 
 def _analog(line: FeedForward) -> list[str]:

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, Sensor, count
-from heatertune.plc.iec_pid.export import export_words
+from heatertune.plc.iec_pid.export import entries, export_words, setpoint_entry
 from heatertune.plc.iec_pid.exported import exported
 from heatertune.plc.iec_pid.readback import from_text
 from heatertune.plc.iec_pid.step import COLD, Assumptions, block_of, scan, step
@@ -36,6 +36,8 @@ class IecPid(Controller, name="iec-pid"):
     """The PID of the IEC 61131-3 text with its faults repaired, in single precision; temperatures in °C."""
 
     title = "IEC 61131-3 PID, repaired; structured text for OpenPLC, Beremiz, CODESYS and others"
+    main_file = "iec_pid.st"
+    setpoint_entry = staticmethod(setpoint_entry)
     can = (
         "P, PI, PD and PID in single precision; TR = 0 leaves the I part out",
         "limits with anti-windup, return from hand without a bump; CYCLE of 1 to 60000 ms, whatever the unit of "
@@ -49,6 +51,7 @@ class IecPid(Controller, name="iec-pid"):
     )
     fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, COUNTS
     inputs: ClassVar = {"SP": "REAL", "PV": "REAL", "X0": "REAL", "AUTO": "BOOL", "RUN": "BOOL"}
+    typed = staticmethod(entries)
     tick_s = HALF_WAVE_S
     ramped = boosted = True
     most_power = ("XMAX", 100.0)

@@ -23,10 +23,11 @@ from heatertune.plc.st.program import (
     statements,
     variables,
 )
-from heatertune.plc.st.source import function_block
+from heatertune.plc.st.source import comment, function_block
+from heatertune.plc.typed import entry_texts
 from heatertune.plc.words import Certificate, WordField, Words
 
-__all__ = ["PROJECT", "TEXT", "constants", "export_words"]
+__all__ = ["PROJECT", "TEXT", "constants", "entries", "export_words", "setpoint_entry"]
 
 TEXT: Final = "iec_pid.st"
 PROJECT: Final = "iec_pid_plcopen.xml"
@@ -40,11 +41,15 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     own = variables(words, clock, proven_setpoint(words, certificate, COUNTS))
     limits = Limits(most=words.values["XMAX"], cools=words.values["KP"] < 0.0)
     body = statements(words, clock, _call(words), limits)
-    text = (*(f"(* {line} *)" for line in head), function_block(SOURCE))
     return {
-        TEXT: "\n".join(text) + "\n" + program("Heater", {"HeaterPid": SOURCE.name}, own, body),
+        TEXT: comment(*head) + function_block(SOURCE) + "\n" + program("Heater", {"HeaterPid": SOURCE.name}, own, body),
         PROJECT: project(SOURCE, own, body, head, clock.tick_ms),
     }
+
+
+def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
+    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    return entry_texts(dict(constants(words, FIELDS)))
 
 
 def constants(words: Words, fields: Iterable[WordField]) -> list[tuple[str, str]]:
@@ -58,3 +63,9 @@ def _call(words: Words) -> str:
     wires = [("RUN", enabling(words)), ("AUTO", "NOT ByHand"), ("PV", "HeaterTemperature"), ("SP", setpoint),
              ("X0", "HandPower"), *constants(words, FIELDS)]
     return f"{called('HeaterPid', wires)}HeaterPower := HeaterPid.XOUT;\n"
+
+
+def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:
+    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
+    value = literal(proven_setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC), COUNTS))
+    return f"HeaterSetPoint = {value} °C"

@@ -35,7 +35,7 @@ SOURCE: Final = Source("HT_IEC_PID", {
         ("Error1", "REAL", "", "of the call before"),
         ("Error2", "REAL", "", "two calls ago"),
         ("Error3", "REAL", "", "three calls ago"),
-        ("Integral", "REAL", "", "I part, %"),
+        ("IntegralPart", "REAL", "", "I part, %"),
         ("Proportional", "REAL", "", "P part, %"),
         ("Slope", "REAL", "", "of the error, degC/s"),
         ("Sum", "REAL", "", "new I part"),
@@ -60,12 +60,12 @@ ELSE
     END_IF;
     IF NOT Begun THEN
       Begun := TRUE;
-      Integral := 0.0;
+      IntegralPart := 0.0;
     END_IF;
     Proportional := KP * Error;
     IF AUTO THEN
       IF TR <> 0.0 THEN
-        Sum := Integral + ((KP * Seconds) / TR) * Error;
+        Sum := IntegralPart + ((KP * Seconds) / TR) * Error;
         IF Sum < XMIN - Proportional THEN (* P and I part together stay within the limits *)
           Sum := XMIN - Proportional;
         END_IF;
@@ -73,12 +73,12 @@ ELSE
           Sum := XMAX - Proportional;
         END_IF;
         IF ABS(Sum) <= Largest THEN
-          Integral := Sum;
+          IntegralPart := Sum;
         END_IF;
       ELSE
-        Integral := 0.0;
+        IntegralPart := 0.0;
       END_IF;
-      Wanted := Proportional + Integral;
+      Wanted := Proportional + IntegralPart;
       IF TD <> 0.0 THEN
         Slope := (3.0 * (Error - Error3) + Error1 - Error2) / (10.0 * Seconds);
         Wanted := Wanted + KP * (TD * Slope);
@@ -102,7 +102,7 @@ ELSE
       Sum := XOUT - Proportional;
     END_IF;
     IF ABS(Sum) <= Largest THEN
-      Integral := Sum;
+      IntegralPart := Sum;
     END_IF;
   END_IF;
 END_IF;

@@ -7,8 +7,9 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running
 from heatertune.plc.iec_pid.controller import measure
+from heatertune.plc.iec_pid.export import setpoint_entry
 from heatertune.plc.iec_pid.words import COUNTS, TIMER, interval_s
-from heatertune.plc.iec_pid_text.export import export_words
+from heatertune.plc.iec_pid_text.export import entries, export_words
 from heatertune.plc.iec_pid_text.faults import faults
 from heatertune.plc.iec_pid_text.readback import from_text
 from heatertune.plc.iec_pid_text.step import COLD, Assumptions, block_of, scan, step
@@ -23,6 +24,8 @@ class StandardPid(Controller, name="iec-pid-text"):
     """The PID of the IEC 61131-3 text with its faults; the power is XOUT as far as it is within 0…100 %."""
 
     title = "IEC 61131-3 PID as printed (matiec in Beremiz and OpenPLC, lib/pid_st.txt)"
+    main_file = "iec_pid_text.st"
+    setpoint_entry = staticmethod(setpoint_entry)
     can = ("what the standard's text computes, for comparison; exported as a call of the library's block",)
     cannot = (
         "no limits, no anti-windup, no P or PD: TR = 0 divides by zero",
@@ -32,6 +35,7 @@ class StandardPid(Controller, name="iec-pid-text"):
     )
     fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, COUNTS
     inputs: ClassVar = {"SP": "REAL", "PV": "REAL", "X0": "REAL", "AUTO": "BOOL"}
+    typed = staticmethod(entries)
     tick_s = HALF_WAVE_S
     core = Core(step=step, measure=measure, flags=("above 100 %", "below 0 %", "overflow"), singles=True)
     values, design, interval_s = staticmethod(values_of), staticmethod(design_of), staticmethod(interval_s)

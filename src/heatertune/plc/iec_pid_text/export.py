@@ -10,11 +10,18 @@ from heatertune.plc.iec_pid_text.faults import faults
 from heatertune.plc.iec_pid_text.words import FIELDS
 from heatertune.plc.st.head import head_of
 from heatertune.plc.st.program import Limits, called, clock_for, program, proven_setpoint, statements, variables
+from heatertune.plc.st.source import comment
+from heatertune.plc.typed import entry_texts
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["TEXT", "export_words"]
+__all__ = ["TEXT", "entries", "export_words"]
 
 TEXT: Final = "iec_pid_text.st"
+
+
+def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
+    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    return entry_texts(dict(constants(words, FIELDS)))
 
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
@@ -29,4 +36,4 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
              ("X0", "HandPower"), *constants(words, FIELDS)]
     call = f"{called('HeaterPid', wires)}HeaterPower := HeaterPid.XOUT;\n"
     text = program("Heater", {"HeaterPid": "PID"}, listed, statements(words, clock, call, limits))
-    return {TEXT: "".join(f"(* {line} *)\n" for line in lines) + text}
+    return {TEXT: comment(*lines) + text}

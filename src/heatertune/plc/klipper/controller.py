@@ -7,7 +7,7 @@ from typing import ClassVar
 from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running
-from heatertune.plc.klipper.export import export_words
+from heatertune.plc.klipper.export import entries, export_words
 from heatertune.plc.klipper.exported import exported
 from heatertune.plc.klipper.readback import from_text
 from heatertune.plc.klipper.step import COLD, FLAGS, Assumptions, loop_of, measure, step
@@ -21,6 +21,7 @@ class Klipper(Controller, name="klipper"):
     """The PID that the host of a printer computes with each report of a thermistor."""
 
     title = "Klipper and Kalico, control: pid of a heater (klippy/extras/heaters.py)"
+    main_file = "klipper_heater.cfg"
     can = (
         "P, PI and PID in double precision, a smoothed derivative of the reading; gains with three decimals",
         "a report each 0.3 s; power changes below 5 % that are not sent; the switch a report later, PWM of 0.1 s",
@@ -40,6 +41,7 @@ class Klipper(Controller, name="klipper"):
     delay_s = REPORT_S + 0.008
     tick_s = 1e-5
     pwm_period_s = 0.1
+    typed = staticmethod(entries)
     derivative_filter = past_of(USUAL["smooth_time"])
     most_power = ("max_power", 1.0)
     core = Core(step=step, measure=measure, flags=FLAGS)

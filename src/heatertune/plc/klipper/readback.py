@@ -7,12 +7,13 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.plc.klipper.export import SECTION
 from heatertune.plc.klipper.words import FIELDS, PLACES, USUAL
 from heatertune.plc.readback import Collected, ReadBack, lines_of, wrong
 
 __all__ = ["from_text"]
 
+#: the heater that is read where several have gains
+_USUAL_SECTION: Final = "extruder"
 _SAVED: Final = "#*#"
 _HEAD: Final = re.compile(r"\[\s*([^\]]*?)\s*\]")
 _LINE: Final = re.compile(r"([A-Za-z_]\w*)\s*[:=]\s*(.*?)")
@@ -82,10 +83,10 @@ def _section(lines: list[_Line], source: str) -> str:
     if not having:
         raise InputError(f"{source}: no gains are there; expected pid_Kp, pid_Ki and pid_Kd of a heater's section, or "
                          "what PID_CALIBRATE prints")
-    if len(having) > 1 and SECTION not in having:
+    if len(having) > 1 and _USUAL_SECTION not in having:
         heads = " and ".join(f"[{one}]" for one in having)
-        raise InputError(f"{source}: {heads} have gains; expected one heater's, or [{SECTION}]")
-    return SECTION if SECTION in having else having[0]
+        raise InputError(f"{source}: {heads} have gains; expected one heater's, or [{_USUAL_SECTION}]")
+    return _USUAL_SECTION if _USUAL_SECTION in having else having[0]
 
 
 def _of_section(lines: list[_Line], section: str, collected: Collected, source: str) -> ReadBack:

@@ -19,6 +19,7 @@ from typing import Annotated, Final, NamedTuple
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.klipper.words import GAIN_BASE, REPORT_S
 from heatertune.plc.open_points import Switch
+from heatertune.plc.printer_heater import KLIPPER_HEATER
 from heatertune.plc.ramp import Number
 
 __all__ = ["COLD", "FLAGS", "Assumptions", "Loop", "State", "loop_of", "measure", "step"]
@@ -44,6 +45,7 @@ class Assumptions(NamedTuple):
         why="which source runs: a change that is not sent is below 5 % of max_power (klipper) or of full power "
             "(kalico, older); a command is sent again after 2.4 s (klipper, kalico) or 4.2 s (older)",
     )] = KLIPPER
+    heater: Annotated[int, KLIPPER_HEATER] = 0
 
 
 class Loop(NamedTuple):

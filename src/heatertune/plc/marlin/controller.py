@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Running
-from heatertune.plc.marlin.export import export_words
+from heatertune.plc.marlin.export import entries, export_words
 from heatertune.plc.marlin.exported import exported
 from heatertune.plc.marlin.readback import from_text
 from heatertune.plc.marlin.step import Assumptions, parameters_of, scan
@@ -23,10 +23,11 @@ class Marlin(Controller, name="marlin"):
     """Marlin's PID in single precision; the firmware makes the PWM behind its 127 steps."""
 
     title = "Marlin 2.1, PID of a hot end (Marlin/src/module/temperature.h; M301)"
+    main_file = "marlin_pid.h"
     can = (
         "P, PI, PD and PID in single precision, D on the reading and filtered (PID_K1)",
         "full power below the window PID_FUNCTIONAL_RANGE around the setpoint, none above",
-        "exported as lines of Configuration.h and as M301",
+        "exported as lines of Configuration.h and as G-code: M301, or M304 of a bed (`--switch heater=bed`)",
     )
     cannot = (
         "127 steps of power; the setpoint is whole degrees",
@@ -37,6 +38,7 @@ class Marlin(Controller, name="marlin"):
     )
     fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, Assumptions
     inputs: ClassVar = {"target": "REAL", "celsius": "REAL"}
+    typed = staticmethod(entries)
     derivative_filter = 0.95
     tick_s = 0.001
     pwm_period_s = 0.127

@@ -16,6 +16,9 @@ _NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)"
 _SAID: Final = re.compile(r"^(?:(?:Recv|Send|READ|SENT|>>>|<<<)\s*:?\s*)?(?:echo:\s*)?", re.IGNORECASE)
 _DEFINE: Final = re.compile(r"#\s*define\s+(\w+)\s*(.*?)\s*(?://.*|/\*.*)?$")
 _GAIN: Final = re.compile(r"M301\b(.*)", re.IGNORECASE)
+#: gains of a bed, or of a heater that an export does not know: as comments
+_OTHER_GAIN: Final = re.compile(r"(?:M304|[;/][;/\s]*M30[14])\b(.*)", re.IGNORECASE)
+_OTHER_DEFINE: Final = re.compile(r"(?:[;/\s]*)#\s*define\s+(DEFAULT_(?:bed)?K[pid]|MAX_BED_POWER)\s+(\S+)")
 _LETTER: Final = re.compile(rf"([A-Z])\s*({_NUMBER})?(?=\s|[A-Z]|$)", re.IGNORECASE)
 _TUNED: Final = re.compile(rf"(?:\s*K[pid]:\s*{_NUMBER})+\s*")
 _ONE_TUNED: Final = re.compile(rf"(K[pid]):\s*({_NUMBER})")
@@ -31,6 +34,8 @@ _TWO_DECIMALS: Final = re.compile(r"echo:.*M301", re.IGNORECASE)
 def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
     """Return the words in a text; what only the build knows is as usual where the text does not tell it.
 
+    Gains of a bed are read where there are none of a hot end, and those in comments where there are no others.
+
     Raises:
         InputError: a gain that is missing, there with two values or no number; M301 of a second hot end.
     """
@@ -45,6 +50,10 @@ def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
         if _TWO_DECIMALS.search(content):
             over.append(f"M503 prints two decimals (line {line}): the firmware's gains may be half a digit off these")
         for name, value in found:
+            seen.add(name)
+            collected.put(name, (whole_of if name in _WHOLE else real_of)(value), line, value)
+    if not seen & set(_LETTERS.values()):
+        for name, value, line in _other_gains(text, source):
             seen.add(name)
             collected.put(name, (whole_of if name in _WHOLE else real_of)(value), line, value)
     if not seen & set(_LETTERS.values()):
@@ -69,6 +78,20 @@ def _line(content: str, line: int, source: str) -> list[tuple[str, str]] | None:
     if match := _GAIN.match(plain):
         return _m301(match[1].partition(";")[0].strip(), line, source)
     return [(name, value) for name, value in _ONE_TUNED.findall(plain)] if _TUNED.fullmatch(plain) else None
+
+
+def _other_gains(text: str, source: str) -> list[tuple[str, str, int]]:
+    """Return name, value and line of the gains of a bed, or in comments where there are no others."""
+    ways: tuple[list[tuple[str, str, int]], list[tuple[str, str, int]]] = ([], [])
+    for line, content in lines_of(text):
+        plain = _SAID.sub("", content).strip()
+        way = ways[plain.startswith((";", "//"))]
+        if match := _OTHER_GAIN.match(plain):
+            way += [(name, value, line) for name, value in _m301(match[1].partition(";")[0].strip(), line, source)]
+        elif match := _OTHER_DEFINE.match(plain):
+            way.append((match[1].removeprefix("DEFAULT_").removeprefix("bed").replace("MAX_BED_POWER", "PID_MAX"),
+                        match[2].strip("() "), line))
+    return ways[0] or ways[1]
 
 
 def _m301(given: str, line: int, source: str) -> list[tuple[str, str]]:

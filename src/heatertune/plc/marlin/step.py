@@ -7,6 +7,7 @@ from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.open_points import Switch
 from heatertune.plc.parallel.step import WINDOW, Parameters, State, called, narrowed_to, quotient, scanned
+from heatertune.plc.printer_heater import MARLIN_HEATER
 from heatertune.plc.single import single
 
 __all__ = ["Assumptions", "parameters_of", "scan"]
@@ -30,6 +31,7 @@ class Assumptions(NamedTuple):
         why="the reading before, of which D takes the change: that of every update (2.0, and again since March 2024), "
             "or of the last one within the window, 0 at power-on (2.1.0 to 2.1.2)",
     )] = False
+    heater: Annotated[int, MARLIN_HEATER] = 0
 
 
 def parameters_of(values: Mapping[str, float], assume: Assumptions) -> Parameters:

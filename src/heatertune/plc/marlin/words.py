@@ -27,9 +27,9 @@ _MOST_LOOPS: Final = 16
 TIMER: Final = Timer(shortest_s=LEAST_LOOPS * LOOP_S, longest_s=LEAST_LOOPS * LOOP_S, step_s=LOOP_S)
 
 GAINS: Final = (
-    gain_field("Kp", "M301 P", "REAL", "proportional gain, 1/255 of full power per °C"),
-    gain_field("Ki", "M301 I", "REAL", "integral gain Kp/TN, per second"),
-    gain_field("Kd", "M301 D", "REAL", "derivative gain Kp·TV, seconds"),
+    gain_field("Kp", "M301, M304 P", "REAL", "proportional gain, 1/255 of full power per °C"),
+    gain_field("Ki", "M301, M304 I", "REAL", "integral gain Kp/TN, per second"),
+    gain_field("Kd", "M301, M304 D", "REAL", "derivative gain Kp·TV, seconds"),
 )
 
 FIELDS: Final[tuple[WordField, ...]] = (

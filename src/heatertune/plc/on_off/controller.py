@@ -7,7 +7,7 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cpu.one_bit.machine import START
-from heatertune.plc.on_off.export import export_words, from_image
+from heatertune.plc.on_off.export import export_words, from_image, setpoint_entry
 from heatertune.plc.on_off.readback import from_text
 from heatertune.plc.on_off.step import Memory, listed, step
 from heatertune.plc.on_off.words import COUNTS, FIELDS, TIMER, consistent, oddities, values_of
@@ -30,6 +30,8 @@ class OnOff(Controller, name="on-off"):
     """Two-level control; the switch behind the output is an actuator, always on or off for a whole scan."""
 
     title = "bit processor, two-level control (Hryniewicz, Chmiel, Przegląd Elektrotechniczny 88(9a), 2012, Ex. 3)"
+    main_file = "on_off_rom.hex"
+    setpoint_entry = staticmethod(setpoint_entry)
     can = ("switch the heater fully on below SP − BAND and off above SP + BAND",)
     cannot = (
         "no PID: of a design only TA is taken, as the scan interval",

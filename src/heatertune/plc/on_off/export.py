@@ -17,7 +17,7 @@ from heatertune.plc.on_off.step import PROGRAM
 from heatertune.plc.on_off.words import COUNTS, FIELDS
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words", "from_image", "intel_hex", "to_image"]
+__all__ = ["export_words", "from_image", "intel_hex", "setpoint_entry", "to_image"]
 
 _RECORD: Final = 16  # data bytes in a line of Intel HEX
 
@@ -71,7 +71,7 @@ def _listing(words: Words, certificate: Certificate) -> str:
     head = [
         "two-level control of a heater, for the bit processor of Hryniewicz and Chmiel (2012)",
         f"sensor {scale.low_degC:g}…{scale.high_degC:g} °C = 0…{COUNTS} counts in register 1 (PV)",
-        f"setpoint in counts in register 0 (SP): {COUNTS}/{scale.span_degC:g}·(°C − {scale.low_degC:g}), whole part",
+        f"setpoint in counts in register 0 (SP): {COUNTS}/{scale.span_degC:g}·({scale.formula}), whole part",
         f"register 2 (BAND) = {band} counts = {band * scale.span_degC / COUNTS:.3g} °C",
         f"one scan every {words.sample_time_s:g} s; output 0 (OUT) switches the heater",
         "after a loss of supply: proven with output 0 off until the first scan, which switches it by this law",
@@ -88,3 +88,8 @@ def _csv(words: Words) -> str:
     writer.writerow(["address", "word", "format", "value", "comment"])
     writer.writerows([f.address, f.name, f.format, words.whole[f.name], f.comment] for f in FIELDS)
     return text.getvalue()
+
+
+def setpoint_entry(_words: Words, _setpoint_degC: float, units: int) -> str:
+    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
+    return f"register 0 = {units}"

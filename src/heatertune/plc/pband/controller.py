@@ -10,7 +10,7 @@ from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cycle import Cycle
-from heatertune.plc.pband.export import export_words
+from heatertune.plc.pband.export import export_words, stem_of
 from heatertune.plc.pband.exported import exported
 from heatertune.plc.pband.makes import MAKES, Make, field_of
 from heatertune.plc.pband.readback import from_text
@@ -24,9 +24,11 @@ from heatertune.plc.pband.words import (
     oddities,
     period_of,
     periods_of,
+    shown,
     values_of,
     with_period,
 )
+from heatertune.plc.typed import entry_texts
 from heatertune.plc.words import Words
 
 __all__ = ["INSTRUMENTS"]
@@ -50,6 +52,14 @@ def _begin(make: Make) -> Any:
         return Running((block_of(make, words, assume), assume), COLD)
 
     return begin
+
+
+def _displayed(make: Make, words: Words, _setpoint_degC: float | None, _units: Any) -> Mapping[str, Mapping[str, Any]]:
+    """Return each word as the instrument's display shows it; only its list of registers has the whole numbers."""
+    texts = entry_texts({entry.name: shown(entry, words.values) for entry in make.entries})
+    return {entry.name: {**texts[entry.name], "format": "",
+                         "meaning": f"{entry.what} [{entry.unit}]" if entry.unit else entry.what}
+            for entry in make.entries}
 
 
 def _most_power(make: Make) -> tuple[str, int] | None:
@@ -80,6 +90,9 @@ def _instrument(name: str, make: Make) -> type[Controller]:
         "exported": staticmethod(partial(exported, make)),
         "oddities": staticmethod(partial(oddities, make)), "consistent": staticmethod(partial(consistent, make)),
         "tolerated": staticmethod(lambda _words: None), "begin": _begin(make),
+        "typed": staticmethod(partial(_displayed, make)),
+        "setpoint_entry": staticmethod(lambda _words, setpoint_degC, _units: f"{setpoint_degC:g} °C"),
+        "main_file": f"{stem_of(name)}_sheet.txt",
     }
     return type(name.title().replace("-", ""), (Controller,), dict(body), name=name)
 

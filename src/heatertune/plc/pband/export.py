@@ -6,12 +6,13 @@ import csv
 import io
 
 from heatertune.errors import ExportRefused
+from heatertune.plc.cpu.letters import in_ascii
 from heatertune.plc.pband.makes import Entry, Make
 from heatertune.plc.pband.readback import HEADS, from_text, number_of
 from heatertune.plc.pband.words import band_degC, period_of, shown
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words"]
+__all__ = ["export_words", "stem_of"]
 
 
 def export_words(name: str, make: Make, words: Words, certificate: Certificate) -> dict[str, str | bytes]:
@@ -20,13 +21,18 @@ def export_words(name: str, make: Make, words: Words, certificate: Certificate) 
     Raises:
         ExportRefused: a file that does not read back as the words.
     """
-    stem = name.replace("-", "_")
+    stem = stem_of(name)
     files = {f"{stem}_sheet.txt": _sheet(make, words, certificate),
              f"{stem}_registers.csv": _registers(make, words, certificate)}
     for file, text in files.items():
         if from_text(make, text, None, file).values != dict(words.values):
             raise ExportRefused(f"{file} does not read back as the words that were proven")
     return {**files}
+
+
+def stem_of(name: str) -> str:
+    """Return how the files of a target begin."""
+    return name.replace("-", "_")
 
 
 def _head(make: Make, words: Words, certificate: Certificate) -> list[str]:
@@ -71,4 +77,4 @@ def _registers(make: Make, words: Words, certificate: Certificate) -> str:
             shown(entry, words.values) if entry.real or number is None else value,
             entry.decimals, entry.unit, "FLOAT" if entry.real else "text" if number is None else "INT16", "R/W",
             "yes" if entry.read else "NO"])
-    return text.getvalue()
+    return in_ascii(text.getvalue())

@@ -62,6 +62,7 @@ class PidCompact(Controller, name="pid-compact"):
     """PID_Compact, called from a cyclic interrupt OB; it makes the PWM itself, its period being Cycle."""
 
     title = "SIMATIC S7-1200/1500, PID_Compact V2 and V3 (function manual PID control, A5E35300227)"
+    main_file = "pid_compact_words.scl"
     can = (
         "P, PI, PD and PID in single precision with setpoint weights and a lag of the derivative; inverted control",
         "its own PWM with shortest pulse and pause, what is left out being made up; broken sensor: inactive, 0 %",

@@ -7,8 +7,10 @@ import io
 from collections.abc import Sequence
 from typing import Final
 
+from heatertune.plc.cpu.letters import in_ascii
 from heatertune.plc.pid_compact.source import CALL, LOAD, ROLLBACK, assignments, call, load, made_by, rollback, tick_s
 from heatertune.plc.pid_compact.words import Tags
+from heatertune.plc.st.source import comment
 from heatertune.plc.typed import as_typed
 from heatertune.plc.words import Certificate, WordField, Words
 
@@ -22,8 +24,8 @@ def export_words(
     tags: Tags, fields: Sequence[WordField], words: Words, certificate: Certificate
 ) -> dict[str, str | bytes]:
     """Return the three files; the same words and certificate give the same bytes."""
-    head = _comment(*_head(tags, words, certificate), *_by_hand(tags, words, certificate))
-    short = _comment(*_rollback(certificate))
+    head = comment(*_head(tags, words, certificate), *_by_hand(tags, words, certificate))
+    short = comment(*_rollback(certificate))
     return {f"{tags.files}_words.scl": f"{head}{load(tags, words, certificate.actuator)}\n{call(tags)}",
             f"{tags.files}_rollback.scl": short + rollback(tags),
             f"{tags.files}_watch.csv": _watch(tags, fields, words, certificate)}
@@ -65,10 +67,6 @@ def _by_hand(tags: Tags, words: Words, certificate: Certificate) -> list[str]:
     return ["remains to be done by hand:", *(f"  {number}. {step}" for number, step in enumerate(steps, start=1))]
 
 
-def _comment(*lines: str) -> str:
-    return "".join(f"(* {line} *)\n" for line in lines)
-
-
 def _rollback(certificate: Certificate) -> tuple[str, ...]:
     return (
         f"back to the parameters of before: call {ROLLBACK} once, and take {LOAD} out of the start-up OB, which would "
@@ -101,7 +99,7 @@ def _watch(tags: Tags, fields: Sequence[WordField], words: Words, certificate: C
         row(tag, "Bool" if value in ("TRUE", "FALSE") else "Floating-point number" if "." in value else "DEC+/-",
             value, meaning)
     row("LoadBackUp", "Bool", "", "TRUE loads CtrlParamsBackUp, the parameters of before")
-    return text.getvalue()
+    return in_ascii(text.getvalue())
 
 
 def _format(format_: str) -> str:

@@ -54,6 +54,7 @@ class PidTemp(Controller, name="pid-temp"):
     """PID_Temp with its cooling off, called from a cyclic interrupt OB; it makes the PWM itself."""
 
     title = "SIMATIC S7-1200/1500, PID_Temp V1 and V2, heating (function manual PID control, A5E35300227)"
+    main_file = "pid_temp_words.scl"
     can = (
         "P, PI, PD and PID in single precision with setpoint weights and a lag of the derivative",
         "its own PWM of Cycle or a shorter period, shortest times, what is left out made up; broken sensor: 0 %",
@@ -82,6 +83,7 @@ class PidTempCooling(Controller, name="pid-temp-cooling"):
     """PID_Temp with its cooling on: one more set of parameters, and one more output with pulses of its own."""
 
     title = "SIMATIC S7-1200/1500, PID_Temp V1 and V2, heating and cooling (function manual PID control, A5E35300227)"
+    main_file = "pid_temp_words.scl"
     can = (
         "P, PI, PD and PID in single precision, by heating's set and CoolFactor or by two sets of parameters",
         "its own two PWMs of one period, shortest times of each, what is left out made up; broken sensor: 0 %",

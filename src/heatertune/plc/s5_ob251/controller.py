@@ -14,7 +14,7 @@ from heatertune.plc.s5_ob251.feed_forward import FEED
 from heatertune.plc.s5_ob251.image import from_image, oddities
 from heatertune.plc.s5_ob251.readback import from_text
 from heatertune.plc.s5_ob251.step import COLD, Assumptions, restarted, scan, step
-from heatertune.plc.s5_ob251.typed import typed
+from heatertune.plc.s5_ob251.typed import setpoint_entry, typed
 from heatertune.plc.s5_ob251.words import (
     FIELDS,
     FULL_SCALE,
@@ -35,6 +35,8 @@ class Ob251(Controller, name="s5-ob251"):
     """OB251: words in 1024ths, output and limits in units; the PWM is an actuator behind YA."""
 
     title = "SIMATIC S5-115U, OB251 (manual 4NEB 811 6130, section 11.2.3)"
+    main_file = "program_listing.txt"
+    setpoint_entry = staticmethod(setpoint_entry)
     can = (
         "P, PI and PID; feed-forward of Z; manual with a bumpless return; position or velocity algorithm",
         "derivative of the control error, or of XZ",

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from heatertune.plc.core import Sensor, count
+from heatertune.plc.cpu.letters import in_ascii
 from heatertune.plc.ramp import Number
 from heatertune.plc.s5_ob251.blocks import DB
 from heatertune.plc.s5_ob251.image import LENGTH, to_image
@@ -92,4 +93,4 @@ def _csv(rows: Sequence[_Row]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["DW", "format", FIRST, THEN, "comment"])
     writer.writerows(rows)
-    return text.getvalue()
+    return in_ascii(text.getvalue())

@@ -97,7 +97,7 @@ def _by_hand(
               "written as a whole: no other output in that byte."))
     yield (f"Range the sensor: {scale.low_degC:g} °C = 0 units, {scale.high_degC:g} °C = {FULL_SCALE} units, "
            f"{count:.3g} °C a unit.")
-    yield (f"Setpoint: DW 0 of DB{WORK}, whole part of ({FULL_SCALE}/{scale.span_degC:g})*(°C - {scale.low_degC:g})"
+    yield (f"Setpoint: DW 0 of DB{WORK}, whole part of ({FULL_SCALE}/{scale.span_degC:g})*({scale.formula})"
            + (" - enter yours." if certificate.setpoint_degC is None else "; the proven one is in it."))
     yield (f"Your own OB1, OB13, OB21, OB22: add these statements to them. DB{DB}, DB{WORK}, FB{HEAT}, FB{START} and "
            "FB33 must be free.")

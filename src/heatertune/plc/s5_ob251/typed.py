@@ -11,7 +11,7 @@ from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE
 from heatertune.plc.words import Words
 from heatertune.units import written
 
-__all__ = ["typed"]
+__all__ = ["setpoint_entry", "typed"]
 
 _FROM: Final = f"DW 0 of DB{WORK}"
 _SMALL: Final = 200  # units of YH: a tenth of the power, see COMMISSIONING.md
@@ -51,10 +51,15 @@ def _derivative_time(words: Words) -> str:
 def _setpoint(words: Words, setpoint_degC: float | None, units: Number | None) -> dict[str, Any]:
     """Return W with the factor for others; a ramp leads it to what the program asks for."""
     scale = words.scaling
-    factor = f"whole part of ({FULL_SCALE}/{scale.span_degC:g})·(°C − {scale.low_degC:g})"
+    factor = f"whole part of ({FULL_SCALE}/{scale.span_degC:g})·({scale.formula})"
     if units is None:
         return {"meaning": f"setpoint, {_FROM}: {factor}, enter yours there"}
     proven = f"{setpoint_degC:g} °C as proven; others: {factor}"
     if words.ramp is not None:
         return {"meaning": f"led to the setpoint, {_FROM} = {units:+d}: {proven}"}
     return {"first": units, "then": units, "meaning": f"setpoint, {_FROM}: {proven}"}
+
+
+def setpoint_entry(_words: Words, _setpoint_degC: float, units: int) -> str:
+    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
+    return f"DW 0 of DB31 = {units:+d}"

@@ -11,7 +11,7 @@ from heatertune.plc.cpu.s7_200 import COLD, assemble
 from heatertune.plc.cpu.s7_200.cycle import TIMER, check_cycle, cycle_s, timed
 from heatertune.plc.cpu.s7_200.state import own, restarted, started
 from heatertune.plc.cpu.s7_200.wiring import COUNTS
-from heatertune.plc.s7_200.export import export_words
+from heatertune.plc.s7_200.export import export_words, setpoint_entry
 from heatertune.plc.s7_200.listing import COUNTDOWN, repaired_program
 from heatertune.plc.s7_200.readback import from_text
 from heatertune.plc.s7_200.step import Assumptions, step
@@ -27,6 +27,8 @@ class S7200(Controller, name="s7-200"):
     """The paper's PID/PWM program, repaired: whole numbers; the program computes once in each PWM cycle."""
 
     title = "SIMATIC S7-200 CPU 214, PID/PWM program (Alia, Am. J. Appl. Sci. 4(5), 2007, Table 2), repaired"
+    main_file = "s7_200_program.awl"
+    setpoint_entry = staticmethod(setpoint_entry)
     can = (
         "PI and PID in whole numbers, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",
         "free of overflow for every pair of setpoint and reading", "setpoint ramp in whole counts",

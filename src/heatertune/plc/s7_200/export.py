@@ -7,7 +7,7 @@ from heatertune.plc.cpu.s7_200.wiring import COUNTS, SWITCH, clock, counts_wired
 from heatertune.plc.s7_200.listing import repaired_program
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words"]
+__all__ = ["export_words", "setpoint_entry"]
 
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
@@ -26,3 +26,8 @@ def _by_hand(words: Words, certificate: Certificate) -> list[str]:
         f"turn analog adjustment 0 until SMB28 {shown}; another one is not proven",
         "an open sensor is not seen by an 8-bit input: cut the heater by a limiter of its own",
     ]
+
+
+def setpoint_entry(_words: Words, _setpoint_degC: float, units: int) -> str:
+    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
+    return f"SMB28 = {units} (analog adjustment 0)"

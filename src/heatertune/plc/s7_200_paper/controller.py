@@ -9,7 +9,7 @@ from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cpu.s7_200 import COLD, assemble
 from heatertune.plc.cpu.s7_200.cycle import TIMER
 from heatertune.plc.cpu.s7_200.wiring import COUNTS
-from heatertune.plc.s7_200_paper.export import export_words
+from heatertune.plc.s7_200_paper.export import export_words, setpoint_entry
 from heatertune.plc.s7_200_paper.faults import faults
 from heatertune.plc.s7_200_paper.listing import printed_program
 from heatertune.plc.s7_200_paper.readback import from_text
@@ -26,6 +26,8 @@ class PaperProgram(Controller, name="s7-200-paper"):
     """The paper's PID/PWM program with its faults; what it makes of its constants is no PID."""
 
     title = "SIMATIC S7-200 CPU 214, PID/PWM program as printed (Alia, Am. J. Appl. Sci. 4(5), 2007, Table 2)"
+    main_file = "s7_200_paper.awl"
+    setpoint_entry = staticmethod(setpoint_entry)
     can = ("what the paper prints, its own PWM on Q0.0; for comparison",)
     cannot = (
         "no PID: its P accumulates, its D acts as P",

@@ -10,7 +10,7 @@ from heatertune.plc.core import Core, Running
 from heatertune.plc.cpu.s7_200 import COLD, assemble
 from heatertune.plc.cpu.s7_200.cycle import TIMER, check_cycle, cycle_s, timed
 from heatertune.plc.cpu.s7_200.state import own, restarted, started
-from heatertune.plc.s7_200_pid.export import export_words
+from heatertune.plc.s7_200_pid.export import export_words, setpoint_entry
 from heatertune.plc.s7_200_pid.image import from_image, oddities
 from heatertune.plc.s7_200_pid.listing import COUNTDOWN, pid_program
 from heatertune.plc.s7_200_pid.readback import from_text
@@ -27,6 +27,8 @@ class S7200Pid(Controller, name="s7-200-pid"):
     """The PID instruction in single precision; the loop is called once in each PWM cycle."""
 
     title = "SIMATIC S7-200, PID instruction (System Manual C79000-G7076-C233-01, pp. 9-84 to 9-91)"
+    main_file = "s7_200_pid.awl"
+    setpoint_entry = staticmethod(setpoint_entry)
     can = (
         "P, PI and PID in single precision, D on the process variable; its own PWM on Q0.0 of 0.1 to 32.7 s",
         "bias clamped with the output: no windup", "setpoint ramp in whole input words",

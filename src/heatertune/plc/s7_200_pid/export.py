@@ -10,7 +10,7 @@ from heatertune.plc.s7_200_pid.step import STEP, measure
 from heatertune.plc.s7_200_pid.words import FULL, RANGES, SETPOINT, TABLE
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words"]
+__all__ = ["export_words", "setpoint_entry"]
 
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
@@ -39,7 +39,7 @@ def _by_hand(words: Words, certificate: Certificate) -> list[str]:
     shown = place
     if asked is not None:
         word = measure(module(words.scaling, FULL // STEP, RANGES), asked)
-        shown = f"{place} = {word / FULL if words.ramp is None else word:g}, the proven {asked:g} degC"
+        shown = f"{place} = {word / FULL if words.ramp is None else word:.9g}, the proven {asked:g} degC"
     return [
         f"CPU 22x; analog input module: the first input, {_range(words)}, is AIW0",
         "system block: analog input filter off for AIW0, for the proof reads without it",
@@ -67,3 +67,8 @@ def _seen(words: Words) -> str:
     return ("a broken wire is seen where the module gives 32766 and more or -32767 and less (EM231), and a "
             "transmitter's with --input 4-20mA; else a limiter must cut the heater" if least is None else
             f"a broken wire, a current below 3.6 mA (AIW0 below {least}), puts the heater off; try it out")
+
+
+def setpoint_entry(words: Words, _setpoint_degC: float, units: int) -> str:
+    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
+    return f"{SETPOINT} = {units / FULL:.9g}" if words.ramp is None else f"{ASKED} = {units}"

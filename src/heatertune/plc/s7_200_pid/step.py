@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.core import Sensor
+from heatertune.plc.core import BINARY_LOSS, Sensor
 from heatertune.plc.cpu.s7_200 import State
 from heatertune.plc.cpu.s7_200.cells import cell
 from heatertune.plc.cpu.s7_200.cycle import Timed, run_cycle
@@ -30,8 +30,7 @@ class Assumptions(NamedTuple):
 
 def measure(sensor: Sensor, temperature_degC: float) -> int:
     """Return the analog input word of a temperature."""
-    share = (temperature_degC - sensor.low) / sensor.span
-    exact = share * sensor.counts + sensor.half
+    exact = (temperature_degC - sensor.low) * sensor.counts / sensor.span + sensor.half + BINARY_LOSS
     return FULL // sensor.counts * int(min(max(exact, float(sensor.least)), float(sensor.counts)))
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, count
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, INPUT_S, RANGES, TICK_S, TIMER
-from heatertune.plc.s7_300.export import export_words
+from heatertune.plc.s7_300.export import export_words, setpoint_entry
 from heatertune.plc.s7_300.exported import exported
 from heatertune.plc.s7_300.image import from_image, oddities
 from heatertune.plc.s7_300.readback import from_text
@@ -22,6 +22,8 @@ class PidTip(Controller, name="s7-300"):
     """The PID of the application tip, called from OB35; the program around it makes the PWM."""
 
     title = "SIMATIC S7-300/400, application tip PID No. 2 (Siemens, V1.0, 11/96)"
+    main_file = "s7_300_pid.awl"
+    setpoint_entry = staticmethod(setpoint_entry)
     can = (
         "P, PI, PD and PID in single precision; derivative of the reading, not filtered; I, ID and D with GAIN = 0",
         "exported as a whole STL program: restart, broken sensor, PWM (or PULSEGEN), setpoint ramp on request",

@@ -13,7 +13,7 @@ from heatertune.plc.s7_300.listing import STATEMENTS, VARIABLES
 from heatertune.plc.s7_300.words import FIELDS
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words", "source"]
+__all__ = ["export_words", "setpoint_entry", "source"]
 
 #: number of the function block and of its instance data block: free in most programs
 _NUMBER: Final = 100
@@ -91,3 +91,8 @@ def _loads(words: Words) -> list[str]:
         loads += [f"      L     {awl.bits(value)};  // {field.name} {value:.9g}",
                   f"      T     DB{_NUMBER}.DBD {field.address.removeprefix('DBD')};"]
     return loads
+
+
+def setpoint_entry(_words: Words, _setpoint_degC: float, units: int) -> str:
+    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
+    return f"SP (DBW 2 of DB 101) = {units}"

@@ -21,6 +21,7 @@ class SimplePid(Controller, name="simple-pid"):
     """simple-pid in double precision; the loop around it switches the heater in windows of time."""
 
     title = "simple-pid 2.0.1 for Python (simple_pid/pid.py)"
+    main_file = "simple_pid_heater.py"
     can = (
         "P, PI, PD and PID in double precision by the measured interval, D on the reading",
         "P on the measurement and D on the error where words are read",

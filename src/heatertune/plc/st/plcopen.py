@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 from xml.etree import ElementTree as Xml
 
+from heatertune.plc.cpu.letters import in_ascii
 from heatertune.plc.st.source import Source
 
 __all__ = ["project"]
@@ -53,7 +54,7 @@ def project(
 
 def _content_header(root: Xml.Element, head: Iterable[str]) -> None:
     header = Xml.SubElement(root, "contentHeader", {"name": "heater controller"})
-    Xml.SubElement(header, "Comment").text = "\n".join(head)
+    Xml.SubElement(header, "Comment").text = in_ascii("\n".join(head))
     information = Xml.SubElement(header, "coordinateInfo")
     for language in ("fbd", "ld", "sfc"):
         Xml.SubElement(Xml.SubElement(information, language), "scaling", {"x": "1", "y": "1"})
@@ -87,7 +88,7 @@ def _variable(listed: Xml.Element, name: str, type_: str, initial: str, meaning:
 
 def _instances(root: Xml.Element, interval_ms: int) -> None:
     configurations = Xml.SubElement(Xml.SubElement(root, "instances"), "configurations")
-    configuration = Xml.SubElement(configurations, "configuration", {"name": "Config"})
-    resource = Xml.SubElement(configuration, "resource", {"name": "Resource"})
+    configuration = Xml.SubElement(configurations, "configuration", {"name": "HeaterConfiguration"})
+    resource = Xml.SubElement(configuration, "resource", {"name": "HeaterResource"})
     task = Xml.SubElement(resource, "task", {"name": "HeaterTask", "priority": "0", "interval": f"T#{interval_ms}ms"})
     Xml.SubElement(task, "pouInstance", {"name": "HeaterProgram", "typeName": "Heater"})

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-__all__ = ["LARGEST", "Source", "function_block"]
+from heatertune.plc.cpu.letters import in_ascii
+
+__all__ = ["LARGEST", "Source", "comment", "function_block"]
 
 #: the largest REAL
 LARGEST: Final = "3.4028235E38"
@@ -23,6 +25,12 @@ class Source(NamedTuple):
     name: str
     declarations: Mapping[str, tuple[tuple[str, str, str, str], ...]]
     body: str
+
+
+def comment(*lines: str) -> str:
+    """Return comments, one a line: in ASCII, and without the two signs that begin and end a comment."""
+    plain = (in_ascii(line).replace("(*", "( *").replace("*)", "* )") for line in lines)
+    return "".join(f"(* {line} *)\n" for line in plain)
 
 
 def function_block(block: Source) -> str:

@@ -9,7 +9,7 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.core import Core, Running, Sensor, count
 from heatertune.plc.pwm import HALF_WAVE_S
 from heatertune.plc.single import single
-from heatertune.plc.weg.export import export_words
+from heatertune.plc.weg.export import entries, export_words, setpoint_entry
 from heatertune.plc.weg.exported import exported
 from heatertune.plc.weg.readback import from_text
 from heatertune.plc.weg.step import COLD, Assumptions, block_of, scan, step
@@ -27,6 +27,8 @@ class Weg(Controller, name="weg"):
     """WEG's PID block in single precision, temperatures in °C; the program around it makes the PWM of its scans."""
 
     title = "WEG SCA06 Ladder, block PID (WPS help; equation of the CFW501 programming manual V1.8x)"
+    main_file = "weg_pid_call.st"
+    setpoint_entry = staticmethod(setpoint_entry)
     can = (
         "P, PI, PD and PID in single precision, academic or parallel form, direct or reverse action",
         "setpoint filter of first order, limits of the output, manual output, enabling; Ts of 1 to 65535 ms",
@@ -45,6 +47,7 @@ class Weg(Controller, name="weg"):
     }
     counts = COUNTS
     tick_s = HALF_WAVE_S
+    typed = staticmethod(entries)
     derivative_filter = 0.0
     ramped = boosted = True
     most_power = ("MaximumOutput", 100.0)

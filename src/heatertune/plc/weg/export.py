@@ -20,13 +20,14 @@ from heatertune.plc.st.program import (
     statements,
     variables,
 )
-from heatertune.plc.st.source import function_block
+from heatertune.plc.st.source import comment, function_block
+from heatertune.plc.typed import entry_texts
 from heatertune.plc.weg.program import KEEPS, PROBE, PROBED, keeping
 from heatertune.plc.weg.source import SOURCE
 from heatertune.plc.weg.words import COUNTS, FIELDS, REVERSE
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["RENAMED", "export_words"]
+__all__ = ["RENAMED", "entries", "export_words", "setpoint_entry"]
 
 _WIRES = (
     ("ManualSetPoint", "HandPower"), ("SelectSetPoint", "ByHand"),
@@ -47,7 +48,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
                  tool="WPS or another vendor's tool"),
         *by_hand(clock, certificate, of_clock=[_who_keeps_ts(known)],
                  of_start=["HeaterOn has to stay TRUE: each time that it rises the first call gives 0"]))
-    comment = "\n".join(f"(* {line} *)" for line in head) + "\n"
+    remarks = comment(*head)
     limits = Limits(words.values["MaximumOutput"], words.values["Action"] == REVERSE)
     own = variables(words, clock, setpoint)
     body = statements(words, clock, _block_call(words), limits)
@@ -55,9 +56,9 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     calls = statements(words, clock, _weg_call(words), limits, before=PROBED if kept is None else "", or_when=KEEPS)
     instances = {"HeaterPid": "FB_PID"} | ({PROBE: "FB_PID"} if kept is None else {})
     return {
-        "weg_pid_call.st": comment + program("WegHeater", instances, wegs, calls),
+        "weg_pid_call.st": remarks + program("WegHeater", instances, wegs, calls),
         "weg_pid_block.st":
-            comment + function_block(SOURCE) + "\n" + program("Heater", {"HeaterPid": SOURCE.name}, own, body),
+            remarks + function_block(SOURCE) + "\n" + program("Heater", {"HeaterPid": SOURCE.name}, own, body),
         "weg_pid_plcopen.xml": project(SOURCE, own, body, head, clock.tick_ms),
     }
 
@@ -70,6 +71,11 @@ def _who_keeps_ts(known: str | None) -> str:
         return f"WEG's block is called each Ts, as you told ({known}): BlockKeepsTs is FALSE"
     return (f"who keeps Ts, WEG's block or its caller, the first scan after each start-up finds out ({PROBE}): "
             "BlockKeepsTs then shows it; a ladder of your own has to know")
+
+
+def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
+    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    return entry_texts(dict(_values(words)))
 
 
 def _values(words: Words) -> list[tuple[str, str]]:
@@ -92,3 +98,9 @@ def _block_call(words: Words) -> str:
     values = [(RENAMED.get(name, name), value) for name, value in _values(words)]
     call = called("HeaterPid", [("Enable", enabling(words)), *_wires(words), *values])
     return f"{call}HeaterPower := HeaterPid.Output;\n"
+
+
+def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:
+    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
+    value = literal(proven_setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC), COUNTS))
+    return f"HeaterSetPoint = {value} °C"

@@ -38,7 +38,7 @@ _DECLARATIONS: Final[dict[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("WasEnabled", "BOOL", "", "Enable of the call before"),
         ("LastFiltered", "REAL", "", "filtered setpoint of the call before"),
         ("LastError", "REAL", "", "e(k-1)"),
-        ("Integral", "REAL", "", "i(k-1)"),
+        ("IntegralPart", "REAL", "", "i(k-1)"),
         ("Starts", "BOOL", "", "positive edge of Enable"),
         ("Valid", "BOOL", "", "e(k) is a number"),
         ("Seconds", "REAL", "", "Ts, s"),
@@ -81,7 +81,7 @@ ELSE
     WasEnabled := TRUE;
     LastFiltered := SetPoint;
     LastError := Error;
-    Integral := 0.0;
+    IntegralPart := 0.0;
     Output := 0.0;
   ELSE
     IF SelectSetPoint THEN
@@ -89,10 +89,10 @@ ELSE
     ELSIF NOT Valid THEN
       Wanted := MinimumOutput;
     ELSIF Form = 0 THEN
-      Wanted := Integral + Kp * (((1.0 + KiTs) + KdByTs) * Error - KdByTs * LastError);
+      Wanted := IntegralPart + Kp * (((1.0 + KiTs) + KdByTs) * Error - KdByTs * LastError);
       Growth := (Kp * KiTs) * Error;
     ELSE
-      Wanted := Integral + (((Kp + KiTs) + KdByTs) * Error - KdByTs * LastError);
+      Wanted := IntegralPart + (((Kp + KiTs) + KdByTs) * Error - KdByTs * LastError);
       Growth := KiTs * Error;
     END_IF;
     Output := Wanted;
@@ -104,7 +104,7 @@ ELSE
     IF Valid AND NOT SelectSetPoint THEN
       LastFiltered := Filtered;
       LastError := Error;
-      Sum := Integral + Growth;
+      Sum := IntegralPart + Growth;
       IF KiTs <> 0.0 THEN (* proportional and integral part together stay within the limits *)
         Proportional := Kp * Error;
         IF Sum < MinimumOutput - Proportional THEN
@@ -115,7 +115,7 @@ ELSE
         END_IF;
       END_IF;
       IF ABS(Sum) <= Largest THEN
-        Integral := Sum;
+        IntegralPart := Sum;
       END_IF;
     END_IF;
   END_IF;

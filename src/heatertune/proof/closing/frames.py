@@ -13,6 +13,7 @@ from heatertune.plc.pwm import HALF_WAVE_S, in_ticks
 from heatertune.proof.asked import Asked, Closed
 from heatertune.proof.fitted import default_pwm_period_s
 from heatertune.proof.heaters import ROOM_DEGC
+from heatertune.proof.mains import RESERVE_PCT
 from heatertune.proof.night import OVERSHOOTS as OF_NIGHTS
 from heatertune.proof.night import briefly
 from heatertune.proof.period import holding_power_pct, ripple_at
@@ -309,6 +310,8 @@ class _Switch:
             return
         setpoint = self.proof.scenario.setpoint_degC
         held = max(holding_power_pct(model, setpoint, ROOM_DEGC) for model in self.models)
+        at_low_mains = held / min((1.0, *(each.mains_power for each in self.proof.mains)))
+        held = at_low_mains if at_low_mains <= 100.0 - RESERVE_PCT else held
         for share in _RESERVES:
             yield Frame(power_most_pct=float(round(held + share * (100.0 - held))))
 

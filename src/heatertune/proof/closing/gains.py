@@ -12,6 +12,7 @@ from heatertune.model.values import FittedModel
 from heatertune.pid.search.feasible import Problem, keeps, largest_gain, search
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
+from heatertune.plc.design import loop_fit
 from heatertune.settings import TuneSettings
 
 __all__ = ["Family", "Place"]
@@ -72,6 +73,7 @@ class Family:
             InputError: no gains keep the limits.
         """
         its, cooler = controller_for(target), cools(fitted)
+        fitted = loop_fit(fitted, target, scaling)
         if cooler:
             fitted, wished = mirrored(fitted), _turned(wished)
         problem = Problem(

@@ -50,7 +50,8 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
 
 @judged_once()
 def closed_on_runs(
-    fitted: FittedModel, asked: Asked, *, ways_on: bool = True, progress: Told = str, stage: Told = str
+    fitted: FittedModel, asked: Asked, *, ways_on: bool = True, freeing: bool = True, progress: Told = str,
+    stage: Told = str,
 ) -> Closed:
     """Return what `closed` does before the exported text is run: for who does so a little later, with `as_exported`.
 
@@ -58,6 +59,7 @@ def closed_on_runs(
         fitted: as `closed`.
         asked: likewise.
         ways_on: whether what else would pass is looked for, too.
+        freeing: whether that may leave open what is fixed of the design; not where the search itself has fixed it.
         progress: likewise.
         stage: likewise.
     """
@@ -65,8 +67,8 @@ def closed_on_runs(
     first = plainly(fitted, still, text=False, progress=progress, stage=stage)
     if asked.as_is or (first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.heard))):
         return first
-    search = Search(fitted=fitted, asked=asked, first=first, progress=progress)
-    mended = search.cheapest() if first.proof.design else search.sooner()
+    search = Search(fitted=fitted, asked=asked, first=first, progress=progress, freeing=freeing)
+    mended = search.cheapest() if first.proof.design else search.sooner(ways_on=ways_on)
     if not ways_on:
         return mended or first
     return search.way_on.told() if mended is None else replace(mended, notes=(*mended.notes, *search.hints(mended)))
@@ -84,12 +86,14 @@ class Search:
         calmer: the first frame that helped.
         way_on: what else would pass.
         brief: what would pass but for a short open circuit.
+        freeing: as of `closed_on_runs`.
     """
 
     fitted: FittedModel
     asked: Asked
     first: Closed
     progress: Told
+    freeing: bool = True
     screen: Screen = field(init=False)
     best: Within | None = None
     place: Place | None = None
@@ -100,7 +104,8 @@ class Search:
 
     def __post_init__(self) -> None:
         self.way_on = WayOn(
-            fitted=self.fitted, asked=self.asked, first=self.first, progress=self.progress, close=closed)
+            fitted=self.fitted, asked=self.asked, first=self.first, progress=self.progress,
+            close=partial(closed_on_runs, ways_on=False), freeing=self.freeing)
         self.screen = Screen(fitted=self.fitted)
         self.failed(self.first.proof)
         self.brief += [self.first] if briefly(self.first.proof.heard) else []
@@ -182,13 +187,14 @@ class Search:
                 return mended
         return None
 
-    def sooner(self) -> Closed | None:
+    def sooner(self, *, ways_on: bool) -> Closed | None:
         """Return a control without gains that passes as it scans more often; None where it does not, or must not."""
         if self.asked.tuned.sample_time_s is not None:
             return None
         timer = controller_for(self.asked.target).timer
         frame = Frame(sample_time_s=timer.round(_SOONER * self.first.wished.sample_time_s))
-        self.way_on.sooner = scanned = closed(self.fitted, self.framed(frame), progress=self.progress)
+        self.way_on.sooner = scanned = closed_on_runs(
+            self.fitted, self.framed(frame), ways_on=ways_on, freeing=False, progress=self.progress)
         return None if scanned.proof.verdict == "FAIL" else self.proven(frame, (scanned.wished, scanned.choice))
 
     def _wholes(self, frame: Frame) -> Iterator[Frame]:

@@ -12,11 +12,13 @@ from typing import Final
 from heatertune.errors import HeatertuneError, NotRepresentable
 from heatertune.model.findings import KINDS
 from heatertune.model.values import FittedModel
+from heatertune.plc import controller_for
 from heatertune.plc.targets import REPAIRED
 from heatertune.progress import Told
 from heatertune.proof import price
 from heatertune.proof.asked import Asked, Closed, plainly
 from heatertune.proof.closing.frames import COARSE, calmest_pwm
+from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.nearest import (
     both_that_pass,
     broken_names,
@@ -25,15 +27,21 @@ from heatertune.proof.nearest import (
     loosened,
     options_of,
     passing_settings,
+    physical_help,
     suspects,
     tolerance_that_passes,
+    within_reach,
 )
 from heatertune.proof.night import winds_up, wound
-from heatertune.proof.proving import RunResult
+from heatertune.proof.proving import Proof, RunResult
 from heatertune.proof.screen import Screen
+from heatertune.proof.verdict import BREAKS_NONE
+from heatertune.settings import TuneSettings
 
-__all__ = ["WayOn", "known_as", "passes_told"]
+__all__ = ["WayOn", "freed", "known_as", "passes_told"]
 
+#: shares of the rise above ambient of lower setpoints that may be suggested
+_LOWER: Final = (0.95, 0.9, 0.8)
 _HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
 
 
@@ -44,6 +52,36 @@ def known_as(asked: Asked, settings: Mapping[str, str]) -> tuple[Asked, tuple[st
     return replace(asked, conditions=replace(asked.conditions, switches=known)), options
 
 
+def freed(asked: Asked) -> tuple[tuple[str, ...], Asked]:
+    """Return a request that leaves open what the user fixed of the design, and the options that say so.
+
+    What the command line cannot take back by an option, a PWM period and a rule's closed-loop time, stays.
+
+    Args:
+        asked: as it was.
+
+    Returns:
+        the options, none where nothing is fixed, and the request.
+    """
+    usual, tuned, options = TuneSettings(), asked.tuned, list[str]()
+    for name, flag in (("structure", "--structure"), ("method", "--method"), ("ms", "--ms")):
+        if getattr(tuned, name) != getattr(usual, name) and tuned.closed_loop_s is None:
+            tuned = replace(tuned, **{name: getattr(usual, name)})
+            options += [flag, f"{getattr(usual, name)}"]
+    if tuned.sample_time_s is not None or asked.interval_by_words:
+        tuned = replace(tuned, sample_time_s=None)
+        options += ["--sample-time", "auto"]
+    boost, ramp = asked.boost, asked.setpoint_ramp
+    if boost == "none":
+        boost = "auto"
+        options += ["--boost", "auto"]
+    if ramp not in (None, "auto") and controller_for(asked.target).ramped:
+        ramp = "auto"
+        options += ["--setpoint-ramp", "auto"]
+    return tuple(options), replace(
+        asked, tuned=tuned, boost=boost, setpoint_ramp=ramp, interval_by_words=False)
+
+
 def passes_told(options: Sequence[str], changes: str = "") -> str:
     """Return what is told of options of known settings, and of `changes`, with which a design would pass."""
     return f"would pass with {' '.join(options)}{changes}: find out what this controller does"
@@ -51,16 +89,18 @@ def passes_told(options: Sequence[str], changes: str = "") -> str:
 
 @dataclass(slots=True, kw_only=True)
 class WayOn:
-    """What else could be asked for, the nearest first: a setting to find out, more scans, a wider band, looser limits.
+    """What else could be asked for: first another design, then a setting to find out or a condition, a limit last.
 
     Attributes:
         fitted: the heater and its candidates.
         asked: what for.
         first: the plain design, which fails or winds up.
         progress: told what is tried.
-        close: `heatertune.proof.closing.closed`.
+        close: `heatertune.proof.closing.search.closed_on_runs` without ways on.
+        freeing: whether what is fixed of the design may be left open.
         sooner: a control without gains that scans more often, where it was tried.
         untried: what could not be tried, and why, each once.
+        unproven: options of the first request whose design keeps every limit, yet has a finding that blocks.
     """
 
     fitted: FittedModel
@@ -68,8 +108,10 @@ class WayOn:
     first: Closed
     progress: Told
     close: Callable[..., Closed]
+    freeing: bool = True
     sooner: Closed | None = None
     untried: dict[str, None] = field(default_factory=dict)
+    unproven: tuple[str, ...] = ()
 
     def left_out(self, changes: str, problem: HeatertuneError) -> None:
         """Keep why some changes were not tried; that a PLC cannot hold their words is no news."""
@@ -84,9 +126,12 @@ class WayOn:
         repaired = self._by_repair()
         told, options = ("", repaired) if repaired else self.by_settings()
         if not told:
-            options = (options or self._by_more_scans() or self._by_tolerance() or self._by_limits()
-                       or self._by_both())
-            would = f"would pass at {' '.join(options)}" if options else "nothing tried mends it"
+            options = (options or self._by_design() or self._by_more_scans() or self._by_setpoint()
+                       or self._by_tolerance() or self._by_limits() or self._by_both())
+            would = f"would pass at {' '.join(options)}" if options else self._hopeless
+            if not options and self.unproven:
+                options = self.unproven
+                would = f"{BREAKS_NONE} {' '.join(options)}"
             told = "; ".join(filter(None, (why, would)))
         heard = replace(proof.heard, remarks=(*proof.heard.remarks, told))
         note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
@@ -112,7 +157,21 @@ class WayOn:
             other = self.close(self.fitted, replace(self.asked, target=target), progress=self.progress)
         except HeatertuneError:  # what was asked for is of the other alone
             return ()
-        return () if other.proof.verdict == "FAIL" else ("--target", target)
+        return self._taken(other.proof, ("--target", target))
+
+    def _taken(self, proof: Proof, options: tuple[str, ...]) -> tuple[str, ...]:
+        """Return options whose proof passes; none where it does not; those that break no limit are kept in mind."""
+        if self._passes(proof):
+            return options
+        if proof.verdict != "FAIL":
+            self.unproven = self.unproven or options
+        return ()
+
+    def _passes(self, proof: Proof) -> bool:
+        """Return whether a proof keeps every limit, and nothing blocks it but what the log or the first design has."""
+        known = {finding.name for finding in (*self.fitted.findings, *self.first.proof.heard.findings)}
+        blocks = {view.name for view in proof.heard.views if view.effect == "blocks" and not view.accepted}
+        return proof.verdict != "FAIL" and blocks <= known
 
     def by_settings(self) -> tuple[str, tuple[str, ...]]:
         """Return what is told where one setting of an open point would do, and its options; nothing where none does."""
@@ -151,16 +210,58 @@ class WayOn:
                 f"°C{bursts}")
         return calm.share(tolerance), told
 
+    @property
+    def _hopeless(self) -> str:
+        """What is told where nothing that may be suggested passes."""
+        help_ = physical_help(sorted(broken_names(self.first.proof)))
+        return "nothing tried mends it, nor a limit of up to twice its default" + (
+            f"; at the heater itself would help: {help_}" if help_ else "")
+
+    def _by_design(self) -> tuple[str, ...]:
+        """Return the options that leave open what the user gave of the design; none where that does not pass."""
+        options, asked = freed(self.asked)
+        if not options or not self.freeing:
+            return ()
+        self.progress(f"{price.broken(self.first)} fails: trying {' '.join(options)}")
+        try:
+            other = self.close(self.fitted, asked, progress=self.progress)
+        except HeatertuneError:  # there is no such design
+            return ()
+        return self._taken(other.proof, options)
+
+    def _by_setpoint(self) -> tuple[str, ...]:
+        """Return the option of a lower setpoint at which the plain design passes; none where there is none nearby."""
+        conditions, scenario = self.asked.conditions, self.first.proof.scenario
+        if conditions.profile is not None or conditions.lowest_degC is not None:
+            return ()
+        ambient = self.fitted.plants[0].ambient_degC
+        start = ROOM_DEGC if ambient is None else ambient
+        screen, words = Screen(fitted=self.fitted).with_failed(self.first.proof), self.first.proof.words
+        for share in _LOWER:
+            setpoint = float(f"{start + share * (scenario.setpoint_degC - start):.3g}")
+            lower = replace(conditions, setpoint_degC=setpoint)
+            try:
+                if not screen.keeps(words, replace(self.first.conditions, setpoint_degC=setpoint)):
+                    continue
+                self.progress(f"{price.broken(self.first)} fails: trying a setpoint of {setpoint:g} °C")
+                asked = replace(self.asked, setpoint_ramp=self.asked.setpoint_ramp or "none", conditions=lower)
+                found = plainly(self.fitted, asked, text=False, progress=self.progress)
+            except HeatertuneError:  # there the heater cannot be held, or the sensor does not see it
+                continue
+            if options := self._taken(found.proof, ("--setpoint", f"{setpoint:g}")):
+                return options
+        return ()
+
     def _by_limits(self) -> tuple[str, ...]:
         """Return the options that loosen each broken limit by as little as will do, none where they would not."""
         looser = limits_that_pass(self.first.proof)
-        if not looser:
+        if not looser or not within_reach(looser, self.first.proof, self.fitted, self.first.conditions):
             return ()
         self.progress(f"{price.broken(self.first)} fails: trying what it would keep")
         asked = replace(self.asked, setpoint_ramp=self.asked.setpoint_ramp or "none",
                         conditions=loosened(self.asked.conditions, looser))
-        failed = plainly(self.fitted, asked, text=False, progress=self.progress).proof.verdict == "FAIL"
-        return () if failed else options_of(looser)
+        return self._taken(
+            plainly(self.fitted, asked, text=False, progress=self.progress).proof, options_of(looser))
 
     def _by_more_scans(self) -> tuple[str, ...]:
         sooner = self.sooner
@@ -170,9 +271,10 @@ class WayOn:
 
     def _by_both(self) -> tuple[str, ...]:
         proof = self.first.proof
-        return () if proof.design else both_that_pass(proof.words, self.fitted, proof, self.first.conditions)
+        return () if proof.design else both_that_pass(
+            proof.words, self.fitted, proof, self.first.conditions, self._passes)
 
     def _by_tolerance(self) -> tuple[str, ...]:
         proof = self.first.proof
-        wider = tolerance_that_passes(proof.words, self.fitted, proof, self.first.conditions)
+        wider = tolerance_that_passes(proof.words, self.fitted, proof, self.first.conditions, self._passes)
         return () if wider is None else ("--tolerance", f"{wider:g}")

@@ -12,7 +12,7 @@ from heatertune.pid.tune import assessed_sampled
 from heatertune.plc import Scaling
 from heatertune.plc.choose import choose_words
 from heatertune.plc.cooler import cooled
-from heatertune.plc.design import encode
+from heatertune.plc.design import encode, loop_fit
 from heatertune.proof.asked import Asked, Closed, Made
 from heatertune.proof.closing.frames import Frame
 from heatertune.proof.closing.gains import Family, Place
@@ -146,6 +146,6 @@ class Within:
             raise InputError("no gain keeps the limits")
         if design is first.wished and not self.search.asked.refined:
             return first.wished, replace(first.choice, words=self.frame.on(first.choice.words))
-        assessed = assessed_sampled(fitted.plants, design)
+        assessed = assessed_sampled(loop_fit(fitted, asked.target, asked.scaling).plants, design)
         choice = choose_words(assessed, asked.target, fitted, scaling=asked.scaling, way=asked.words_by)
         return assessed, replace(choice, words=self.frame.on(choice.words))

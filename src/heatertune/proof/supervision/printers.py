@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, NamedTuple
@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from heatertune.compiled import compiled
 from heatertune.errors import InputError
+from heatertune.plc.klipper.export import heater_of
 from heatertune.processors import mapped
 from heatertune.progress import Told
 from heatertune.proof.supervision.design import FRESH, Bench
@@ -186,19 +187,27 @@ def printer_rule(bench: Bench, numbers: Numbers, target: str, checked: int, prog
     raise InputError(f"after {_BATCHES} tries {target}'s own rule still stops a heater in order")
 
 
-def lines_of(rule: Rule, head: Sequence[str]) -> tuple[str, str]:
-    """Return the file and the lines of a rule."""
+def lines_of(rule: Rule, head: Sequence[str], known: Mapping[str, str]) -> tuple[str, str]:
+    """Return the file and the lines of a rule.
+
+    Args:
+        rule: of a printer.
+        head: remarks at its beginning.
+        known: open point of the controller → its setting, the heater of the printer among them.
+    """
     if isinstance(rule, VerifyHeater):
         named = rule._asdict()
         limits = [f"min_temp: {named.pop('min_temp'):g}", f"max_temp: {named.pop('max_temp'):g}"]
-        text = ["[verify_heater extruder]", *(f"{name}: {value:g}" for name, value in named.items()), "",
+        text = [f"[verify_heater {heater_of(known)[1]}]", *(f"{name}: {value:g}" for name, value in named.items()), "",
                 "# in the section of the heater, as its parts bear them:", *(f"# {line}" for line in limits)]
         return "klipper_verify_heater.cfg", "\n".join([*(f"# {line}" for line in head), *text]) + "\n"
-    defines = {"THERMAL_PROTECTION_PERIOD": rule.period, "THERMAL_PROTECTION_HYSTERESIS": rule.hysteresis,
-               "WATCH_TEMP_PERIOD": rule.watch_period, "WATCH_TEMP_INCREASE": rule.watch_increase}
-    text = [*(f"#define {name} {value:g}" for name, value in defines.items() if value),
-            "// in Configuration.h, as its parts bear them:", f"// #define HEATER_0_MINTEMP {rule.min_temp:g}",
-            f"// #define HEATER_0_MAXTEMP {rule.max_temp:g}"]
+    bed, limit = ("BED_", "BED") if known.get("heater") == "bed" else ("", "HEATER_0")
+    defines = {f"THERMAL_PROTECTION_{bed}PERIOD": rule.period, f"THERMAL_PROTECTION_{bed}HYSTERESIS": rule.hysteresis,
+               f"WATCH_{bed}TEMP_PERIOD": rule.watch_period, f"WATCH_{bed}TEMP_INCREASE": rule.watch_increase}
+    whose = [] if "heater" in known else ["// of a hot end; for a bed design with --switch heater=bed"]
+    text = [*whose, *(f"#define {name} {value:g}" for name, value in defines.items() if value),
+            "// in Configuration.h, as its parts bear them:", f"// #define {limit}_MINTEMP {rule.min_temp:g}",
+            f"// #define {limit}_MAXTEMP {rule.max_temp:g}"]
     return "marlin_protection.h", "\n".join([*(f"// {line}" for line in head), *text]) + "\n"
 
 

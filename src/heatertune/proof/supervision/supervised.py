@@ -7,6 +7,7 @@ import textwrap
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -37,7 +38,7 @@ from heatertune.proof.supervision.family import Family, Member
 from heatertune.proof.supervision.faults import FAULTS, Kind
 from heatertune.proof.supervision.loops import Card, Ran, loosened
 from heatertune.proof.supervision.monitor import ALARMS, Numbers
-from heatertune.proof.supervision.printers import TARGETS, first_stop, lines_of, printer_rule
+from heatertune.proof.supervision.printers import TARGETS, Rule, first_stop, lines_of, printer_rule
 from heatertune.proof.supervision.tallies import first_alarm
 from heatertune.proof.supervision.text.one_bit import TARGET, reduced
 from heatertune.proof.supervision.text.proven import Exported, exported
@@ -124,7 +125,8 @@ def supervise(
     family, card = bench.family, bench.card
     head, beside = list(_head(words, family, made, card)), list[FaultView]()
     if words.target in TARGETS:
-        program, beside = _by_printer(bench, made, words, drawn, head, progress)
+        write = partial(lines_of, head=head, known=dict(assumed.switches))
+        program, beside = _by_printer(bench, made, words, drawn, write, progress)
     else:
         progress("running the program of the monitor beside it")
         program = exported(made.numbers, words, card, head, _runs(bench, drawn))
@@ -223,14 +225,14 @@ def _monitored(numbers: Numbers) -> _First:
 
 
 def _by_printer(
-    bench: Bench, made: Designed, words: Words, drawn: Drawn, head: Sequence[str], progress: Told
+    bench: Bench, made: Designed, words: Words, drawn: Drawn, write: Callable[[Rule], tuple[str, str]], progress: Told
 ) -> tuple[Exported, list[FaultView]]:
     """Return the lines of a printer's own rule, and how soon it sees each fault."""
     try:
         rule = printer_rule(bench, made.numbers, words.target, drawn.checked, progress)
     except InputError as problem:
         return Exported(why=str(problem)), []
-    file, text = lines_of(rule, head)
+    file, text = write(rule)
 
     def first_of(one: Ran, first: int) -> tuple[int, str]:
         at = first_stop(rule, bench, one, first)

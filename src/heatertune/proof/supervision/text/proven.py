@@ -83,7 +83,7 @@ def exported(numbers: Numbers, words: Words, card: Card, head: Sequence[str], ru
         runs: of loops, in order and broken.
     """
     write = _TARGETS.get(words.target)
-    runs = [*runs, _to_limits(numbers, card)]
+    runs, head = [*runs, _to_limits(numbers, card)], [" ".join(line.split()) for line in head]
     if words.target == one_bit.TARGET:
         return _of_one_bit(numbers, words.sample_time_s, head, runs)
     if write is None:

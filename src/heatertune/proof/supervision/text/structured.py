@@ -8,7 +8,7 @@ from heatertune.plc.cpu.iec.machine import Program
 from heatertune.plc.cpu.iec.text import units
 from heatertune.plc.single import single
 from heatertune.plc.st.program import literal
-from heatertune.plc.st.source import Source, function_block
+from heatertune.plc.st.source import Source, comment, function_block
 from heatertune.proof.supervision.text.statements import INPUTS, OUTPUTS, Group, Statements, alarms_told
 
 __all__ = ["FILE", "Text", "written"]
@@ -57,7 +57,7 @@ def written(statements: Statements, head: list[str], *, low_degC: float, step_de
         f"{''.join(map(_printed, statements.each_call))}"
         f"  IF In_Block >= {statements.block} THEN\n{_indented(''.join(map(_printed, statements.each_block)))}"
         "  END_IF;\nEND_IF;\n")
-    return ("".join(f"(* {line} *)\n" for line in [*head, *_by_hand()])
+    return (comment(*head, *_by_hand())
             + function_block(Source(_NAME, declarations, body)))
 
 

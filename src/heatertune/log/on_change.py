@@ -1,0 +1,172 @@
+"""Logs that hold a row only where a value changes: home automation, historians, exception reporting.
+
+A value that is not written has not moved by its step: between two rows the temperature stood. Rows that say so are put
+back at the interval of the readings, and the power keeps its own instants.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.log.cells import Sheet
+from heatertune.log.columns import Columns
+from heatertune.log.numbers import Array
+from heatertune.log.quantities import says_nothing
+from heatertune.units import count
+
+__all__ = ["OnChange", "Spread", "at_edges", "on_change", "spread", "without_blank_power"]
+
+Mask = npt.NDArray[np.bool_]
+
+_FEWEST: Final = 20
+_LONG: Final = 1.5  # times the interval of the readings
+_LONG_SHARE: Final = 0.03  # of the intervals that are long, at least, where rows are written on change
+_REPEATS: Final = 0.02  # share of the readings that may repeat the one before
+_ONE_STEP: Final = 1.6  # times the smallest change: the value had moved by one step when it was written
+_FASTEST: Final = 1.5  # times the fastest change between two readings that follow at once
+_MOST_ROWS: Final = 20_000  # put back
+
+
+class OnChange(NamedTuple):
+    """How readings are written on change.
+
+    Attributes:
+        interval_s: between two readings of which each is written [s].
+        step_degC: by which a reading moves before it is written, in the unit of the readings.
+        rounded: whether the readings are whole steps; otherwise they are written as soon as they moved by one.
+    """
+
+    interval_s: float
+    step_degC: float
+    rounded: bool
+
+
+class Spread(NamedTuple):
+    """Rows with those put back: the row each one continues, shape (n,), its instant [s], and its temperature."""
+
+    source: npt.NDArray[np.intp]
+    time_s: Array
+    temperature: Array
+
+
+def on_change(time: Array, readings: Array) -> OnChange | None:
+    """Return how readings are written, None where rows do not stand at changes alone.
+
+    They do where hardly any reading repeats the one before it at once, and where the readings after a long pause have
+    mostly moved by no more than the smallest change: a log with gaps has moved by anything.
+
+    Args:
+        time: of each reading, shape (n,) [s].
+        readings: shape (n,), finite.
+    """
+    if len(time) < _FEWEST:
+        return None
+    pauses, changes = np.diff(time), np.abs(np.diff(readings))
+    moved = changes > 0.0
+    if not np.any(moved):
+        return None
+    interval = float(np.percentile(pauses[moved], 10.0))
+    long = pauses > _LONG * interval
+    repeated = np.count_nonzero(~moved & ~long) > _REPEATS * len(pauses)
+    if interval <= 0.0 or repeated or np.count_nonzero(long & moved) < max(3.0, _LONG_SHARE * len(pauses)):
+        return None
+    smallest = float(np.percentile(changes[moved], 5.0))
+    if float(np.median(changes[long & moved])) > _ONE_STEP * smallest:
+        return None
+    levels = readings / smallest
+    rounded = float(np.mean(np.abs(levels - np.round(levels)) < 0.05)) > 0.9
+    return OnChange(interval, smallest, rounded)
+
+
+def at_edges(time: Array, readings: Array, empty: Mask, *, stands: bool) -> Array:
+    """Return readings with those of rows that hold none, shape (n,): the last one where it stands, else on a line.
+
+    Args:
+        time: of each row, shape (n,) [s].
+        readings: shape (n,), NaN where there is none.
+        empty: the rows to fill, shape (n,).
+        stands: whether a reading that is not written has not moved.
+    """
+    known = np.flatnonzero(~np.isnan(readings))
+    if not len(known) or not np.any(empty):
+        return readings
+    filled = readings.copy()
+    rows = np.flatnonzero(empty & (np.arange(len(time)) > known[0]) & (np.arange(len(time)) < known[-1]))
+    if stands:
+        filled[rows] = readings[known[np.searchsorted(known, rows) - 1]]
+    else:
+        filled[rows] = np.interp(time[rows], time[known], readings[known])
+    return filled
+
+
+def spread(time: Array, readings: Array, written: OnChange, breaks: Array) -> Spread:
+    """Return rows with those put back that were not written because nothing had moved.
+
+    A pause stays where a reading was lost in it, or where the reading after it has moved faster than any that follows
+    at once: the value was not there to be written.
+
+    Args:
+        time: of each row, shape (n,) [s].
+        readings: shape (n,).
+        written: how they are written.
+        breaks: instants at which a reading is known to be lost, ascending, shape (k,) [s].
+    """
+    pauses, changes = np.diff(time), np.diff(readings)
+    interval, step = written.interval_s, written.step_degC
+    short = pauses <= _LONG * interval
+    fastest = float(np.max(np.abs(changes[short]), initial=step))
+    lost = np.searchsorted(breaks, time[1:]) > np.searchsorted(breaks, time[:-1])
+    filled = ~short & ~lost & (np.abs(changes) <= _FASTEST * fastest + step)
+    every = interval * max(1.0, np.sum(pauses[filled]) / interval / _MOST_ROWS)
+    source, instants, values = [np.arange(len(time))], [time], [readings]
+    for k in np.flatnonzero(filled):
+        back = time[k + 1] - interval - every * np.arange(int(max(0.0, pauses[k] - _LONG * interval) / every) + 1)
+        back = back[back > time[k] + 0.5 * interval][::-1]
+        drifts = not written.rounded and abs(changes[k]) <= _ONE_STEP * step
+        along = (back - time[k]) / pauses[k] if drifts else np.zeros(len(back))
+        source.append(np.full(len(back), k))
+        instants.append(back)
+        values.append(readings[k] + changes[k] * along)
+    order = np.argsort(np.concatenate(instants), kind="stable")
+    return Spread(np.concatenate(source)[order], np.concatenate(instants)[order], np.concatenate(values)[order])
+
+
+def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> tuple[Sheet, Array, Mask]:
+    """Return the sheet with blank powers held, its times, and its rows that hold another power but no temperature.
+
+    Both are of shape (n,); rows before the first power are left out.
+
+    Powers are held where the table has a value only where it changes: a written power never repeats the one before, and
+    a row without a temperature is there because power or setpoint change.
+    """
+    temperature = [row[columns.index["temperature"]] for row in sheet.rows]
+    blank = np.array([says_nothing(cell) for cell in temperature], dtype=np.bool_)
+    if "power" not in columns.index:
+        return sheet, time, np.zeros(len(blank), dtype=np.bool_)
+    place = columns.index["power"]
+    cells = [row[place] for row in sheet.rows]
+    if not _is_sparse(cells):
+        edge = np.array([False, *(a != b for a, b in zip(cells[1:], cells[:-1], strict=True))], dtype=np.bool_)
+        return sheet, time, blank & edge
+    held, rows, last = 0, [], ""
+    for row in sheet.rows:
+        nothing = says_nothing(row[place])
+        held += nothing
+        last = last if nothing else row[place]
+        rows.append([*row[:place], last, *row[place + 1:]])
+    first = next(k for k, row in enumerate(rows) if row[place])
+    repairs.append(f"The power is written where it changes; it was held through {count(held - first, 'row')}.")
+    edge = np.array([not says_nothing(cell) for cell in cells], dtype=np.bool_)
+    whole = replace(sheet, rows=rows)
+    return whole.picked(range(first, len(rows))), time[first:], (blank & edge)[first:]
+
+
+def _is_sparse(cells: list[str]) -> bool:
+    """Return whether a column has a value only where it changes: some are blank, and none repeats the one before."""
+    written = [cell for cell in cells if not says_nothing(cell)]
+    repeats = sum(a == b for a, b in zip(written[1:], written[:-1], strict=True))
+    return 1 < len(written) < len(cells) and repeats <= _REPEATS * len(written)

@@ -1,0 +1,24 @@
+"""Which heater of a printer its gains are of: what the exports of Klipper and Marlin call it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from heatertune.plc.open_points import Switch, never
+
+__all__ = ["KLIPPER_HEATER", "MARLIN_HEATER", "PLACEHOLDER", "UNKNOWN"]
+
+UNKNOWN: Final = "unknown"
+#: name of a heater that is not known: a printer refuses a file that has it
+PLACEHOLDER: Final = "YOUR_HEATER"
+
+KLIPPER_HEATER: Final = Switch(
+    name="heater", means={UNKNOWN: 0, "extruder": 1, "heater_bed": 2, "heater_generic": 3},
+    told=("extruder", "heater_bed", "heater_generic"), shows=never,
+    why="whose gains these are: the section of printer.cfg; while it is unknown the files name no heater of yours",
+)
+MARLIN_HEATER: Final = Switch(
+    name="heater", means={UNKNOWN: 0, "hotend": 1, "bed": 2}, told=("hotend", "bed"), shows=never,
+    why="whose gains these are: M301 and DEFAULT_Kp of a hot end, or M304 and DEFAULT_bedKp of a bed; while it is "
+        "unknown the files have both as comments",
+)

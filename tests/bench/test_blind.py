@@ -1,0 +1,50 @@
+"""Of logs without power that no tried law made none is called identified, and of none is a verdict PASS."""
+
+import numpy as np
+import pytest
+
+from heatertune.chain.stages import fit
+from heatertune.log import read_log
+from heatertune.model.values import Outcome
+from tests.bench import blind
+
+OTHERS = [kind for kind, (_, law_is_tried) in blind.KINDS.items() if not law_is_tried]
+
+
+def _fitted(case, folder):
+    path = folder / "blind.csv"
+    path.write_text(blind.without_power(case), encoding="utf-8")
+    return fit(read_log(path))
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_no_parameter_is_identified_and_the_verdict_is_blocked(kind, tmp_path):
+    fitted = _fitted(blind.make(kind, 7), tmp_path)
+    assert fitted.outcome is Outcome.LAW_UNKNOWN
+    assert all(interval is None for interval in fitted.ci95.values())
+    assert not fitted.combinations
+    assert any(finding.kind.effect == "blocks" for finding in fitted.findings)
+
+
+def test_a_loop_of_a_tried_law_is_not_taken_for_another(tmp_path):
+    case = blind.make("PI", 1)
+    fitted = _fitted(case, tmp_path)
+    assert not {"not-regulated", "two-level", "on-bound"} & {finding.name for finding in fitted.findings}
+    assert blind.outside(case, fitted) == []
+
+
+def test_the_bench_s_logs_obey_the_heater_s_equation():
+    # one lag: T' = (ambient + gain·power(t − dead time) − T)/lag, by differences between noisy readings on the average
+    case = next(case for case in (blind.make("long pulse", seed) for seed in range(20)) if len(case.heater.lags) == 1)
+    heater, (time, y, u) = case.heater, case.columns.values()
+    cooling = np.flatnonzero((u == 0.0) & (time > time[np.argmax(y)] + heater.dead + heater.lags[0] / 10.0))
+    first, last = y[cooling[0]] - heater.ambient, y[cooling[-1]] - heater.ambient
+    fallen = np.exp(-(time[cooling[-1]] - time[cooling[0]]) / heater.lags[0])
+    assert last / first == pytest.approx(fallen, abs=0.03)
+
+
+def test_the_bench_prints_its_table_and_finds_nothing_wrong(capsys):
+    assert blind.main(["--kinds", "pulse", "thermostat", "--count", "1", "--targets"]) == 0
+    out = capsys.readouterr().out
+    assert "not-regulated" in out
+    assert "two-level" in out

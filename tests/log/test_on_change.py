@@ -1,0 +1,115 @@
+"""Logs with a row only where a value changes: what is put back, what is not, and where the power keeps its instants."""
+
+import io
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from heatertune.errors import LogError
+from heatertune.log import read_log
+from heatertune.log.on_change import on_change, spread
+
+
+def oven(n=600):
+    """Readings of an oven, one every 5 s in tenths: at rest, up by 36 °C after 60 s, and at rest again."""
+    time = 5.0 * np.arange(n)
+    return time, np.round(20.0 + 36.0 * np.where(time < 80.0, 0.0, 1.0 - np.exp(-(time - 80.0) / 200.0)), 1)
+
+
+def thinned(time, readings):
+    kept = np.array([True, *(np.diff(readings) != 0.0)])
+    return time[kept], readings[kept]
+
+
+def test_what_was_thinned_is_put_back_to_the_last_digit():
+    time, readings = oven()
+    few_time, few = thinned(time, readings)
+    assert len(few) < 0.4 * len(readings)
+    written = on_change(few_time, few)
+    assert (written.interval_s, written.rounded) == (5.0, True)
+    assert written.step_degC == pytest.approx(0.1)
+    again = spread(few_time, few, written, np.array([]))
+    n = len(again.time_s)
+    assert np.array_equal(again.time_s, time[:n])
+    assert np.array_equal(again.temperature, readings[:n])
+    assert np.array_equal(few[again.source], readings[:n])
+
+
+def test_nothing_is_put_back_where_a_reading_was_lost():
+    time, readings = thinned(*oven())
+    k = int(np.argmax(np.diff(time)))
+    again = spread(time, readings, on_change(time, readings), np.array([time[k] + 1.0]))
+    assert not np.any((again.time_s > time[k]) & (again.time_s < time[k + 1]))
+
+
+def test_nothing_is_put_back_before_a_jump_that_no_reading_shows_the_heater_to_make():
+    time, readings = thinned(*oven())
+    gone = (time > 200.0) & (time < 320.0)  # the logger was off while it rose
+    time, readings = time[~gone], readings[~gone]
+    again = spread(time, readings, on_change(time, readings), np.array([]))
+    assert not np.any((again.time_s > 200.0) & (again.time_s < 320.0))
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.01, 0.1, 0.5]), st.floats(0.0, 0.4), st.floats(0.05, 0.4))
+def test_a_log_that_is_read_at_an_interval_and_lost_rows_is_not_taken_for_one_written_on_change(seed, step, noise, lost):
+    rng = np.random.default_rng(seed)
+    time = 5.0 * np.arange(400)
+    truth = 20.0 + 36.0 * np.where(time < 80.0, 0.0, 1.0 - np.exp(-(time - 80.0) / 400.0))
+    readings = truth + noise * rng.normal(size=400)
+    readings = readings if step == 0.0 else np.round(np.round(readings / step) * step, 3)
+    kept = rng.random(400) > lost
+    written = on_change(time[kept], readings[kept])
+    if written is not None:  # it may look like one where the sensor is coarse: what is put back is off by a step
+        again = spread(time[kept], readings[kept], written, np.array([]))
+        off = np.abs(again.temperature - np.interp(again.time_s, time, truth))
+        assert off.max() <= 2.5 * max(step, noise, written.step_degC) + 4.5 * noise
+
+
+def rows_of(text, **options):
+    return read_log(io.StringIO(text), **options)
+
+
+def test_a_power_in_a_row_of_its_own_keeps_its_instant_and_a_reading_that_does_not_repeat_stood():
+    time, readings = thinned(*oven())
+    rows = [(t, f"{y:g}", "") for t, y in zip(time, readings, strict=True)] + [(57.0, "", "60")]
+    rows[0] = (0.0, "20", "0")
+    text = "\n".join(["time_s,temp_C,power_pct", *(f"{t:g},{y},{u}" for t, y, u in sorted(rows))])
+    log = rows_of(text)
+    assert log.time_s[np.flatnonzero(log.power_pct)[0]] == 57.0
+    assert np.all(log.temperature_degC[log.time_s < 80.0] == 20.0)
+    assert any("The power is written where it changes" in told for told in log.repairs)
+    assert any("rows in which it stood were put back, 5 s apart" in told for told in log.repairs)
+
+
+def test_an_empty_power_of_a_log_at_an_interval_is_refused_as_before():
+    rows = [f"{t},{20 + 0.1 * t:.1f},{'' if t == 30 else 60}" for t in range(60)]
+    with pytest.raises(LogError, match="an empty cell"):
+        rows_of("\n".join(["time_s,temp_C,power_pct", *rows]))
+
+
+def test_a_reading_that_is_lost_where_the_power_changes_does_not_move_the_power():
+    rows = [f"{t},{'' if t == 30 else f'{20 + 0.1 * max(0, t - 34):.1f}'},{60 if t >= 30 else 0}" for t in range(80)]
+    log = rows_of("\n".join(["time_s,temp_C,power_pct", *rows]), skip_empty=True)
+    assert log.time_s[np.flatnonzero(log.power_pct)[0]] == 30.0
+    assert log.temperature_degC[30] == 20.0
+
+
+def test_a_tag_that_was_unavailable_is_not_put_back():
+    time, readings = thinned(*oven())
+    k = int(np.argmax(np.diff(time)[:-1]))
+    rows = [*((t, "oven_temperature", f"{y:g}") for t, y in zip(time, readings, strict=True)),
+            (time[k] + 2.0, "oven_temperature", "unavailable"), (0.0, "heater_power", "0"), (60.0, "heater_power", "60")]
+    log = rows_of("\n".join(["tag,time_s,value", *(f"{name},{t:g},{value}" for t, name, value in sorted(rows))]))
+    assert not np.any((log.time_s > time[k]) & (log.time_s < time[k + 1]))
+    assert len(log.time_s) > len(time)
+
+
+def test_the_counts_of_what_was_read_do_not_hold_the_rows_put_back():
+    time, readings = thinned(*oven())
+    text = "\n".join(["time_s,temp_C,power_pct", *(f"{t:g},{y:g},{60 if t >= 60 else 0}" for t, y in zip(time, readings, strict=True))])
+    taken = rows_of(text).taken
+    assert (taken.rows_read, taken.left_out) == (len(time), 0)
+    assert taken.rows > len(time)

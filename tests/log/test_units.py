@@ -1,0 +1,231 @@
+"""The unit of time, temperature and power: by name, by cells, by option, by the range reached; else it is assumed."""
+
+import io
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from heatertune.errors import LogError
+from heatertune.log import read_log
+from heatertune.log.names import is_scaled, unit_in_name
+from heatertune.settings import ReadSettings
+
+#: one heater in s, °C and % of full power: at rest at 22 °C, then a rise
+TIME_S = 1.0 * np.arange(60)
+TEMPERATURE_DEGC = np.where(TIME_S < 10, 22.0, 22.0 + 0.3 * (TIME_S - 10))
+POWER_PCT = np.where(TIME_S < 10, 0.0, 60.0)
+
+#: unit → what one s, °C or % is in it
+TIMES = {"s": lambda t: t, "ms": lambda t: 1000.0 * t, "min": lambda t: t / 60.0, "h": lambda t: t / 3600.0}
+TEMPERATURES = {
+    "degC": lambda y: y, "degF": lambda y: 32.0 + 1.8 * y, "0.1degC": lambda y: np.round(10.0 * y),
+    "0.01degC": lambda y: np.round(100.0 * y), "0.1degF": lambda y: np.round(320.0 + 18.0 * y),
+}
+POWERS = {100.0: lambda u: u, 255.0: lambda u: np.round(2.55 * u), 1.0: lambda u: u / 100.0, 190.0: lambda u: 1.9 * u,
+          27648.0: lambda u: np.round(276.48 * u), 1000.0: lambda u: 10.0 * u}
+
+
+def log_of(time=TIME_S, temperature=TEMPERATURE_DEGC, power=POWER_PCT, head="t_s,temp_C,power_pct", form="{:.6f}", **options):
+    rows = [",".join(form.format(cell) if isinstance(cell, float) else cell for cell in row)
+            for row in zip(time, temperature, power, strict=True)]
+    return read_log(io.StringIO("\n".join([head, *rows]) + "\n"), **options)
+
+
+def is_true(log):
+    """Whether a log is of the heater above."""
+    return (np.allclose(log.time_s, TIME_S, atol=0.01) and np.allclose(log.temperature_degC, TEMPERATURE_DEGC, atol=0.1)
+            and np.allclose(log.power_pct, POWER_PCT, atol=0.3))
+
+
+@pytest.mark.parametrize(("name", "unit"), [
+    *((name, unit) for unit in ("s", "ms", "min", "h") for name in (f"time [{unit}]", f"time_{unit}", f"t ({unit})", f"Time/{unit}")),
+    ("millis", "ms"), ("seconds", "s"), ("Seconds since start", "s"), ("elapsedSeconds", "s"), ("timeMs", "ms"),
+    ("Zeit in Minuten", "min"), ("time in hours from the start", "h"), ("Millisekunden", "ms"), ("Time (sec)", "s"),
+])
+def test_a_name_is_evidence_of_the_unit_of_the_time(name, unit):
+    log = log_of(time=TIMES[unit](TIME_S), head=f"{name},temp_C,power_pct", form="{:.9f}")
+    assert is_true(log)
+    assert not log.taken.assumed
+
+
+@pytest.mark.parametrize("unit", TIMES)
+@pytest.mark.parametrize("name", ["Time", "Timestamp", "t", "X time", "elapsed", "time [10 ms]", "time x10"])
+def test_a_time_without_evidence_is_assumed_until_its_unit_is_stated(name, unit):
+    asked = {"time": TIMES[unit](TIME_S), "head": f"{name},temp_C,power_pct", "form": "{:.9f}"}
+    assert set(log_of(**asked).taken.assumed) == {"time"}
+    stated = log_of(**asked, time_unit=unit)
+    assert is_true(stated)
+    assert not stated.taken.assumed
+    assert not log_of(**asked, sample_time_s=1.0).taken.assumed
+
+
+@pytest.mark.parametrize(("unit", "likely"), [("s", "s"), ("ms", "ms"), ("min", "min")])
+def test_the_likeliest_unit_of_the_time_is_proposed(unit, likely):
+    log = log_of(time=TIMES[unit](TIME_S), head="Time,temp_C,power_pct", form="{:.9f}")
+    assert log.taken.assumed == {"time": f"--time-unit {likely}"}
+
+
+@pytest.mark.parametrize("time", [
+    [f"2026-03-01 10:{s // 60:02d}:{s % 60:02d}" for s in range(60)], [f"10:{s // 60:02d}:{s % 60:02d}" for s in range(60)],
+    [f"{1.7e9 + s:.0f}" for s in range(60)], [f"{1.7e12 + 1e3 * s:.0f}" for s in range(60)],
+])
+def test_stamps_and_the_digits_of_a_calendar_are_evidence(time):
+    assert not log_of(time=time, head="Time,temp_C,power_pct").taken.assumed
+
+
+def test_a_counter_of_milliseconds_is_no_calendar_after_weeks():
+    # 1.7e9 ms are 20 days: as seconds since 1970 its rows would be 1000 s apart
+    assert log_of(time=1.7e9 + 1000.0 * TIME_S, head="Time,temp_C,power_pct").taken.assumed["time"] == "--time-unit ms"
+
+
+@pytest.mark.parametrize("unit", TEMPERATURES)
+def test_a_temperature_is_assumed_unless_it_starts_at_a_room_s_in_one_unit_alone(unit):
+    asked = {"temperature": TEMPERATURES[unit](TEMPERATURE_DEGC), "head": "t_s,T1,power_pct"}
+    if unit in ("0.01degC", "0.1degF"):  # 2200 and 716: no heater begins there in °C
+        with pytest.raises(LogError, match="--temperature-unit"):
+            log_of(**asked)
+    else:
+        assumed = log_of(**asked).taken.assumed
+        assert assumed == ({} if unit == "degC" else {"temperature": f"--temperature-unit {unit}"})
+    stated = log_of(**asked, temperature_unit=unit)
+    assert is_true(stated)
+    assert not stated.taken.assumed
+
+
+@pytest.mark.parametrize("first", [-20.0, 5.0, 12.0, 40.0, 72.0, 150.0, 220.0])
+def test_a_temperature_that_starts_elsewhere_is_assumed(first):
+    assert "temperature" in log_of(temperature=TEMPERATURE_DEGC - 22.0 + first, head="t_s,PV,power_pct").taken.assumed
+
+
+@pytest.mark.parametrize("temperature", [TEMPERATURE_DEGC[::-1] - 12.0, 2.0 * TEMPERATURE_DEGC[::-1] - 20.0])
+def test_a_temperature_that_falls_from_a_room_s_may_be_a_cold_store_s_in_degF(temperature):
+    assert 15.0 <= temperature[0] <= 60.0
+    assert "temperature" in log_of(temperature=temperature, head="t_s,PV,power_pct").taken.assumed
+
+
+@pytest.mark.parametrize("name", ["Temp_x10", "T_C_x10", "PV [0.1 °C]", "TempX10", "temp /10", "temperature_decideg", "Temp x100"])
+def test_a_name_of_a_multiple_contradicts_its_unit(name):
+    assert is_scaled("temperature", name)
+    assert "temperature" in log_of(head=f"t_s,{name},power_pct").taken.assumed
+    assert not log_of(head=f"t_s,{name},power_pct", temperature_unit="degC").taken.assumed
+
+
+@pytest.mark.parametrize("name", ["Temp [°C]", "T1 (C)", "Temperature (centigrade)", "temp_c", "PV [decimal]", "Box 10 temp C"])
+def test_other_names_are_of_no_multiple(name):
+    assert not is_scaled("temperature", name)
+
+
+@pytest.mark.parametrize("full_scale", POWERS)
+@pytest.mark.parametrize("name", ["power", "heater", "OP", "duty", "PWM", "Power [W]", "output raw"])
+def test_a_power_without_evidence_is_assumed_or_refused_until_its_full_scale_is_stated(name, full_scale):
+    asked = {"power": POWERS[full_scale](POWER_PCT), "head": f"t_s,temp_C,{name}"}
+    refused = (asked["power"].max() > 100.0 or asked["power"].max() <= 1.0 or name in ("Power [W]", "output raw")
+               or (name == "PWM" and not np.any(asked["power"] % 1.0)))
+    if refused:
+        with pytest.raises(LogError, match="--power-full-scale"):
+            log_of(**asked)
+    else:
+        assert "power" in log_of(**asked).taken.assumed
+    stated = log_of(**asked, power_full_scale=full_scale)
+    assert is_true(stated)
+    assert not stated.taken.assumed
+
+
+@pytest.mark.parametrize(("name", "assumed"), [
+    ("power", False), ("heater", False), ("OP", False), ("power_x10", True), ("power_pct_x10", True), ("power ‰", True),
+])
+def test_a_power_that_reaches_0_and_100_is_in_percent_unless_its_name_contradicts(name, assumed):
+    log = log_of(power=np.where(TIME_S < 10, 0.0, np.where(TIME_S < 40, 100.0, 30.0)), head=f"t_s,temp_C,{name}")
+    assert ("power" in log.taken.assumed) == assumed
+
+
+def test_a_column_named_in_percent_that_holds_shares_is_asked_for():
+    with pytest.raises(LogError, match=r"a fraction or percent.*--power-full-scale"):
+        log_of(power=POWER_PCT / 100.0)
+    assert is_true(log_of(power=POWER_PCT / 100.0, power_full_scale=1.0))
+
+
+@pytest.mark.parametrize("cells", [["ON" if u else "OFF" for u in POWER_PCT], [f"{u:.0f}%" for u in POWER_PCT], [f"{u:.0f} %" for u in POWER_PCT]])
+def test_cells_are_evidence_of_the_power(cells):
+    assert not log_of(power=cells, head="t_s,temp_C,heater").taken.assumed
+
+
+def test_cells_are_evidence_of_the_temperature():
+    cells = [f"{2.0 * y:.1f} °C" for y in TEMPERATURE_DEGC]
+    assert not log_of(temperature=cells, head="t_s,PV,power_pct").taken.assumed
+
+
+def test_a_table_of_pandas_shows_its_units_by_its_index_and_its_names():
+    pandas = pytest.importorskip("pandas")
+    columns = {"temperature": TEMPERATURE_DEGC, "power_pct": POWER_PCT}
+    for index in (pandas.date_range("2026-03-01", periods=60, freq="s"), pandas.to_timedelta(TIME_S, unit="s")):
+        log = read_log(pandas.DataFrame(columns, index=index))
+        assert np.allclose(log.time_s, TIME_S)
+        assert not log.taken.assumed
+    assert not read_log(pandas.DataFrame({"time_s": TIME_S, **columns})).taken.assumed
+    delta = pandas.DataFrame({"time": pandas.to_timedelta(TIME_S, unit="s"), **columns})
+    assert np.allclose(read_log(delta).time_s, TIME_S)
+    assert not read_log(delta).taken.assumed
+    assert "time" in read_log(pandas.DataFrame({"time": 60.0 * TIME_S, **columns})).taken.assumed
+
+
+def test_the_built_in_tables_hold_their_units():
+    for name in ("table3", "table4"):
+        assert not read_log(name).taken.assumed
+
+
+def test_the_options_that_are_proposed_leave_nothing_assumed():
+    log = log_of(time=TIMES["min"](TIME_S), temperature=TEMPERATURES["0.1degC"](TEMPERATURE_DEGC), head="Time,T,Heater")
+    assert set(log.taken.assumed) == {"time", "temperature", "power"}
+    words = " ".join(log.taken.assumed.values()).split()
+    stated = {flag.removeprefix("--").replace("-", "_"): value for flag, value in zip(words[::2], words[1::2], strict=True)}
+    stated["power_full_scale"] = float(stated["power_full_scale"])
+    again = log_of(time=TIMES["min"](TIME_S), temperature=TEMPERATURES["0.1degC"](TEMPERATURE_DEGC), head="Time,T,Heater",
+                   settings=ReadSettings(**stated))
+    assert is_true(again)
+    assert not again.taken.assumed
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(0.02, 900.0), st.sampled_from(sorted(TIMES)), st.sampled_from(["Time", "t", "Timestamp"]))
+def test_no_time_without_a_unit_is_taken_in_silence(interval_s, unit, name):
+    log = log_of(time=TIMES[unit](interval_s * TIME_S), head=f"{name},temp_C,power_pct", form="{:.12f}")
+    assert "time" in log.taken.assumed
+
+
+def test_a_unit_in_full_counts_wherever_it_stands_but_not_beside_another():
+    assert unit_in_name("time", "minutes after switching on") == "min"
+    assert unit_in_name("time", "time in minutes and seconds") != "min"
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.sampled_from(["s", "ms", "min", "h", "day"]), st.sampled_from(["degC", "degF", "K", "0.1degC", "0.01degC", "0.1degF", "0..27648"]),
+    st.sampled_from([100.0, 255.0, 1.0, 190.0, 1000.0, 4095.0, 27648.0, 32767.0]), st.booleans(), st.floats(15.0, 35.0),
+    st.floats(5.0, 400.0), st.sampled_from([0.5, 1.0, 2.0, 10.0, 60.0]), st.floats(3.0, 95.0), st.floats(0.0, 1.0))
+def test_what_is_read_is_true_or_assumed_or_refused(time_unit, temperature_unit, full_scale, named, ambient, rise, interval, level, begun):
+    # a heater that heats up, from rest or in the middle of it, its columns named with their unit or without
+    time = interval * np.arange(80)
+    temperature = ambient + rise * (1.0 - np.exp(-np.maximum(time - 10.0 * interval, -time[-1] * (begun > 0.9)) / (20.0 * interval)))
+    temperature = np.where(time < 10.0 * interval, np.maximum(temperature, ambient), temperature)
+    power = np.where(time < 10.0 * interval, 0.0, level)
+    times = {**TIMES, "day": lambda t: t / 86400.0}
+    temperatures = {**TEMPERATURES, "K": lambda y: y + 273.15, "0..27648": lambda y: np.round(27.648 * y)}
+    names = {"s": "time [s]", "ms": "time_ms", "min": "t (min)", "h": "Time [h]", "day": "time [days]", "degC": "T [°C]", "degF": "temp_F",
+             "K": "T (K)", 100.0: "power [%]", 255.0: "PWM 0-255", 1.0: "power 0..1"}
+    bare = ("Time", "Temperature", "Power")
+    head = ",".join(names.get(unit, other) if named else other
+                    for unit, other in zip((time_unit, temperature_unit, full_scale), bare, strict=True))
+    try:
+        log = log_of(times[time_unit](time), temperatures[temperature_unit](temperature), power / 100.0 * full_scale, head=head, form="{:.9f}")
+    except LogError as refused:
+        log, message = None, str(refused)
+    if log is None:
+        assert any(option in message for option in ("--time-unit", "--temperature-unit", "--power-full-scale"))
+        return
+    known = {"time", "temperature", "power"} - set(log.taken.assumed)
+    assert "time" not in known or np.allclose(np.diff(log.time_s), interval, rtol=1e-4)
+    assert "temperature" not in known or np.allclose(log.temperature_degC, temperature, atol=0.1)
+    assert "power" not in known or np.allclose(log.power_pct, power, atol=0.1)

@@ -1,0 +1,81 @@
+"""A unit without evidence, or one that the fit contradicts, keeps a verdict from PASS until the user states or accepts it."""
+
+import io
+
+import numpy as np
+import pytest
+
+from heatertune.log import read_log
+from heatertune.model.fit import fit, fit_together
+
+GAIN, TIME_CONSTANT, DEAD_TIME, AMBIENT = 0.6, 60.0, 4, 22.0
+
+
+def heater_rows(head, time=1.0, temperature=1.0, power=1.0, offset=0.0):
+    """Rows of a known heater, one a second, each column multiplied as another unit would."""
+    y, rows = AMBIENT, [head]
+    u = [0.0 if k < 20 else 50.0 if k < 300 else 20.0 for k in range(520)]
+    noise = np.random.default_rng(4).normal(0.0, 0.05, len(u))
+    for k, power_pct in enumerate(u):
+        rows.append(f"{k * time:.6f},{(y + noise[k]) * temperature + offset:.4f},{power_pct * power:.4f}")
+        y += (AMBIENT + GAIN * u[max(0, k - DEAD_TIME)] - y) / TIME_CONSTANT
+    return "\n".join(rows) + "\n"
+
+
+def read(text, **options):
+    return read_log(io.StringIO(text), **options)
+
+
+def findings_of(fitted):
+    return {finding.name: finding.told for finding in fitted.findings}
+
+
+def test_every_unit_without_evidence_stands_in_one_finding_with_the_options_that_state_them():
+    fitted = fit(read(heater_rows("Time,T,Heater", time=1 / 60, temperature=10.0, power=1.9)))
+    told = findings_of(fitted)["unit-assumed"]
+    for part in ("the time ('Time', s, assumed)", "the temperature ('T', °C, assumed)", "the power ('Heater', 0…100 %, assumed)",
+                 "an ambient of 220 °C is no room's", "--time-unit min --temperature-unit 0.1degC --power-full-scale 100"):
+        assert part in told
+
+
+@pytest.mark.parametrize(("head", "scales", "options"), [
+    ("Time,Temperature,Heater", {"time": 1 / 60}, {"time_unit": "min", "power_full_scale": 100}),
+    ("millis,Temperature,PWM", {"time": 1000.0, "power": 2.55 * 0.6}, {"power_full_scale": 153.0}),
+    ("time_s,Temperature,Power", {"power": 1.9}, {"power_full_scale": 190.0}),
+    ("Timestamp,Temperature,Heater", {"time": 1000.0}, {"time_unit": "ms", "power_full_scale": 100.0}),
+    ("time_s,Temperature,Heater", {"temperature": 10.0}, {"temperature_unit": "0.1degC", "power_full_scale": 100.0}),
+    ("time_s,Temperature,Heater", {"temperature": 1.8, "offset": 32.0}, {"temperature_unit": "degF", "power_full_scale": 100.0}),
+])
+def test_the_true_units_give_the_true_heater_and_no_finding(head, scales, options):
+    text = heater_rows(head, **scales)
+    assert "unit-assumed" in findings_of(fit(read(text)))
+    fitted = fit(read(text, **options))
+    assert "unit-assumed" not in findings_of(fitted)
+    assert fitted.model.gain_degC_per_pct == pytest.approx(GAIN, rel=0.03)
+    assert fitted.model.time_constant_s == pytest.approx(TIME_CONSTANT, rel=0.05)
+    assert fitted.model.dead_time_s == pytest.approx(DEAD_TIME, abs=1.0)
+    assert fitted.model.ambient_degC == pytest.approx(AMBIENT, abs=0.2)
+
+
+@pytest.mark.parametrize(("scales", "part"), [
+    ({"temperature": 10.0}, "an ambient of 220 °C is no room's: 22 °C if the readings are in tenths of a degree"),
+    ({"temperature": 1.8, "offset": 32.0}, "an ambient of 71.6 °C is no room's: 22 °C if the readings are in °F"), ({"time": 1 / 3600}, "is hardly a heater's"),
+    ({"time": 5000.0}, "h is hardly a heater's"), ({"temperature": 2.0, "power": 0.022}, "full power would heat by 5"),
+])
+def test_a_fit_that_contradicts_a_name_asks_for_the_unit_until_it_is_stated(scales, part):
+    text = heater_rows("time_s,temp_C,power_pct", **scales)
+    assert part in findings_of(fit(read(text)))["unit-assumed"]
+    stated = {"time_unit": "s", "temperature_unit": "degC", "power_full_scale": 100.0}
+    assert "unit-assumed" not in findings_of(fit(read(text, **stated)))
+
+
+def test_a_heater_as_heaters_are_is_not_asked_about():
+    assert "unit-assumed" not in findings_of(fit(read(heater_rows("time_s,temp_C,power_pct"))))
+
+
+def test_logs_fitted_together_are_asked_about_one_by_one():
+    good, other = (read(heater_rows(head)) for head in ("time_s,temp_C,power_pct", "Time,temp_C,power_pct"))
+    object.__setattr__(other, "name", "other")
+    told = [finding for finding in fit_together([good, other]).findings if finding.name == "unit-assumed"]
+    assert len(told) == 1
+    assert "the time ('Time'" in told[0].told

@@ -1,0 +1,123 @@
+"""Setpoints beyond the log: which are covered, which finding says so, and that it goes through every document."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heatertune.log.values import Log
+from heatertune.model.by_hand import model_by_hand
+from heatertune.model.document import from_document, to_document
+from heatertune.model.findings import Finding
+from heatertune.model.fit import fit, fit_together
+from heatertune.model.values import Fopdt
+from heatertune.plc import Scaling
+from heatertune.proof.fitted import every_setpoint, prove
+from heatertune.proof.heaters import beyond_log, covered_degC, range_is_unknown
+from heatertune.settings import Conditions
+
+
+def _step(ambient=20.0, gain=1.0, power=60.0, sign=1.0, name="step", begin=0.0):
+    """One lag of 100 s by its closed form, from `begin` % to `power` % at 200 s after a dead time of 10 s."""
+    time = np.arange(0.0, 1200.0, 2.0)
+    answer = np.where(time < 210.0, 0.0, 1.0 - np.exp(-np.maximum(time - 210.0, 0.0) / 100.0))
+    rise = sign * gain * (begin + (power - begin) * answer)
+    noise = np.random.default_rng(5).normal(0.0, 0.02, len(time))
+    return Log(name=name, source="", time_s=time, temperature_degC=np.round(ambient + rise + noise, 2),
+               power_pct=np.where(time < 200.0, begin, power))
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    return fit(_step())
+
+
+def _names(findings):
+    return [finding.name for finding in findings]
+
+
+def test_a_tenth_of_the_rise_above_the_ambient_is_covered(fitted):
+    assert fitted.logged_range_degC == pytest.approx((20.0, 80.0), abs=0.1)
+    low, high = covered_degC(fitted)
+    assert high == pytest.approx(86.0, abs=0.2)
+    assert low == pytest.approx(14.0, abs=0.2)
+
+
+def test_a_log_of_a_small_step_around_a_hot_setpoint_covers_a_tenth_of_its_rise_too():
+    hot = fit(_step(begin=80.0, power=90.0), ambient_degC=20.0)
+    assert covered_degC(hot)[1] == pytest.approx(110.0 + 9.0, abs=0.5)
+
+
+@pytest.mark.parametrize(("setpoint", "expected"), [(60.0, []), (85.5, []), (87.0, ["beyond-the-log"]), (500.0, ["beyond-the-log"])])
+def test_a_setpoint_beyond_it_is_found(fitted, setpoint, expected):
+    assert _names(beyond_log(fitted, [setpoint])) == expected
+    assert _names(beyond_log(fitted, [40.0, setpoint])) == expected
+    assert _names(beyond_log(from_document(to_document(fitted)), [setpoint])) == expected
+
+
+def test_the_setpoint_that_the_finding_names_is_covered(fitted):
+    (finding,) = beyond_log(fitted, [300.0])
+    named = float(finding.told.rstrip(").").rpartition("--setpoint ")[2])
+    assert not list(beyond_log(fitted, [named]))
+    assert list(beyond_log(fitted, [named + 0.2]))
+
+
+def test_below_the_log_it_is_found_only_where_the_heater_is_not_linear():
+    hot = fit(_step(begin=80.0, power=90.0), ambient_degC=20.0)
+    bent = replace(hot, findings=(*hot.findings, Finding(name="nonlinear", told="The heater is not linear.")))
+    assert not list(beyond_log(hot, [60.0]))
+    assert _names(beyond_log(bent, [60.0])) == ["beyond-the-log"]
+    assert not list(beyond_log(bent, [95.0]))
+
+
+def test_of_a_cooler_it_is_the_other_side():
+    cooler = fit(_step(ambient=25.0, gain=0.5, sign=-1.0), cooler=True)
+    assert cooler.logged_range_degC == pytest.approx((-5.0, 25.0), abs=0.2)
+    assert _names(beyond_log(cooler, [-12.0])) == ["beyond-the-log"]
+    assert not list(beyond_log(cooler, [-7.0]))
+    assert not list(beyond_log(cooler, [30.0]))
+
+
+def test_of_several_logs_the_highest_counts():
+    both = fit_together([_step(name="low"), _step(name="high", power=90.0)])
+    assert both.logged_range_degC[1] == pytest.approx(110.0, abs=0.2)
+
+
+def test_a_model_by_hand_has_no_log():
+    by_hand = model_by_hand(Fopdt(gain_degC_per_pct=1.0, time_constant_s=100.0, dead_time_s=10.0, ambient_degC=20.0))
+    assert not list(beyond_log(by_hand, [900.0]))
+    assert not range_is_unknown(by_hand, [900.0])
+
+
+def test_a_document_without_the_range_is_read_and_its_residuals_tell_it(fitted):
+    document = to_document(fitted)
+    del document["logged_range_degC"]
+    old = from_document(document)
+    assert old.logged_range_degC is None
+    assert _names(beyond_log(old, [300.0])) == ["beyond-the-log"]
+    assert not range_is_unknown(old, [300.0])
+    bare = replace(old, residuals=None)
+    assert not list(beyond_log(bare, [300.0]))
+    assert range_is_unknown(bare, [300.0])
+    assert not range_is_unknown(bare, [bare.setpoint_degC])
+
+
+def test_both_ends_of_the_setpoints_of_use_count_and_a_profile_s_targets(fitted, tmp_path):
+    assert set(every_setpoint(fitted, Conditions(setpoint_degC=(30.0, 70.0)))) == {30.0, 70.0}
+    profile = tmp_path / "p.csv"
+    profile.write_text("target [degC],ramp [degC/h],soak [min]\n60,100,10\n110,100,10\n40,100,10\n", encoding="utf-8")
+    asked = every_setpoint(fitted, Conditions(profile=str(profile)))
+    assert max(asked) == 110.0
+    assert min(asked) == 40.0
+
+
+def test_the_verdict_is_not_proven_until_it_is_accepted(fitted):
+    import heatertune as ht  # noqa: PLC0415 - an optimiser
+
+    words = ht.encode(ht.tune(fitted, ms=1.6), target="fb41", scaling=Scaling(low_degC=0.0, high_degC=200.0))
+    asked = {"tolerance_degC": 3.0, "pwm_period_s": 1.0}
+    inside, beyond, accepted = (
+        prove(words, fitted, setpoint_degC=setpoint, accept=accept, **asked)
+        for setpoint, accept in ((60.0, ()), (100.0, ()), (100.0, ("beyond-the-log",))))
+    assert (inside.verdict, beyond.verdict, accepted.verdict) == ("PASS", "NOT PROVEN", "PASS")
+    assert any(finding.name == "beyond-the-log" for finding in accepted.heard.findings)
