@@ -1,8 +1,11 @@
 """The cache gives back what was kept, or nothing at all."""
 
 import hashlib
+import hmac
 import json
 import os
+import stat
+from pathlib import Path
 
 import pytest
 
@@ -36,24 +39,33 @@ def result():
 @pytest.fixture
 def place(tmp_path, monkeypatch):
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
     return tmp_path / "cache"
 
 
-def signed(document):
-    """A file as the cache writes it: schema, SHA-256 of the rest, the rest."""
+def signed(document, name, schema="heatertune/cache/2"):
+    """A file as the cache writes it: schema, HMAC-SHA-256 of schema, name and the rest with the secret, the rest."""
+    data = document.encode()
+    secret = (Path(os.environ["HEATERTUNE_STATE"]) / "cache.key").read_bytes()
+    digest = hmac.new(secret, f"{schema}\n{name}\n".encode() + data, "sha256").hexdigest()
+    return f"{schema} hmac-sha256:{digest}\n".encode() + data
+
+
+def plainly_signed(document):
+    """A file as anyone can write it: the digest needs no secret."""
     data = document.encode()
     return f"heatertune/cache/1 sha256:{hashlib.sha256(data).hexdigest()}\n".encode() + data
 
 
 def test_what_is_kept_is_read_and_not_run(place):
     path = kept_one(place)
-    head, _, text = path.read_bytes().partition(b"\n")
-    assert head == f"heatertune/cache/1 sha256:{hashlib.sha256(text).hexdigest()}".encode()
+    _, _, text = path.read_bytes().partition(b"\n")
+    assert path.read_bytes() == signed(text.decode(), path.name)
     assert json.loads(text) == {"number": 1.5, "nothing": None}
     assert result() == ({"number": 1.5, "nothing": None}, False)
 
 
-def damages(data):
+def damages(data, name):
     """Every way a file can be in doubt, one by one."""
     yield from (data[:length] for length in range(len(data)))
     for k in range(len(data)):
@@ -61,16 +73,19 @@ def damages(data):
     yield data + b" "
     yield data.partition(b"\n")[2]
     yield b'{"number": 2.5}'
-    yield signed('{"number": 2.5}').replace(b"cache/1", b"cache/2")
+    yield signed('{"number": 2.5}', name).replace(b"cache/2", b"cache/3")
+    yield signed('{"number": 2.5}', name, "heatertune/cache/1")
+    yield signed('{"number": 2.5}', "stage-" + 32 * "0" + ".json")  # the result of other inputs
+    yield plainly_signed('{"number": 2.5}')
     for document in ("[]", "[1.5]", "1.5", '{"number": "x"}', '{"number": NaN}x', "{}", "[" * 100_000, "\ufeff{}"):
-        yield signed(document)
+        yield signed(document, name)
     yield b"\xff" * 40
 
 
 def test_a_file_in_any_doubt_is_made_anew(place):
     path = kept_one(place)
     whole = path.read_bytes()
-    for data in damages(whole):
+    for data in damages(whole, path.name):
         path.write_bytes(data)
         assert result() == ({"number": 1.5, "nothing": None}, True), data[:100]
         assert path.read_bytes() == whole, "and kept again"
@@ -96,3 +111,59 @@ def test_a_file_that_cannot_be_read_is_no_result(place, monkeypatch):
 
     monkeypatch.setattr(cache, "read_bytes", refused)
     assert result() == ({"number": 1.5, "nothing": None}, True)
+
+
+def test_the_secret_is_made_once_and_for_its_user_alone(place):
+    kept_one(place)
+    key = Path(os.environ["HEATERTUNE_STATE"]) / "cache.key"
+    first = key.read_bytes()
+    assert (len(first), stat.S_IMODE(key.stat().st_mode)) == (32, 0o600)
+    assert result()[1] is False
+    assert key.read_bytes() == first
+    assert [path.name for path in key.parent.iterdir()] == ["cache.key"]
+    key.unlink()  # another machine, or another user: nothing that was kept is believed
+    assert result() == ({"number": 1.5, "nothing": None}, True)
+    assert result()[1] is False
+    assert key.read_bytes() != first
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o666])
+def test_a_secret_that_others_may_read_is_no_secret(place, mode):
+    kept_one(place)
+    (Path(os.environ["HEATERTUNE_STATE"]) / "cache.key").chmod(mode)
+    assert result() == ({"number": 1.5, "nothing": None}, True)
+    assert result() == ({"number": 1.5, "nothing": None}, True)
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o775, 0o757, 0o1777])
+def test_a_folder_that_others_may_write_is_neither_read_nor_written(place, mode):
+    kept_one(place)
+    place.chmod(mode)
+    before, lines = sorted(place.iterdir()), []
+    assert cache.cached("stage", {"a": 1}, lambda: {"number": 7.5}, dict, progress=lines.append) == {"number": 7.5}
+    assert cache.cached("stage", {"a": 2}, lambda: {"number": 8.5}, dict) == {"number": 8.5}
+    assert lines == [f"stage: the cache {place} is not used: other users may write there; chmod go-w {place} makes it "
+                     "private: nothing is kept"]
+    assert sorted(place.iterdir()) == before
+    assert cache.folder() is None, "machine code is not read from there either"
+    place.chmod(mode & ~0o022)
+    assert result()[1] is False
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can give a folder away")
+def test_a_folder_of_another_user_is_not_used(place):
+    kept_one(place)
+    os.chown(place, 65534, 65534)
+    assert cache.folder() is None
+    assert cache.not_private() == f"the cache {place} is not used: it belongs to another user"
+    assert result() == ({"number": 1.5, "nothing": None}, True)
+
+
+def test_a_folder_that_the_cache_makes_is_its_users_alone(place):
+    mask = os.umask(0o002)
+    try:
+        kept_one(place)
+    finally:
+        os.umask(mask)
+    assert stat.S_IMODE(place.stat().st_mode) & 0o022 == 0
+    assert result()[1] is False

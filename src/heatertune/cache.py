@@ -2,14 +2,18 @@
 
 The key is the SHA-256 of everything that went in and of heatertune's own source. `HEATERTUNE_CACHE` moves the folder;
 set to the empty text it switches the cache off. A folder that cannot be written is no error: the stage runs. So it does
-where a file is in any doubt: each begins with the cache's schema and the digest of its document.
+where a file is in any doubt: each begins with the cache's schema and a keyed digest (HMAC) of schema, key and document.
+The secret of that digest is made once per user and machine and lies in the state folder, so a file that another program
+or machine put there is not believed. A folder that other users may write is not used at all.
 """
 
 from __future__ import annotations
 
 import hashlib
+import hmac
 import json
 import os
+import stat
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -20,14 +24,16 @@ from typing import Any, Final, TypeVar
 
 from heatertune.documents import to_json
 from heatertune.errors import HeatertuneError, InputError
-from heatertune.files import read_bytes
+from heatertune.files import read_bytes, state_folder
 from heatertune.writing import write_files
 
-__all__ = ["cached", "folder", "release", "source_digest", "unused"]
+__all__ = ["cached", "folder", "not_private", "release", "source_digest", "unused"]
 
 T = TypeVar("T")
 
-_SCHEMA: Final = "heatertune/cache/1"
+_SCHEMA: Final = "heatertune/cache/2"
+_SECRET: Final = "cache.key"
+_SECRET_BYTES: Final = 32
 
 _unused: ContextVar[bool] = ContextVar("unused", default=False)
 
@@ -46,39 +52,70 @@ def cached(
         progress: told when a result is read instead of computed.
     """
     place = None if _unused.get() else folder()
-    if place is None:
+    secret = None if place is None else _machine_secret()
+    if place is None or secret is None:
+        if not _unused.get() and (why := not_private() or ("the state folder cannot hold its secret" if place else "")):
+            progress(f"{stage}: {why}: nothing is kept")
         # through the same text as a result that is kept: a switched-off cache changes no number
         return read(json.loads(to_json(run())))
     text = json.dumps(inputs, sort_keys=True, default=lambda array: array.tolist())  # keeps nan apart from null
     key = hashlib.sha256((source_digest() + stage + text).encode(errors="backslashreplace")).hexdigest()[:32]
     name = f"{stage}-{key}.json"
     with suppress(OSError, ValueError, RecursionError, HeatertuneError):
-        value = read(_document(read_bytes(place / name)))
+        value = read(_document(read_bytes(place / name), name, secret))
         progress(f"{stage}: read from the cache")
         return value
     # the text, not the value, is what a later run will see: both runs get the same
     text = to_json(run())
     try:
         content = text.encode(errors="backslashreplace")  # half a surrogate, from a file name that is not UTF-8
-        write_files(place, {name: _head(content) + content})
-    except InputError:
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        write_files(place, {name: _head(content, name, secret) + content})
+    except (InputError, OSError):
         progress(f"{stage}: the cache {place} cannot be written")
     return read(json.loads(text))
 
 
-def _head(text: bytes) -> bytes:
-    return f"{_SCHEMA} sha256:{hashlib.sha256(text).hexdigest()}\n".encode()
+def _head(text: bytes, name: str, secret: bytes) -> bytes:
+    """Return the first line of a kept file: schema and keyed digest of schema, name and text."""
+    signed = hmac.new(secret, f"{_SCHEMA}\n{name}\n".encode() + text, hashlib.sha256).hexdigest()
+    return f"{_SCHEMA} hmac-sha256:{signed}\n".encode()
 
 
-def _document(kept: bytes) -> dict[str, Any]:
-    """Return the document of a kept file; raise ValueError where it is not as it was written."""
-    text = kept[len(_head(b"")):]
-    if kept != _head(text) + text:
+def _document(kept: bytes, name: str, secret: bytes) -> dict[str, Any]:
+    """Return the document of a kept file; raise ValueError where it is not as this machine wrote it."""
+    first, _, text = kept.partition(b"\n")
+    if not hmac.compare_digest(first + b"\n", _head(text, name, secret)):
         raise ValueError("the file was changed")
     document = json.loads(text)
     if not isinstance(document, dict):
         raise ValueError("no JSON object")
     return document
+
+
+def _machine_secret() -> bytes | None:
+    """Return this user's secret on this machine, made when it is first needed; None: it cannot be kept."""
+    place = state_folder()
+    if place is None:
+        return None
+    path = place / _SECRET
+    with suppress(OSError):
+        if not path.exists():
+            place.mkdir(mode=0o700, parents=True, exist_ok=True)
+            own = path.with_name(f".{_SECRET}.{os.getpid()}.{os.urandom(4).hex()}")
+            number = os.open(own, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            try:
+                os.write(number, os.urandom(_SECRET_BYTES))
+            finally:
+                os.close(number)
+            try:
+                with suppress(FileExistsError):  # another process was faster: its secret is the one
+                    os.link(own, path)
+            finally:
+                own.unlink()
+        if _mode_problem(path, 0o077) is None and len(secret := read_bytes(path)) == _SECRET_BYTES:
+            return secret
+    return None
 
 
 @contextmanager
@@ -92,7 +129,22 @@ def unused() -> Iterator[None]:
 
 
 def folder() -> Path | None:
-    """Return where results and machine code are kept, None where nothing is to be kept."""
+    """Return where results and machine code are kept, None where nothing is to be kept.
+
+    A folder of another user, or one that others may write, is not used: whoever can write there could plant results.
+    """
+    place = _chosen_folder()
+    return None if place is None or _mode_problem(place, 0o022) is not None else place
+
+
+def not_private() -> str | None:
+    """Return why the chosen cache folder is not used, a sentence; None where it is used, or none is wanted."""
+    place = _chosen_folder()
+    problem = None if place is None else _mode_problem(place, 0o022)
+    return None if problem is None else f"the cache {place} is not used: {problem}"
+
+
+def _chosen_folder() -> Path | None:
     given = os.environ.get("HEATERTUNE_CACHE")
     if given is not None:
         return Path(given) if given else None
@@ -101,6 +153,26 @@ def folder() -> Path | None:
         return (Path(base) if base else Path.home() / ".cache") / "heatertune"
     except RuntimeError:
         return None
+
+
+def _mode_problem(path: Path, forbidden: int) -> str | None:
+    """Return why a path cannot be trusted, None where it can or is not there yet.
+
+    Args:
+        path: of a file or folder.
+        forbidden: permission bits that must not be set.
+    """
+    if not hasattr(os, "geteuid"):  # Windows: the user's own folders are private by their access lists
+        return None
+    try:
+        kind = path.stat()
+    except OSError:
+        return None
+    if kind.st_uid != os.geteuid():
+        return "it belongs to another user"
+    if stat.S_IMODE(kind.st_mode) & forbidden:
+        return f"other users may write there; chmod go-w {path} makes it private"
+    return None
 
 
 def release(library: str) -> str:

@@ -162,7 +162,8 @@ def _door(function: Callable[..., Any], calls: bool) -> _Machine:
     if place is not None:
         _remove_stale(place.parent)
         try:
-            place.mkdir(parents=True, exist_ok=True)
+            place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            place.mkdir(exist_ok=True)
             os.utime(place)  # in use
         except OSError:
             place = None

@@ -138,10 +138,15 @@ def _tables() -> Finding:
     return _guarded("paper tables", "install heatertune again", look)
 
 
+_PRIVATE: Final = "set HEATERTUNE_CACHE to a folder of your own that other users may not write"
+
+
 def _results() -> Finding:
-    from heatertune.cache import folder  # noqa: PLC0415 - beside its only use
+    from heatertune.cache import folder, not_private  # noqa: PLC0415 - next to its only use
 
     place = folder()
+    if (why := not_private()) is not None:
+        return Finding(name="cache of results", found=why, ok=False, needed=False, remedy=_PRIVATE)
     if place is None:
         return Finding(name="cache of results", found="switched off", ok=True, needed=False)
     kept = list(place.glob("*.json")) if place.is_dir() else []

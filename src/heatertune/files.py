@@ -9,7 +9,7 @@ import stat
 from pathlib import Path
 from typing import BinaryIO, Final
 
-__all__ = ["MOST_BYTES", "display_name", "read_bytes", "read_text"]
+__all__ = ["MOST_BYTES", "display_name", "read_bytes", "read_text", "state_folder"]
 
 #: of any file: a reading a second for some years
 MOST_BYTES: Final = 1 << 28
@@ -67,3 +67,15 @@ def display_name(name: str) -> str:
         name: as the operating system gives it, such bytes as lone surrogates (PEP 383).
     """
     return _SURROGATE.sub(lambda match: f"\\x{ord(match[0]) & 0xff:02x}", name)
+
+
+def state_folder() -> Path | None:
+    """Return the user's state folder, which `HEATERTUNE_STATE` moves; None: the user has no home."""
+    given = os.environ.get("HEATERTUNE_STATE")
+    if given:
+        return Path(given)
+    base = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
+    try:
+        return (Path(base) if base else Path.home() / ".local" / "state") / "heatertune"
+    except RuntimeError:
+        return None

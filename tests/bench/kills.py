@@ -165,7 +165,7 @@ class Written:
         assert ("it broke off at" in said) == (not read_lines(self.record).ended), said
         assert died or "it ended at" in said, said
         digest = read_lines(self.record).begin["sha256"]
-        assert told("rollback", self.record, "--apply", "--yes", digest[:8], "--quiet")[0] == 0
+        assert told("rollback", self.record, "--apply", "--yes", digest[:8], "--unproven", "--quiet")[0] == 0
         assert self.words == {**self.words, **OLD}
 
 
@@ -194,7 +194,7 @@ def of_rollback(made, kills, chance, begun=virtual_plc):
         here = Written(made, begun)
         assert told(*here.line, "--no-watch")[0] == 0
         digest = read_lines(here.record).begin["sha256"]
-        ended = here.killed(["rollback", here.record, "--apply", "--yes", digest[:8], "--quiet"], chance.randint(1, 15))
+        ended = here.killed(["rollback", here.record, "--apply", "--yes", digest[:8], "--unproven", "--quiet"], chance.randint(1, 15))
         died += ended
         here.judged()
         here.put_back(ended)

@@ -53,9 +53,10 @@ def test_help_loads_none_of_the_slow_libraries(arguments):
 
 
 @pytest.mark.long
-def test_words_that_are_proven_are_exported_again_by_none_of_the_slow_libraries(proven, tmp_path):
+def test_words_that_this_machine_proved_are_exported_again_by_none_of_the_slow_libraries(proven, tmp_path):
     again = ("export-db", proven / "out" / "words.json", "--target", "s5-ob251", "-o", tmp_path)
-    assert slow_modules(again) == "0 []"
+    assert slow_modules(again, proven / "cache").startswith("0 ["), "words are proven again before they leave"
+    assert slow_modules(again, proven / "cache") == "0 []", "and what this machine proved is read"
     first = {path.name: path for path in (proven / "out").rglob("*") if path.is_file()}
     again = [path for path in tmp_path.rglob("*") if path.is_file()]
     assert {path.name for path in again} == set(first)
@@ -119,8 +120,7 @@ def failing(proof):
     (lambda proof: proof["scaling"].update(high_degC=200.0), 1, "the proof of other words (scaling)"),
     (lambda proof: proof["criteria"]["ms"].update(ok=False) or proof.update(verdict="FAIL"), 2,
      "criteria.ms.ok: False; its value says otherwise: no whole proof; prove the words again"),
-    (failing, 1,
-     "not kept: ms; the model was given by hand; "),  # and how long a contactor lasts
+    (failing, 2, "criteria.ms.value: 9; proven again it is "),  # a whole proof, but not what the words do
     (lambda proof: proof.pop("runs"), 2, "proof.json: runs: is missing: no whole proof; prove the words again"),
     (lambda proof: proof.update(schema="x"), 2, "schema is 'x'; expected 'heatertune/proof/3'"),
 ])
@@ -132,15 +132,28 @@ def test_no_words_leave_on_another_proof(change, status, told, proven, tmp_path,
         proof["digest"] = digested(proof)["digest"]
     (tmp_path / "words.json").write_text((proven / "out" / "data" / "words.json").read_text())
     (tmp_path / "proof.json").write_text(json.dumps(proof))
+    (tmp_path / "pid.json").write_text((proven / "out" / "data" / "pid.json").read_text())
     arguments = ["export-db", str(tmp_path / "words.json"), "--target", "s5-ob251", "-o", str(tmp_path / "new")]
     capsys.readouterr()
     assert main(arguments) == status
     refusal = capsys.readouterr().err
     assert told in refusal
-    assert ("; --force exports these words all the same" in refusal) == ("not kept" in told)
     assert not (tmp_path / "new").exists()
-    if "not kept" in told:
-        assert main([*arguments, "--force"]) == 0
-        listing = (tmp_path / "new" / "DB30_listing.txt").read_text()
-        assert "not kept: ms" in listing
-        assert json.loads((tmp_path / "new" / "data" / "words.json").read_text())["forced"] is True
+    assert main([*arguments, "--force"]) == status, "no force makes another proof of it"
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.long
+def test_words_that_fail_leave_by_force_alone_and_say_so_again(proven, tmp_path, capsys):
+    asked = ("export-db", str(proven / "pid.json"), *TARGET, "--limit", "ms=1.2")
+    assert main([*asked, "-o", str(tmp_path / "forced"), "--force", "--quiet"]) == 0
+    again = ["export-db", str(tmp_path / "forced" / "data" / "words.json"), "--target", "s5-ob251", "-o", str(tmp_path / "new")]
+    capsys.readouterr()
+    assert main(again) == 1
+    refusal = capsys.readouterr().err
+    assert "not kept: Ms" in refusal or "not kept: ms" in refusal
+    assert "; --force exports these words all the same" in refusal
+    assert not (tmp_path / "new").exists()
+    assert main([*again, "--force"]) == 0
+    assert "not kept: ms" in (tmp_path / "new" / "DB30_listing.txt").read_text()
+    assert json.loads((tmp_path / "new" / "data" / "words.json").read_text())["forced"] is True

@@ -338,3 +338,22 @@ def test_without_an_earlier_run_there_is_no_last(tmp_path, capsys):
     assert "no" in capsys.readouterr().err
     assert main(["health", str(tmp_path), "-o", str(tmp_path / "h.parquet")]) == 2
     assert "expected the name of a page" in capsys.readouterr().err
+
+
+def test_a_reading_that_stands_still_is_not_judged_and_a_coarse_one_at_rest_is():
+    time = np.arange(3600.0)
+    drawn_power = 40.0 + np.random.default_rng(2).standard_normal(3600)
+
+    def cause(temperature, power):
+        log = Log(name="still", source="test", time_s=time, setpoint_degC=np.full(3600, 50.0), power_pct=power,
+                  temperature_degC=temperature)
+        return diagnosed(log, Loop(name="still", file="")).found
+
+    for temperature, power in (
+            (np.full(3600, 50.0), np.full(3600, 40.0)), (np.full(3600, 50.0), drawn_power),
+            (np.where(time < 1500.0, 50.0 + 0.1 * (time % 2), 49.9), np.clip(40.0 + 0.02 * (time - 1500.0), 40.0, 100.0))):
+        found = cause(temperature, power)
+        assert found[0].cause is Cause.UNKNOWN
+        assert found[0].told.startswith("not judged: the reading stands still at ")
+    coarse = np.where(time % 900.0 < 850.0, 50.0, 50.1)  # in steps of 0.1 °C, minutes at rest
+    assert not any("stands still" in each.told for each in cause(coarse, drawn_power))

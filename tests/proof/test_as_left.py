@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ def proven():
     return proof.words, fitted, decode(ProofView, plain(proof.to_document()), "proof.json")
 
 
-def loop(seconds, *, gain=GAIN, load_at=math.inf, asked=((0.0, SETPOINT),)):
+def loop(seconds, *, gain=GAIN, load_at=math.inf, asked=((0.0, SETPOINT),), k=K, tn=TN):
     """Return instants, temperature and power of a plain loop: trapezoidal PI with a held integral, PWM, Euler's steps.
 
     Textbook equations in floats; nothing of heatertune is used. `asked`: (instant, setpoint); a load of −10 % of full
@@ -43,17 +44,17 @@ def loop(seconds, *, gain=GAIN, load_at=math.inf, asked=((0.0, SETPOINT),)):
     temperature, power = np.empty(n), np.zeros(n)
     late = [0.0] * round(DEAD / STEP)
     reading, integral, error, on = ROOM, 0.0, 0.0, 0.0
-    for k in range(n):
-        if k % per_call == 0:
-            setpoint = [value for at, value in asked if at <= k * STEP]
+    for i in range(n):
+        if i % per_call == 0:
+            setpoint = [value for at, value in asked if at <= i * STEP]
             if setpoint:
                 before, error = error, setpoint[-1] - reading
-                moved = integral + K * TA / TN * (error + before) / 2.0
-                integral = moved if 0.0 < K * error + moved < 100.0 else min(max(integral, 0.0), 100.0)
-                on = min(max(K * error + integral, 0.0), 100.0)
-        power[k] = 100.0 if k % per_call < on / 100.0 * per_call else 0.0
-        late.append(power[k] - 10.0 * (k * STEP >= load_at))
-        temperature[k] = reading
+                moved = integral + k * TA / tn * (error + before) / 2.0
+                integral = moved if 0.0 < k * error + moved < 100.0 else min(max(integral, 0.0), 100.0)
+                on = min(max(k * error + integral, 0.0), 100.0)
+        power[i] = 100.0 if i % per_call < on / 100.0 * per_call else 0.0
+        late.append(power[i] - 10.0 * (i * STEP >= load_at))
+        temperature[i] = reading
         reading += STEP / LAG * (ROOM + gain * late.pop(0) - reading)
     return np.arange(n) * STEP, temperature, power
 
@@ -102,6 +103,74 @@ def test_pulses_read_in_step_with_their_period_tell_nothing_against_the_power_re
     often = by_name(as_left(trace(2400.0, columns="power", every=0.5)[0], *proven))["power_reserve"]
     assert often.measured == pytest.approx(100.0 - (SETPOINT - ROOM) / GAIN, abs=100.0 / 8.0)  # what holds the heater there
     assert often.as_proven
+
+
+def begun_late(late_s, *, every, digits, power, noise=0.0, seed=0, **of):
+    """Return the log of a loop from so long after its heat-up began, in digits of so many decimals."""
+    time, temperature, pulses = loop(1800.0, **of)
+    nth = round(every / STEP)
+    first = round(late_s / STEP)
+    drawn = np.random.default_rng(seed).normal(0.0, noise, len(time)) if noise else 0.0
+    return Log(name="late.csv", source="a plain loop", time_s=time[first::nth],
+               temperature_degC=np.round((temperature + drawn)[first::nth], digits),
+               setpoint_degC=np.full(len(time[first::nth]), SETPOINT), power_pct=pulses[first::nth] if power else None)
+
+
+def judged(log, proven):
+    """Return the verdict on a log, or that it cannot be judged."""
+    try:
+        return as_left(log, *proven).verdict
+    except InputError:  # it begins at its setpoint, or beyond it
+        return "NOT JUDGED"
+
+
+@pytest.fixture(scope="module")
+def fitted_so(proven):
+    """The same proof, of a model that left 0.2 °C over of its own log: this loop's plain PI is not the FB41 to the last digit."""
+    words, fitted, view = proven
+    return words, replace(fitted, candidates=tuple(replace(each, rmse_degC=0.2) for each in fitted.candidates)), view
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(30))
+def test_a_log_that_begins_anywhere_in_a_heat_up_tells_nothing_against_a_loop_in_order(fitted_so, seed):
+    draw = np.random.default_rng(seed)
+    log = begun_late(draw.uniform(0.0, 170.0), every=draw.choice([1.0, 2.0, 5.0, 10.0, 17.0]), digits=draw.choice([1, 1, 2]),
+                     power=draw.random() < 0.3, noise=draw.choice([0.0, 0.05]), seed=seed)
+    assert judged(log, fitted_so) != "NOT AS PROVEN"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("late_s", [0.0, 4.0, 10.0, 20.0, 30.0])
+@pytest.mark.parametrize("wrong", [{"gain": 2.0 * GAIN}, {"k": K / 3.0}, {"tn": TN / 4.0}], ids=str)
+def test_a_wrong_loop_is_told_from_a_log_that_begins_late_too(fitted_so, late_s, wrong):
+    log = begun_late(late_s, every=2.0, digits=1, power=False, **wrong)
+    assert judged(log, fitted_so) == "NOT AS PROVEN"
+
+
+@pytest.mark.long
+def test_a_log_of_the_end_of_a_heat_up_shows_too_little(fitted_so):
+    found = as_left(begun_late(90.0, every=2.0, digits=1, power=False), *fitted_so)
+    assert found.verdict == "NOT SHOWN"
+    assert "shows only the last" in found.told[0]
+    early = as_left(begun_late(25.0, every=2.0, digits=1, power=False), *fitted_so)
+    assert early.verdict == "AS PROVEN"
+    assert any("begins in the middle of a heat-up" in note for note in early.notes)
+
+
+@pytest.mark.long
+def test_a_sensor_that_freezes_at_the_setpoint_is_not_as_proven(fitted_so):
+    log, _, temperature = trace(1800.0, columns="setpoint", every=1.0)
+    fine = replace(log, temperature_degC=np.round(np.concatenate([np.full(60, ROOM), temperature[::20]]), 2))
+    assert as_left(fine, *fitted_so).verdict == "AS PROVEN"
+    rest = fine.time_s > 700.0
+    assert np.ptp(fine.temperature_degC[rest]) > 0.2, "the ripple of the PWM"
+    frozen = as_left(replace(fine, temperature_degC=np.where(rest, 40.0, fine.temperature_degC)), *fitted_so)
+    assert frozen.verdict == "NOT SHOWN"
+    assert frozen.told[0].endswith("the sensor or its reading is frozen.")
+    # one that comes in steps of 0.5 °C stands still at rest, and is none
+    coarse = replace(log, temperature_degC=np.round(2.0 * log.temperature_degC) / 2.0)
+    assert as_left(coarse, *fitted_so).verdict == "AS PROVEN"
 
 
 @pytest.mark.long

@@ -7,6 +7,7 @@ import pytest
 from tests.bench.documents import write_all
 
 from heatertune.cli import main
+from heatertune.proof import repetition
 from heatertune.proof.document import digested
 
 
@@ -133,7 +134,7 @@ def test_a_proof_of_some_settings_of_what_the_manual_leaves_open_is_refused(comm
     assert f"proof.json: runs: none on {whole[-1]['model']} under {gone}, mains +10 %: no whole proof" in told
 
 
-def _with_samples(folder, here, kept):
+def _with_samples(folder, here, kept, monkeypatch):
     """Copy a design, its proof with samples of which so many of 200 pass, as `verify --samples -o proof.json` writes it."""
     shutil.copytree(folder, here)
     proof = json.loads((here / "proof.json").read_text())
@@ -142,11 +143,24 @@ def _with_samples(folder, here, kept):
     proof["samples"] = {"verdict": verdict, "count": 200, "seed": 0, "quantile": 0.95, "passing": kept / 200, "settings": settings,
                         "worst_seed": 3, "spread": {}, "criteria": {}}
     (here / "proof.json").write_text(json.dumps(digested(proof | {"verdict": verdict})))
+    # the export proves the words again: here it finds the planted samples once more
+    monkeypatch.setattr(repetition, "_proof_document", lambda *_: json.loads((here / "proof.json").read_text()))
 
 
-def test_samples_that_fail_are_no_pass_of_the_words(folder, tmp_path, capsys):
+def test_samples_that_are_not_drawn_again_are_not_believed(folder, tmp_path, monkeypatch, capsys):
     here, out = tmp_path / "in", tmp_path / "out"
-    _with_samples(folder, here, 90)
+    with monkeypatch.context() as planted:
+        _with_samples(folder, here, 197, planted)
+    assert main(["export-db", str(here / "words.json"), "--target", "s5-ob251", "-o", str(out), "--quiet"]) == 2
+    refusal = capsys.readouterr().err
+    assert f"{here / 'proof.json'}: " in refusal
+    assert "; proven again it is " in refusal
+    assert not out.exists()
+
+
+def test_samples_that_fail_are_no_pass_of_the_words(folder, tmp_path, monkeypatch, capsys):
+    here, out = tmp_path / "in", tmp_path / "out"
+    _with_samples(folder, here, 90, monkeypatch)
     export = ["export-db", str(here / "words.json"), "--target", "s5-ob251", "-o", str(out), "--quiet"]
     assert main(export) == 1
     told = capsys.readouterr().err
@@ -162,18 +176,18 @@ def test_samples_that_fail_are_no_pass_of_the_words(folder, tmp_path, capsys):
     assert "words.json: verdict: 'PASS'; proof.json beside it says 'FAIL': export the words again" in capsys.readouterr().err
 
 
-def test_samples_that_pass_let_the_words_pass_and_stand_in_the_certificate(folder, tmp_path):
+def test_samples_that_pass_let_the_words_pass_and_stand_in_the_certificate(folder, tmp_path, monkeypatch):
     here, out = tmp_path / "in", tmp_path / "out"
-    _with_samples(folder, here, 197)
+    _with_samples(folder, here, 197, monkeypatch)
     assert main(["export-db", str(here / "words.json"), "--target", "s5-ob251", "-o", str(out), "--quiet"]) == 0
     assert json.loads((out / "data" / "words.json").read_text())["verdict"] == "PASS"
     assert "197 of 200 samples keep every limit under sum = unlimited, so at least 96.16 % of all do" in (
         out / "DB30_listing.txt").read_text()
 
 
-def test_samples_too_few_to_tell_are_no_pass_either_and_tell_how_many_would_be_enough(folder, tmp_path, capsys):
+def test_samples_too_few_to_tell_are_no_pass_either_and_tell_how_many_would_be_enough(folder, tmp_path, monkeypatch, capsys):
     here, out = tmp_path / "in", tmp_path / "out"
-    _with_samples(folder, here, 195)
+    _with_samples(folder, here, 195, monkeypatch)
     assert main(["export-db", str(here / "words.json"), "--target", "s5-ob251", "-o", str(out), "--quiet"]) == 1
     told = capsys.readouterr().err
     assert told.startswith("error: NOT PROVEN at ")

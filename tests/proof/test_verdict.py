@@ -31,7 +31,7 @@ from heatertune.proof.verdict import (
     verdict_line,
     verdict_of_samples,
 )
-from heatertune.proof.words_file import _accepting, certificate, demand_same_words, words_of
+from heatertune.proof.words_file import certificate, demand_same_words, words_of
 
 PWM = Actuator(pwm_period_s=10.0)
 PAPER = paper_scenario(duration_s=3000.0)
@@ -252,13 +252,17 @@ def _document(**changed):
 
 
 def test_findings_are_accepted_by_their_names_beside_those_that_were():
-    findings = [POOR, POOR | {"name": "alias"}, POOR | {"name": "coarse-sensor", "accepted": True}]
-    accepted = _accepting(_document(findings=findings, verdict="NOT PROVEN", digest=""), ["alias"])
-    assert [finding["accepted"] for finding in accepted["findings"]] == [False, True, True]
-    assert accepted["verdict"] == "NOT PROVEN"
-    assert _accepting(accepted, ["poor-fit"])["verdict"] == "PASS"
+    findings = [POOR, POOR | {"name": "alias"}, POOR | {"name": "coarse-sensor"}]
+    made = [Finding(name=finding["name"], told="") for finding in findings]
+
+    def accepted(*names):
+        heard = Heard(findings=tuple(made), accepted=names).to_document()
+        return derived(_document(**heard)), [finding["accepted"] for finding in heard["findings"]]
+
+    assert accepted("alias", "coarse-sensor") == ("NOT PROVEN", [False, True, True])
+    assert accepted("alias", "poor-fit", "coarse-sensor") == ("PASS", [True, True, True])
     with pytest.raises(UnknownName):
-        _accepting(accepted, ["joy"])
+        accepted("joy")
 
 
 def _samples(*kept):

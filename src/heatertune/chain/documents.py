@@ -16,6 +16,7 @@ from heatertune.pid.document import PidView
 from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof
 from heatertune.proof.document import ProofView, checked
+from heatertune.proof.repetition import demand_consistent
 from heatertune.proof.verdict import FIRST, verdict_first
 from heatertune.proof.views import ComparisonView, LogView, PicturesView, TakenView
 from heatertune.proof.words_file import FieldView, WholeWordsView, demand_same_words
@@ -70,8 +71,8 @@ def read_documents(folder: str | Path) -> dict[str, dict[str, Any]]:
     """Return the documents that `design` wrote into a folder.
 
     Raises:
-        DocumentError: one is missing or is none, the proof does not follow from its values, or the words do not say
-            its verdict.
+        DocumentError: one is missing or is none, the proof does not follow from its values, the words do not say
+            its verdict, or the words, the design and the heater do not belong together.
         ExportRefused: the proof is of other words.
     """
     documents, directory = {}, data_folder(folder)
@@ -88,6 +89,7 @@ def read_documents(folder: str | Path) -> dict[str, dict[str, Any]]:
     if own != proven:
         raise DocumentError(f"{directory / 'words.json'}: verdict: {own!r}; proof.json beside it says {proven!r}: "
                             "export the words again (heatertune export-db)")
+    demand_consistent(directory, documents)
     return documents
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from heatertune.live.experiment import Ended, Experiment
     from heatertune.live.recorder import Recorded
     from heatertune.live.schedule import Aims
+    from heatertune.model.values import HeaterModel
 
 __all__ = ["add_to"]
 
@@ -72,8 +73,9 @@ def _run(settings: argparse.Namespace) -> int:
     plan, address, aims = read_plan(settings.plan), address_of(settings.address), _aims(settings.until)
     limits = Limits(temperature_degC=settings.limit_temperature, rate_degC_per_min=settings.limit_rate)
     whole = Experiment(plan, address, words, limits, pwm_period_s=pwm_period_in(settings.design),
-                       in_manual=settings.in_manual)
-    found = whole.check()
+                       heaters=_heaters(settings.design), in_manual=settings.in_manual)
+    blind = () if whole.heaters else (f"no heater in {settings.design}: a frozen sensor is not noticed",)
+    found = (*whole.check(), *blind)
     _agree(settings, whole, found)
     with asked_to_end(ALL_SIGNALS) as asked:
         ended = whole.run(settings.out, aims, Watching(
@@ -83,6 +85,19 @@ def _run(settings: argparse.Namespace) -> int:
     document = _document(settings, ended)
     printing.output(settings, document, lambda: _lines(document))
     return 0 if ended.why in ("plan", "known") and ended.restored else 1
+
+
+def _heaters(folder: str) -> tuple[HeaterModel, ...]:
+    """Return the plausible heaters of a folder's design, none where it holds no model."""
+    from contextlib import suppress  # noqa: PLC0415 - the help must not wait for it
+
+    from heatertune.errors import HeatertuneError  # noqa: PLC0415
+    from heatertune.live.serve import read_folder  # noqa: PLC0415
+    from heatertune.proof.heaters import labelled  # noqa: PLC0415
+
+    with suppress(HeatertuneError):
+        return tuple(model for _, model in labelled(read_folder(folder)[1]))
+    return ()
 
 
 def _aims(said: list[str]) -> Aims:

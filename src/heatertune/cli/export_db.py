@@ -34,18 +34,21 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.documents import DATA, to_json  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
-    from heatertune.proof.words_file import export_again, export_first  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.words_file import export_first  # noqa: PLC0415
     from heatertune.report.text import words_table  # noqa: PLC0415
     from heatertune.writing import write_files  # noqa: PLC0415
 
-    again = None if common.proof_asked(settings) else export_again(
-        settings.pid, common.target(settings), force=settings.force,
-        accept=common.conditions(settings).accept)
+    again = None if common.proof_asked(settings) else _exported_again(settings)
     proven = again or _proven(settings)
     document = proven["words"]
     documents = {"words.json": to_json(document), "proof.json": to_json(proven["proof"])}
+    gone = ["words.json", "proof.json"]
+    if proven["pid"] is not None:
+        documents["pid.json"] = to_json(proven["pid"])
+    else:  # that of other words must not lie next to these
+        gone.append(f"{DATA}/pid.json")
     moved = {f"{DATA}/{name}": content for name, content in documents.items()}
-    written = write_files(settings.out, {**proven["files"], **moved}, gone=documents)
+    written = write_files(settings.out, {**proven["files"], **moved}, gone=gone)
     names = "\n".join(str(path) for path in written)
     line = verdict_line(proven["proof"])
     printing.output(settings, document, lambda: f"{line}\n{words_table(document)}\nVERDICT {line}\n{names}",
@@ -53,11 +56,33 @@ def _run(settings: argparse.Namespace) -> int:
     return 0
 
 
+def _exported_again(settings: argparse.Namespace) -> dict[str, Any] | None:
+    """Return documents and files of words that were exported before, proven again; None where the file holds no words.
+
+    Raises:
+        ExportRefused: the verdict is not PASS and `--force` was not given; as `repeat_proof`.
+        DocumentError, InputError, OutOfRange, UnknownName: as `repeat_proof`.
+    """
+    from heatertune.plc import controller_for  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.words_file import certificate, read_words  # noqa: PLC0415
+
+    if read_words(settings.pid, common.target(settings)) is None:
+        return None
+    from heatertune.proof.repetition import repeat_proof  # noqa: PLC0415 - a design is proven without it
+
+    again = repeat_proof(
+        settings.pid, accept=common.conditions(settings).accept, progress=printing.Progress(settings))
+    certified = certificate(again.proof, force=settings.force)
+    files = dict(controller_for(again.words.target).export(again.words, certified))
+    exported = {"files": sorted(files), "verdict": certified.verdict, "forced": certified.forced}
+    return {"words": {**again.words_document, **exported}, "proof": again.proof, "files": files, "pid": again.design}
+
+
 def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     """Return the words of a design, proven: documents and files.
 
     What is exported was proven then or before: the verdict on the same words, heater and conditions by the same
-    program is read where it is kept. `verify` proves anew.
+    program on this machine is read from the cache and checked like any proof. `verify` always proves again.
     """
     from dataclasses import asdict  # noqa: PLC0415 - the help must not wait for it
 
@@ -72,7 +97,8 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
         "ramp": asked.ramp, "conditions": asdict(asked.conditions), "notes": asked.notes, "force": settings.force,
         "specification": repr(specified(asked.conditions)),  # of files that may change
         "libraries": [release(name) for name in ("numpy", "scipy", "numba")]}
-    kept = cached("export", inputs, lambda: _prove(asked, progress, force=settings.force), dict, progress=progress)
+    kept = cached("export", inputs, lambda: _prove(asked, progress, force=settings.force),
+                  lambda document: _demand_export(document, asked, force=settings.force), progress=progress)
     for note in kept["notes"]:
         progress.note(note)
     files = {name: text if isinstance(text, str) else bytes(text) for name, text in kept["files"].items()}
@@ -84,6 +110,7 @@ def _prove(asked: Proving, progress: Any, *, force: bool) -> dict[str, Any]:
     from heatertune.chain.documents import words_document  # noqa: PLC0415
     from heatertune.errors import ExportRefused  # noqa: PLC0415
     from heatertune.plc.choose import search_document  # noqa: PLC0415
+    from heatertune.proof.repetition import design_document  # noqa: PLC0415
     from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415
 
     proof, told = prove_ramped(asked.words, asked.fitted, asked.ramp, asked.conditions, progress=progress)
@@ -96,5 +123,33 @@ def _prove(asked: Proving, progress: Any, *, force: bool) -> dict[str, Any]:
             progress.note(note)
         raise
     document = words_document(proof.words, proof, files, search)
-    return {"words": document, "proof": proof.to_document(), "notes": notes,
+    design = design_document(proof, asked.design, asked.fitted, asked.recipe, asked.conditions)
+    return {"words": document, "pid": design, "proof": proof.to_document(), "notes": notes,
             "files": {name: text if isinstance(text, str) else list(text) for name, text in files.items()}}
+
+
+def _demand_export(document: dict[str, Any], asked: Proving, *, force: bool) -> dict[str, Any]:
+    """Return the document of an export, checked as one that was read from a folder.
+
+    Raises:
+        HeatertuneError: it is damaged, of other words, without a PASS or with files that the controller does not have.
+    """
+    from heatertune.errors import DocumentError  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc import controller_for  # noqa: PLC0415
+    from heatertune.proof.document import checked  # noqa: PLC0415
+    from heatertune.proof.words_file import certificate, demand_same_words, words_of  # noqa: PLC0415
+
+    where = "the cache"
+    if set(document) != {"words", "pid", "proof", "notes", "files"} or not all(
+            isinstance(document[name], kind) for name, kind in (("words", dict), ("proof", dict), ("notes", list),
+                                                                ("files", dict))):
+        raise DocumentError(f"{where}: no export")
+    proof = checked(document["proof"], where)
+    demand_same_words(document["words"], proof, where)
+    words = words_of(document["words"], asked.words.target, where)
+    if asked.ramp is None and words != asked.words:
+        raise DocumentError(f"{where}: other words")
+    expected = controller_for(words.target).export(words, certificate(proof, force=force))
+    if {name: text if isinstance(text, str) else list(text) for name, text in expected.items()} != document["files"]:
+        raise DocumentError(f"{where}: files: others than the controller's")
+    return document

@@ -18,6 +18,7 @@ from heatertune.settings import Conditions, SensorSettings, WordSettings
 if TYPE_CHECKING:
     from heatertune.model.values import FittedModel
     from heatertune.pid.recipe import Recipe
+    from heatertune.pid.values import PidDesign
     from heatertune.plc import Words
     from heatertune.plc.choice import WordChoice
 
@@ -40,6 +41,8 @@ class Proving:
         ramp: another way of the setpoint than the words have, see `heatertune.proof.setpoint_ramp.prove_ramped`.
         notes: what was taken from the file, and what options took its place, one sentence each.
         way_on: where they fail, what was found when they were made for the very same; None: nobody looked.
+        design: from which the words were made; None: the words were given.
+        recipe: how they were made from it; None: the words were given.
         structure: of the design behind the words; None: not known.
     """
 
@@ -50,6 +53,8 @@ class Proving:
     ramp: float | str | None
     notes: tuple[str, ...]
     way_on: str | None = None
+    design: PidDesign | None = None
+    recipe: Recipe | None = None
     structure: str | None = None
 
 
@@ -73,7 +78,7 @@ def proving(settings: argparse.Namespace) -> Proving:
     recipe, notes = in_force(settings, kept, settings.pid)
     choice, same = made_again(design, fitted, recipe), recipe == kept and ramp is None and not common.by_hand(settings)
     return Proving(words=choice.words, choice=choice, fitted=fitted, conditions=recipe.conditions, ramp=ramp,
-                   notes=tuple(notes), way_on=recipe.way_on if same else None,
+                   notes=tuple(notes), way_on=recipe.way_on if same else None, design=design, recipe=recipe,
                    structure=design.structure)
 
 

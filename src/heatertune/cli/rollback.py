@@ -29,6 +29,8 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("record", metavar="RECORD", help="file that heatertune write made")
     add_guard(command, "what is put back, as it is shown without --apply")
+    command.add_argument("--unproven", action="store_true",
+                         help="put back words that are not proven (default: they are proven first)")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
@@ -43,7 +45,7 @@ def _run(settings: argparse.Namespace) -> int:
         "yes": before.yes, "applied": settings.apply}
     if settings.apply:
         with signals_as_ctrl_c():
-            ended = rolled_back(before, settings.yes, link, settings.most_writes)
+            ended = rolled_back(before, settings.yes, link, settings.most_writes, unproven=settings.unproven)
     else:
         try:
             ended = looked(before, link)
@@ -56,6 +58,7 @@ def _run(settings: argparse.Namespace) -> int:
 
 
 def _lines(settings: argparse.Namespace, before: Before, ended: Ended, open_experiment: str) -> Iterator[str]:
+    from heatertune.live.change.rollback import not_proven  # noqa: PLC0415
     from heatertune.report.layout import wrapped  # noqa: PLC0415
 
     if open_experiment:
@@ -67,5 +70,7 @@ def _lines(settings: argparse.Namespace, before: Before, ended: Ended, open_expe
         back = [name for part in before.parts for name in part.names
                 if (ended.stands or {}).get(name) == before.after[name]]
         was = ", ".join(f"{name} = {before.before[name]:g}" for name in back)
-        again = f"heatertune rollback {settings.record} --apply --yes {before.yes}"
+        why = not_proven(before, ended.stands) if back and ended.stands is not None else ""
+        yield from wrapped(f"what would be put back is not proven: {why}", "- ") if why else ()
+        again = f"heatertune rollback {settings.record} --apply --yes {before.yes}{' --unproven' if why else ''}"
         yield from wrapped(f"to put back {was}: {again}" if back else "nothing to put back")

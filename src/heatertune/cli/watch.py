@@ -24,6 +24,7 @@ __all__ = ["add_to"]
 
 _EXAMPLE: Final = "example: heatertune watch s7://192.168.0.10/0/2/db30 --design out/"
 _SHOWN: Final = 6
+_NOT_JUDGED: Final = "NOT JUDGED"
 
 
 def add_to(commands: Any) -> None:
@@ -53,7 +54,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.live.recorder import Recording, record  # noqa: PLC0415
     from heatertune.live.watching import Beside, others_there  # noqa: PLC0415
 
-    address, proven = address_of(settings.address), read_proven(settings.design)
+    address, proven = address_of(settings.address), read_proven(settings.design, printing.Progress(settings))
     places = places_of(proven.words)
     if places is None:
         raise InputError(f"{settings.design}: where {proven.words.target} shows its temperature is not known here")
@@ -69,12 +70,13 @@ def _run(settings: argparse.Namespace) -> int:
     LINE.end()
     if not others:  # somebody may have written some meanwhile
         others, unknown = others_there(proven, address)
-    well = beside.seen.readings > 0 and beside.seen.well  # who has seen nothing knows nothing
+    unmoved = _unmoved(beside, so_far)
+    well = beside.seen.readings > 0 and beside.seen.well and not unmoved  # who has seen nothing knows nothing
     open_experiment = open_experiment or PlcState(address).message()  # one may have begun meanwhile
     well = well and not others and (monitored is None or not monitored.told()) and not so_far.trouble
     well = well and not open_experiment
     seen = beside.seen.to_document()
-    seen["told"] = [*([open_experiment] if open_experiment else []), *([others] if others else []), *seen["told"]]
+    seen["told"] = [*(line for line in (open_experiment, others, unmoved) if line), *seen["told"]]
     document = {"schema": "heatertune/watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
                 "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well,
                 "words_not_compared": unknown or None, **seen,
@@ -82,6 +84,15 @@ def _run(settings: argparse.Namespace) -> int:
                 "refit": _refitted(log, proven) if settings.refit else None}
     printing.output(settings, document, lambda: _lines(document))
     return 0 if well else 1
+
+
+def _unmoved(beside: Beside, so_far: Recorded) -> str:
+    """Return that nothing is known, for nothing that was read has changed and no counter says that it is new."""
+    seen = beside.seen
+    if so_far.interval_s is not None or seen.readings == 0 or seen.still_s < min(seen.seconds, beside.window_s):
+        return ""
+    return (f"{_NOT_JUDGED}: nothing that was read has changed for {seen.still_s:.4g} s, and no counter is read: a CPU "
+            "that stands, a frozen sensor and a loop at rest look the same. Watch for longer")
 
 
 def _monitored(path: str | None, proven: Proven) -> Monitored | None:
@@ -142,8 +153,10 @@ def _refitted(log: Path, proven: Proven) -> dict[str, Any]:
 
 def _lines(document: Mapping[str, Any]) -> str:
     if not document["readings"]:
-        return f"{document['log']}: nothing was seen"
-    head = ("WELL: inside the proven band" if document["well"] else "NOT WELL") + (
+        why = f"; {document['told'][0]}" if document["told"] else ""
+        return f"{document['log']}: nothing was seen{why}"
+    judged = not (len(document["told"]) == 1 and document["told"][0].startswith(_NOT_JUDGED))
+    head = ("WELL: inside the proven band" if document["well"] else "NOT WELL" if judged else _NOT_JUDGED) + (
         f", {document['readings']} readings; at most {100.0 * document['largest_share_of_band']:.0f} % of the band") + (
         f"; {document['gaps']} gap{'s' if document['gaps'] > 1 else ''} in the log" if document["gaps"] else "")
     lost = [f"- the link was lost and is not back: {document['lost']}"] if document["lost"] else []

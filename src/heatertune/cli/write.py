@@ -87,12 +87,12 @@ def _run(settings: argparse.Namespace) -> int:
     said = Said(called_every_s=settings.called_every, range_degC=sensor.get("range_degC"),
                 as_exported=settings.as_exported, in_manual=settings.in_manual)
     address, link = address_of(settings.address), link_of(settings)
-    wanted = Wanted(proven=read_proven(settings.directory), address=address, said=said, link=link,
+    progress = printing.Progress(settings)
+    wanted = Wanted(proven=read_proven(settings.directory, progress), address=address, said=said, link=link,
                     most_writes=settings.most_writes, watch=not settings.no_watch,
                     record=None if settings.record is None else Path(settings.record))
     document = {"schema": PLAN_SCHEMA, "directory": settings.directory, "address": address.text,
                 "digest": wanted.proven.view.digest, "yes": wanted.proven.yes, "applied": settings.apply}
-    progress = printing.Progress(settings)
     if settings.apply:
         with signals_as_ctrl_c():
             done = applied(wanted, settings.yes, progress)

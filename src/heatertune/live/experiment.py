@@ -9,13 +9,15 @@ the user's state folder.
 
 from __future__ import annotations
 
+import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Thread
+from typing import Final
 
 from heatertune.errors import HeatertuneError, InputError, LinkDown, LinkError, PlcRefused
 from heatertune.live.change.cells import standing
@@ -27,13 +29,18 @@ from heatertune.live.manual import ManualMode, give_back
 from heatertune.live.memory import GUARDED, OWN, OWN_CELLS, RUNS
 from heatertune.live.places import places_of
 from heatertune.live.plc_state import PlcState, WayBack, utc_now
+from heatertune.live.readings import StillSensor
 from heatertune.live.recorder import Recorded, Recording, record
 from heatertune.live.schedule import RATE_ROWS, Aims, Limits, Relay, Steps
-from heatertune.model.values import FittedModel
-from heatertune.plc import Words
+from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.plc import Words, controller_for
 from heatertune.plc.typed import value_texts
 
 __all__ = ["Ended", "Experiment", "Watching", "restore"]
+
+_SAME_PCT: Final = 1e-6
+#: by how much every plausible heater must have moved before a reading that stands still is frozen
+_FROZEN_DEGC: Final = 3.0
 
 
 @dataclass(slots=True, kw_only=True)
@@ -85,10 +92,12 @@ class Experiment:
         mode: mode and manual value of the controller.
         sensor_degC: both ends of the sensor's range [°C].
         has_dead_man: whether `check` has found one.
+        heaters: that are plausible; none: a frozen sensor is not told.
     """
 
     def __init__(self, plan: Steps | Relay, address: Address, words: Words, limits: Limits, *,
-                 timeout_s: float = 1.0, pwm_period_s: float | None = None, in_manual: bool = False) -> None:
+                 timeout_s: float = 1.0, pwm_period_s: float | None = None, in_manual: bool = False,
+                 heaters: Sequence[HeaterModel] = ()) -> None:
         """Prepare; nothing is asked of the PLC yet.
 
         Args:
@@ -99,10 +108,14 @@ class Experiment:
             timeout_s: after which an answer is lost [s].
             pwm_period_s: of the heater's switch, for the log; None where nobody knows [s].
             in_manual: whether the controller is in manual before, and is to be so afterwards.
+            heaters: that are plausible, to tell a frozen sensor; none: it is not told.
 
         Raises:
-            InputError: the controller's block is not known, or has no manual mode.
+            InputError: the controller's block is not known, or has no manual mode; a power of the plan is more than
+                the words' largest output.
         """
+        _demand_proven_power(plan, words)
+        self.heaters = tuple(heaters)
         self.mode, self._standing = ManualMode(address, words, timeout_s), standing(words, address, {})
         self.plan, self._words, self.limits = plan, words, limits
         self._recording = Recording(timeout_s=timeout_s, pwm_period_s=pwm_period_s)
@@ -234,6 +247,7 @@ class _Hand:
         self._first_s: float | None = None
         self._latest = list[tuple[float, float]]()
         self._new_at = time.monotonic()
+        self._still = StillSensor(whole.heaters, _FROZEN_DEGC) if whole.heaters else None
         self._fitting: Thread | None = None
         self.ended: Ended | None = None
         self.fitted: FittedModel | None = None
@@ -278,6 +292,8 @@ class _Hand:
         broken = self._whole.limits.broken(self._latest, self._whole.sensor_degC)
         if broken is not None:
             self.end(*broken)
+        elif frozen := self._frozen(after_s, degC):
+            self.end("sensor", frozen)
         elif look.restarted:
             self.end("silence", "the PLC has begun anew")
         elif after_s >= self._whole.plan.ends_s:
@@ -285,6 +301,12 @@ class _Hand:
         else:
             self._set(self._whole.plan.power(after_s, degC, self._power))
             self._fit_beside()
+
+    def _frozen(self, after_s: float, degC: float) -> str:
+        """Return why the sensor is frozen, a sentence; empty where it need not be, or no heater is known."""
+        if self._still is None or self._power is None:
+            return ""
+        return self._still.see(after_s, degC, self._power)
 
     def _asked(self) -> Client:
         if self._client is None:
@@ -352,6 +374,15 @@ class _Hand:
         """Wait for a fit that is under way: the controller has been given back by then."""
         if self._fitting is not None:
             self._fitting.join()
+
+
+def _demand_proven_power(plan: Steps | Relay, words: Words) -> None:
+    """Refuse a plan with more power than the words ever ask for: nothing was proven of it."""
+    largest = controller_for(words.target).most_power_pct(words)
+    highest = max(plan.powers)
+    if not highest <= largest + _SAME_PCT:
+        raise InputError(f"the plan goes to {highest:g} %, and the words that were proven never ask for more than "
+                         f"{largest:.4g} %: plan again with --power 0 {math.floor(largest):g}")
 
 
 def restore(address: Address, timeout_s: float = 1.0, progress: Callable[[str], object] = str) -> bool | None:

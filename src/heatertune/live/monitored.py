@@ -79,7 +79,10 @@ class Monitored:
         now, last = round(look.time_s / self.view.scan_s), self._last
         if last is not None and now <= last[0] and not look.restarted:
             return
-        self.highest_degC = max(self.highest_degC, look.seen.get("setpoint", -math.inf))
+        if math.isfinite(look.seen["temperature"]) and not math.isfinite(look.seen["power"]):
+            return  # without its power a scan cannot be judged: it is missed
+        asked = look.seen.get("setpoint", -math.inf)
+        self.highest_degC = max(self.highest_degC, asked if math.isfinite(asked) else -math.inf)
         self._last = now, self._reading(look.seen["temperature"]), _whole(look.seen["power"])
         self.passed += 1 if last is None or look.restarted else now - last[0]
         if last is not None and (look.restarted or now - last[0] - 1 > self._may_miss):
@@ -133,6 +136,6 @@ class Monitored:
 
 
 def _whole(power_pct: float) -> int:
-    """Return a power as the monitor takes it; what is no number is none."""
+    """Return a power as the monitor takes it; next to a reading that is no number either, none."""
     known = min(max(power_pct, -_FAR_PCT), _FAR_PCT) if math.isfinite(power_pct) else 0.0
     return int(whole_pct(np.array(known)))

@@ -8,6 +8,7 @@ note says so.
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Callable
@@ -67,7 +68,7 @@ class Recorded:
     """What has been recorded so far.
 
     Attributes:
-        rows: written.
+        rows: written; those in which a quantity is not a number are comments.
         gaps: times without readings, each also a comment in the file.
         torn: looks that a scan fell into, and that were left out.
         last: the latest look.
@@ -276,7 +277,7 @@ class _Rows:
         self._first_s: float | None = None
         self._last_s: float | None = file.last_s
         self._step_s, self._pause_s, self._new_at = 0.0, 0.01, time.monotonic()
-        self._reason = ""
+        self._reason, self._missing = "", tuple[str, ...]()
 
     def run(self, shown: Callable[[Recorded], object], ended: Callable[[], bool]) -> Recorded:
         """Look until it is enough."""
@@ -331,13 +332,24 @@ class _Rows:
             return
         self._tell_gap(at, look)
         values = [look.seen[role] for role in ROLES if role in look.seen]
-        self._file.write(",".join([f"{at:.9g}", *(f"{value:.7g}" for value in values)]) + "\n")
+        is_row = self._are_numbers(at, look)
+        cells = ",".join([f"{at:.9g}", *(f"{value:.7g}" for value in values)])
+        self._file.write(f"{cells}\n" if is_row else f"# {cells}\n")
         self.so_far.rows += 1
         self.so_far.last = look._replace(time_s=at)
         self._first_s = at if self._first_s is None else self._first_s
         self._last_s, self._reason = at, ""
         self._pause_s = min(max(0.25 * (now - self._new_at), _SHORTEST_S), max(0.25 * self._every_s, 0.05))
         self._new_at = now
+
+    def _are_numbers(self, at: float, look: Look) -> bool:
+        """Return whether all quantities are numbers; name a gap, in a comment, where they begin not to be."""
+        missing = tuple(role for role in ROLES if role in look.seen and not math.isfinite(look.seen[role]))
+        if missing and missing != self._missing:
+            self.so_far.gaps += 1
+            self._file.write(f"# gap from {at:.9g} s: no number for {', '.join(missing)}\n")
+        self._missing = missing
+        return not missing
 
     def _tell_gap(self, at: float, look: Look) -> None:
         if self._last_s is None:

@@ -61,11 +61,11 @@ class Limits:
         if not low + edge < degC < high - edge:
             return "sensor", (
                 f"the reading is {degC:.2f} °C, an end of its range {low:g}…{high:g} °C: is the sensor there?")
-        if degC >= self.temperature_degC:
+        if not degC < self.temperature_degC:
             return "limit", f"{degC:.2f} °C: the limit is {self.temperature_degC:g} °C"
         if self.rate_degC_per_min is not None and len(latest) == RATE_ROWS and now_s > first_s:
             rate = 60.0 * (degC - first) / (now_s - first_s)
-            if abs(rate) > self.rate_degC_per_min:
+            if not abs(rate) <= self.rate_degC_per_min:
                 return "rate", f"{rate:.3g} °C/min: the limit is {self.rate_degC_per_min:g} °C/min"
         return None
 

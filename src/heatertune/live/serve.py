@@ -279,8 +279,8 @@ def read_folder(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
     """
     place = data_folder(folder)
     words, document = words_in(folder)
-    beside = Path(folder) / "pid.json"  # where tune was told to write it, words having been exported later
-    design = beside if beside.is_file() else place / "pid.json"
+    outer = Path(folder) / "pid.json"  # where tune was told to write it; words of an earlier release lie without theirs
+    design = place / "pid.json" if (place / "pid.json").is_file() else outer
     _, fitted, recipe = read_design(design)
     if fitted is None:
         raise InputError(f"{design}: no model in it; simulate needs a folder that heatertune design wrote")

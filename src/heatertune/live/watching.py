@@ -5,20 +5,25 @@ It only looks. A load, an open door, leaves the band too: the band says what the
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from statistics import fmean
 from typing import Any, Final
 
 from heatertune.errors import InputError, LinkError
-from heatertune.live.change.band import Band, watched_s
+from heatertune.live.change.band import Band, band_degC, watched_s
 from heatertune.live.change.cells import standing
 from heatertune.live.change.peer import Link, Peer
 from heatertune.live.change.proven import Proven
 from heatertune.live.client.address import Address
 from heatertune.live.looking import Look
+from heatertune.live.readings import StillSensor, reading_problem
 from heatertune.plc.typed import value_texts
+from heatertune.proof.heaters import labelled
+from heatertune.units import count
 
 __all__ = ["Beside", "Seen", "others_there"]
 
@@ -27,6 +32,7 @@ _APART: Final = 0.2  # of the watched time; nearer stretches are told as one
 _SWINGS: Final = 3  # that are told: so many crossings of the mean, up and down
 _DRIFT: Final = 0.15  # of the power at rest
 _SAME_DEGC: Final = 1e-6
+_DISTURBED: Final = 0.01  # of the readings: so many may be none
 
 
 @dataclass(slots=True, kw_only=True)
@@ -40,9 +46,21 @@ class Seen:
         rest_pct: power at rest, first and now [%]; None: it has not rested yet.
         band: lowest and highest proven now [°C].
         used: the largest share of the band's half width that a reading took.
+        unusable: readings that are none: not a number, or not within the sensor's range.
+        problem: why the last of them was none, a few words.
+        unusable_in_a_row: the most of them one after the other.
+        frozen: why the sensor is frozen, a sentence; empty where it need not be.
+        still_s: for how long nothing that was read has changed, up to now [s].
+        seconds: that were watched [s].
     """
 
     readings: int = 0
+    unusable: int = 0
+    problem: str = ""
+    unusable_in_a_row: int = 0
+    frozen: str = ""
+    still_s: float = 0.0
+    seconds: float = 0.0
     outside: list[tuple[float, float]] = field(default_factory=list)
     swing: tuple[float, float] | None = None
     rest_pct: tuple[float, float] | None = None
@@ -52,7 +70,12 @@ class Seen:
     @property
     def well(self) -> bool:
         """Whether nothing has to be told."""
-        return not self.outside and self.swing is None and not self.drifted
+        return not self.outside and self.swing is None and not self.drifted and not self.frozen and self.usable
+
+    @property
+    def usable(self) -> bool:
+        """Whether so few readings are none that they are disturbed ones."""
+        return self.unusable_in_a_row < _IN_A_ROW and self.unusable <= _DISTURBED * self.readings
 
     @property
     def drifted(self) -> bool:
@@ -62,6 +85,10 @@ class Seen:
     def told(self) -> tuple[str, ...]:
         """Return what has to be told, one sentence each."""
         lines = list[str]()
+        if self.unusable:
+            lines.append(f"{count(self.unusable, 'reading')} could not be used: {self.problem}")
+        if self.frozen:
+            lines.append(self.frozen)
         if self.swing is not None:
             lines.append(f"swings by ±{self.swing[0]:.3g} °C every {self.swing[1]:.3g} s")
         if self.drifted and self.rest_pct is not None:
@@ -81,29 +108,66 @@ class Beside:
 
     def __init__(self, proven: Proven) -> None:
         """Hold looks against a proof."""
+        heaters = [model for _, model in labelled(proven.fitted)]
+        self._sensor_degC = proven.words.scaling.sensor_degC
+        self._still = StillSensor(heaters, band_degC(proven))
+        self._shown: Mapping[str, float] | None = None
+        self._first_s = self._changed_s = 0.0
+        self._unusable_row = 0
         self._proven, self.seen = proven, Seen()
         self._pwm_s, self._window_s = proven.view.actuator.pwm_period_s, watched_s(proven)
-        self._within_degC = proven.view.criteria["limit_cycle"].limit or proven.view.limits.tolerance_degC
+        self._within_degC = band_degC(proven)
         self._band: Band | None = None
         self._since_s = 0.0
         self._row = 0
         self._latest: deque[tuple[float, float, float]] = deque()
 
+    @property
+    def window_s(self) -> float:
+        """How long a response takes [s]."""
+        return self._window_s
+
     def see(self, look: Look) -> None:
         """Take a look; temperature, power and setpoint are in it."""
         degC, asked = look.seen["temperature"], look.seen["setpoint"]
+        self._note_change(look)
+        if not self._is_usable(look, degC, asked):
+            return
+        power = look.seen.get("power", math.nan)
+        self.seen.frozen = self._still.see(look.time_s, degC, power) or self.seen.frozen
         if self._band is None or abs(asked - self._band.setpoint_degC) > _SAME_DEGC:
-            self._band, self._since_s = Band.of(self._proven, asked, degC), look.time_s
+            # who comes to a loop, or sees its setpoint move before it has settled, does not know where it is in its way
+            mid_way = self._band is None or look.time_s - self._since_s < self._band.settles_s
+            self._band, self._since_s = Band.of(self._proven, asked, degC, mid_way=mid_way), look.time_s
             self._latest.clear()
             self.seen.rest_pct = self.seen.swing = None
         low, high = self.seen.band = self._band.at(look.time_s - self._since_s)
         used = abs(2.0 * degC - low - high) / (high - low)
         self.seen.readings += 1
         self.seen.used = max(self.seen.used, used)
-        self._row = self._row + 1 if used > 1.0 else 0
+        self._row = 0 if used <= 1.0 else self._row + 1
         if self._row >= _IN_A_ROW:
             self._outside(look.time_s)
         self._at_rest(look, degC)
+
+    def _note_change(self, look: Look) -> None:
+        """Take note of how long nothing has changed; a PLC that has begun to count again is new."""
+        if self._shown is None:
+            self._first_s = self._changed_s = look.time_s
+        if look.seen != self._shown or look.restarted:
+            self._shown, self._changed_s = look.seen, look.time_s
+        self.seen.still_s, self.seen.seconds = look.time_s - self._changed_s, look.time_s - self._first_s
+
+    def _is_usable(self, look: Look, degC: float, asked: float) -> bool:
+        """Return whether a look can be held against the band; take note of one that cannot."""
+        problem = reading_problem(degC, self._sensor_degC)
+        problem = problem or ("" if math.isfinite(asked) else "the setpoint is not a number")
+        problem = problem or ("" if math.isfinite(look.seen.get("power", 0.0)) else "the power is not a number")
+        self._unusable_row = self._unusable_row + 1 if problem else 0
+        if problem:
+            self.seen.unusable, self.seen.problem = self.seen.unusable + 1, problem
+            self.seen.unusable_in_a_row = max(self.seen.unusable_in_a_row, self._unusable_row)
+        return not problem
 
     def _outside(self, now_s: float) -> None:
         stretches = self.seen.outside

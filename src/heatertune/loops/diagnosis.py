@@ -42,6 +42,9 @@ _LONGER: Final = 2.0  # a PWM period that may be so many times as long wears for
 _DRIFT: Final = 0.25  # of a parameter: less is what two fits of closed loops differ by
 _LATER: Final = 0.4  # of the dead time, which a loop tells less well
 _RIPPLE: Final = 2.0  # errors that are noise: ripple, peak to peak, that a longer PWM period may have
+_STILL: Final = 0.3  # of the log with one and the same reading
+_MOVED_PCT: Final = 10.0  # of power meanwhile, averaged over a tenth of that time
+_FEW: Final = 30  # readings that are too few to average the power of
 _SURE: Final = 1.5  # times what is accepted
 
 
@@ -137,7 +140,31 @@ def diagnosed(log: Log, loop: Loop, before: FittedModel | None = None) -> Diagno
         swings=swung, switchings_per_h=switchings_per_h(log, period), pwm_period_s=period,
         longer_period_s=_longer(loop, fitted, course, period), switch_ticks=cleared and cleared.ticks,
         found=())
-    return replace(result, found=tuple(_found(result, loop, before)))
+    still = tuple(_still(log))
+    return replace(result, found=still or tuple(_found(result, loop, before)))
+
+
+def _still(log: Log) -> Iterator[Found]:
+    """Yield that nothing can be said of a loop whose reading stands still: over all of its log, or while power moves.
+
+    A loop at rest on a coarse sensor shows the same reading for long, too: its power then rests as well, and the log
+    shows other readings before or after.
+    """
+    readings = log.temperature_degC
+    edges = np.flatnonzero(np.diff(readings)) + 1
+    longest = max(np.split(np.arange(len(readings)), edges), key=len)
+    seconds = float(log.time_s[longest[-1]] - log.time_s[longest[0]])
+    share = len(longest) / len(readings)
+    # the mean of a tenth: pulses of a switch are no movement
+    moved = 0.0
+    if log.power_pct is not None and len(longest) >= _FEW:
+        means = [float(part.mean()) for part in np.array_split(log.power_pct[longest], 10)]
+        moved = max(means) - min(means)
+    if share == 1.0 or (share >= _STILL and moved > _MOVED_PCT):
+        beside = f" while the power moves by {moved:.3g} %" if moved > _MOVED_PCT else ""
+        yield Found(cause=Cause.UNKNOWN, excess=1.0, told=(
+            f"not judged: the reading stands still at {readings[longest[0]]:.4g} °C for {seconds:.0f} s{beside}: is "
+            "the sensor there, or its reading frozen?"))
 
 
 def _no_power(log: Log) -> str:

@@ -25,9 +25,17 @@ from heatertune.options import merged
 from heatertune.plc import Words
 from heatertune.plc.controller import controller_for
 from heatertune.progress import Told
-from heatertune.proof.as_left_band import Foretold, foretold
+from heatertune.proof.as_left_band import Foretold, foretold, foretold_mid_way
 from heatertune.proof.as_left_figures import Seen, seen_in
-from heatertune.proof.as_left_parts import LEAVES, TraceParts, leaves_s, parts_of
+from heatertune.proof.as_left_parts import (
+    LEAST_STEP_DEGC,
+    LEAVES,
+    TraceParts,
+    begins_mid_way,
+    begun_mid_way,
+    leaves_s,
+    parts_of,
+)
 from heatertune.proof.criteria import CriterionView
 from heatertune.proof.document import ProofView
 from heatertune.proof.heaters import labelled
@@ -43,11 +51,12 @@ Numbers = tuple[float, ...]
 
 _NEIGHBOURS: Final = 2  # readings outside the band one after the other that are more than a disturbed one
 _SIGMAS: Final = 3.0  # of a reading's step or noise, which the band is widened by
+_SEEN_OF_WAY: Final = 0.5  # of a heat-up that began before the trace: less of it shows too little
+_STILL: Final = 10  # equal readings one after the other that may be a frozen sensor's
 _DRAWN: Final = 1500  # instants of a picture
 #: kind of a part → the criterion that tells when it is over
 _END_OF: Final = {kind: time for kind, (_, time, *_) in WAYS.items()} | {"recovery": "recovery_time"}
 _ENDS: Final = frozenset(_END_OF.values())
-_LEAST_STEP_DEGC: Final = 0.01  # of a reading, for when a temperature has left its rest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,24 +168,36 @@ def as_left(
     parts = parts_of(log, asked, setpoint_degC=proof.scenario.setpoint_degC, band_degC=_band_degC(proof), heats=heats)
     runs = foretold(words, fitted, proof, parts, asked.ambient_degC, progress)
     early, late = 0.0 if parts.begins_by == "power" else words.sample_time_s, parts.unsure_s
-    if parts.begins_by == "temperature":
+    own, margin, before_s = log.temperature_degC, _margin_degC(log, words, fitted), 0.0
+    if begins_mid_way(log, parts, _step_degC(parts, fitted, proof, mid_way=True)):
+        parts = begun_mid_way(log, parts)
+        runs, unsure, before_s = foretold_mid_way(words, fitted, proof, parts, margin, asked.ambient_degC, progress)
+        early = late = unsure + parts.unsure_s + words.sample_time_s
+    elif parts.begins_by == "temperature":
         parts, early, late = _placed(log, parts, runs)
-    since, own, margin = log.time_s - parts.begins_s, log.temperature_degC, _margin_degC(log, words, fitted)
+        early += words.sample_time_s
+    elif parts.begins_by == "first reading":
+        late += _before_first_s(log, parts, runs)
+    since = log.time_s - parts.begins_s
     shown = since[(since >= 0.0) & (since <= runs.time_s[-1])]
     low, high = runs.band(shown, early, late)
     beyond = _beyond(own[np.isin(since, shown)], low - margin, high + margin)
     outside = tuple(_outside(shown, beyond))
-    step = _step_degC(parts, fitted, proof)
+    step = _step_degC(parts, fitted, proof, mid_way=before_s > 0.0)
     seen, at_best = seen_in(log, parts, proof, step), seen_in(log, parts, proof, step, forgiven_degC=margin)
     slack_s = parts.unsure_s + float(np.median(np.diff(log.time_s)))
-    lines = tuple(_measurement(name, criterion, seen[name], at_best[name], slack_s)
+    lines = tuple(_measurement(name, criterion, seen[name], at_best[name], slack_s,
+                               before_s if name == _END_OF["heat-up"] else 0.0)
                   for name, criterion in proof.criteria.items())
-    against, unseen = tuple(_against(lines, outside)), tuple(_unseen(parts, lines))
+    against = tuple(_against(lines, outside))
+    whole_degC = step if before_s > 0.0 else 0.0
+    unseen = (*_frozen(since, own, runs, _count_degC(words)), *_unseen(parts, lines),
+              *_too_late(parts, lines, whole_degC))[:1]
     drawn, banded = _drawn(since, own), _drawn(shown, low, high)
     return AsLeft(
         trace=log.name, digest=proof.digest, told=against or unseen,
         verdict="NOT AS PROVEN" if against else "NOT SHOWN" if unseen else "AS PROVEN",
-        notes=(*parts.notes, *_notes(log, parts, proof, margin), *_alone(beyond, outside)),
+        notes=(*parts.notes, *_mid_way(before_s), *_notes(log, parts, proof, margin), *_alone(beyond, outside)),
         setpoint_degC=parts.parts[0].setpoint_degC, start_degC=parts.start_degC, begins_s=parts.begins_s,
         begins_by=parts.begins_by, unsure_s=parts.unsure_s, interval_s=float(np.median(np.diff(log.time_s))),
         step_degC=parts.step_degC, measurements=lines, outside=outside, margin_degC=margin,
@@ -192,31 +213,49 @@ def _band_degC(proof: ProofView) -> float:
 
 def _margin_degC(log: Log, words: Words, fitted: FittedModel) -> float:
     """Return what a reading cannot tell, and what the best of the possible heaters left over of its own log [°C]."""
-    step, scale = sensor_step(log.temperature_degC) or 0.0, words.scaling
+    step = sensor_step(log.temperature_degC) or 0.0
     reading = reading_step_degC(log)
     noise = _SIGMAS * reading if reading > step else step
-    step_of_count = scale.span_degC / controller_for(words.target).sensor(scale).counts
     left = [candidate.rmse_degC for candidate in fitted.candidates if math.isfinite(candidate.rmse_degC)]
-    return max(noise, step_of_count) + min(left, default=0.0)
+    return max(noise, _count_degC(words)) + min(left, default=0.0)
+
+
+def _count_degC(words: Words) -> float:
+    """Return the step of the controller's own reading [°C]."""
+    scale = words.scaling
+    return scale.span_degC / controller_for(words.target).sensor(scale).counts
 
 
 def _placed(log: Log, parts: TraceParts, runs: Foretold) -> tuple[TraceParts, float, float]:
     """Return a trace that begins as long before its temperature leaves its rest as the runs do, and how sure that is.
 
     Returns:
-        the trace, and how much earlier and later than that it may have begun [s].
+        the trace, and how far before and after an instant of it the runs may be at the same place [s].
     """
-    least, goal = LEAVES * max(parts.step_degC, _LEAST_STEP_DEGC), parts.parts[0].setpoint_degC
-    waits = [leaves_s(runs.time_s, run, float(run[0]), goal, least) for run in runs.temperature_degC]
+    waits = _waits_s(parts, runs)
     middle = float(np.median(waits))
     before = min(middle, parts.begins_s - float(log.time_s[0]))
-    return parts.moved(-before), max(waits) - before, before - min(waits) + parts.unsure_s
+    # a run that waits longer is at the place of the trace later than the trace is
+    return parts.moved(-before), max(0.0, before - min(waits)), max(0.0, max(waits) - before) + parts.unsure_s
 
 
-def _step_degC(parts: TraceParts, fitted: FittedModel, proof: ProofView) -> float:
-    """Return the step of which overshoot is told in percent: that of the heat-up, else that of the proof [°C]."""
+def _before_first_s(log: Log, parts: TraceParts, runs: Foretold) -> float:
+    """Return how long before the first reading a heat-up may have begun whose rest the trace still shows [s]."""
+    least = LEAVES * max(parts.step_degC, LEAST_STEP_DEGC)
+    shown = leaves_s(log.time_s, log.temperature_degC, parts.start_degC, parts.parts[0].setpoint_degC, least)
+    return max(0.0, max(_waits_s(parts, runs)) - (shown - float(log.time_s[0])))
+
+
+def _waits_s(parts: TraceParts, runs: Foretold) -> list[float]:
+    """Return how long after its beginning the temperature of each run leaves its rest [s]."""
+    least, goal = LEAVES * max(parts.step_degC, LEAST_STEP_DEGC), parts.parts[0].setpoint_degC
+    return [leaves_s(runs.time_s, run, float(run[0]), goal, least) for run in runs.temperature_degC]
+
+
+def _step_degC(parts: TraceParts, fitted: FittedModel, proof: ProofView, *, mid_way: bool) -> float:
+    """Return the step of which overshoot is told in percent: that of the whole heat-up, else that of the proof [°C]."""
     first = parts.parts[0]
-    if first.kind == "heat-up":
+    if first.kind == "heat-up" and not mid_way:
         return abs(first.setpoint_degC - parts.start_degC)
     nominal = dict(labelled(fitted))[proof.runs[0].model]
     ambient = nominal.ambient_degC if proof.scenario.ambient_degC is None else proof.scenario.ambient_degC
@@ -243,8 +282,14 @@ def _alone(beyond: Array, outside: Sequence[Outside]) -> Iterator[str]:
         yield f"{count(int(lone), 'reading')} outside the band without a neighbour there: taken as disturbed."
 
 
-def _measurement(name: str, criterion: CriterionView, seen: Seen, at_best: Seen, slack_s: float) -> Measurement:
+def _measurement(
+    name: str, criterion: CriterionView, seen: Seen, at_best: Seen, slack_s: float, before_s: float
+) -> Measurement:
+    """Return a criterion on the trace; before_s: how much longer it may have lasted before the trace began [s]."""
     value, keeps, as_proven = seen.value, None, None
+    if value is not None and before_s > 0.0 and criterion.keeps(value) and not criterion.keeps(value + before_s):
+        seen = Seen(None, f"{value:.0f} s of the trace, and up to {before_s:.0f} s before it")
+        value = None
     if value is not None:
         best = value if at_best.value is None else at_best.value
         slack = slack_s if criterion.unit == "s" else 0.0
@@ -272,6 +317,13 @@ def _against(lines: Sequence[Measurement], outside: Sequence[Outside]) -> Iterat
                f"{side} what the proven runs do{others}: it is another heater, or not these words.")
 
 
+def _mid_way(before_s: float) -> Iterator[str]:
+    """Yield the note that the heat-up began before the trace, where it did."""
+    if before_s > 0.0:
+        yield (f"The trace begins in the middle of a heat-up, up to {before_s:.0f} s after it began: where and when it "
+               "began is not known. The proven runs are placed where they pass the first reading.")
+
+
 def _unseen(parts: TraceParts, lines: Sequence[Measurement]) -> Iterator[str]:
     """Tell where no way to a setpoint and none back from a load is seen to its end."""
     ways = {line.name: line for line in lines if line.name in _ENDS}
@@ -279,6 +331,43 @@ def _unseen(parts: TraceParts, lines: Sequence[Measurement]) -> Iterator[str]:
         first = ways.get(_END_OF[parts.parts[0].kind])
         why = "" if first is None else f" ({first.told})"
         yield f"The loop is not seen to settle{why}: log on until it is at rest. So far nothing speaks against it."
+
+
+def _frozen(since: Array, own: Array, runs: Foretold, count_degC: float) -> Iterator[str]:
+    """Yield that the longest stretch of equal readings is a frozen sensor's, where every proven run moves in it.
+
+    Args:
+        since: instants of the trace, since its beginning [s], shape (n,).
+        own: its readings [°C], shape (n,).
+        runs: what the proven runs do.
+        count_degC: step of the controller's own reading [°C].
+    """
+    edges = np.flatnonzero(np.diff(own)) + 1
+    longest = max(np.split(np.arange(len(own)), edges), key=len)
+    begin_s, end_s = float(since[longest[0]]), float(since[longest[-1]])
+    inside = (runs.time_s >= begin_s) & (runs.time_s <= end_s)
+    if len(longest) < _STILL or not np.any(inside):
+        return
+    least = _SIGMAS * max(sensor_step(own) or 0.0, count_degC)
+    moved = float(np.ptp(runs.temperature_degC[:, inside], axis=1).min())
+    if moved > least:
+        yield (f"From {begin_s:.0f} to {end_s:.0f} s the reading stands still at {own[longest[0]]:.4g} °C, where every "
+               f"proven run moves by {moved:.2g} °C at least: the sensor or its reading is frozen.")
+
+
+def _too_late(parts: TraceParts, lines: Sequence[Measurement], whole_degC: float) -> Iterator[str]:
+    """Yield that too little of a heat-up is seen, where nothing that comes later is seen to its end.
+
+    Args:
+        parts: what the trace shows.
+        lines: the criteria on it.
+        whole_degC: of a heat-up that began before the trace [°C]; 0: it did not.
+    """
+    way = abs(parts.parts[0].setpoint_degC - parts.start_degC)
+    others = (line for line in lines if line.name in _ENDS and line.name != _END_OF["heat-up"])
+    if way < _SEEN_OF_WAY * whole_degC and all(line.measured is None for line in others):
+        yield (f"The trace shows only the last {way:.3g} °C of a heat-up of {whole_degC:.3g} °C: log from before the "
+               "heater is switched on, or through a change of the setpoint. So far nothing speaks against it.")
 
 
 def _notes(log: Log, parts: TraceParts, proof: ProofView, margin_degC: float) -> Iterator[str]:

@@ -14,13 +14,16 @@ from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.circumstances import reading_step_degC
 
-__all__ = ["LEAVES", "Part", "TraceParts", "leaves_s", "parts_of"]
+__all__ = ["LEAST_STEP_DEGC", "LEAVES", "Part", "TraceParts", "begins_mid_way", "begun_mid_way", "leaves_s", "parts_of"]
 
 Array = npt.NDArray[np.float64]
 
 _OFF_PCT: Final = 0.5  # a power that is none
 _AT_START: Final = 5  # readings whose median is the temperature at the start
 _ONE_MOVE: Final = 3  # readings within which setpoints that follow one another are one move: a ramp
+LEAST_STEP_DEGC: Final = 0.01  # of a reading, for when a temperature has left its rest
+_FARTHER: Final = 3.0  # times as far as it takes to have left the rest: there the slope of the way is seen
+_WHOLE: Final = 0.75  # of a whole heat-up: a shorter one begins warm
 LEAVES: Final = 3.0  # steps or noise of a reading beyond which the temperature has left its rest
 
 
@@ -117,6 +120,38 @@ def leaves_s(time_s: Array, temperature_degC: Array, start_degC: float, end_degC
     half = np.flatnonzero(gone > 0.5 * abs(end_degC - start_degC))
     still = np.flatnonzero(gone[: int(half[0]) if len(half) else None] <= least_degC)
     return float(time_s[still[-1]]) if len(still) else float(time_s[0])
+
+
+def begins_mid_way(log: Log, parts: TraceParts, whole_degC: float) -> bool:
+    """Return whether a trace begins in the middle of a heat-up: it shows no rest before the temperature moves.
+
+    Args:
+        log: the trace.
+        parts: what it shows.
+        whole_degC: of a heat-up from the ambient to the setpoint of the proof [°C].
+    """
+    first = parts.parts[0]
+    if first.kind != "heat-up" or parts.begins_by not in ("temperature", "first reading", "power"):
+        return False  # a power that is off at first may be between two pulses
+    if abs(first.setpoint_degC - parts.start_degC) < _WHOLE * whole_degC:
+        return True  # it is warm already, and nobody knows since when
+    time, temperature = log.time_s, log.temperature_degC
+    least = LEAVES * max(parts.step_degC, LEAST_STEP_DEGC)
+    start, sign = float(temperature[0]), np.sign(first.setpoint_degC - parts.start_degC)
+    gone = sign * (temperature - start)
+    left = leaves_s(time, temperature, start, first.setpoint_degC, least) - float(time[0])
+    far = min(_FARTHER * least, float(gone.max()))
+    if far <= least:
+        return True
+    # at rest the temperature stays within `least` for longer than it takes to leave it at the slope that follows
+    passed = float(time[np.flatnonzero(gone >= far)[0]] - time[0]) - left
+    return left <= _interval_s(log) + passed * least / (far - least)
+
+
+def begun_mid_way(log: Log, parts: TraceParts) -> TraceParts:
+    """Return a trace that begins in the middle of a heat-up with its first reading as its beginning."""
+    moved = parts.moved(float(log.time_s[0]) - parts.begins_s)
+    return replace(moved, begins_by="first reading", start_degC=float(log.temperature_degC[0]), notes=())
 
 
 def _interval_s(log: Log) -> float:

@@ -14,12 +14,10 @@ from heatertune.pid.recipe import BoostView
 from heatertune.plc import Boost, Certificate, Ramp, Scaling, Words, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
-from heatertune.proof.document import checked, digested
 from heatertune.proof.mains import mains_label
 from heatertune.proof.verdict import (
     FIRST,
     PROOF_SCHEMA,
-    Heard,
     blocking,
     derived,
     extent,
@@ -30,7 +28,7 @@ from heatertune.proof.verdict import (
     verdict_line,
 )
 
-__all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_again", "export_first",
+__all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_first",
            "pwm_period_in", "read_words", "words_in", "words_of"]
 
 WORDS_SCHEMA: Final = "heatertune/words/1"
@@ -218,15 +216,6 @@ def export_first(words: Mapping[str, Any], proof: Mapping[str, Any]) -> dict[str
     return first | {name: value for name, value in words.items() if name not in first}
 
 
-def _accepting(proof: Mapping[str, Any], accept: Sequence[str]) -> dict[str, Any]:
-    """Return a proof's document with findings accepted that the user names; errors as `Heard`."""
-    Heard(accepted=tuple(accept))
-    findings = [{**finding, "accepted": finding["accepted"] or finding["name"] in accept}
-                for finding in proof["findings"]]
-    accepted = {**proof, "findings": findings}
-    return digested(accepted | {"verdict": derived(accepted)})
-
-
 def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where: str | Path) -> None:
     """Refuse a proof (document) of other words than these (document), of a PID without its margins, or of a part alone.
 
@@ -260,32 +249,3 @@ def _demand_settings(
             untried = ", ".join(f"{name} = {setting}" for name, setting in missing[0].items())
             raise DocumentError(
                 f"{where}: runs: none on {model} under {untried}{at}: no whole proof; prove the words again")
-
-
-def export_again(path: str | Path, target: str, *, force: bool, accept: Sequence[str]) -> dict[str, Any] | None:
-    """Return the files of words that were proven before, with their two documents; None where the file holds no words.
-
-    The proof is the `proof.json` beside the words, and must be of exactly these.
-
-    `accept` names findings of the fit that the user accepts beside those the proof was made with.
-
-    Returns:
-        words (document), proof (document), files (name → content).
-
-    Raises:
-        DocumentError, OutOfRange: as `read_words`, or there is no whole proof.
-        ExportRefused: the proof is of other words; as `certificate`.
-    """
-    words = read_words(path, target)
-    if words is None:
-        return None
-    beside = Path(path).with_name("proof.json")
-    document = read_document(path, WORDS_SCHEMA)
-    decode(WholeWordsView, document, path)
-    proof = checked(read_document(beside, PROOF_SCHEMA), beside)
-    demand_same_words(document, proof, beside)
-    proof = _accepting(proof, accept)
-    certified = certificate(proof, force=force)
-    files = dict(controller_for(target).export(words, certified))
-    exported = {"files": sorted(files), "verdict": certified.verdict, "forced": certified.forced}
-    return {"words": document | exported, "proof": proof, "files": files}

@@ -21,7 +21,7 @@ from heatertune.plc import controller_for
 from heatertune.proof.heaters import labelled
 from heatertune.proof.scenario import delayed
 
-__all__ = ["Band", "carried_s", "unseen_s", "watched_s"]
+__all__ = ["Band", "band_degC", "carried_s", "unseen_s", "watched_s"]
 
 _TIMES: Final = 5.0  # lags and dead time of the slowest heater
 _PERIODS: Final = 3.0  # of PWM
@@ -31,6 +31,11 @@ _SIGMAS: Final = 3.0
 def watched_s(proven: Proven) -> float:
     """Return how long a response is watched: 5 (T + L) of the slowest possible heater, 3 PWM periods at least [s]."""
     return max(_TIMES * proven.slowest_s, _PERIODS * proven.view.actuator.pwm_period_s)
+
+
+def band_degC(proven: Proven) -> float:
+    """Return how far from the setpoint a loop at rest may swing, as the proof judged it [°C]."""
+    return proven.view.criteria["limit_cycle"].limit or proven.view.limits.tolerance_degC
 
 
 def unseen_s(proven: Proven) -> float:
@@ -67,6 +72,7 @@ class Band:
         overshoot: worst proven, as a share of the way.
         settles_s: after which it is settled [s].
         rest_degC: how far from the setpoint it is then, what a reading cannot tell included [°C].
+        beyond_degC: how much farther it may be until then, on both sides, where nobody knows how it came there [°C].
     """
 
     setpoint_degC: float
@@ -75,22 +81,37 @@ class Band:
     overshoot: float
     settles_s: float
     rest_degC: float
+    beyond_degC: float = 0.0
 
     @classmethod
-    def of(cls, proven: Proven, setpoint_degC: float, temperature_degC: float, carried_degC: float = 0.0) -> Band:
-        """Return the band of a proof from where the temperature is, and how far it is on its way."""
-        criteria, limits = proven.view.criteria, proven.view.limits
+    def of(
+        cls, proven: Proven, setpoint_degC: float, temperature_degC: float, carried_degC: float = 0.0, *,
+        mid_way: bool = False,
+    ) -> Band:
+        """Return the band of a proof from where the temperature is, and how far it is on its way.
+
+        Args:
+            proven: whose band it is.
+            setpoint_degC: around which it is [°C].
+            temperature_degC: where the temperature is [°C].
+            carried_degC: see `Band`.
+            mid_way: whether it may be anywhere in a heat-up from the ambient.
+        """
+        criteria = proven.view.criteria
         overshoots = [each.value for name, each in criteria.items() if name.endswith("overshoot") and each.unit == "%"]
         settles = [each.value for name, each in criteria.items() if name in ("settling_time", "recovery_time")]
-        within = criteria["limit_cycle"].limit or limits.tolerance_degC
+        overshoot = max(overshoots, default=0.0) / 100.0
+        cold = [float(model.ambient_degC or 0.0) for _, model in labelled(proven.fitted)]
+        whole = max(abs(setpoint_degC - ambient) for ambient in cold)
         return cls(
             setpoint_degC=setpoint_degC, off_degC=temperature_degC - setpoint_degC,
-            carried_degC=carried_degC, overshoot=max(overshoots, default=0.0) / 100.0,
-            settles_s=max(settles, default=math.inf), rest_degC=within + _unread_degC(proven))
+            carried_degC=carried_degC, overshoot=overshoot,
+            beyond_degC=overshoot * max(0.0, whole - abs(temperature_degC - setpoint_degC)) if mid_way else 0.0,
+            settles_s=max(settles, default=math.inf), rest_degC=band_degC(proven) + _unread_degC(proven))
 
     def at(self, since_s: float) -> tuple[float, float]:
         """Return the lowest and the highest temperature so long after its instant [°C]."""
-        low = high = self.rest_degC
+        low = high = self.rest_degC + (self.beyond_degC if since_s <= self.settles_s else 0.0)
         for way in (self.off_degC, self.carried_degC) if since_s <= self.settles_s else ():
             below, above = sorted((way, -self.overshoot * way))
             low, high = low - below, high + above

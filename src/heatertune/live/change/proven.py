@@ -11,18 +11,20 @@ from typing import Any, Final
 from heatertune.codec import decode
 from heatertune.documents import data_folder, read_document
 from heatertune.errors import ExportRefused, HeatertuneError, InputError
-from heatertune.live.serve import read_folder
 from heatertune.model.values import FittedModel
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc import Words, controller_for
 from heatertune.plc.ramp import Number
+from heatertune.progress import Told
 from heatertune.proof.acceptance import Acceptance
 from heatertune.proof.coverage import Coverage
-from heatertune.proof.document import ProofView, checked
+from heatertune.proof.document import ProofView
 from heatertune.proof.heaters import labelled
 from heatertune.proof.proving import prove_models
+from heatertune.proof.repetition import repeat_proof
+from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.proof.verdict import PROOF_SCHEMA, derived, verdict_line
-from heatertune.proof.words_file import WORDS_SCHEMA, demand_same_words
+from heatertune.settings import Conditions
 
 __all__ = ["LEAST_YES", "Proven", "read_proven"]
 
@@ -42,6 +44,7 @@ class Proven:
         proof: its document.
         view: the same, by name.
         fitted: the heater that they were proven on.
+        conditions: of the proof.
     """
 
     directory: str
@@ -49,6 +52,7 @@ class Proven:
     proof: Mapping[str, Any]
     view: ProofView
     fitted: FittedModel
+    conditions: Conditions
 
     @property
     def digest(self) -> str:
@@ -105,20 +109,39 @@ class Proven:
         return " and ".join(broken)
 
 
-def read_proven(directory: str | Path) -> Proven:
-    """Return the words of a folder that `design` or `export-db` wrote, with a proof that covers them.
+    def not_proven(self, values: Mapping[str, Number]) -> str:
+        """Return why other values of the words do not pass on this heater and conditions; empty where they do.
+
+        Args:
+            values: of words, by name; the others are the proven ones.
+        """
+        words = replace(self.words, values={**self.words.values, **values})
+        try:
+            controller_for(words.target).check(words)
+            proof, _ = prove_ramped(words, self.fitted, None, self.conditions)
+        except HeatertuneError as problem:
+            return str(problem)
+        document = proof.to_document()
+        return "" if derived(document) == "PASS" else verdict_line(document)
+
+
+def read_proven(directory: str | Path, progress: Told = str) -> Proven:
+    """Return the words of a folder that `design` or `export-db` wrote, proven again on its heater and conditions.
+
+    Args:
+        directory: that holds them.
+        progress: called with the name of the step that begins.
 
     Raises:
         DocumentError: the folder has not what these write, or it was changed since.
         ExportRefused: the proof is of other words, or its verdict is not PASS.
-        InputError, OutOfRange: as `heatertune.live.serve.read_folder`.
+        InputError, OutOfRange, UnknownName: as `heatertune.proof.repetition.repeat_proof`.
     """
-    words, fitted, _ = read_folder(directory)
-    folder = data_folder(directory)
-    path = folder / "proof.json"
-    proof = checked(read_document(path, PROOF_SCHEMA), path)
-    demand_same_words(read_document(folder / "words.json", WORDS_SCHEMA), proof, path)
-    if derived(proof) != "PASS":
-        raise ExportRefused(f"{path}: {verdict_line(proof)}; only words that pass are written")
-    return Proven(directory=str(directory), words=words, proof=proof, view=decode(ProofView, proof, path),
-                  fitted=fitted)
+    path = data_folder(directory) / "proof.json"
+    again = repeat_proof(path.with_name("words.json"), progress=progress)
+    if derived(again.proof) != "PASS":
+        raise ExportRefused(f"{path}: {verdict_line(again.proof)}; only words that pass are written")
+    view = decode(ProofView, dict(again.proof), path)
+    stored = decode(ProofView, read_document(path, PROOF_SCHEMA), path)
+    return Proven(directory=str(directory), words=again.words, proof={**again.proof, "digest": stored.digest},
+                  view=replace(view, digest=stored.digest), fitted=again.fitted, conditions=again.conditions)

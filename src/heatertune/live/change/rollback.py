@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from heatertune.errors import DocumentError, InputError, LinkError
+from heatertune.errors import DocumentError, HeatertuneError, InputError, LinkError
 from heatertune.live.change.budget import MOST_WRITES, Budget
 from heatertune.live.change.cells import Part, Standing, standing
 from heatertune.live.change.peer import Link, Look, Peer
-from heatertune.live.change.proven import LEAST_YES
+from heatertune.live.change.proven import LEAST_YES, read_proven
 from heatertune.live.change.record import Lines, Record, read_lines
 from heatertune.live.change.writer import Ended, Outcome, Writer
 from heatertune.live.client.address import Address, address_of
@@ -20,7 +20,7 @@ from heatertune.live.plc_state import PlcState
 from heatertune.plc.ramp import Number
 from heatertune.proof.words_file import words_of
 
-__all__ = ["Before", "became", "before_of", "looked", "rolled_back", "settled", "stands", "unended"]
+__all__ = ["Before", "became", "before_of", "looked", "not_proven", "rolled_back", "settled", "stands", "unended"]
 
 Values = Mapping[str, Number]
 
@@ -147,8 +147,40 @@ def looked(before: Before, link: Link | None = None) -> Ended:
     return ended
 
 
+def not_proven(before: Before, found: Values) -> str:
+    """Return why the words that a rollback leaves in the PLC are not proven, a sentence; empty where they are.
+
+    They are proven on the heater and under the conditions of the folder that was written from, where it is still there.
+
+    Args:
+        before: what the record says.
+        found: all words as they stand in the PLC.
+    """
+    back = _put_back(before, found)
+    if not back:
+        return ""
+    there = before.standing
+    values = {name: value for name, value in {**found, **back}.items()
+              if name in there.own and name not in there.block.operators}
+    directory = str(before.lines.begin["directory"])
+    try:
+        proven = read_proven(directory)
+        if proven.words.target != before.lines.begin["target"]:
+            return f"{directory} holds words of {proven.words.target}"
+        return proven.not_proven(values)
+    except HeatertuneError as problem:
+        return f"no heater to prove them on: {problem}"
+
+
+def _put_back(before: Before, found: Values) -> dict[str, Number]:
+    """Return the words that a rollback changes: those that stand there as they were written."""
+    return {name: before.before[name] for part in before.parts for name in part.names
+            if found[name] == before.after[name] != before.before[name]}
+
+
 def rolled_back(
-    before: Before, yes: str | None, link: Link | None = None, most_writes: int = MOST_WRITES
+    before: Before, yes: str | None, link: Link | None = None, most_writes: int = MOST_WRITES, *,
+    unproven: bool = False,
 ) -> Ended:
     """Put back what a write has changed; what somebody else has changed since stays.
 
@@ -157,10 +189,11 @@ def rolled_back(
         yes: the first digits of the digest of what was there before, as somebody typed them.
         link: how the link is held.
         most_writes: of one word.
+        unproven: whether words are put back that are not proven.
 
     Raises:
-        InputError: another yes, another command on this PLC that is under way, an experiment on it that has not
-            ended, or the record cannot be written.
+        InputError: words that are not proven, and `unproven` was not said; another yes, another command on this PLC
+            that is under way, an experiment on it that has not ended, or the record cannot be written.
     """
     if yes is None or len(yes) < LEAST_YES or not str(before.lines.begin["sha256"]).startswith(yes.lower()):
         found = "it was not said" if yes is None else f"found {yes!r}"
@@ -174,6 +207,8 @@ def rolled_back(
             now = became(before, peer.look())
         except LinkError as problem:
             return Ended(Outcome.NOT_DONE, f"nothing was sent: {problem}")
+        if not unproven and now.stands is not None and (why := not_proven(before, now.stands)):
+            raise InputError(f"what would be put back is not proven: {why}; --unproven puts it back all the same")
         record.put("rollback", stands=dict(now.stands or {}), told=now.told)
         ended = Writer(peer, record, budget).restore(before.parts, before.before, before.after, "put back as asked")
         if ended.outcome in (Outcome.ROLLED_BACK, Outcome.NOT_DONE) and _is_before(before, ended):

@@ -6,6 +6,7 @@ goes to, and is held against nothing.
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -14,11 +15,14 @@ from statistics import linear_regression
 from typing import Final
 
 from heatertune.errors import LinkError
-from heatertune.live.change.band import Band, carried_s, unseen_s, watched_s
+from heatertune.live.change.band import Band, band_degC, carried_s, unseen_s, watched_s
 from heatertune.live.change.peer import Look, Peer, runs
 from heatertune.live.change.proven import Proven
 from heatertune.live.change.record import Record
+from heatertune.live.readings import StillSensor, reading_problem
 from heatertune.plc.ramp import Number
+from heatertune.proof.heaters import labelled
+from heatertune.units import count
 
 __all__ = ["Watched", "watched"]
 
@@ -27,6 +31,8 @@ _SAME_DEGC: Final = 1e-6
 #: without a new reading so long, the CPU stands [s], [sampling intervals]
 _STILL_S: Final = 5.0
 _STILL: Final = 4.0
+_DISTURBED: Final = 0.01  # of the readings: so many may be none
+_NOTHING_NEW: Final = 0.5  # of the watched time without a change of a single byte: nobody knows whether it goes on
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +89,7 @@ def watched(
         return watch.ended(early=str(problem))
     except KeyboardInterrupt:
         return watch.ended(early="interrupted")
-    return watch.ended()
+    return watch.ended(early=watch.unsure())
 
 
 class _Watch:
@@ -99,7 +105,10 @@ class _Watch:
         self._unseen_s, self._carried_s = unseen_s(proven), carried_s(proven)
         self._way: deque[tuple[float, float]] = deque()
         self._shows = False
-        self._count = self._outside = 0
+        self._count = self._outside = self._unusable = self._unusable_row = 0
+        self._sensor_degC = proven.words.scaling.sensor_degC
+        self._still = StillSensor([model for _, model in labelled(proven.fitted)], band_degC(proven))
+        self._content, self._changed_s = b"", 0.0
         self.stands: Mapping[str, Number] | None = None
 
     def stands_still(self, look: Look) -> bool:
@@ -118,6 +127,17 @@ class _Watch:
         seen, asked = (self._peer.standing.shown(look.content, role) for role in ("temperature", "setpoint"))
         self._first, self._last = self._first or look, look
         self.seconds = look.time_s - self._first.time_s
+        if look.content != self._content:
+            self._content, self._changed_s = look.content, self.seconds
+        problem = reading_problem(seen, self._sensor_degC)
+        problem = problem or ("" if math.isfinite(asked) else "the setpoint is not a number")
+        self._unusable_row = self._unusable_row + 1 if problem else 0
+        if problem:
+            self._unusable += 1
+            self._record.put("unusable", s=round(self.seconds, 3), told=problem, **look.to_document())
+            return problem if self._unusable_row >= _IN_A_ROW else ""
+        if frozen := self._frozen(look, seen):
+            return frozen
         self._way.append((look.time_s, seen))
         while look.time_s - self._way[0][0] > self._unseen_s and len(self._way) > 2:
             self._way.popleft()
@@ -128,13 +148,31 @@ class _Watch:
         low, high = self._band.at(look.time_s - self._since_s)
         low, high = (low, high) if shows else (min(low, seen), max(high, seen))
         used = abs(2.0 * seen - low - high) / (high - low)
-        self._outside = self._outside + 1 if used > 1.0 else 0
+        self._outside = 0 if used <= 1.0 else self._outside + 1
         self._count, self._most = self._count + 1, max(self._most, used)
         self._record.put("watched", s=round(self.seconds, 3), temperature_degC=seen, low_degC=low, high_degC=high,
                          **look.to_document())
         between = f"the proven band, {low:.4g} to {high:.4g} °C"
         self.told = f"{seen:.4g} °C in {between}, {self.seconds:.0f} of {self.duration_s:.0f} s"
         return f"{seen:.4g} °C is outside of {between}" if self._outside >= _IN_A_ROW else ""
+
+    def _frozen(self, look: Look, degC: float) -> str:
+        """Return why the sensor is frozen; empty where it need not be, or where the block does not show the power."""
+        if "power" not in self._peer.standing.block.signals:
+            return ""
+        return self._still.see(self.seconds, degC, self._peer.standing.shown(look.content, "power"))
+
+    def unsure(self) -> str:
+        """Return why the whole watch shows nothing; empty where it shows that the words do well."""
+        if not self._count:
+            return "no reading could be used"
+        if not self._unusable <= _DISTURBED * self._count:
+            return f"{count(self._unusable, 'reading')} of {self._unusable + self._count} could not be used"
+        still_s = self.seconds - self._changed_s
+        if self._last is not None and self._last.told is None and not still_s < _NOTHING_NEW * self.duration_s:
+            return (f"no byte of the block has changed for {still_s:.0f} s: a CPU that stands, a frozen sensor and a "
+                    "loop at rest look the same")
+        return ""
 
     def _band_from(self, asked: float, seen: float) -> Band:
         slope = linear_regression(*zip(*self._way, strict=True)).slope if len(self._way) > 1 else 0.0

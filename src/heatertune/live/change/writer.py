@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Final
 
@@ -74,11 +74,24 @@ _STOPS: Final = (_Stopped, LinkError, InputError)
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """What is written: parts in their order, and all words at both ends."""
+    """What is written: parts in their order, and all words at both ends.
+
+    Attributes:
+        parts: in their order.
+        before, after: all words.
+        stored: word → what the device keeps in the place of what was written.
+        pending: words that stood there as before when their part had just been written.
+    """
 
     parts: Sequence[Part]
     before: Values
     after: Values
+    stored: dict[str, Number] = field(default_factory=dict)
+    pending: set[str] = field(default_factory=set)
+
+    def is_written(self, name: str, value: Number) -> bool:
+        """Return whether a word stands there as this change left it."""
+        return value == self.after[name] or (name in self.stored and value == self.stored[name])
 
     @property
     def names(self) -> list[str]:
@@ -121,8 +134,9 @@ class Writer:
                 self._expected(expected)
                 sent = True
                 self._put(part)
+                self._demand_stored(part.names, change)
                 expected |= {name: after[name] for name in part.names}
-            return self._read_back(expected)
+            return self._read_back(expected, change)
         except (*_STOPS, KeyboardInterrupt) as stopped:
             why = _why(stopped)
             self._peer.close()  # what is under way when somebody interrupts must not be taken for another's answer
@@ -215,6 +229,19 @@ class Writer:
             self._answered(earlier)
             self._record.put("written", names=list(part.names))
 
+    def _demand_stored(self, names: Sequence[str], change: _Change) -> None:
+        """Look at words that were just written; raise `_Stopped` where the device keeps other values in their place."""
+        found = self._peer.look().values
+        for name in names:
+            if found[name] == change.before[name] != change.after[name]:
+                change.pending.add(name)
+            elif not change.is_written(name, found[name]):
+                change.stored[name] = found[name]
+        if change.stored:
+            kept = ", ".join(f"{name} = {value:g} in place of {change.after[name]:g}"
+                             for name, value in change.stored.items())
+            raise _Stopped(f"the device keeps {kept}: a limit of its own, or a scale")
+
     def _answered(self, earlier: bool) -> None:
         if not earlier:
             self._state.answered()
@@ -228,8 +255,9 @@ class Writer:
         if not arrived:
             raise _Stopped(f"{problem}; two scans later it is not there")
 
-    def _read_back(self, expected: Values) -> Ended:
+    def _read_back(self, expected: Values, change: _Change) -> Ended:
         first = look = self._peer.look()
+        self._demand_stored(tuple(change.pending), change)
         for again in (False, True):
             look = self._peer.later(look, _SCANS) if again else look
             self._record.put("read back", again=again, **look.to_document())
@@ -245,7 +273,7 @@ class Writer:
         tried, problems = False, list[str]()
         for part in reversed(change.parts):
             look = self._peer.look()
-            mine = {name: change.before[name] for name in part.names if look.values[name] == change.after[name]}
+            mine = {name: change.before[name] for name in part.names if change.is_written(name, look.values[name])}
             for back in self._standing.parts(look.content, mine):
                 tried = True
                 try:
@@ -254,7 +282,7 @@ class Writer:
                     problems.append(_why(stopped))
         look = self._peer.later(self._peer.look(), _SCANS)
         self._noted("read back", again=True, **look.to_document())
-        if left := [name for name in change.names if look.values[name] == change.after[name]]:
+        if left := [name for name in change.names if change.is_written(name, look.values[name])]:
             return Ended(Outcome.PARTLY, f"{why}; {', '.join(left)} stand there as written and could not be taken "
                          f"back: {'; '.join(problems) or 'somebody has written them again'}", look.values)
         others = self._unlike(look.values, change.before)

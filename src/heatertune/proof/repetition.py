@@ -1,0 +1,309 @@
+"""The proof of a folder, repeated: what is exported and written is what passes now, not what a document claims.
+
+The digest of a proof tells that its file is whole. It does not tell who wrote the file: anyone can change words, limits
+and results and compute the digest again. The words, the heater and the conditions are therefore proven once more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from heatertune.cache import cached, release
+from heatertune.codec import decode, encode
+from heatertune.documents import found, plain, read_document
+from heatertune.errors import DocumentError, HeatertuneError, InputError
+from heatertune.model import document as model_document
+from heatertune.model.values import FittedModel
+from heatertune.pid.document import parts_of, read_design
+from heatertune.pid.document import to_document as pid_document
+from heatertune.pid.recipe import Recipe
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Words, controller_for
+from heatertune.progress import Told
+from heatertune.proof.document import ProofView, checked, digested
+from heatertune.proof.proving import Proof
+from heatertune.proof.recipes import demand_same_files, files_of, made_again, recorded
+from heatertune.proof.setpoint_ramp import prove_ramped
+from heatertune.proof.spec_file import specified
+from heatertune.proof.verdict import PROOF_SCHEMA
+from heatertune.proof.words_file import WORDS_SCHEMA, WholeWordsView, demand_same_words, words_of
+from heatertune.settings import Conditions, SampleSettings
+
+__all__ = ["RepeatedProof", "demand_consistent", "design_document", "repeat_proof"]
+
+#: two numbers of a proof that differ by less are the same: processors and libraries round differently
+_RELATIVE: Final = 1e-6
+_ABSOLUTE: Final = 1e-9
+#: parts of a proof that have to be the same when it is repeated; the verdict follows from them
+_REPEATED: Final = ("scenario", "actuator", "limits", "specification", "known", "interlock", "findings", "assumed",
+                    "faults", "criteria", "runs", "samples")
+#: lists of sentences: a design adds what it changed to those of its proof
+_SENTENCES: Final = ("remarks", "not_tested")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatedProof:
+    """Words of a folder, with the proof that was made of them just now.
+
+    Attributes:
+        words: the controller's parameters.
+        words_document: `words.json`.
+        proof: document of the repeated proof, with the remarks of the stored one.
+        design: document of the design, heater and conditions, as `pid.json` holds them.
+        fitted: the heater that the words were proven on.
+        conditions: of the proof.
+    """
+
+    words: Words
+    words_document: Mapping[str, Any]
+    proof: Mapping[str, Any]
+    design: Mapping[str, Any]
+    fitted: FittedModel
+    conditions: Conditions
+
+
+def repeat_proof(path: str | Path, *, accept: Sequence[str] = (), progress: Told = str) -> RepeatedProof:
+    """Prove the words of a file again, on the heater and under the conditions of the design next to it.
+
+    Args:
+        path: of `words.json`; `proof.json` and `pid.json` lie in the same folder.
+        accept: names of findings that the user accepts, next to those of the folder.
+        progress: called with the name of the step that begins.
+
+    Raises:
+        DocumentError: a document is missing or damaged, the words are not those of the design, or the stored proof is
+            not what proving the words again gives.
+        ExportRefused: the stored proof is of other words.
+        InputError: the design holds no heater; a file of its specification has changed.
+        OutOfRange: a word that the controller does not allow.
+        UnknownName: no finding of this name blocks a verdict.
+    """
+    words_path = found(path)
+    place, proof_path = words_path.parent, words_path.with_name("proof.json")
+    document = read_document(words_path, WORDS_SCHEMA)
+    stored = checked(read_document(proof_path, PROOF_SCHEMA), proof_path)
+    decode(WholeWordsView, document, words_path)
+    words = words_of(document, str(document.get("target")), words_path)
+    demand_same_words(document, stored, proof_path)
+    design_path = _design_path(place)
+    design, fitted, recipe = read_design(design_path)
+    if fitted is None:
+        raise InputError(f"{design_path}: no heater in it, so the words cannot be proven again: {_way_on(words)}")
+    recipe = recipe if recipe is not None and recipe.target == words.target else (
+        _assumed_recipe(words, stored, design, fitted))
+    demand_same_files(recipe, (), str(design_path))
+    _demand_words(words, document, design, fitted, recipe, words_path)
+    _demand_model(place, fitted, design_path)
+    wider = replace(recipe.conditions, accept=tuple(dict.fromkeys((*recipe.conditions.accept, *accept))))
+    progress("proving the words again")
+    samples = _sample_settings(stored)
+    again = _proof_document(words, fitted, recipe.conditions, samples)
+    for name in _REPEATED:
+        _demand_same(proof_path, name, stored.get(name), again.get(name), words)
+    again = _with_sentences(again, stored, proof_path)
+    if wider != recipe.conditions:
+        again = _with_sentences(_proof_document(words, fitted, wider, samples), stored, proof_path)
+    return RepeatedProof(
+        words=words, words_document=document, proof=again, fitted=fitted, conditions=wider,
+        design=pid_document(design, fitted, replace(recipe, conditions=wider)))
+
+
+def design_document(
+    proof: Proof, design: PidDesign | None, fitted: FittedModel, recipe: Recipe | None, conditions: Conditions
+) -> dict[str, Any] | None:
+    """Return the document from which proven words can be made and proven again; None: no design makes these words.
+
+    Args:
+        proof: of the words.
+        design: that they were made from; None: the one that they realise.
+        fitted: the heater that they were proven on.
+        recipe: how the words were made from the design; None: by the defaults.
+        conditions: of the proof.
+    """
+    source = design or proof.design
+    if source is None:
+        return None
+    scaling, kept = proof.words.scaling, recorded(conditions)
+    base = recipe or Recipe(target=proof.words.target, conditions=kept)
+    base = replace(
+        base, target=proof.words.target, range_degC=scaling.sensor_degC, input=scaling.input, conditions=kept,
+        setpoint_ramp=proof.setpoint_ramp, boost=proof.boost, files=files_of(kept), way_on=None)
+    document = pid_document(source, fitted, base)
+    # as it will be read: a number that its text does not hold exactly makes other words
+    again, kept_recipe = parts_of(document)
+    made = made_again(again, fitted, kept_recipe or base).words
+    return document if _same_words(made, proof.words) else None
+
+
+def demand_consistent(folder: str | Path, documents: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse documents of a folder that do not belong together.
+
+    The words have to be those that the design makes, and the heater of the design that of `model.json`.
+
+    Args:
+        folder: names the documents in an error.
+        documents: "model", "pid", "words" and "proof".
+
+    Raises:
+        DocumentError: they do not.
+        InputError, OutOfRange: as `heatertune.proof.recipes.made_again`.
+    """
+    place, document = Path(folder), documents["words"]
+    words = words_of(document, str(document.get("target")), place / "words.json")
+    design, recipe = parts_of(documents["pid"], where=place / "pid.json")
+    model = documents["pid"].get("model")
+    if model is None:
+        return
+    fitted = model_document.from_document(model)
+    if recipe is not None and recipe.target == words.target:
+        _demand_words(words, document, design, fitted, recipe, place / "words.json")
+    _demand_same_model(documents["model"], fitted, place)
+    setpoint = documents["proof"]["scenario"]["setpoint_degC"]
+    if document["setpoint_degC"] != setpoint:
+        raise DocumentError(f"{place / 'words.json'}: setpoint_degC: {document['setpoint_degC']:g}; the proof is of "
+                            f"{setpoint:g}")
+
+
+def _design_path(place: Path) -> Path:
+    """Return the design's file next to words, else, where `tune` was told to write it, in the folder around."""
+    own, outer = place / "pid.json", place.parent / "pid.json"
+    return outer if not own.is_file() and place.name == "data" and outer.is_file() else own
+
+
+def _way_on(words: Words) -> str:
+    return (f"heatertune export-db PID --target {words.target} -o DIR proves the design PID and writes a whole folder; "
+            "for words alone name their heater, too (--gain, --time-constant, --dead-time)")
+
+
+def _assumed_recipe(words: Words, proof: Mapping[str, Any], design: PidDesign, fitted: FittedModel) -> Recipe:
+    """Return the recipe of a design that has none: the defaults, with what the proof states in its first lines.
+
+    Its words are those of the first way of rounding that makes the given ones, else of the last way.
+    """
+    view = decode(ProofView, dict(proof), "proof.json")
+    conditions = Conditions(
+        setpoint_degC=view.scenario.setpoint_degC, switches=dict(view.known),
+        pwm_period_s=view.actuator.pwm_period_s)
+    recipe = Recipe(target=words.target, range_degC=words.scaling.sensor_degC, input=words.scaling.input,
+                    conditions=conditions, setpoint_ramp=view.setpoint_ramp, boost=view.boost)
+    for way in ("rounded", "optimum"):
+        recipe = replace(recipe, words_by=way)
+        with suppress(HeatertuneError):
+            if _same_words(made_again(design, fitted, recipe).words, words):
+                break
+    return recipe
+
+
+def _demand_words(
+    words: Words, document: Mapping[str, Any], design: PidDesign, fitted: FittedModel, recipe: Recipe, where: Path
+) -> None:
+    """Refuse words that the design does not make, or that their document describes as others."""
+    made = made_again(design, fitted, recipe).words
+    if not _same_words(made, words):
+        other = next((f"words.{name}: {value:.9g}; the design makes it {made.values[name]:.9g}"
+                      for name, value in words.values.items() if made.values[name] != value),
+                     "TA, sensor range, ramp or boost: the design makes others")
+        raise DocumentError(f"{where}: {other}: they were changed; {_way_on(words)}")
+    expected = [(field.name, field.address, field.comment) for field in controller_for(words.target).fields]
+    described = [(one["name"], one["address"], one["comment"]) for one in document.get("fields", ())]
+    if described and described != expected:
+        raise DocumentError(f"{where}: fields: others than those of {words.target}; {_way_on(words)}")
+
+
+def _same_words(one: Words, other: Words) -> bool:
+    return (one.target, dict(one.values), one.sample_time_s, one.scaling, one.ramp, one.boost) == (
+        other.target, dict(other.values), other.sample_time_s, other.scaling, other.ramp, other.boost)
+
+
+def _demand_model(place: Path, fitted: FittedModel, design_path: Path) -> None:
+    """Refuse a `model.json` of another heater than the design's."""
+    path = place / "model.json"
+    if path.is_file() and design_path.parent == place:
+        _demand_same_model(read_document(path, model_document.SCHEMA), fitted, place)
+
+
+def _demand_same_model(document: Mapping[str, Any], fitted: FittedModel, place: Path) -> None:
+    own = model_document.to_document(model_document.from_document(document))
+    if (apart := _difference("", plain(own), plain(model_document.to_document(fitted)))) is not None:
+        raise DocumentError(f"{place / 'model.json'}: {apart[0]}: {apart[1]}; the design in pid.json was made for "
+                            f"{apart[2]}: tune again")
+
+
+def _sample_settings(stored: Mapping[str, Any]) -> SampleSettings | None:
+    """Return which samples a proof was made on; None: on none."""
+    drawn = stored.get("samples")
+    if drawn is None:
+        return None
+    names = ("mains_pct", "ambient_degC", "disturbance_pct", "jitter_s")
+    spread = {name: drawn["spread"][name] for name in names if name in drawn["spread"]}
+    return SampleSettings(samples=drawn["count"], seed=drawn["seed"], quantile=drawn["quantile"], **spread)
+
+
+def _proof_document(
+    words: Words, fitted: FittedModel, conditions: Conditions, samples: SampleSettings | None
+) -> dict[str, Any]:
+    """Return the document of a proof that is made now, or was made by this very program on this machine."""
+
+    def run() -> dict[str, Any]:
+        proof, _ = prove_ramped(words, fitted, None, conditions)
+        if samples is None:
+            return proof.to_document()
+        from heatertune.proof.drawn import with_samples  # noqa: PLC0415 - most proofs are without samples
+
+        return with_samples(proof, fitted, samples, conditions).to_document()
+
+    inputs = {
+        "words": repr(words), "model": model_document.to_document(fitted), "conditions": asdict(conditions),
+        "specification": repr(specified(conditions)), "samples": repr(samples),
+        "libraries": [release(name) for name in ("numpy", "scipy", "numba")]}
+    return cached("proof", inputs, run, lambda document: checked(document, "the cache"))
+
+
+def _demand_same(path: Path, name: str, stored: object, again: object, words: Words) -> None:
+    if (apart := _difference(name, encode(plain(stored)), encode(plain(again)))) is not None:
+        at, one, other = apart
+        raise DocumentError(f"{path}: {at}: {one}; proven again it is {other}: the folder was changed or is of another "
+                            f"release; {_way_on(words)}")
+
+
+def _difference(at: str, one: Any, other: Any) -> tuple[str, str, str] | None:
+    """Return where two documents differ and what stands there, None where they are the same."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        keys = dict.fromkeys((*one, *other))
+        parts: Iterator[tuple[str, Any, Any]] = (
+            (f"{at}.{key}".lstrip("."), one.get(key), other.get(key)) for key in keys)
+        return next((apart for part in parts if (apart := _difference(*part)) is not None), None)
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple) and len(one) == len(other):
+        pairs = ((f"{at}[{number}]", *pair) for number, pair in enumerate(zip(one, other, strict=True)))
+        return next((apart for pair in pairs if (apart := _difference(*pair)) is not None), None)
+    return None if _same_value(one, other) else (at, _short(one), _short(other))
+
+
+def _same_value(one: Any, other: Any) -> bool:
+    numbers = [isinstance(value, int | float) and not isinstance(value, bool) for value in (one, other)]
+    if all(numbers):
+        return math.isclose(one, other, rel_tol=_RELATIVE, abs_tol=_ABSOLUTE)
+    return type(one) is type(other) and bool(one == other)
+
+
+def _short(value: object) -> str:
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def _with_sentences(again: Mapping[str, Any], stored: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """Return a repeated proof with the sentences of the stored one, which must not lack any of its own."""
+    kept: dict[str, Any] = dict(again)
+    for name in _SENTENCES:
+        own, others = list(again[name]), list(stored[name])
+        if missing := [sentence for sentence in own if sentence not in others]:
+            raise DocumentError(f"{path}: {name}: without {missing[0]!r}: prove the words again")
+        if odd := [sentence for sentence in others if not sentence.isprintable()]:
+            raise DocumentError(f"{path}: {name}: {odd[0][:40]!r}: expected one line")
+        kept[name] = others
+    return digested(kept)
