@@ -33,9 +33,10 @@ def library(tmp_path_factory):
 def test_a_night_is_tried_under_every_setting_and_the_way_on_names_the_one_that_passes(library):
     held = closed(model_by_hand(HEATER), replace(ASKED, boost="none"))
     assert held.proof.hold_degC is not None
-    # in the story no setting shows: the setpoint is held, and the run that overshoots most is of another switch
+    # in the story no setting shows at the mains as they are: the setpoint is held, and the run that overshoots most is of
+    # another switch
     strains = {run.label: run.criteria[[each.name for each in run.criteria].index("reheat_overshoot")].strain
-               for run in held.proof.runs}
+               for run in held.proof.runs if "mains" not in run.label}
     assert "anti_windup = none" not in max(strains, key=strains.get)
     assert [finding.name for finding in held.proof.heard.findings] == ["winds-up"]
     # the judge in C, which has the circuit open for up to 40 TN, sees it under that setting alone

@@ -120,10 +120,11 @@ _LONGER: Final = ("log steps of the power up and down (heatertune plan), each un
 _OF_POWER_LOGS: Final = {
     "poor-fit": "keep doors and fans still while you log, and log each change of the power at its own instant",
     "contradicted": "log one open-loop step of the power",
+    "on-bound": "log one step of the power in open loop until the temperature rests",
 }
 #: kind → what closes it where the log is of open-loop steps of the power already
 _OF_OPEN_LOOP_LOGS: Final = _OF_POWER_LOGS | dict.fromkeys(
-    ("not-foretold", "follows-power", "halves-disagree", "contradicted"), _LONGER)
+    ("not-foretold", "follows-power", "halves-disagree", "contradicted", "on-bound"), _LONGER)
 
 
 def remedy_of(name: str, names: Collection[str]) -> str:

@@ -140,7 +140,7 @@ class WayOn:
 
     def unwound(self, found: Closed) -> Closed:
         """Return a design that winds up; its proof says with which setting of an open point one passes."""
-        told, options = self.by_settings()
+        told, options = self.by_settings(found)
         if not told:
             return found
         heard = replace(found.proof.heard, remarks=(*found.proof.heard.remarks, told))
@@ -173,12 +173,17 @@ class WayOn:
         blocks = {view.name for view in proof.heard.views if view.effect == "blocks" and not view.accepted}
         return proof.verdict != "FAIL" and blocks <= known
 
-    def by_settings(self) -> tuple[str, tuple[str, ...]]:
-        """Return what is told where one setting of an open point would do, and its options; nothing where none does."""
-        proof = self.first.proof
+    def by_settings(self, found: Closed | None = None) -> tuple[str, tuple[str, ...]]:
+        """Return what is told where one setting of an open point would do, and its options; nothing where none does.
+
+        Args:
+            found: the design that fails or winds up; None: the plain one.
+        """
+        found = found or self.first
+        proof = found.proof
         settings = {name: kept[0] for name, kept in passing_settings(proof).items()}
         settings = dict(list(settings.items())[:1]) or (
-            suspects(proof, self._wound) if self._coarse()[0] < _HOPELESS else {})
+            suspects(proof, self._wound(found)) if self._coarse()[0] < _HOPELESS else {})
         if not settings:
             return "", ()
         asked, options = known_as(self.asked, settings)
@@ -189,11 +194,9 @@ class WayOn:
         changes = f", {other.proof.heard.remarks[-1]}" if other.notes else ""
         return passes_told(options, changes), options
 
-    @property
-    def _wound(self) -> list[RunResult]:
-        """The runs of the plain design that wind up in a longer open circuit."""
-        proof = self.first.proof
-        return Screen(fitted=self.fitted).with_nights([proof]).wound(proof.words, self.first.conditions)
+    def _wound(self, found: Closed) -> list[RunResult]:
+        """Return the runs of a design that wind up in a longer open circuit."""
+        return Screen(fitted=self.fitted).with_nights([found.proof]).wound(found.proof.words, found.conditions)
 
     def _coarse(self) -> tuple[float, str]:
         """Return how much of the band the calmest PWM of whole half-waves takes, and what is told of it."""
