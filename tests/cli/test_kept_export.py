@@ -4,7 +4,7 @@ import pytest
 
 from heatertune.proof import setpoint_ramp
 
-SPEC = '[limits]\novershoot = "{}"\nreheat-overshoot = "60 %"\n'
+SPEC = '[limits]\novershoot = "{}"\nreheat-overshoot = "90 %"\n'
 HAND = ("--gain", 0.8, "--time-constant", 480, "--dead-time", 60, "--ambient", 22)
 
 
