@@ -109,8 +109,9 @@ def failing(proof):
     proof["verdict"] = "FAIL"
     proof["criteria"]["ms"].update(value=9.0, ok=False)
     for run in proof["runs"]:
-        run["verdict"] = "FAIL"
-        run["criteria"]["ms"] = {"value": 9.0, "ok": False}
+        if "ms" in run["criteria"]:  # a run at another mains voltage has fewer criteria
+            run["verdict"] = "FAIL"
+            run["criteria"]["ms"] = {"value": 9.0, "ok": False}
     proof["digest"] = digested(proof)["digest"]
 
 

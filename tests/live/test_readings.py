@@ -184,7 +184,7 @@ def test_a_watch_that_begins_anywhere_in_a_heat_up_tells_nothing_against_a_loop_
         assert shown.well, (late_s, shown.told())
 
 
-@pytest.mark.parametrize("wrong", [{"kp": 3.0}, {"ki": 6.0}, {"gain": 6.0}, {"gain": 0.4}], ids=str)
+@pytest.mark.parametrize("wrong", [{"kp": 6.0}, {"ki": 6.0}, {"gain": 6.0}, {"gain": 0.4}], ids=str)
 def test_a_watch_that_begins_late_tells_a_wrong_loop(proven, wrong):
     part = {"kp": proven.words.values["Kp"], "ki": proven.words.values["Ki"], "gain": sessions.GAIN}
     rows = closed(*(value * wrong.get(name, 1.0) for name, value in part.items()), sessions.LAG_S, sessions.DEAD_S)
