@@ -267,9 +267,9 @@ def missed(case: Case, fitted: FittedModel, late_s: float = 0.0) -> list[str]:
     """Return the numbers of a heater whose interval does not hold the truth, where it is one of one lag.
 
     Of two lags the interval has to hold the half rule's dead time within half the smaller lag. An open end holds all, and
-    a dead time that blocks the verdict lets the gain be what it may. Readings that are stamped late, which no log shows, make a dead time longer by as much.
+    a power whose changes the log does not place, which blocks the verdict, lets the heater be what it may. Readings that are stamped late, which no log shows, make a dead time longer by as much.
     """
-    if any(finding.name == "dead-time-open" for finding in fitted.findings):
+    if any(finding.name == "alias" for finding in fitted.findings):
         return []
     true = {"gain_degC_per_pct": case.gain, "time_constant_s": case.time_constant_s, "dead_time_s": case.dead_time_s}
     slack = {"gain_degC_per_pct": 0.03 * case.gain, "time_constant_s": 0.03 * case.time_constant_s + case.second_s,

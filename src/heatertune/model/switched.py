@@ -26,7 +26,7 @@ from heatertune.model.values import Candidate, FittedModel
 __all__ = ["with_late_power", "with_pwm_hidden"]
 
 _EARLIER: Final = 0.5  # periods by which the heater's dead time may be longer than it looks
-_LATE: Final = 0.05  # time constants by which a power may be late before the log leaves the dead time open
+_LATE: Final = 0.05  # time constants by which a power may be late before gain and time constant are wrong as well
 _RIPPLE: Final = 0.25  # periods per time constant by which the gain may differ
 
 
@@ -75,10 +75,10 @@ def with_late_power(
     dead = fitted.ci95.get("dead_time_s")
     later = [_later(each, _room(_dead_time_s(each), late_s, most_s), part)
              for each in _hardest(fitted.candidates, late_s)]
-    is_open = most_s is None and gap_s > _LATE * fitted.model.time_constant_s
+    is_distorted = gap_s > _LATE * fitted.model.time_constant_s  # beyond what a longer dead time stands for
     return replace(
         fitted, notes=(*fitted.notes, note), candidates=told_apart([*fitted.candidates, *later], least_s),
-        findings=(*fitted.findings, *((Finding(name="dead-time-open", told=note),) if is_open else ())),
+        findings=(*fitted.findings, *((Finding(name="alias", told=note),) if is_distorted else ())),
         ci95=fitted.ci95 if dead is None or dead.high is None else {
             **fitted.ci95, "dead_time_s": replace(dead, high=dead.high + _room(dead.high, late_s, most_s))},
     )
