@@ -79,3 +79,15 @@ def test_logs_fitted_together_are_asked_about_one_by_one():
     told = [finding for finding in fit_together([good, other]).findings if finding.name == "unit-assumed"]
     assert len(told) == 1
     assert "the time ('Time'" in told[0].told
+
+
+def test_an_ambient_that_the_log_never_comes_near_is_not_asked_about():
+    # a chamber at 300 °C in a loop of its own: what the model calls its ambient is an extrapolation
+    y, rows = 270.0, ["time_s,temp_C,power_pct"]
+    u = [60.0 if (k // 60) % 2 else 40.0 for k in range(520)]
+    for k in range(520):
+        rows.append(f"{k},{y:.2f},{u[k]:g}")
+        y += (240.0 + GAIN * u[max(0, k - DEAD_TIME)] - y) / TIME_CONSTANT
+    fitted = fit(read("\n".join(rows[:1] + rows[101:])))
+    assert fitted.model.ambient_degC == pytest.approx(240.0, abs=3.0)
+    assert "unit-assumed" not in findings_of(fitted)

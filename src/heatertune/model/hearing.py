@@ -25,6 +25,7 @@ _BESIDE = 1.01  # times the least time constant
 _TWO = 2  # levels of power
 _FULL = 99.0  # %
 _AMBIENT_DEGC = (-40.0, 50.0)  # around a heater that is off
+_NEAR = 0.2  # share of a log's span
 _ROOM_DEGC = (10.0, 35.0)
 _LEAST_TIME_CONSTANT_S = 0.5  # a wire in a stream of air is as fast
 _MOST_TIME_CONSTANT_S = 3.0 * 86400.0
@@ -79,8 +80,8 @@ def unit_findings(fitted: FittedModel, logs: Sequence[Log]) -> tuple[Finding, ..
     A unit that the user states by an option is never asked for again.
     """
     findings = []
-    for taken in (log.taken for log in logs if log.taken is not None):
-        doubts = {role: doubt for role, doubt in _implausible(fitted).items()
+    for log, taken in ((log, log.taken) for log in logs if log.taken is not None):
+        doubts = {role: doubt for role, doubt in _implausible(fitted, log).items()
                   if role in taken.columns and role not in taken.stated}
         if taken.assumed or doubts:
             findings.append(Finding(name="unit-assumed", told=_unit_sentence(taken, doubts)))
@@ -100,13 +101,18 @@ def _unit_sentence(taken: Taken, doubts: Mapping[str, str]) -> str:
     return f"{'; '.join(parts)}; check, and state: {' '.join(options.values())}"
 
 
-def _implausible(fitted: FittedModel) -> dict[str, str]:
-    """Return role → what a fit gives that hardly any heater has, so that the unit of that column is doubtful."""
+def _implausible(fitted: FittedModel, log: Log) -> dict[str, str]:
+    """Return role → what a fit gives that hardly any heater has, so that the unit of that column is doubtful.
+
+    An ambient counts where the log comes near it; that of a log far above it is an extrapolation.
+    """
     ends = {name: _ends(fitted.ci95.get(name), getattr(fitted.model, name)) for name in (
         "gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")}
     doubts = {}
     low, high = ends["ambient_degC"]
-    if high < _AMBIENT_DEGC[0] or low > _AMBIENT_DEGC[1]:
+    readings = log.temperature_degC
+    near = float(readings.min()) - (fitted.model.ambient_degC or 0.0) < _NEAR * float(np.ptp(readings))
+    if near and (high < _AMBIENT_DEGC[0] or low > _AMBIENT_DEGC[1]):
         doubts["temperature"] = _ambient_doubt(float(fitted.model.ambient_degC or 0.0))
     low, high = ends["time_constant_s"]
     if high < _LEAST_TIME_CONSTANT_S or low > _MOST_TIME_CONSTANT_S:
