@@ -47,11 +47,12 @@ def test_without_spread_every_sample_is_the_nominal_run(run, by_hand):
 
 @pytest.mark.long
 def test_a_share_too_small_fails_and_the_text_tells_it(run, by_hand):
-    # at ±60 % of the voltage some heaters cannot hold 40 °C: 22 + 37 · 0.16 = 28 °C
+    # at ±60 % of the voltage some heaters cannot hold 40 °C: 22 + 37 · 0.16 = 28 °C; with up to 2.56 times
+    # the power three more overshoot by over half of a small change. 4 of 12: the 95 % quantile of Beta(5, 8) is 0.609
     given = tuple(each for each in PROOF if each != "--json")
     status, out, _ = run("verify", by_hand, *given, "--samples", 12, "--mains", 60, "--verbose")
     assert status == 1
-    assert "samples from seed 0 on: 7 of 12 samples keep every limit under every setting, so at most 81.9 % of all do" in out
+    assert "samples from seed 0 on: 4 of 12 samples keep every limit under every setting, so at most 60.92 % of all do" in out
     assert "never" in out
     last = out.rstrip().splitlines()[-1]
     assert last.startswith("VERDICT FAIL at 40 °C in 18 runs on 1 possible heater")

@@ -50,7 +50,7 @@ def test_a_trace_fills_the_record_in_and_stays_in_it(tmp_path, documents, trace,
     told = {line["name"]: line["measured"] for line in kept["measurements"]}
     assert main(["report", str(folder), "--document", "HT-1", "--quiet"]) == 0
     page, measured = _measured(folder)
-    assert measured["overshoot"] == f"{told['overshoot']:.3g} %"
+    assert measured["overshoot"] == f"{told['overshoot']:.3g} % of rise"
     assert measured["recovery time"] == "", "by hand: the trace has no load"
     assert "TIC-1 &amp; &lt;b&gt;" in page
     assert "<dd>HT-1</dd>" in page
