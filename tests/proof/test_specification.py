@@ -24,7 +24,7 @@ pytestmark = pytest.mark.fast
 
 def test_what_nobody_specified_is_the_limits_defaults():
     # that of small changes is of the specification alone: proofs of earlier versions had none, and are still read
-    assert in_force().limits_for(300.0) == Limits(small_change_overshoot_pct=50.0)
+    assert in_force().limits_for(300.0) == Limits(small_change_overshoot_pct=65.0)
 
 
 @pytest.mark.parametrize(("text", "field", "value"), [
