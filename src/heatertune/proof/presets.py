@@ -91,8 +91,8 @@ _REASONS: Final = {
     "overshoot": "this project's choice for heaters; ask for less where the goods do",
     "recovery-overshoot": "as on heat-up",
     "reheat-overshoot": "twice that of the heat-up: a fault, not use; a controller that winds up without end breaks it",
-    "small-change-overshoot": "what a PI at the limit Ms 2 does on a slow heater with a short dead time: 55 to 60 %; at "
-                              "Ms 1.6 it is a quarter to a half",
+    "small-change-overshoot": "what a PI at the limit Ms 2 does on a slow heater with a short dead time, 55 to 60 %; "
+                              "a quarter to a half at Ms 1.6",
     "ms": "K. J. Åström, T. Hägglund, Advanced PID Control, ISA 2006",
     "gain-margin": "D. E. Seborg, T. F. Edgar, D. A. Mellichamp, Process Dynamics and Control: 1.7 to 4",
     "phase-margin": "Seborg, Edgar, Mellichamp: 30 to 45°",
