@@ -11,7 +11,7 @@ from heatertune.model.intervals import PERIOD, RATIO, Interval, identified_parts
 from heatertune.model.judgement import Half, disagreeing
 from heatertune.model.measures import ultimate_period_s
 from heatertune.model.power.loads import bic_of
-from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.open_loop import FAR, PowerFit, PowerProblem
 from heatertune.model.power.uncertainty import READINGS, held_at, value_of
 from heatertune.model.statistics import fit_pct
 from heatertune.model.values import Candidate, Fopdt, HeaterModel
@@ -19,6 +19,7 @@ from heatertune.model.values import Candidate, Fopdt, HeaterModel
 __all__ = ["AtEnd", "ends_of", "halves_of", "held_by", "told_apart"]
 
 _SAME: Final = 0.03  # of each number: such a heater adds nothing to a family
+_ON_BOUND: Final = 0.99  # of the longest time constant that is searched
 _HALVINGS: Final = 6  # of the way to an end that no heater has
 
 
@@ -112,11 +113,18 @@ def _value(ci95: Interval | None, end: _End, least_dead_time_s: float) -> float 
 
 
 def halves_of(log: Log, halves: tuple[Half, Half], *, law: str) -> Iterator[Candidate]:
-    """Return the heater of each half of a log, where the two disagree in what both of them know."""
+    """Return the heater of each half of a log, where the two disagree in what both of them know.
+
+    A half whose time constant lies on the bound of its search stands for no heater: the readings show no curvature,
+    and the test sequence of such a heater would last for days. The log's intervals hold what that half knows.
+    """
     apart = [name for name in disagreeing(halves) if all(identified_parts(half.ci95[name]) for half in halves)]
     if not apart:
         return
     for half, which in zip(halves, ("first", "second"), strict=True):
+        start, end = half.window_s
+        if half.values["time_constant_s"] >= _ON_BOUND * FAR * (end - start):
+            continue
         yield Candidate(
             model=Fopdt(**half.values, ambient_degC=half.ambient_degC), log=log.name, window_s=half.window_s, law=law,
             fit_pct=half.fit_pct, rmse_degC=half.rmse_degC, delta_bic=0.0, part=f"{which} half alone",

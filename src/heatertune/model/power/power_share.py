@@ -16,7 +16,7 @@ import numpy.typing as npt
 from heatertune.model.hearing import Remark
 from heatertune.model.power.candidates import second_is_seen
 from heatertune.model.power.columns import COLUMNS, DRIFT, GAIN
-from heatertune.model.power.loads import edges_of
+from heatertune.model.power.loads import bic_of, edges_of
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 
 __all__ = ["Contributions", "contributions_of", "share_remarks"]
@@ -29,6 +29,7 @@ _LOADS: Final = 2.0 / 3.0  # of the span, that loads may
 _AGAINST: Final = 4.0 / 3.0  # of the span: beyond that, power and loads cancel
 _CANCELLED: Final = 3.0  # of the span: beyond that, power and initial states cancel
 _OFTEN: Final = 0.75  # of the log, within a time constant of a step
+_NEAR: Final = 10.0  # BIC points within which a fit explains the log nearly as well as the best
 _SMALL: Final = 0.15  # of the span: loads that move it by less hide little
 
 
@@ -69,6 +70,8 @@ def share_remarks(
 ) -> Iterator[Remark]:
     """Yield the finding that the power does not explain a log's temperature, once, of the first fit that shows it.
 
+    A fit that another one explains away, by more than 10 BIC points, is not judged: it is no model of the log.
+
     Args:
         name: of the log.
         problems: of one lag and, where two were tried, of two.
@@ -78,8 +81,11 @@ def share_remarks(
     if doubt:
         yield Remark("unexplained-by-power", f"{name}: {doubt}")
         return
-    for problem, fit in zip(problems, fits, strict=True):
-        if problem.two_lags and not second_is_seen(fit):
+    judged = [(problem, fit) for problem, fit in zip(problems, fits, strict=True)
+              if not problem.two_lags or second_is_seen(fit)]
+    least = min((bic_of(*pair) for pair in judged), default=math.inf)
+    for problem, fit in judged:
+        if bic_of(problem, fit) > least + _NEAR:
             continue
         reason = _reason(contributions_of(problem, fit), problem, fit)
         if reason:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.heater.exact import advance
 from heatertune.log.values import MIN_SAMPLES, Log
 from heatertune.model.temperature.kernel import simulate_many
 from heatertune.model.temperature.law import ControllerLaw
@@ -223,6 +224,16 @@ class Hypothesis:
         measured = np.concatenate([s.log.temperature_degC[:s.rows(share)] for s in self.segments])
         cost = np.sum((self.simulate(z, share) - measured) ** 2, axis=1)
         return np.where(np.isfinite(cost), cost, np.inf)
+
+    def free_response(self, z: Array, segment: int = 0) -> Array:
+        """Return the temperature without any power, from the initial state on, at one log's readings [°C], (k,)."""
+        own, first = self.segments[segment], self._offsets()[segment]
+        ambient, start, inner_start = z[first : first + 3]
+        lag, ratio = math.exp(z[1]), float(z[2])
+        outer, inner = (ratio * lag, lag) if ratio > 0.0 else (lag, 0.0)
+        elapsed = own.readings * own.interval_s
+        y, x, target = (np.full(len(elapsed), value) for value in (start, inner_start, ambient))
+        return advance(y, x, target, elapsed, outer, inner)
 
     def plant(self, z: Array, segment: int = 0) -> HeaterModel:
         """Return the heater of one vector (p,), with the ambient of a segment."""

@@ -26,6 +26,7 @@ from heatertune.model.temperature.notes import (
     joint_note,
     limit_remarks,
     lost_notes,
+    share_remarks,
     validation_notes,
 )
 from heatertune.model.temperature.regulation import regulation_remarks
@@ -84,7 +85,8 @@ def fit_temperature(
     values = {name: measure(plant) for name, measure in COMBINATIONS.items()}
     if len(used) > 1:
         notes += (joint_note(best, ranked, alone),)
-    doubts = [*law, *against, *limit_remarks(kept), *foretelling_remarks(best)]
+    near = [best, *(fit for fit in kept if fit.bic - ranked[0].bic <= _NEAR and fit is not best)]
+    doubts = [*law, *against, *limit_remarks(kept), *foretelling_remarks(best), *share_remarks(near)]
     first, (simulated, *_) = used[0], best.hypothesis.parts(best.simulated_degC)
     outcome = Outcome.LAW_UNKNOWN if law else _outcome(best.fit_pct, ci95)
     names = " and ".join(log.name for log in used)

@@ -16,9 +16,11 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "ambient_note", "event_notes", "foretelling_remarks", "foretells", "joint_note", "limit_remarks", "lost_notes",
-    "validation_notes",
+    "share_remarks", "validation_notes",
 ]
 
+_LEAST = 2.0 / 3.0  # of the span, that the power has to move the model by
+_CANCELLED = 3.0  # of the span: beyond that, power and initial state cancel
 _FAR_OUT = 0.2  # of a log's span: a prediction that misses by more is none
 
 
@@ -75,6 +77,32 @@ def foretelling_remarks(best: Fit) -> Iterable[Remark]:
         yield Remark("not-foretold", (
             f"Fitted to the first {EARLY:.0%} of {names}, the model misses the later readings by "
             f"{best.hold_out_rmse_degC:.3g} °C RMS, more than {_FAR_OUT:.0%} of what the log spans."))
+
+
+def share_remarks(near: Sequence[Fit]) -> Iterable[Remark]:
+    """Yield, once for each log, the finding that the power of a law does not explain the temperature.
+
+    The power of the law is compared with the decay of the initial state, as `power_share` does where the power was
+    logged: a model that gets most of its course from the state it begins in says little of what the power does.
+
+    Args:
+        near: fits that explain the logs about as well as the best, the best first.
+    """
+    for i, segment in enumerate(near[0].hypothesis.segments):
+        reason = next(filter(None, (_unexplained(fit, i) for fit in near)), "")
+        if reason:
+            yield Remark("unexplained-by-power", f"{segment.log.name}: {reason}")
+
+
+def _unexplained(fit: Fit, segment: int) -> str:
+    """Return why the power of a law does not explain one log; empty where it does."""
+    simulated = fit.hypothesis.parts(fit.simulated_degC)[segment]
+    free = fit.hypothesis.free_response(fit.vector, segment)
+    whole, power, start = (float(np.ptp(part)) for part in (simulated, simulated - free, free))
+    if _LEAST * whole <= power and not (power > _CANCELLED * whole and start > whole):
+        return ""
+    return (f"with {fit.hypothesis.title}, the power moves the model by {power:.3g} °C and its initial state by "
+            f"{start:.3g} °C, where both together span {whole:.3g} °C.")
 
 
 def limit_remarks(kept: Sequence[Fit]) -> Iterable[Remark]:
