@@ -13,7 +13,7 @@ from heatertune.model.fit import fit, fit_together
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling
 from heatertune.proof.fitted import every_setpoint, prove
-from heatertune.proof.heaters import beyond_log, covered_degC, range_is_unknown
+from heatertune.proof.heaters import beyond_log, covered_degC, holding, left_out, range_is_unknown, unreached
 from heatertune.settings import Conditions
 
 
@@ -121,3 +121,54 @@ def test_the_verdict_is_not_proven_until_it_is_accepted(fitted):
         for setpoint, accept in ((60.0, ()), (100.0, ()), (100.0, ("beyond-the-log",))))
     assert (inside.verdict, beyond.verdict, accepted.verdict) == ("PASS", "NOT PROVEN", "PASS")
     assert any(finding.name == "beyond-the-log" for finding in accepted.heard.findings)
+
+
+def _with_heaters(fitted, *heaters, until_s=np.inf, spike_degC=None):
+    """Return the fit with further possible heaters, of the first part of its log, with one reading that is wild."""
+    rest = fitted.residuals
+    rows = rest.time_s <= until_s
+    measured = rest.measured_degC[rows].copy()
+    if spike_degC is not None:
+        measured[len(measured) // 2] = spike_degC
+    cut = replace(rest, time_s=rest.time_s[rows], measured_degC=measured, simulated_degC=rest.simulated_degC[rows])
+    others = [replace(fitted.candidates[0], model=heater, part=f"heater {i}") for i, heater in enumerate(heaters)]
+    return replace(fitted, residuals=cut, candidates=(fitted.candidates[0], *others))
+
+
+def _heater(gain, lag=100.0, ambient=20.0):
+    return Fopdt(gain_degC_per_pct=gain, time_constant_s=lag, dead_time_s=10.0, ambient_degC=ambient)
+
+
+# the log rises from 20 towards 80 °C with a lag of 100 s from 210 s on: it passes 75 °C at 210 + 100·ln 12 = 458 s
+WEAK = _heater(0.5)  # 70 °C at full power
+
+
+@pytest.mark.parametrize(("heater", "until_s"), [(WEAK, np.inf), (WEAK, 700.0), (_heater(1.0, ambient=78.0), np.inf),
+                                                 (_heater(1.0, ambient=78.0), 350.0)])
+def test_a_heater_that_cannot_hold_what_the_log_shows_held_is_left_out(fitted, heater, until_s):
+    other = _with_heaters(fitted, heater, until_s=until_s)
+    able = len(holding(other, 75.0))
+    assert (able, len(other.heaters)) == (1, 2)
+    assert list(unreached(other, able, 75.0)) == []
+    assert list(left_out(other, able, 75.0)) == [
+        "1 of 2 possible heaters left out: they could not hold 75 °C, which the log shows held"]
+
+
+@pytest.mark.parametrize(("heaters", "until_s", "spike_degC"), [
+    ([WEAK], 350.0, None),  # the log ends below
+    ([WEAK], 350.0, 90.0),  # but for one reading
+    ([WEAK], 500.0, None),  # it has only just passed
+    ([_heater(0.5, lag=5000.0)], np.inf, None),  # a slow one may have got there on what it had stored
+    ([WEAK, _heater(0.5, lag=5000.0)], np.inf, None)])
+def test_a_heater_that_the_log_does_not_contradict_keeps_the_finding(fitted, heaters, until_s, spike_degC):
+    other = _with_heaters(fitted, *heaters, until_s=until_s, spike_degC=spike_degC)
+    able = len(holding(other, 75.0))
+    (finding,) = unreached(other, able, 75.0)
+    assert finding.name == "setpoint-unreached"
+    assert finding.told == f"{len(heaters)} of {len(heaters) + 1} possible heaters cannot hold 75 °C."
+    assert list(left_out(other, able, 75.0)) == []
+
+
+def test_heaters_that_are_all_able_are_neither_left_out_nor_unreached(fitted):
+    able = len(holding(fitted, 75.0))
+    assert [*unreached(fitted, able, 75.0), *left_out(fitted, able, 75.0)] == []

@@ -191,16 +191,16 @@ class Beside:
 
     def _swing(self) -> tuple[float, float] | None:
         """Return how far and how often it swings, beyond what was proven; each PWM period is one reading."""
-        periods = dict[int, list[float]]()
+        periods = dict[int, list[tuple[float, float]]]()
         for at, degC, _ in self._latest:
-            periods.setdefault(int(at // self._pwm_s) if self._pwm_s > 0.0 else int(at * 1e6), []).append(degC)
-        levels = [fmean(each) for each in periods.values()]
-        middle, times = fmean(levels), [each[0] for each in self._latest]
-        half = 0.5 * (max(levels) - min(levels))
-        crossings = sum((one > middle) != (other > middle) for one, other in pairwise(levels))
-        if half <= self._within_degC or crossings < 2 * _SWINGS:
+            periods.setdefault(int(at // self._pwm_s) if self._pwm_s > 0.0 else int(at * 1e6), []).append((at, degC))
+        levels = [fmean(degC for _, degC in each) for each in periods.values()]
+        middle, half = fmean(levels), 0.5 * (max(levels) - min(levels))
+        crossed_s = [later[0][0] for (one, other), later in zip(pairwise(levels), [*periods.values()][1:], strict=True)
+                     if (one > middle) != (other > middle)]
+        if half <= self._within_degC or len(crossed_s) < 2 * _SWINGS:
             return None
-        return half, 2.0 * (times[-1] - times[0]) / crossings
+        return half, 2.0 * (crossed_s[-1] - crossed_s[0]) / (len(crossed_s) - 1)
 
 
 def others_there(proven: Proven, address: Address) -> tuple[str, str]:
