@@ -231,7 +231,7 @@ class Hypothesis:
         ambient, start, inner_start = z[first : first + 3]
         lag, ratio = math.exp(z[1]), float(z[2])
         outer, inner = (ratio * lag, lag) if ratio > 0.0 else (lag, 0.0)
-        elapsed = own.readings * own.interval_s
+        elapsed: Array = np.asarray(own.readings * own.interval_s, dtype=np.float64)
         y, x, target = (np.full(len(elapsed), value) for value in (start, inner_start, ambient))
         return advance(y, x, target, elapsed, outer, inner)
 
