@@ -111,3 +111,38 @@ def test_sound_logs_pass_all_checks_whatever_their_noise():
     for seed in range(8):
         noise = (0.0, 0.3, 2.0)[seed % 3]
         fit(_log(seed=seed, noise=noise))
+
+
+def _two_scales_switched(n, sign=1.0):
+    """A fast element (30 %, 15 s) beside a slow mass (1200 s) and a thermostat of 40 ± 0.5 °C; -1: a cooler from 60 °C."""
+    fast = slow = sensor = 0.0
+    rng, late, power, rows = np.random.default_rng(0), [0.0] * 30, 100.0, []
+    for _ in range(n):
+        reading = round(40.0 - sign * 18.0 + sensor + rng.normal(0.0, 0.05), 1)
+        beyond = sign * (reading - 40.0)
+        power = 0.0 if beyond > 0.5 else 100.0 if beyond < -0.5 else power
+        rows.append((reading, power))
+        for _ in range(10):
+            late.append(power)
+            push = sign * 0.6 * late.pop(0)
+            fast += 0.1 * (0.3 * push - fast) / 15.0
+            slow += 0.1 * (0.7 * push - slow) / 1200.0
+            sensor += 0.1 * (fast + slow - sensor) / 6.0
+    y, u = np.array(rows).T
+    return Log(name="thermostat", source="", time_s=np.arange(float(n)), temperature_degC=y, power_pct=u)
+
+
+def test_a_heater_of_two_time_scales_under_two_level_control_is_not_called_a_cooler():
+    # the fast element answers within a cycle, against the slow mass; but a controller that switches on when it is cold
+    # drives a heater
+    found = fit(_two_scales_switched(2500))
+    assert "unexplained-by-power" in {each.name for each in found.findings}
+
+
+@pytest.mark.parametrize("n", [600, 2500])
+def test_a_cooler_under_two_level_control_is_never_fitted_as_a_proven_heater(n):
+    try:
+        found = fit(_two_scales_switched(n, sign=-1.0))
+    except InputError:
+        return
+    assert any(each.kind.effect == "blocks" for each in found.findings)

@@ -42,6 +42,7 @@ _NEARLY_ALL = 0.9  # share of what the temperature does, that an accusation has 
 _SETTLED = 0.98  # share of what the temperature does, from which on a heater with its loads is believed
 _CANCELS = 1.5  # spans of the readings: a larger answer is cancelled by something else
 _FOLLOWS = 0.5  # share of what the temperature does, from which on it follows the power
+_TIMES = 2  # switchings in each direction that show a controller's law: one may be a step at any temperature
 _MOVES = 0.1  # share of the readings at which a controller moves its power
 
 
@@ -71,7 +72,7 @@ def demand_cause(log: Log, problem: PowerProblem, fit: PowerFit | None) -> str:
         return doubt or "one lag with a positive gain does not explain the log."
     if fit is None or _cools(problem, fit, opposite, other):
         rivals = [each for each in heaters if not _is_late(problem, each) and "time_constant_s" not in each.on_bound]
-        if _is_plain(opposite, other, moving) and all(
+        if not _heats_on_demand(log) and _is_plain(opposite, other, moving) and all(
                 _lost(opposite, other) < _BETTER * _lost(problem, each) for each in rivals):
             _refuse_sign(log, problem, other)
         if not heaters:
@@ -111,6 +112,18 @@ def follows_temperature(log: Log) -> bool:
         return False
     rest = [_unexplained(np.array(chosen).T[free], move[free]) for chosen in (inputs, inputs[2:])]
     return rest[0] < (1.0 - _EXPLAINED) * rest[1]
+
+
+def _heats_on_demand(log: Log) -> bool:
+    """Check whether the power rises only at lower temperatures than those at which it falls, time and again.
+
+    A controller that switches so drives a heater: the colder it is the more power, whatever a fit of one lag shows.
+    """
+    power, y = log.power_pct, log.temperature_degC
+    assert power is not None
+    move = np.diff(power)
+    rises, falls = y[1:][move > 0.0], y[1:][move < 0.0]
+    return min(len(rises), len(falls)) >= _TIMES and float(rises.max()) < float(falls.min())
 
 
 def _cools(problem: PowerProblem, fit: PowerFit, opposite: PowerProblem, other: PowerFit) -> bool:
