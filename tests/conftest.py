@@ -131,6 +131,14 @@ def _compile_in_turn(patch, locks):
 
 
 @pytest.fixture(scope="session")
+def rated_only(tmp_path_factory):
+    """A specification without other mains voltages, for what is to be seen at the rated power."""
+    path = tmp_path_factory.mktemp("specification") / "rated.toml"
+    path.write_text('preset = "general"\n[story]\nmains = false\n')
+    return str(path)
+
+
+@pytest.fixture(scope="session")
 def real_logs():
     """The folder of real heater logs, which is not part of the project."""
     if not REAL_LOGS.is_dir():

@@ -124,6 +124,16 @@ def test_what_stays_at_the_edge_of_marlins_window_does_not_pass(tmp_path, monkey
 def test_what_the_judge_never_sees_stay_there_still_passes(tmp_path, monkeypatch):
     # P asks for 36 % at the edge, 53 % hold the setpoint: the sum leads on before the heater is out of the window again
     model, wanted = asked(20020, "marlin")
-    design = closed(model_by_hand(model), wanted)
+    design = closed(model_by_hand(model), replace(wanted, conditions=_rated(wanted.conditions, tmp_path)))
     assert not any(_stays(compiled(tmp_path), model, design, monkeypatch))
     assert design.proof.verdict == "PASS"
+
+
+def test_what_stays_there_only_at_a_low_voltage_does_not_pass(tmp_path, monkeypatch):
+    # the same heater with 81 % of its power: 53 / 0.81 = 66 % hold the setpoint, and the sum no longer leads on in time
+    model, wanted = asked(20020, "marlin")
+    design = closed(model_by_hand(model), wanted)
+    low = replace(model, gain_degC_per_pct=0.81 * model.gain_degC_per_pct)
+    assert any(_stays(compiled(tmp_path), low, design, monkeypatch))
+    assert design.proof.verdict == "FAIL"
+    assert {run.mains_power for run in design.proof.runs if run.verdict == "FAIL"} == {0.9**2}

@@ -31,14 +31,6 @@ def _words(heater, target, high_degC=100.0, **tuned):
     return encode(tune(model_by_hand(heater), target=target, **tuned), target=target, scaling=Scaling(low_degC=0.0, high_degC=high_degC))
 
 
-@pytest.fixture
-def rated_only(tmp_path):
-    """A specification without other mains voltages."""
-    path = tmp_path / "rated.toml"
-    path.write_text('preset = "general"\n[story]\nmains = false\n')
-    return str(path)
-
-
 @pytest.fixture(scope="module")
 def mild():
     return prove(_words(MILD, "fb41"), model_by_hand(MILD), setpoint_degC=40.0)

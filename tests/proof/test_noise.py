@@ -40,9 +40,10 @@ def test_so_many_draws_speak_of_95_percent_with_95_percent_confidence():
     assert math.ceil(math.log(0.05) / math.log(0.95)) == DRAWS
 
 
-def test_words_that_pass_with_one_draw_fail_where_another_breaks_a_limit(monkeypatch):
+def test_words_that_pass_with_one_draw_fail_where_another_breaks_a_limit(monkeypatch, rated_only):
+    # at the rated power: at 121 % of it, where the run nearest to a limit is otherwise, 26 of 59 draws break it
     monkeypatch.setattr(compiled, "_PLAIN_SCANS", 0)  # in the machine code that the proof has anyway
-    proof = prove(WORDS, FITTED, replace(NOISY, tolerance_degC=0.42))
+    proof = prove(WORDS, FITTED, replace(NOISY, tolerance_degC=0.42, spec=rated_only))
     assert proof.verdict == "FAIL"
     assert _remarks(proof) == ["noise of 0.2 °C: 1 of 59 draws break a limit on the run nearest to one"]
     # draws on their own, measured on their traces and not by the meter that the proof uses
@@ -58,7 +59,7 @@ def test_words_that_pass_with_all_draws_say_on_the_verdicts_line_what_that_means
     monkeypatch.setattr("heatertune.proof.noise.DRAWS", 3)
     proof = prove(WORDS, FITTED, replace(NOISY, tolerance_degC=1.0, interlock=interlock))
     line = verdict_line(proof.to_document())
-    assert line.startswith("PASS at 40 °C in 1 run")
+    assert line.startswith("PASS at 40 °C in 3 runs")  # at the rated power, and at 81 % and 121 % of it
     assert "noise of 0.2 °C: 3 draws on the run nearest to a limit keep all, so 95 % of all draws do (95 % confidence)" in line
 
 
