@@ -64,6 +64,17 @@ def test_rows_without_a_reading_are_refused_unless_they_may_be_left_out(tmp_path
             _read(tmp_path, rows)
 
 
+@pytest.mark.parametrize("cell", ["--.-", "warm", "inf"])
+def test_the_way_on_from_a_word_in_place_of_a_reading_works(tmp_path, cell):
+    rows = _rows()
+    rows[40][1] = cell
+    for skip_empty in (False, True):  # --skip-empty alone doesn't help: the message may not name it alone
+        with pytest.raises(LogError, match=r"line 42, column temp_C.*leaves out rows whose cell is empty"):
+            _read(tmp_path, rows, skip_empty=skip_empty)
+    rows[40][1] = ""
+    assert len(_read(tmp_path, rows, skip_empty=True).time_s) == 119
+
+
 def test_four_readings_apart_are_no_spike_but_what_the_heater_did(tmp_path):
     rows = _rows()
     for k in range(4):

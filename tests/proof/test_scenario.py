@@ -1,10 +1,14 @@
+import re
 from dataclasses import replace
 
 import pytest
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, TwoLag
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Load, Scenario, TemperatureStep, paper_scenario, scenario_for
+from heatertune.proof.loop import check_words
 from heatertune.proof.scenario import conditions
 
 
@@ -83,3 +87,15 @@ def test_a_heater_begins_below_its_setpoint_and_a_cooler_above(sign, ambient, st
         conditions(Scenario(setpoint_degC=60.0, duration_s=10.0, ambient_degC=ambient, start_degC=start), heater)
     kept = Scenario(setpoint_degC=60.0, duration_s=10.0, ambient_degC=60.0 - 30.0 * sign, start_degC=60.0 - sign)
     assert conditions(kept, heater) == (60.0 - 30.0 * sign, 60.0 - sign)
+
+
+@pytest.mark.parametrize("setpoint", [435.8, 100.0, 1250.0, 4000.0, -3.0, 0.0, -77.0])
+def test_the_range_named_for_a_setpoint_that_the_sensor_cannot_read_takes_it(setpoint):
+    controller = controller_for("s7-300")
+    design = PidDesign(gain_pct_per_degC=2.0, integral_time_s=100.0, derivative_time_s=0.0, sample_time_s=1.0, structure="pi",
+                       method="")
+    scenario = Scenario(setpoint_degC=setpoint, duration_s=100.0)
+    with pytest.raises(OutOfRange) as refused:
+        check_words(controller, controller.encode(design, Scaling()), scenario)
+    low, high = map(float, re.search(r"--range (\S+) (\S+), say", str(refused.value)).groups())
+    check_words(controller, controller.encode(design, Scaling(low_degC=low, high_degC=high)), scenario)

@@ -19,7 +19,8 @@ _BEYOND: Final = 1e30  # no instant and no reading; units can still be converted
 
 
 def numbers(
-    sheet: Sheet, columns: Columns, role: str, expected: str = "a number", *, holes: bool = False
+    sheet: Sheet, columns: Columns, role: str, expected: str = "a number", *, holes: bool = False,
+    blank: str | None = None
 ) -> Array:
     """Return a column as finite numbers, shape (n,), one for each row.
 
@@ -28,6 +29,7 @@ def numbers(
         columns: which column is what.
         role: what the column holds, a key of `columns`.
         expected: what would be right, as the error tells it.
+        blank: what would be right instead of a cell that is empty or says that it holds nothing; None: `expected`.
         holes: whether a cell that is empty or says that it holds nothing is NaN instead of refused.
 
     Raises:
@@ -44,10 +46,14 @@ def numbers(
         problem = "no number:" if cells[row] else "an empty cell"
         if is_quantity(cells[row]):
             problem = "a unit that not all cells bear:"
+        if blank is not None and says_nothing(cells[row]):
+            expected = blank
         raise refused(sheet, columns, role, row, problem, expected) from None
     unusable = np.flatnonzero(~((np.abs(values) < _BEYOND) | (holes & np.isnan(values))))
     if len(unusable):
         row = int(unusable[0])
+        if blank is not None and says_nothing(cells[row]):
+            expected = blank
         finite = expected.replace("a number", f"a finite number below {_BEYOND:g}", 1)
         raise refused(sheet, columns, role, row, "no reading:", finite)
     return values

@@ -139,8 +139,8 @@ def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_
     place = columns.index["temperature"]
     explained = bool(np.any(edges)) and all(
         edge or not says_nothing(row[place]) for edge, row in zip(edges, sheet.rows, strict=True))
-    raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves such rows out)",
-                  holes=skip_empty or explained)
+    raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves out rows whose cell is empty)",
+                  holes=skip_empty or explained, blank="a number (--skip-empty leaves such rows out)")
     return at_edges(time, raw, edges)
 
 

@@ -42,6 +42,7 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 
 MOST_SCANS: Final = 10_000_000
+_ENDS_DEGC: Final = (100.0, 150.0, 200.0, 300.0, 400.0, 600.0, 850.0, 1000.0, 1300.0)  # of usual sensors
 _PLC_RESOLUTION_S: Final = 0.001  # pulse width register in milliseconds: S7-200 System Manual, SMW70
 
 
@@ -129,8 +130,17 @@ def check_words(controller: Controller, words: Words, scenario: Scenario) -> Non
     low, high = words.scaling.sensor_degC
     for setpoint in scenario.setpoints_degC:
         if not low < setpoint < high:
-            rule = f"> {low:g} and < {high:g}, the sensor's range (of a hot end, say: --range 0 300)"
+            wider = " ".join(f"{end:g}" for end in _range_around(setpoint, low, high))
+            rule = f"> {low:g} and < {high:g}, the sensor's range (if that is another one: --range {wider}, say)"
             raise OutOfRange("setpoint_degC", setpoint, rule)
+
+
+def _range_around(setpoint_degC: float, low_degC: float, high_degC: float) -> tuple[float, float]:
+    """Widen a sensor's range until it holds a setpoint, with a sixth of the setpoint to spare above it."""
+    if setpoint_degC <= low_degC:
+        return 50.0 * math.floor(setpoint_degC / 50.0 - 0.1), high_degC
+    usual = (end for end in _ENDS_DEGC if end > max(high_degC, 1.2 * setpoint_degC))
+    return low_degC, next(usual, 1000.0 * math.ceil(1.2e-3 * setpoint_degC))
 
 
 def run_loop(
