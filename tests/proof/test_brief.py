@@ -12,7 +12,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.proof.brief import Cooling
-from heatertune.proof.fitted import course_for
+from heatertune.proof.fitted import course_for, prove
 from heatertune.proof.night import heat_up, nights_of
 from heatertune.proof.scenario import Mains, NewSetpoint, PlcPower, Scenario
 from heatertune.settings import Conditions
@@ -178,6 +178,52 @@ def test_the_rises_come_one_after_the_other_each_with_its_way_down():
     calm = replace(IN_USE, rests_s=(500.0, 0.0, 50.0, 500.0, 50.0))  # the way down is at rest for as long as the way up
     *_, night = nights_of(calm, [ONE], lows_degC=(50.0,))
     assert [each.time_s for each in night.scenario.disturbances] == [550.0, 550.0 + 2000.0 - 450.0]
+
+
+def test_the_open_circuits_of_the_sequence_are_run_at_the_lower_setpoint_as_well():
+    *_, night, _ = nights_of(IN_USE, [ONE], (20.0,))
+    assert night.name == "low-outage"
+    fall, *outage = night.scenario.disturbances
+    falls, _ = (event for event in IN_USE.disturbances if isinstance(event, NewSetpoint))
+    assert (fall.time_s, fall.setpoint_degC) == (550.0, falls.setpoint_degC)
+    opens, closes = outage
+    assert (opens.share, closes.share, closes.time_s - opens.time_s) == (0.0, 1.0, 800.0)
+    assert opens.time_s > fall.time_s + 50.0
+    assert night.scenario.rests_s == (50.0, 50.0, 0.0, 50.0)
+    assert night.scenario.duration_s > closes.time_s + 50.0
+    lone = replace(IN_USE, disturbances=IN_USE.disturbances[:2], rests_s=IN_USE.rests_s[:3])
+    assert "low-outage" not in [each.name for each in nights_of(lone, [ONE], (20.0,))]
+
+
+LOWER, UPPER = 58.0, 104.0
+
+
+def _overshoot_after_an_outage_pct(words, heater, setpoint, power):
+    """Overshoot after six time constants with an open circuit, in % of the rise to UPPER; Euler's steps."""
+    loop, steps = words.controller(), 20
+    h = loop.scan_s / steps
+    late, temperature, most = [0.0] * round(heater.dead_time_s / h), heater.ambient_degC, -math.inf
+    calls = [round(share * heater.time_constant_s / loop.scan_s) for share in (15.0, 21.0, 30.0)]
+    for call in range(calls[2]):
+        asked = loop(temperature, setpoint) * (power if not calls[0] <= call < calls[1] else 0.0)
+        for _ in range(steps):
+            late.append(asked)
+            pull = heater.ambient_degC + heater.gain_degC_per_pct * late.pop(0) - temperature
+            temperature += h * pull / heater.time_constant_s
+        most = max(most, temperature) if call >= calls[1] else -math.inf
+    return 100.0 * (most - setpoint) / (UPPER - heater.ambient_degC)
+
+
+def test_an_outage_at_the_lower_setpoint_overshoots_more_than_at_the_upper_and_blocks():
+    heater = Fopdt(gain_degC_per_pct=1.46, time_constant_s=716.0, dead_time_s=160.0, ambient_degC=24.5)
+    fitted, scaling = model_by_hand(heater), Scaling(high_degC=150.0)
+    words = encode(tune(fitted, target="fb41", scaling=scaling), "fb41", scaling=scaling)
+    assert _overshoot_after_an_outage_pct(words, heater, UPPER, 1.21) < 30.0
+    assert 40.0 < _overshoot_after_an_outage_pct(words, heater, LOWER, 1.21) < 50.0
+    proof = prove(words, fitted, setpoint_degC=(LOWER, UPPER))
+    assert proof.verdict == "NOT PROVEN"
+    assert [finding.name for finding in proof.heard.findings] == ["low-outage"]
+    assert prove(words, fitted, setpoint_degC=(80.0, UPPER)).verdict == "PASS"  # the smaller range that the finding names
 
 
 def test_of_a_story_the_heat_up_alone_is_left_where_words_have_no_such_night():

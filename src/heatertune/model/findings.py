@@ -83,6 +83,10 @@ KINDS: Final[dict[str, Kind]] = {
         "blocks", "it overshoots by more than its limit after a shorter open circuit than the story's",
         "allow what it does then (--limit reheat-overshoot), or find out what your controller does at its limit "
         "(--switch), or keep it in manual while the circuit is open"),
+    "low-outage": Kind(
+        "blocks", "it overshoots by more than its limit after an open circuit at the lower setpoint of use",
+        "state a smaller range (--setpoint), allow that overshoot (--limit reheat-overshoot), or keep it in manual "
+        "while the circuit is open"),
     "warm-restart": Kind(
         "blocks", "it overshoots by more than its limit where the PLC is restarted while the heater is warm",
         "allow what it does then (--limit overshoot), or let the heater cool down before it is switched on"),

@@ -41,11 +41,12 @@ _RESTARTED: Final = ("restart_overshoot", f"restart_overshoot{IN_DEGC}")
 _CHANGED: Final = ("change_overshoot", f"change_overshoot{IN_DEGC}")
 _RETURN, _GROWTH = "reheat_time", "return_growth"
 _LONGER, _RISING, _BRIEF, _WARM, _PART = "winds-up", "stays-at-limit", "briefly-open", "warm-restart", "part-change"
+_LOW: Final = "low-outage"
 #: what is broken there is of a story's kind, and other gains may mend it
-_MENDED: Final = frozenset({_BRIEF, _WARM, _PART})
+_MENDED: Final = frozenset({_LOW, _BRIEF, _WARM, _PART})
 #: name of what is found → criteria that tell which run is the hardest
 OVERSHOOTS: Final = {
-    _LONGER: _REHEATED, _RISING: _REHEATED, _BRIEF: _REHEATED, _WARM: _RESTARTED, _PART: _CHANGED}
+    _LONGER: _REHEATED, _RISING: _REHEATED, _LOW: _REHEATED, _BRIEF: _REHEATED, _WARM: _RESTARTED, _PART: _CHANGED}
 #: name of what is found → criteria that count
 JUDGED: Final = {
     **OVERSHOOTS, _LONGER: (*_REHEATED, _RETURN, _GROWTH), _RISING: (*_REHEATED, _RETURN)}
@@ -116,7 +117,8 @@ def nights_of(
 ) -> Iterator[Night]:
     """Yield the longest open circuit of a story right after the heat-up: longer, closed at the lower setpoint, shorter.
 
-    And a restart of the PLC between the shortest and the longest, and changes of the setpoint by less than the range.
+    Also open circuits of the same lengths at the lower setpoint, a restart of the PLC between the shortest and the
+    longest, and changes of the setpoint by less than the range.
 
     Args:
         scenario: the story; none of its circuits may be closed again.
@@ -155,6 +157,8 @@ def _opened(
     low = next((event.setpoint_degC for event in scenario.disturbances if isinstance(event, NewSetpoint)), None)
     if low is not None and scenario.rests_s:
         yield _rising(scenario, number, low, models)
+    if low is not None and brief_s and scenario.rests_s:
+        yield _at_lower_setpoint(scenario, number, low, sorted(opened.values()))
     if brief_s and scenario.rests_s:
         told = f"After {_minutes(brief_s)} with an open circuit"
         yield Night(_BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
@@ -200,6 +204,28 @@ def _rising(scenario: Scenario, number: int, low_degC: float, models: Sequence[H
     return Night(_RISING, rising, (
         f"Where the setpoint rises from {low_degC:.4g} to {scenario.setpoint_degC:.4g} °C on the way back from an open "
         "circuit"), most=_SLACK)
+
+
+def _at_lower_setpoint(scenario: Scenario, number: int, low_degC: float, lengths_s: Sequence[float]) -> Night:
+    """Construct the open circuits of the test sequence again, each at the lower setpoint.
+
+    The controller sums up until it asks for full power. The less power the setpoint takes, the more of that sum has to
+    be given back, and the less P takes away on the way: the overshoot is larger than at the highest setpoint.
+    """
+    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
+    fall = next(place for place, event in enumerate(scenario.disturbances) if isinstance(event, NewSetpoint))
+    opens, closes = scenario.disturbances[number:number + 2]
+    back_s, rest_s = ends[number + 2] - ends[number + 1], scenario.rests_s[number + 2]
+    time_s, rests = ends[0] - scenario.rests_s[0] + rest_s, [rest_s, rest_s]
+    events: list[Disturbance] = [NewSetpoint(time_s=time_s, setpoint_degC=low_degC)]
+    time_s += ends[fall + 1] - ends[fall] - scenario.rests_s[fall + 1] + rest_s
+    for length_s in lengths_s:
+        events += [replace(opens, time_s=time_s), replace(closes, time_s=time_s + length_s)]
+        rests += [0.0, rest_s]
+        time_s += length_s + back_s
+    lower = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
+    return Night(_LOW, lower, f"After {_minutes(lengths_s)} with an open circuit at {low_degC:.4g} °C",
+                 "; the limit is kept at the highest setpoint")
 
 
 def _each(
