@@ -40,7 +40,7 @@ from heatertune.live.places import places_of
 from heatertune.live.serve import read_folder
 
 SESSIONS = 10_000
-GAIN, LAG_S, DEAD_S, TA_S, MS = 0.9, 167.0, 12.0, 3.1, 2.2
+GAIN, LAG_S, DEAD_S, TA_S, MS = 0.9, 167.0, 12.0, 3.2, 2.2
 #: with the simulator's time of 1 ms a scan a session takes about 100 scans without its watch
 RATE = 3100.0
 #: so that the link that fails stands between, whatever will fail

@@ -68,11 +68,11 @@ def test_a_write_and_its_rollback_are_as_found_as_proven_and_as_left(record):
     there, back = found.passages
     assert [(one.kind, one.outcome) for one in found.passages] == [("write", "done"), ("rollback", "done")]
     assert there.begun < there.ended <= back.begun
-    assert (there.found["K"], there.left["K"], back.left["K"]) == (3000, 5680, 3000)
+    assert (there.found["K"], there.left["K"], back.left["K"]) == (3000, 5431, 3000)
     k, tn = there.quantities[:2]
     assert (k.name, k.unit) == ("K", "%/°C")
-    assert (k.found, k.proven, k.left) == pytest.approx((3000 / 1024, 5680 / 1024, 5680 / 1024))
-    assert (tn.found, tn.left) == pytest.approx((1024 * TA_S / 30, 1024 * TA_S / 57))
+    assert (k.found, k.proven, k.left) == pytest.approx((3000 / 1024, 5431 / 1024, 5431 / 1024))
+    assert (tn.found, tn.left) == pytest.approx((1024 * TA_S / 30, 1024 * TA_S / 58))
     assert back.quantities[0].left == pytest.approx(3000 / 1024)
     watch = there.watch
     assert back.watch is None
@@ -87,8 +87,8 @@ def test_a_record_that_breaks_off_is_unknown_until_the_rollback_asked(record):
     assert (one.outcome, one.ended, one.left) == ("unknown", None, None)
     assert one.told == "the record breaks off after the step 'written'; heatertune rollback record.jsonl asks the PLC"
     there, back = record(lambda lines: [*cut(lines), *lines[[line["step"] for line in lines].index("rollback"):]]).passages
-    assert (there.outcome, there.ended, there.left["K"]) == ("unknown", None, 5680)
-    assert there.quantities[0].left == pytest.approx(5680 / 1024)
+    assert (there.outcome, there.ended, there.left["K"]) == ("unknown", None, 5431)
+    assert there.quantities[0].left == pytest.approx(5431 / 1024)
     assert back.outcome == "done"
 
 
@@ -104,7 +104,7 @@ def changed(step, **what):
 @pytest.mark.parametrize(("change", "told"), [
     (changed("begin", digest="sha256:0123456789abcdef"), "the record of another proof, 01234567; that in"),
     (lambda lines: changed("begin", before="ff" + lines[0]["before"][2:])(lines), "line 1: sha256: not the digest of what was there before"),
-    (lambda lines: changed("begin", words=lines[0]["words"] | {"K": 1})(lines), "line 1: words.K: 1; in its proof 5680"),
+    (lambda lines: changed("begin", words=lines[0]["words"] | {"K": 1})(lines), "line 1: words.K: 1; in its proof 5431"),
     (changed("watched", temperature_degC="warm"), "temperature_degC: expected a number"),
     (changed("band", setpoint_degC=None), "setpoint_degC: expected a number"),
     (changed("end", outcome="fine"), "outcome: expected one of done"),
@@ -153,12 +153,12 @@ def test_the_page_tells_it_and_keeps_it(whole, capsys):
     digest = read_document(whole / "data" / "proof.json", PROOF_SCHEMA)["digest"]
     assert main(["report", str(whole), "--record", str(whole / "record.jsonl"), "--quiet"]) == 0
     shown = capsys.readouterr().out
-    assert "2.93 %/°C -> 5.547 %/°C" in shown
+    assert "2.93 %/°C -> 5.304 %/°C" in shown
     page = (whole / "report.html").read_text(encoding="utf-8")
     rows = _Seen(page[:page.index('<div class="appendix">')]).rows
-    assert ["K", "2.93 %/°C", "5.547 %/°C", "5.547 %/°C"] in rows
-    assert ["DW1 K", "KF +03000", "KF +05680", "KF +05680"] in rows
-    assert ["DW1 K", "KF +05680", "KF +05680", "KF +03000"] in rows
+    assert ["K", "2.93 %/°C", "5.304 %/°C", "5.304 %/°C"] in rows
+    assert ["DW1 K", "KF +03000", "KF +05431", "KF +05431"] in rows
+    assert ["DW1 K", "KF +05431", "KF +05431", "KF +03000"] in rows
     [words] = [row for row in rows if row[0] == "words" and len(row) == 3]
     assert words[1] == words[2], "as found, and after the rollback as left"
     assert words[1].startswith("K KF +03000, ")

@@ -10,7 +10,7 @@ from tests.bench.loops import drawn, traced
 
 from heatertune.batch.loops import ranked
 from heatertune.cli import main
-from heatertune.errors import InputError
+from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
 from heatertune.loops.cure import cured
 from heatertune.loops.diagnosis import diagnosed
@@ -349,8 +349,11 @@ def test_a_reading_that_stands_still_is_not_judged_and_a_coarse_one_at_rest_is()
                   temperature_degC=temperature)
         return diagnosed(log, Loop(name="still", file="")).found
 
+    for power in (np.full(3600, 40.0), drawn_power):
+        with pytest.raises(OutOfRange, match="varying, not constant"):  # such a file is no log, and `health` leaves it out
+            cause(np.full(3600, 50.0), power)
     for temperature, power in (
-            (np.full(3600, 50.0), np.full(3600, 40.0)), (np.full(3600, 50.0), drawn_power),
+            (np.where(time < 1.0, 50.1, 50.0), np.where(time < 1800.0, 40.0, 60.0)),
             (np.where(time < 1500.0, 50.0 + 0.1 * (time % 2), 49.9), np.clip(40.0 + 0.02 * (time - 1500.0), 40.0, 100.0))):
         found = cause(temperature, power)
         assert found[0].cause is Cause.UNKNOWN

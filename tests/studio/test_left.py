@@ -16,9 +16,14 @@ from heatertune.studio.wording import for_page
 
 
 def trace_of(proof, *, degC=0.0):
-    """The first 2000 s of the proof's own nominal run, 30 s of rest before it, as much warmer as is said."""
-    nominal, time = proof.nominal, np.arange(0.0, 2000.0, 2.0)
-    temperature = np.round(np.interp(time, nominal.time_s, nominal.temperature_degC), 1) + degC
+    """The first 2000 s of the proof's own nominal run, 30 s of rest before it, as much warmer as is said.
+
+    The run is kept once per PWM period, and the log reads it at the same instants: between them a sensor would read
+    the ripple, which a line from one to the next leaves out.
+    """
+    nominal = proof.nominal
+    time = nominal.time_s[nominal.time_s < 2000.0]
+    temperature = np.round(nominal.temperature_degC[:len(time)], 1) + degC
     rest = np.arange(0.0, 30.0, 2.0)
     setpoint = np.full(len(time), nominal.setpoint_degC)
     return Log(name="after", source="after.csv", time_s=np.concatenate([rest, 30.0 + time]),

@@ -13,7 +13,11 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from tests.bench.documents import write_all
+from tests.bench.documents import DESIGN, HEATER, write_all
+
+from heatertune.documents import to_json
+from heatertune.model.by_hand import model_by_hand
+from heatertune.pid.document import to_document
 
 PROVEN = """() => !document.documentElement.classList.contains('stale')
   && /^(PASS|FAIL|NOT PROVEN)/.test(document.querySelector('[data-field=verdict]').textContent)"""
@@ -47,9 +51,11 @@ def studio(*source):
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
-    """The address of a studio with a heater that is known: no fit is waited for."""
+    """The address of a studio with a heater that is known: no fit is waited for, and no log bounds its setpoints."""
     folder = tmp_path_factory.mktemp("design")
     write_all(folder)
+    (folder / "bare.json").replace(folder / "model.json")
+    (folder / "pid.json").write_text(to_json(to_document(DESIGN, model_by_hand(HEATER))), encoding="utf-8")
     with studio(str(folder)) as found:
         yield found
 

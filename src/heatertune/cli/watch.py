@@ -152,7 +152,7 @@ def _refitted(log: Path, proven: Proven) -> dict[str, Any]:
 
 
 def _lines(document: Mapping[str, Any]) -> str:
-    if not document["readings"]:
+    if not document["readings"] and not document["unusable"]:
         why = f"; {document['told'][0]}" if document["told"] else ""
         return f"{document['log']}: nothing was seen{why}"
     judged = not (len(document["told"]) == 1 and document["told"][0].startswith(_NOT_JUDGED))

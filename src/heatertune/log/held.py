@@ -70,7 +70,13 @@ def _latest(at: Array, time: Array, cells: Sequence[str]) -> float:
 
 
 def changes_twice(at: Array, time: Array, cells: Sequence[str]) -> bool:
-    """Return whether a power changes more than once in some of the intervals between the instants `at`."""
+    """Return whether a power changes more than once in some of the intervals between the instants `at`.
+
+    Args:
+        at: instants of the readings of the temperature [s], shape (n,).
+        time: instants of the rows with a power [s], shape (m,).
+        cells: the power in each of these rows, as in the file.
+    """
     in_each = np.histogram(_changes(time, cells), bins=at)[0] if len(at) > 1 else np.zeros(1)
     return bool(np.count_nonzero(in_each > 1) > _SWITCHED * len(at))
 

@@ -145,10 +145,10 @@ def diagnosed(log: Log, loop: Loop, before: FittedModel | None = None) -> Diagno
 
 
 def _still(log: Log) -> Iterator[Found]:
-    """Yield that nothing can be said of a loop whose reading stands still: over all of its log, or while power moves.
+    """Yield that nothing can be said of a loop whose reading stands still while its power moves.
 
-    A loop at rest on a coarse sensor shows the same reading for long, too: its power then rests as well, and the log
-    shows other readings before or after.
+    A loop at rest on a coarse sensor shows the same reading for long, too: its power then rests as well. A file with
+    one and the same reading in every row is no log.
     """
     readings = log.temperature_degC
     edges = np.flatnonzero(np.diff(readings)) + 1
@@ -160,11 +160,10 @@ def _still(log: Log) -> Iterator[Found]:
     if log.power_pct is not None and len(longest) >= _FEW:
         means = [float(part.mean()) for part in np.array_split(log.power_pct[longest], 10)]
         moved = max(means) - min(means)
-    if share == 1.0 or (share >= _STILL and moved > _MOVED_PCT):
-        beside = f" while the power moves by {moved:.3g} %" if moved > _MOVED_PCT else ""
+    if share >= _STILL and moved > _MOVED_PCT:
         yield Found(cause=Cause.UNKNOWN, excess=1.0, told=(
-            f"not judged: the reading stands still at {readings[longest[0]]:.4g} °C for {seconds:.0f} s{beside}: is "
-            "the sensor there, or its reading frozen?"))
+            f"not judged: the reading stands still at {readings[longest[0]]:.4g} °C for {seconds:.0f} s while the "
+            f"power moves by {moved:.3g} %: is the sensor there, or its reading frozen?"))
 
 
 def _no_power(log: Log) -> str:

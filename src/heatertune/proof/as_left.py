@@ -345,14 +345,31 @@ def _frozen(since: Array, own: Array, runs: Foretold, count_degC: float) -> Iter
     edges = np.flatnonzero(np.diff(own)) + 1
     longest = max(np.split(np.arange(len(own)), edges), key=len)
     begin_s, end_s = float(since[longest[0]]), float(since[longest[-1]])
-    inside = (runs.time_s >= begin_s) & (runs.time_s <= end_s)
-    if len(longest) < _STILL or not np.any(inside):
+    if len(longest) < _STILL or not np.any((runs.time_s >= begin_s) & (runs.time_s <= end_s)):
         return
     least = _SIGMAS * max(sensor_step(own) or 0.0, count_degC)
-    moved = float(np.ptp(runs.temperature_degC[:, inside], axis=1).min())
+    moved = _least_move_degC(since[longest], runs)
     if moved > least:
         yield (f"From {begin_s:.0f} to {end_s:.0f} s the reading stands still at {own[longest[0]]:.4g} °C, where every "
                f"proven run moves by {moved:.2g} °C at least: the sensor or its reading is frozen.")
+
+
+def _least_move_degC(since: Array, runs: Foretold) -> float:
+    """Return the least peak-to-peak movement of a proven run at readings of a given interval [°C].
+
+    Readings in step with the PWM period all see the same instant of it, whatever the ripple in between.
+
+    Args:
+        since: instants of the readings, since the trace's beginning [s], shape (n,).
+        runs: what the proven runs do.
+    """
+    step_s = float(runs.time_s[1] - runs.time_s[0])
+    shifts = range(max(1, round(float(np.median(np.diff(since))) / step_s)))
+    at = np.round((since - runs.time_s[0]) / step_s).astype(int)
+    at = at[(at >= 0) & (at + len(shifts) <= len(runs.time_s))]
+    if not len(at):
+        return 0.0
+    return min(float(np.ptp(runs.temperature_degC[:, at + shift], axis=1).min()) for shift in shifts)
 
 
 def _too_late(parts: TraceParts, lines: Sequence[Measurement], whole_degC: float) -> Iterator[str]:
