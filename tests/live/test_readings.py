@@ -221,6 +221,16 @@ def test_a_heater_that_follows_its_power_is_never_frozen_and_a_frozen_one_always
     assert any(stuck)
 
 
+def test_a_gap_between_looks_in_which_the_power_is_not_known_accuses_no_sensor():
+    """60 % for one scan before the gap, 30 % before and after it: a heater at rest reads the same all the time."""
+    model = Fopdt(gain_degC_per_pct=1.0, time_constant_s=100.0, dead_time_s=5.0, ambient_degC=22.0)
+    sensor = StillSensor([model], 1.0)
+    looks = [(2.0 * k, 60.0 if k == 50 else 30.0) for k in range(120) if not 50 < k < 90]
+    assert [told for time_s, power in looks if (told := sensor.see(time_s, 52.0, power))] == []
+    frozen = StillSensor([model], 1.0)  # the same power all the time until then, looked at: this one has to have moved
+    assert any(frozen.see(2.0 * k, 52.0, 60.0 if k >= 50 else 30.0) for k in range(120))
+
+
 def test_what_is_a_reading():
     assert reading_problem(20.0, (0.0, 100.0)) == reading_problem(0.0, (0.0, 100.0)) == ""
     for value in (NAN, INF, -INF, 100.0, -0.01, 1e300):

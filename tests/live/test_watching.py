@@ -17,6 +17,7 @@ from tests.live.test_client import way
 from heatertune import virtual_plc
 from heatertune.cli import main
 from heatertune.errors import InputError
+from heatertune.live.change.band import Band
 from heatertune.live.change.proven import read_proven
 from heatertune.live.looking import Look
 from heatertune.live.monitored import Monitored
@@ -111,6 +112,16 @@ def test_the_limit_cycle_of_the_pwm_is_no_swing(folder):
         swing = 3.0 * within * (1.0 if k % 40 < 20 else -1.0)
         slow.see(Look(k * period, {"temperature": 50.0 + swing, "power": 31.0, "setpoint": 50.0}))
     assert slow.seen.swing == pytest.approx((3.0 * within, 40.0 * period), rel=0.05)
+
+
+def test_the_band_of_a_heat_up_allows_the_overshoot_that_was_proven(folder):
+    proven = read_proven(folder)
+    largest = max(proven.view.criteria[name].value for name in ("overshoot", "reheat_overshoot", "change_overshoot"))
+    band = Band.of(proven, 50.0, 22.0)  # 28 °C below
+    assert largest > 1.0
+    assert band.at(0.0)[1] >= 50.0 + 28.0 * largest / 100.0
+    small = proven.view.criteria["small_change_overshoot"].value  # of the change
+    assert Band.of(proven, 50.0, 46.0).at(0.0)[1] >= 50.0 + 4.0 * small / 100.0
 
 
 def test_a_refit_says_which_parameter_has_moved(folder, tmp_path, capsys, monkeypatch):

@@ -19,6 +19,8 @@ __all__ = ["StillSensor", "reading_problem"]
 #: so long a reading may stand still after they have moved: the true dead time and lag may be longer than fitted
 _DEAD_TIMES: Final = 1.0
 _LAGS: Final = 0.25
+_GAP_LAGS: Final = 0.1  # of the shortest lag: for so long nobody need know the power
+_GAP_INTERVALS: Final = 4.0  # of the shortest interval between readings
 _STEPS: Final = 5.0  # of the sensor that the heater has to have moved by
 
 
@@ -62,6 +64,7 @@ class StillSensor:
         self._held = np.empty((0, len(self._gain)))  # power that would hold each heater where it is [%]
         self._since = self._held
         self._reading, self._since_s, self._last_s = math.nan, 0.0, 0.0
+        self._interval_s = math.inf  # the shortest between two readings
         self._moved_s = math.inf  # since when they have moved by as much
 
     def see(self, time_s: float, degC: float, power_pct: float) -> str:
@@ -70,9 +73,13 @@ class StillSensor:
         Args:
             time_s: of the reading [s].
             degC: that is shown [°C].
-            power_pct: that the controller asks for; no number: it is not known [%].
+            power_pct: that the controller asks for; no number: it is not known [%]. Nor is it within a gap between
+                two readings, after which the heaters are followed from the start.
         """
-        if not math.isfinite(power_pct) or not time_s >= self._last_s:
+        passed_s = time_s - self._last_s
+        gap = passed_s > max(_GAP_LAGS * float(self._lag_s.min()), _GAP_INTERVALS * self._interval_s)
+        self._interval_s = min(self._interval_s, passed_s) if passed_s > 0.0 else self._interval_s
+        if gap or not math.isfinite(power_pct) or not passed_s >= 0.0:
             self._held = np.empty((0, len(self._gain)))  # begins again with the next power
             self._powers.clear()
             self._reading, self._last_s = math.nan, time_s if math.isfinite(time_s) else 0.0

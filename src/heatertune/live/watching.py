@@ -98,7 +98,8 @@ class Seen:
 
     def to_document(self) -> dict[str, Any]:
         """Return it as JSON holds it."""
-        return {"readings": self.readings, "unusable": self.unusable, "outside_s": [list(each) for each in self.outside],
+        return {"readings": self.readings, "unusable": self.unusable,
+                "outside_s": [list(each) for each in self.outside],
                 "swing": None if self.swing is None else dict(zip(("degC", "every_s"), self.swing, strict=True)),
                 "rest_pct": self.rest_pct, "largest_share_of_band": self.used, "told": list(self.told())}
 

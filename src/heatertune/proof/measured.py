@@ -239,7 +239,7 @@ def _at_rest(measured: Measured, limits: Limits) -> Iterator[Column]:
     yield _column(
         "pwm_ripple", "°C", measured.ripple, limits.pwm_ripple_degC,
         "Peak to peak within one PWM period at rest after the heat-up, median.")
-    errors = np.ascontiguousarray(measured.table[:, judged, ABSOLUTE])  # summed in the same order for any number of loops
+    errors = np.ascontiguousarray(measured.table[:, judged, ABSOLUTE])  # one order of sums for any number of loops
     yield _column(
         "iae", "°C·s", errors.sum(axis=1), limits.iae_degC_s,
         "Integral of the absolute error over the whole record, but for the time without heater or PLC.")

@@ -26,6 +26,7 @@ __all__ = ["Band", "band_degC", "carried_s", "unseen_s", "watched_s"]
 _TIMES: Final = 5.0  # lags and dead time of the slowest heater
 _PERIODS: Final = 3.0  # of PWM
 _SIGMAS: Final = 3.0
+_SMALL: Final = 0.25  # of the rise from the ambient: up to there a change of the setpoint counts as a small one
 
 
 def watched_s(proven: Proven) -> float:
@@ -98,15 +99,17 @@ class Band:
             mid_way: whether it may be anywhere in a heat-up from the ambient.
         """
         criteria = proven.view.criteria
-        overshoots = [each.value for name, each in criteria.items() if name.endswith("overshoot") and each.unit == "%"]
+        overshoots = {unit: [each.value for name, each in criteria.items() if name.endswith("overshoot")
+                             and each.unit == unit] for unit in ("%", "% of rise", "% of change")}
         settles = [each.value for name, each in criteria.items() if name in ("settling_time", "recovery_time")]
-        overshoot = max(overshoots, default=0.0) / 100.0
         cold = [float(model.ambient_degC or 0.0) for _, model in labelled(proven.fitted)]
-        whole = max(abs(setpoint_degC - ambient) for ambient in cold)
+        whole, off = max(abs(setpoint_degC - ambient) for ambient in cold), abs(temperature_degC - setpoint_degC)
+        judged = overshoots["%"] + overshoots["% of rise"] + overshoots["% of change"] * (off <= _SMALL * whole)
+        overshoot = max(judged, default=0.0) / 100.0
         return cls(
             setpoint_degC=setpoint_degC, off_degC=temperature_degC - setpoint_degC,
             carried_degC=carried_degC, overshoot=overshoot,
-            beyond_degC=overshoot * max(0.0, whole - abs(temperature_degC - setpoint_degC)) if mid_way else 0.0,
+            beyond_degC=overshoot * max(0.0, whole - off) if mid_way else 0.0,
             settles_s=max(settles, default=math.inf), rest_degC=band_degC(proven) + _unread_degC(proven))
 
     def at(self, since_s: float) -> tuple[float, float]:
