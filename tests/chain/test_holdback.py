@@ -104,7 +104,7 @@ def test_a_design_is_led_rather_than_made_many_times_dearer():
     assert "reheat_overshoot" in [each.name for each in plain.proof.criteria if not each.ok]
 
 
-@pytest.mark.parametrize(("limit", "unit"), [("40%", "%"), ("9.6degC", "°C")])
+@pytest.mark.parametrize(("limit", "unit"), [("40%", "% of rise"), ("9.6degC", "°C")])
 def test_a_holdback_winds_up_the_more_the_longer_the_circuit_is_open(found, limit, unit):
     # the setpoint is held as far from the reading as ever, and WEG's sum grows with the time: nothing ends it
     asked = replace(PROVING, limit=(f"reheat-overshoot={limit}",), accept=())

@@ -154,7 +154,7 @@ def test_auto_says_why_there_is_no_ramp():
     proof, notes = prove_ramped(words, quick, "auto", PROVING)
     assert proof.words.ramp is None
     assert notes == [f"No setpoint ramp is needed: the worst overshoot without one is "
-                     f"{_of(proof, 'overshoot').value:.3g} %, within its limit."]
+                     f"{_of(proof, 'overshoot').value:.3g} % of the rise, within its limit."]
     wild = replace(words, values=dict(words.values) | {"TI": 12 * words.values["TI"]})
     proof, notes = prove_ramped(wild, quick, "auto", PROVING)
     assert {"overshoot", "ms"} <= set(_broken(proof))
