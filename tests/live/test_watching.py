@@ -274,7 +274,8 @@ def test_a_link_that_is_lost_and_not_back_is_not_well(folder, tmp_path, capsys, 
             return self.more < 0
 
     monkeypatch.setattr("heatertune.cli.watch.asked_to_end", lambda: nullcontext(Ended()))
-    with virtual_plc(folder, faults=["t=300 cut"], **FAST | {"intervals": 300}) as plc:
+    # cut 2 s after the start, so that a slow machine has looked before
+    with virtual_plc(folder, faults=["t=300 cut"], **FAST | {"intervals": 300, "rate": 150.0}) as plc:
         status = main(["watch", way(plc, "s7").text, "--design", str(folder), "-o", str(tmp_path / "log.csv"), "--quiet"])
     head, lost = capsys.readouterr().out.splitlines()[:2]
     assert status == 1
