@@ -42,7 +42,7 @@ def test_verify_proves_the_words_that_export_would_write(run, slow, tmp_path):
         source, extra = (slow, options) if options is not None else (tmp_path / "words.json", HAND)
         ms[name] = json.loads(run("verify", source, *CONDITIONS, *extra, "--json")[1])["criteria"]["ms"]["value"]
     assert ms["pid"] == ms["words"]
-    assert ms["pid"] > exported["search"]["ms"]  # the proof's heater is slower by the input module's conversion
+    assert ms["pid"] == exported["search"]["ms"]  # both count the 0.48 s of the input module's conversion
     assert ms["rounded"] != ms["pid"]
 
 
