@@ -383,7 +383,7 @@ def test_a_log_that_is_changed_again_and_again_goes_on(served, places, tmp_path)
 
 
 def test_a_comment_that_somebody_adds_stays_and_rows_of_another_recorder_end_it(served, places, tmp_path):
-    plc, path = served(intervals=2000, **FAST), tmp_path / "log.csv"
+    plc, path = served(intervals=2000, **SLOW), tmp_path / "log.csv"
 
     def add(text, at):
         def shown(so_far):
@@ -400,6 +400,17 @@ def test_a_comment_that_somebody_adds_stays_and_rows_of_another_recorder_end_it(
     path = other
     with pytest.raises(InputError, match="another program writes rows into it"):
         record(way(plc, "s7"), other, places, shown=add("1e6,50,0,50\n", 20), ended=Until(plc))
+
+
+def test_readings_that_a_recorder_missed_are_not_put_back_as_if_nothing_had_changed(tmp_path):
+    """At rest each reading differs by one count of the input; of 80 scans of 4 s the recorder missed every tenth."""
+    rows = [f"{4 * scan},{49.9 + 0.05 * (scan % 2):.2f},{31 + scan % 3}" for scan in range(80) if scan % 10 != 5]
+    text = "\n".join(["time_s,temperature_degC,power_pct", *rows, ""])
+    recorded, other = tmp_path / "recorded.csv", tmp_path / "other.csv"
+    recorded.write_text("# heatertune record; s7://192.0.2.1/0/2/db30\n" + text)
+    other.write_text(text)
+    assert len(read_log(recorded).time_s) == len(rows) == 72
+    assert len(read_log(other).time_s) > 72, "any other file like it is taken as written on change"
 
 
 def test_a_folder_that_is_gone_is_told(served, places, tmp_path):

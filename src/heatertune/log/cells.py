@@ -40,6 +40,7 @@ class Sheet:
         units: unit that all cells of a column bear, one for each column, else empty.
         above: lines above the names of the columns, or above the readings where they have none.
         pwm_period_s: of the switch, as a recording tells it, 0 where nothing does [s].
+        recorded: whether `heatertune record` wrote it, whose rows are readings, changed or not.
     """
 
     file: str
@@ -51,6 +52,7 @@ class Sheet:
     units: tuple[str, ...] = ()
     above: int = 0
     pwm_period_s: float = 0.0
+    recorded: bool = False
 
     def picked(self, places: Sequence[int]) -> Sheet:
         """Return some of the rows, in the order given."""
@@ -66,8 +68,8 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
         LogError: the file cannot be read, is empty, is no text, or a row has another number of cells than the others.
     """
     text, repairs = _text(path, content)
-    period_s = 0.0
-    if text.startswith(MARK):
+    period_s, recorded = 0.0, text.startswith(MARK)
+    if recorded:
         period_s = pwm_period_of(text)
         text = without_torn(text, repairs)
     numbered, passed = _written_lines(text, skip_rows)
@@ -92,7 +94,7 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
     if rows and not header:
         comment = _comment_above([pair for pair in numbered if pair[0] < begin], separator, len(rows[0]))
     return Sheet(file=str(path), header=header, comment=comment, rows=rows, lines=lines, repairs=tuple(repairs),
-                 above=above, pwm_period_s=period_s)
+                 above=above, pwm_period_s=period_s, recorded=recorded)
 
 
 def _written_lines(text: str, skip_rows: int) -> tuple[list[tuple[int, str]], int]:

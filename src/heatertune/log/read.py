@@ -116,7 +116,7 @@ def read_log(
         power_pct=None if power is None else power.percent[kept],
         setpoint_degC=None if setpoint is None else setpoint[kept],
         disturbance=None if disturbance is None else disturbance[kept])
-    series, continued, late_s = _put_back(series, edges[kept], tagged.lost_s, repairs)
+    series, continued, late_s = _put_back(series, edges[kept], tagged.lost_s, repairs, recorded=sheet.recorded)
     lines = np.array(sheet.lines)[kept][continued].tolist()
     tell_gaps(series.time_s, lines, power is not None, doubts)
     taken = taken_of(
@@ -145,7 +145,7 @@ def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_
 
 
 def _put_back(
-    series: _Series, edges: Mask, lost_s: Sequence[float], repairs: list[str]
+    series: _Series, edges: Mask, lost_s: Sequence[float], repairs: list[str], *, recorded: bool
 ) -> tuple[_Series, npt.NDArray[np.intp], float]:
     """Return the rows with those that were not written since nothing changed, and the row that each continues.
 
@@ -159,7 +159,7 @@ def _put_back(
             other[1:] |= np.diff(column) != 0.0
     alone = edges | (other & np.array([False, *(np.diff(temperature) == 0.0)]))
     own = ~alone
-    written = on_change(time[own], temperature[own])
+    written = None if recorded else on_change(time[own], temperature[own])  # a recorder writes each reading
     if written is None:
         return series, np.arange(len(time)), 0.0
     late_s = _late_s(time, series.power_pct, alone, written.interval_s)
