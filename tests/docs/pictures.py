@@ -18,7 +18,7 @@ from heatertune.report.style import to_svg
 
 PICTURES: Final = Path(__file__).parents[2] / "docs" / "pictures"
 #: of one picture: a forge shows it at once
-LARGEST_BYTES: Final = 120_000
+LARGEST_BYTES: Final = 180_000
 _PLACE: Final = re.compile(r"\d+\.\d{2,}")  # a tenth of a point is finer than eyes are
 _APART: Final = 0.025  # of the width: two names of parts that can be read
 _WIDE_IN: Final = 7.0  # narrower than in the report: its letters can be read on a telephone
