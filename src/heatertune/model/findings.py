@@ -55,10 +55,10 @@ KINDS: Final[dict[str, Kind]] = {
         "blocks", "what the curve shows by itself contradicts every model", "log the power, or one open-loop step"),
     "not-regulated": Kind(
         "blocks", "the log looks like a heat-up in open loop, and its power is not in it",
-        "add the power as a column, 100 while the heater was on and 0 while it was off"),
+        "add the power as a column: full power in % while the heater was on, else 0"),
     "two-level": Kind(
         "blocks", "the log looks like two-level control, and its power is not in it",
-        "add the power as a column, 100 while the heater was on and 0 while it was off"),
+        "add the power as a column: full power in % while the heater was on, else 0"),
     "on-bound": Kind(
         "blocks", "a parameter of the fit lies on a bound of its search",
         "log the power as well, or one open-loop step and its power"),
