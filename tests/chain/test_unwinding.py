@@ -34,7 +34,7 @@ def library(tmp_path_factory):
 
 
 @pytest.mark.long
-def test_a_night_is_tried_under_every_setting_and_the_way_on_names_the_one_that_passes(library):
+def test_a_night_is_tried_under_every_setting_and_the_one_without_a_sum_passes(library):
     held = closed(model_by_hand(HEATER), replace(ASKED, boost="none"))
     assert held.proof.hold_degC is not None
     # in the story no setting shows at the mains as they are: the setpoint is held, and the run that overshoots most is of
@@ -42,12 +42,11 @@ def test_a_night_is_tried_under_every_setting_and_the_way_on_names_the_one_that_
     strains = {run.label: run.criteria[[each.name for each in run.criteria].index("reheat_overshoot")].strain
                for run in held.proof.runs if "mains" not in run.label}
     assert "anti_windup = none" not in max(strains, key=strains.get)
-    assert [finding.name for finding in held.proof.heard.findings] == ["winds-up"]
+    assert [finding.name for finding in held.proof.heard.findings] == ["winds-up", "low-outage"]
     # the judge in C, which has the circuit open for up to 40 TN, sees it under that setting alone
     wound = [setting["anti_windup"] for setting in SETTINGS if broken(library, HEATER, held, setting, 0)]
     assert set(wound) == {"none"}
-    assert held.passes_with == ("--switch", "anti_windup=clamp")
-    assert "would pass with --switch anti_windup=clamp" in held.proof.heard.remarks[-1]
+    # several settings overshoot after an outage at the lower setpoint, so no single one is named any more; it still mends both
     known = replace(ASKED.conditions, switches={"anti_windup": "clamp"})
     assert closed(model_by_hand(HEATER), replace(ASKED, boost="none", conditions=known)).proof.verdict == "PASS"
 
