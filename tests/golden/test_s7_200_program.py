@@ -132,8 +132,9 @@ class Life:
     def units(self, temperature):
         """The reading of a temperature."""
         if self.full == 32000.0:
-            return 8 * int(min(max((temperature - self.low) / self.span * 4000.0, 0.0), 4000.0))
-        return int(min(max((temperature - self.low) * 255.0 / self.span, 0.0), 255.0))
+            # whole counts stay whole: 53.3 °C of 100 are 2132, which binary fractions would make 2131
+            return 8 * int(min(max((temperature - self.low) / self.span * 4000.0, 0.0), 4000.0) + 1e-9)
+        return int(min(max((temperature - self.low) * 255.0 / self.span, 0.0), 255.0) + 1e-9)
 
     def inputs(self):
         """What sensor and panel write."""
