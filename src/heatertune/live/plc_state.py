@@ -24,6 +24,7 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, Final
 
+from heatertune import files
 from heatertune.batch.lock import locked
 from heatertune.documents import read_document
 from heatertune.errors import DocumentError, InputError
@@ -55,13 +56,10 @@ def state_folder() -> Path:
     Raises:
         InputError: the user has no home, and no variable names another folder.
     """
-    if chosen := os.environ.get("HEATERTUNE_STATE"):
-        return Path(chosen)
-    base = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
-    try:
-        return (Path(base) if base else Path.home() / ".local" / "state") / "heatertune"
-    except RuntimeError:
-        raise InputError("no folder for the state of PLCs: set HEATERTUNE_STATE to one") from None
+    folder = files.state_folder()
+    if folder is None:
+        raise InputError("no folder for the state of PLCs: set HEATERTUNE_STATE to one")
+    return folder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
