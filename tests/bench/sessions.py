@@ -153,8 +153,8 @@ class Known(Proven):
         return self.found[key]
 
 
-def folder_in(place, target="s5-ob251"):
-    """Return a folder with words and their proof, as the commands make it."""
+def folder_in(place, target="s5-ob251", setpoints=("50",)):
+    """Return a folder with words and their proof, as the commands make it, for a setpoint or the ends of a range."""
     out = Path(place) / "out"
     out.parent.mkdir(exist_ok=True)
     heater = ("--gain", str(GAIN), "--time-constant", str(LAG_S), "--dead-time", str(DEAD_S), "--ambient", "22", "--target", target)
@@ -163,7 +163,7 @@ def folder_in(place, target="s5-ob251"):
     stdout, sys.stdout = sys.stdout, Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - closed below
     try:
         assert command(["tune", *heater, *more, "-o", str(out / "pid.json"), "--quiet"]) == 0
-        assert command(["export-db", str(out / "pid.json"), "--target", target, "--setpoint", "50", *more, "-o", str(out),
+        assert command(["export-db", str(out / "pid.json"), "--target", target, "--setpoint", *setpoints, *more, "-o", str(out),
                         "--quiet"]) == 0
     finally:
         sys.stdout.close()
