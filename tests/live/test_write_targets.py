@@ -31,7 +31,7 @@ INSTRUMENTS = {
 }
 #: a sum that is kept within the proportional band alone is full after an outage at less than 46 °C: 40.6 % of the rise is
 #: overshot by, and 40 % is the limit; with the smaller range of use that the finding names the words are proven
-SETPOINTS = {target: ("48", "50") for target in ("omron-e5cc", "jumo-dicon")}
+SETPOINTS = dict.fromkeys(("omron-e5cc", "jumo-dicon"), ("48", "50"))
 
 
 @pytest.fixture(autouse=True)
