@@ -57,6 +57,24 @@ def plainly_signed(document):
     return f"heatertune/cache/1 sha256:{hashlib.sha256(data).hexdigest()}\n".encode() + data
 
 
+@pytest.fixture
+def replaced(monkeypatch):
+    """As if the source had been replaced after this process had imported it."""
+    monkeypatch.setattr(cache, "_IMPORTED_S", 0.0)
+    cache.source_digest.cache_clear()
+    yield
+    cache.source_digest.cache_clear()
+
+
+def test_a_program_whose_source_was_replaced_keeps_and_reads_nothing(place, replaced):
+    notes = []
+    for _ in range(2):
+        cache.cached("stage", {}, lambda: {"number": 1.5}, lambda document: document, progress=notes.append)
+    assert not place.exists()
+    assert notes == 2 * ["stage: heatertune's own source was replaced while it runs: nothing is kept"]
+    assert cache.source_digest() is None
+
+
 def test_what_is_kept_is_read_and_not_run(place):
     path = kept_one(place)
     _, _, text = path.read_bytes().partition(b"\n")

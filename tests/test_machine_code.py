@@ -11,9 +11,11 @@ from threading import Barrier, Event, Thread
 import numpy as np
 import pytest
 
+from heatertune import cache
 from heatertune import compiled as machine
 from heatertune.compiled import compiled, machine_code
 from heatertune.compiler import object_code
+from heatertune.heater.exact import answered
 
 SOURCE = """
 from heatertune.units import kelvin_to_degC
@@ -104,6 +106,13 @@ def test_files_of_heatertune_that_are_mentioned_count(tmp_path, place):
     assert machine._digest(module.typed) is None, "no file to look at: not kept"
     assert compiled(module.typed)(3.0) == 3.0
     assert machine_code(place) == []
+
+
+def test_functions_whose_source_was_replaced_are_not_kept_for_the_new_one(monkeypatch):
+    """What runs is the old source, and the files are the new one."""
+    assert machine._digest(answered) is not None
+    monkeypatch.setattr(cache, "_IMPORTED_S", 0.0)
+    assert machine._digest(answered) is None
 
 
 def test_calls_may_stay_calls(tmp_path, place):

@@ -12,9 +12,12 @@ from __future__ import annotations
 import hashlib
 import hmac
 import json
+import math
 import os
 import stat
-from collections.abc import Callable, Iterator, Mapping
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache as remember
@@ -27,13 +30,14 @@ from heatertune.errors import HeatertuneError, InputError
 from heatertune.files import read_bytes, state_folder
 from heatertune.writing import write_files
 
-__all__ = ["cached", "folder", "not_private", "release", "source_digest", "unused"]
+__all__ = ["cached", "folder", "is_as_imported", "not_private", "release", "source_digest", "unused"]
 
 T = TypeVar("T")
 
 _SCHEMA: Final = "heatertune/cache/2"
 _SECRET: Final = "cache.key"
 _SECRET_BYTES: Final = 32
+_IMPORTED_S: Final = time.time()
 
 _unused: ContextVar[bool] = ContextVar("unused", default=False)
 
@@ -53,13 +57,14 @@ def cached(
     """
     place = None if _unused.get() else folder()
     secret = None if place is None else _machine_secret()
-    if place is None or secret is None:
-        if not _unused.get() and (why := not_private() or ("the state folder cannot hold its secret" if place else "")):
+    source = None if place is None else source_digest()
+    if place is None or secret is None or source is None:
+        if not _unused.get() and (why := not_private() or _not_kept(place, secret)):
             progress(f"{stage}: {why}: nothing is kept")
         # through the same text as a result that is kept: a switched-off cache changes no number
         return read(json.loads(to_json(run())))
     text = json.dumps(inputs, sort_keys=True, default=lambda array: array.tolist())  # keeps nan apart from null
-    key = hashlib.sha256((source_digest() + stage + text).encode(errors="backslashreplace")).hexdigest()[:32]
+    key = hashlib.sha256((source + stage + text).encode(errors="backslashreplace")).hexdigest()[:32]
     name = f"{stage}-{key}.json"
     with suppress(OSError, ValueError, RecursionError, HeatertuneError):
         value = read(_document(read_bytes(place / name), name, secret))
@@ -74,6 +79,14 @@ def cached(
     except (InputError, OSError):
         progress(f"{stage}: the cache {place} cannot be written")
     return read(json.loads(text))
+
+
+def _not_kept(place: Path | None, secret: bytes | None) -> str:
+    """Return why nothing is kept in a folder that is private; empty where the user wants none."""
+    if place is None:
+        return ""
+    return "the state folder cannot hold its secret" if secret is None else (
+        "heatertune's own source was replaced while it runs")
 
 
 def _head(text: bytes, name: str, secret: bytes) -> bytes:
@@ -192,9 +205,31 @@ def release(library: str) -> str:
 
 
 @remember
-def source_digest() -> str:
-    """Return a digest of heatertune's own source, so that a changed program forgets what the old one found."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
+def source_digest() -> str | None:
+    """Compute a digest of heatertune's own source, so that a changed program forgets what the old one found.
+
+    None where the source was replaced since this process imported it: the digest would be another program's.
+    """
+    digest, paths = hashlib.sha256(), sorted(Path(__file__).parent.rglob("*.py"))
+    for path in paths:
         digest.update(path.read_bytes())
-    return digest.hexdigest()
+    return digest.hexdigest() if is_as_imported(paths) else None
+
+
+def is_as_imported(paths: Iterable[Path]) -> bool:
+    """Return whether files of heatertune's source are older than this process.
+
+    An update replaces them under a studio or a fleet that runs: its results are the old program's, and what it keeps
+    under the digest of the new files would be read as theirs.
+    """
+    return all(_replaced_s(path) < _IMPORTED_S for path in paths)
+
+
+def _replaced_s(path: Path) -> float:
+    """Return when a file was replaced or written to last [s]; infinite where it is gone."""
+    try:
+        kind = path.stat()
+    except OSError:
+        return math.inf
+    # unlike the time of the last write, that of the last change is not an archive's; Windows tells no such time
+    return max(kind.st_mtime, kind.st_ctime) if sys.platform == "win32" else kind.st_ctime

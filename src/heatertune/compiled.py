@@ -23,7 +23,7 @@ from threading import Lock
 from types import FunctionType
 from typing import Any, Final, Literal, TypeVar, cast
 
-from heatertune.cache import folder
+from heatertune.cache import folder, is_as_imported
 from heatertune.errors import InputError
 from heatertune.native import MISSED, Code, Kinds, described, entry, host, kinds_of
 from heatertune.plain import called, plainly
@@ -260,6 +260,8 @@ def _remove_stale(base: Path) -> None:
 def _digest(function: Callable[..., Any]) -> str | None:
     """Return a digest of all on which the function's machine code can depend, None where the source is no file.
 
+    Nor is there one where a file was replaced since this process imported it: the function is that of the old file.
+
     These are the files of the functions that are compiled with it, and of whatever they mention of heatertune, and so
     on: types of arguments are among them. Constants come in by value, wherever they are from.
     """
@@ -274,7 +276,8 @@ def _digest(function: Callable[..., Any]) -> str | None:
     digest = hashlib.sha256("".join(sorted(map(_constants, functions))).encode())
     for path in sorted(files):
         digest.update(path.read_bytes())
-    return digest.hexdigest()
+    own = (path for path in files if path.is_relative_to(_ROOT))  # what others wrote was imported when they had
+    return digest.hexdigest() if is_as_imported(own) else None
 
 
 #: it takes 10 ms, and a process that works changes no constant

@@ -18,16 +18,14 @@ from unittest import mock
 
 import numpy as np
 
-from heatertune.errors import HeatertuneError
 from heatertune.plc import controller_for
 from heatertune.plc.open_points import settings_to_prove
-from heatertune.proof.closing import closed
 from heatertune.proof.fitted import setpoints_for
 from heatertune.proof.heaters import holding
 from tests.bench import second_opinion
 from tests.bench.false_passes import _limits
-from tests.bench.outages import Night, bench_of, subject
-from tests.bench.second_opinion import TARGETS, compiled, opinion
+from tests.bench.outages import Night, bench_of, passing
+from tests.bench.second_opinion import compiled, opinion
 
 POWERS = (0.81, 0.9, 1.0, 1.1, 1.21)
 SLACK = 1.02
@@ -137,14 +135,7 @@ def main(first=0, last=6, *targets):
     proven = runs = wrong = 0
     with tempfile.TemporaryDirectory() as folder:
         library = compiled(folder)
-        for seed, target in product(range(int(first), int(last)), targets or TARGETS):
-            try:
-                fitted, wanted = subject(seed, target, folder)
-                design = closed(fitted, wanted)
-            except HeatertuneError:
-                continue
-            if design.proof.verdict != "PASS":
-                continue
+        for seed, target, fitted, design in passing(first, last, targets, folder):
             proven += 1
             bad = []
             for power, name, settings, found in judged(library, fitted, design):

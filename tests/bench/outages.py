@@ -270,19 +270,24 @@ def told_of(library, model, design, settings, seed):
     return [*found, *(f"{share:.3f} of the limit {where}" for share, where in beyond if share > SHORT_SLACK)], peak[0]
 
 
+def passing(first, last, targets, folder):
+    """Yield (seed, target, fitted model, design) of each drawn design that passes; no targets: all."""
+    for seed, target in product(range(int(first), int(last)), targets or TARGETS):
+        try:
+            fitted, wanted = subject(seed, target, folder)
+            design = closed(fitted, wanted)
+        except HeatertuneError:
+            continue
+        if design.proof.verdict == "PASS":
+            yield seed, target, fitted, design
+
+
 def main(first=0, last=6, *targets):
     proven = wrong = 0
     most = 0.0
     with tempfile.TemporaryDirectory() as folder:
         library = compiled(folder)
-        for seed, target in product(range(int(first), int(last)), targets or TARGETS):
-            try:
-                fitted, wanted = subject(seed, target, folder)
-                design = closed(fitted, wanted)
-            except HeatertuneError:
-                continue
-            if design.proof.verdict != "PASS":
-                continue
+        for seed, target, fitted, design in passing(first, last, targets, folder):
             proven += 1
             models = holding(fitted, setpoints_for(fitted, design.conditions)[1])
             for (name, model), settings in product(models, settings_to_prove(controller_for(target).switches)):

@@ -40,7 +40,7 @@ from heatertune.live.places import places_of
 from heatertune.live.serve import read_folder
 
 SESSIONS = 10_000
-GAIN, LAG_S, DEAD_S, TA_S, MS = 0.9, 167.0, 12.0, 3.2, 2.2
+GAIN, LAG_S, DEAD_S, TA_S, MS = 0.9, 167.0, 12.0, 3.2, 2.2  # TA of s5-ob251; others may be designed with another one
 #: with the simulator's time of 1 ms a scan a session takes about 100 scans without its watch
 RATE = 3100.0
 #: so that the link that fails stands between, whatever will fail
@@ -153,8 +153,8 @@ class Known(Proven):
         return self.found[key]
 
 
-def folder_in(place, target="s5-ob251"):
-    """Return a folder with words and their proof, as the commands make it."""
+def folder_in(place, target="s5-ob251", setpoints=("50",)):
+    """Return a folder with words and their proof, as the commands make it, for a setpoint or the ends of a range."""
     out = Path(place) / "out"
     out.parent.mkdir(exist_ok=True)
     heater = ("--gain", str(GAIN), "--time-constant", str(LAG_S), "--dead-time", str(DEAD_S), "--ambient", "22", "--target", target)
@@ -163,7 +163,7 @@ def folder_in(place, target="s5-ob251"):
     stdout, sys.stdout = sys.stdout, Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - closed below
     try:
         assert command(["tune", *heater, *more, "-o", str(out / "pid.json"), "--quiet"]) == 0
-        assert command(["export-db", str(out / "pid.json"), "--target", target, "--setpoint", "50", *more, "-o", str(out),
+        assert command(["export-db", str(out / "pid.json"), "--target", target, "--setpoint", *setpoints, *more, "-o", str(out),
                         "--quiet"]) == 0
     finally:
         sys.stdout.close()
@@ -181,13 +181,13 @@ def shown_in(image, kind):
     return tuple(f"{struct.unpack_from(form, image, at)[0] * one:.7g}" for at, form, one in kind.shown)
 
 
-def is_stable(words, kind=OB251):
+def is_stable(words, kind=OB251, scan_s=TA_S):
     """Return whether a textbook's loop with these words is, with a delay of half a sample more: Ms <= 2.2."""
     gain, integral, derivative = kind.pid(words)
     if gain <= 0 or integral <= 0:
         return False
-    s = 1j * np.logspace(-4, np.log10(np.pi / TA_S), 4000)
-    loop = gain * (1 + integral / s + derivative * s) * GAIN * np.exp(-s * (DEAD_S + 0.48 + 0.5 * TA_S)) / (LAG_S * s + 1)
+    s = 1j * np.logspace(-4, np.log10(np.pi / scan_s), 4000)
+    loop = gain * (1 + integral / s + derivative * s) * GAIN * np.exp(-s * (DEAD_S + 0.48 + 0.5 * scan_s)) / (LAG_S * s + 1)
     turns = np.unwrap(np.angle(loop))
     crossing = np.flatnonzero(np.abs(loop) < 1)
     return bool(turns[crossing[0]] > -np.pi and np.max(1 / np.abs(1 + loop)) <= MS)
@@ -196,7 +196,7 @@ def is_stable(words, kind=OB251):
 class Witness:
     """What happens in a PLC's memory, in order: ("read", part, image), ("client", start, bytes, image), ("other", image).
 
-    `shown` has what stood there to be recorded after each scan, and until the next one.
+    `shown` has what stood there to be recorded after each scan, and until the next one; `scan_s` is how long one is [s].
     """
 
     def __init__(self, plc, armed, kind):
@@ -207,7 +207,8 @@ class Witness:
         self._read, self._write, self._put = memory.read, memory.write, memory.put
         with memory.changed:  # scans may have been run before there was a witness
             memory.read, memory.write, memory.put = self.read, self.write, self.put
-            self._scan = Told(self._read(OWN, 0, OWN_LENGTH)).shown
+            own = Told(self._read(OWN, 0, OWN_LENGTH))
+            self._scan, self.scan_s = own.shown, own.interval_s
             self._seen()
 
     def _asked(self):
@@ -215,7 +216,7 @@ class Witness:
         self._requests += 1
         while self._armed and self._armed[0][0] <= self._requests:
             _, fault = self._armed.pop(0)
-            now = self._plc.intervals * TA_S
+            now = self._plc.intervals * self.scan_s
             here = dataclasses.replace(fault, begins_s=now, ends_s=now + fault.ends_s)
             self._plc._plan = dataclasses.replace(self._plc._plan, faults=(*self._plc._plan.faults, here))
             self._plc._there = (*self._plc._there, here)
@@ -291,8 +292,8 @@ class Recording:
         if self._thread:
             self._thread.join()
 
-    def judged(self, shown):
-        """Yield what is wrong with the file; `shown` is what stood there after each scan."""
+    def judged(self, shown, scan_s):
+        """Yield what is wrong with the file; `shown` is what stood there after each scan, `scan_s` how long one is [s]."""
         if self.broken:
             yield f"the recording broke: {self.broken}"
         if not self.path.exists():
@@ -306,7 +307,7 @@ class Recording:
             if line.startswith(("#", "time_s")):
                 continue
             at, *row = line.split(",")
-            scan = round(float(at) / TA_S) + 1
+            scan = round(float(at) / scan_s) + 1
             if scan <= before:
                 yield f"{line!r}: not after scan {before}"
             if tuple(row) not in shown[scan]:
@@ -334,13 +335,13 @@ def session(target, protocol, made, chance, place):
         host, port = plc.addresses[protocol]
         address = address_of(f"{SCHEMES.get(protocol, protocol)}://{host}:{port}{kind.ways[protocol]}")
         if first:
-            logs.append(Recording(address, found, place / f"{name}.csv", chance.uniform(4, 10) * TA_S, over=False))
+            logs.append(Recording(address, found, place / f"{name}.csv", chance.uniform(4, 10) * witness.scan_s, over=False))
         with plc.plc.memory.changed:
             begun, before = len(witness.events), words_in(plc.plc.memory.image(), kind)
         if over:
             logs.append(Recording(address, found, place / f"{name}.over.csv", 0, over=True))
         wanted = Wanted(
-            proven=proven, address=address, said=Said(range_degC=(0.0, 100.0), called_every_s=TA_S), link=LINK,
+            proven=proven, address=address, said=Said(range_degC=(0.0, 100.0), called_every_s=witness.scan_s), link=LINK,
             watch=chance.random() < 0.3, record=place / f"{name}.jsonl", most_writes=10 ** 9)
         done = applied(wanted, proven.yes)
         for log in logs:
@@ -349,8 +350,8 @@ def session(target, protocol, made, chance, place):
             events, times = witness.events[begun:], witness.times[begun:]
             last = words_in(plc.plc.memory.image(), kind)
     after = {**before, **{n: v for n, v in proven.words.values.items() if n in before}}
-    story = Story(kind, done, before, after, events, last, faults)
-    wrong = [*judged(story), *(one for log in logs for one in log.judged(witness.shown))]
+    story = Story(kind, witness.scan_s, done, before, after, events, last, faults)
+    wrong = [*judged(story), *(one for log in logs for one in log.judged(witness.shown, witness.scan_s))]
     took = {"rows": sum(log.rows for log in logs), **took_back(story, done, times)}
     said = f"{target} {protocol} {timed} {armed}: {done.ended.outcome}"
     return done.ended.outcome.value, took, [f"{said}: {one}; {done.ended.told}" for one in wrong]
@@ -361,6 +362,7 @@ class Story:
     """A session that is over: words before and as they were to be, what happened meanwhile, and what stood there last."""
 
     kind: Kind
+    scan_s: float
     done: object
     before: Mapping[str, float]
     after: Mapping[str, float]
@@ -420,7 +422,7 @@ def judged(story):  # noqa: C901, PLR0912 - a list of what must hold
             mine |= {name: now[name] for name in changed}
             if wrong := [name for name in changed if now[name] not in {before[name], after[name]} | others[name]]:
                 yield f"{wrong} were given values of neither side"
-            if alone and now != before and not is_stable(now, kind):  # as it was found may be somebody's, and none of ours
+            if alone and now != before and not is_stable(now, kind, story.scan_s):  # as it was found may be somebody's, and none of ours
                 yield f"an unstable set of words in between: {now}"
         elif event[0] == "other":
             alone = False

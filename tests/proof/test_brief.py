@@ -198,12 +198,12 @@ def test_the_open_circuits_of_the_sequence_are_run_at_the_lower_setpoint_as_well
 LOWER, UPPER = 58.0, 104.0
 
 
-def _overshoot_after_an_outage_pct(words, heater, setpoint, power):
-    """Overshoot after six time constants with an open circuit, in % of the rise to UPPER; Euler's steps."""
+def _overshoot_after_an_outage_pct(words, heater, setpoint, power, *, lasts=6.0, upper=UPPER):
+    """Overshoot after so many time constants with an open circuit, in % of the rise to the upper setpoint; Euler's steps."""
     loop, steps = words.controller(), 20
     h = loop.scan_s / steps
     late, temperature, most = [0.0] * round(heater.dead_time_s / h), heater.ambient_degC, -math.inf
-    calls = [round(share * heater.time_constant_s / loop.scan_s) for share in (15.0, 21.0, 30.0)]
+    calls = [round(share * heater.time_constant_s / loop.scan_s) for share in (15.0, 15.0 + lasts, 24.0 + lasts)]
     for call in range(calls[2]):
         asked = loop(temperature, setpoint) * (power if not calls[0] <= call < calls[1] else 0.0)
         for _ in range(steps):
@@ -211,7 +211,7 @@ def _overshoot_after_an_outage_pct(words, heater, setpoint, power):
             pull = heater.ambient_degC + heater.gain_degC_per_pct * late.pop(0) - temperature
             temperature += h * pull / heater.time_constant_s
         most = max(most, temperature) if call >= calls[1] else -math.inf
-    return 100.0 * (most - setpoint) / (UPPER - heater.ambient_degC)
+    return 100.0 * (most - setpoint) / (upper - heater.ambient_degC)
 
 
 def test_an_outage_at_the_lower_setpoint_overshoots_more_than_at_the_upper_and_blocks():
@@ -224,6 +224,25 @@ def test_an_outage_at_the_lower_setpoint_overshoots_more_than_at_the_upper_and_b
     assert proof.verdict == "NOT PROVEN"
     assert [finding.name for finding in proof.heard.findings] == ["low-outage"]
     assert prove(words, fitted, setpoint_degC=(80.0, UPPER)).verdict == "PASS"  # the smaller range that the finding names
+
+
+def test_an_outage_shorter_than_the_sequence_s_that_overshoots_more_at_the_lower_setpoint_blocks():
+    """The sum is the largest after 0.6 time constants there, and is given back while a longer outage goes on."""
+    heater = Fopdt(gain_degC_per_pct=0.9, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
+    fitted = model_by_hand(heater)
+    words = encode(tune(fitted, target="iec-pid"), "iec-pid", scaling=Scaling())
+
+    def overshoot(setpoint, lasts):
+        return _overshoot_after_an_outage_pct(words, heater, setpoint, 1.21, lasts=lasts, upper=50.0)
+
+    brief, sequence = (0.24, 0.36, 0.48, 0.6, 0.78), (1.08, 3.1)  # its own are of 180 and 520 s
+    assert max(overshoot(50.0, lasts) for lasts in (*brief, *sequence)) < 22.0
+    assert max(overshoot(40.0, lasts) for lasts in sequence) < 19.0
+    assert max(overshoot(40.0, lasts) for lasts in brief) > 25.0
+    limit = ("reheat-overshoot=25%",)
+    proof = prove(words, fitted, setpoint_degC=(40.0, 50.0), limit=limit)
+    assert [finding.name for finding in proof.heard.findings] == ["low-outage"]
+    assert prove(words, fitted, setpoint_degC=(46.0, 50.0), limit=limit).verdict == "PASS"
 
 
 def test_of_a_story_the_heat_up_alone_is_left_where_words_have_no_such_night():

@@ -113,9 +113,15 @@ def _task(
 
 @cache
 def _program() -> str:
-    """Return what decides the bits of a result: heatertune's source, Python, and the libraries that round."""
+    """Return what decides the bits of a result: heatertune's source, Python, and the libraries that round.
+
+    Raises:
+        InputError: the source is no longer the one that runs.
+    """
+    if (source := source_digest()) is None:
+        raise InputError("heatertune was replaced by another release while it runs; start it again")
     versions = [f"{name} {metadata.version(name)}" for name in _LIBRARIES]
-    return ", ".join([f"heatertune {source_digest()[:12]}", f"Python {sys.version.split()[0]}", *versions])
+    return ", ".join([f"heatertune {source[:12]}", f"Python {sys.version.split()[0]}", *versions])
 
 
 class _Summary:

@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 from heatertune.heater.exact import answered, time_to
@@ -85,6 +86,20 @@ class Cooling(NamedTuple):
         middle = math.sqrt(min(times) * max(times))
         shares = _SHARES if self.words.ramp is None else (*_SHARES, _LED)
         return self._with_more([share * middle for share in shares])
+
+    def low_openings_s(self) -> list[float]:
+        """Compute likewise how long a circuit is open at the lower setpoint [s].
+
+        The peak lies elsewhere there: where nothing is summed up outside of the proportional band, the reading leaves
+        it later the less it can fall.
+        """
+        low_degC = next((event.setpoint_degC for event in self.scenario.disturbances if isinstance(event, NewSetpoint)),
+                        None)
+        if low_degC is None:
+            return []
+        lower = self._replace(scenario=replace(self.scenario, setpoint_degC=low_degC))
+        is_held_by_power = all(step / model.gain_degC_per_pct > 0.0 for model, step in lower._steps)
+        return lower.openings_s() if is_held_by_power else []
 
     def restarts_s(self) -> list[float]:
         """Return how long a PLC is off where its restart may overshoot most [s]; none without an I part."""

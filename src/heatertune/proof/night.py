@@ -113,12 +113,12 @@ class Night(NamedTuple):
 
 def nights_of(
     scenario: Scenario, models: Sequence[HeaterModel], brief_s: Sequence[float] = (), warm_s: Sequence[float] = (),
-    lows_degC: Sequence[float] = (),
+    lows_degC: Sequence[float] = (), low_brief_s: Sequence[float] = (),
 ) -> Iterator[Night]:
     """Yield the longest open circuit of a story right after the heat-up: longer, closed at the lower setpoint, shorter.
 
-    Also open circuits of the same lengths at the lower setpoint, a restart of the PLC between the shortest and the
-    longest, and changes of the setpoint by less than the range.
+    Also open circuits of the same and of shorter lengths at the lower setpoint, a restart of the PLC between the
+    shortest and the longest, and changes of the setpoint by less than the range.
 
     Args:
         scenario: the story; none of its circuits may be closed again.
@@ -126,12 +126,13 @@ def nights_of(
         brief_s: how long a shorter one lasts, each [s].
         warm_s: how long the PLC is without supply, each [s].
         lows_degC: setpoints to which it falls, and rises again, each [°C].
+        low_brief_s: how long a shorter open circuit at the lower setpoint lasts, each [s].
     """
     opened = {number: closed.time_s - event.time_s
               for number, (event, closed) in enumerate(pairwise(scenario.disturbances))
               if isinstance(event, Mains) and isinstance(closed, Mains) and event.share == 0.0 < closed.share}
     if opened:
-        yield from _opened(scenario, models, max(opened, key=lambda one: opened[one]), opened, brief_s)
+        yield from _opened(scenario, models, max(opened, key=lambda one: opened[one]), opened, brief_s, low_brief_s)
     back = next((number for number, (lost, event) in enumerate(pairwise(scenario.disturbances))
                  if isinstance(lost, PlcPower) and isinstance(event, PlcPower) and event.on), None)
     if warm_s and back is not None and scenario.rests_s:
@@ -150,7 +151,7 @@ def nights_of(
 
 def _opened(
     scenario: Scenario, models: Sequence[HeaterModel], number: int, opened: Mapping[int, float],
-    brief_s: Sequence[float],
+    brief_s: Sequence[float], low_brief_s: Sequence[float],
 ) -> Iterator[Night]:
     heater_s = max(sum(model.lags_s) + model.dead_time_s for model in models)
     yield _longer(scenario, number, opened[number])._replace(heater_s=heater_s)
@@ -158,7 +159,7 @@ def _opened(
     if low is not None and scenario.rests_s:
         yield _rising(scenario, number, low, models)
     if low is not None and brief_s and scenario.rests_s:
-        yield _at_lower_setpoint(scenario, number, low, sorted(opened.values()))
+        yield _at_lower_setpoint(scenario, number, low, sorted({*opened.values(), *low_brief_s}))
     if brief_s and scenario.rests_s:
         told = f"After {_minutes(brief_s)} with an open circuit"
         yield Night(_BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
@@ -207,7 +208,7 @@ def _rising(scenario: Scenario, number: int, low_degC: float, models: Sequence[H
 
 
 def _at_lower_setpoint(scenario: Scenario, number: int, low_degC: float, lengths_s: Sequence[float]) -> Night:
-    """Construct the open circuits of the test sequence again, each at the lower setpoint.
+    """Construct the open circuits of the test sequence again, each at the lower setpoint, and shorter ones.
 
     The controller sums up until it asks for full power. The less power the setpoint takes, the more of that sum has to
     be given back, and the less P takes away on the way: the overshoot is larger than at the highest setpoint.

@@ -414,7 +414,8 @@ def _nights(
 ) -> Iterator[Night]:
     heaters = [model for _, model in models]
     cooling = Cooling(controller, words, controller.decode(words), scenario, heaters, closely)
-    return nights_of(scenario, heaters, cooling.openings_s(), cooling.restarts_s(), cooling.lows_degC())
+    return nights_of(scenario, heaters, cooling.openings_s(), cooling.restarts_s(), cooling.lows_degC(),
+                     cooling.low_openings_s())
 
 
 def _with_band(heard: Heard, limits: Limits, resolution_degC: float) -> Heard:
