@@ -185,6 +185,9 @@ def test_a_command_is_given_again_with_what_makes_it_pass():
         "heatertune", "design", "x.csv", "--tolerance=2", "--limit", "ms=1.6", "--switch", "a=b",
         "--limit", "overshoot=5%")
     assert again(given, ()) == ()
+    for asked in (("--setpoint", "58", "104"), ("--setpoint=104",), ("--setpoint", "104")):
+        assert again(("design", *asked, "--target", "weg"), ("--setpoint", "80 104")) == (
+            "heatertune", "design", "--target", "weg", "--setpoint", "80", "104")
 
 
 @pytest.fixture(scope="module")

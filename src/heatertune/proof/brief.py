@@ -77,11 +77,8 @@ class Cooling(NamedTuple):
     closely: bool = True
 
     def openings_s(self) -> list[float]:
-        """Return how long a circuit is open where the overshoot may have its peak [s].
-
-        None without an I part, and where the setpoint is no farther from the ambient than a heater without power gets.
-        """
-        if self._summing is None or any(step / model.gain_degC_per_pct <= 0.0 for model, step in self._steps):
+        """Return how long a circuit is open where the overshoot may have its peak [s]; none without an I part."""
+        if self._summing is None:
             return []
         most_pct = self.controller.most_power_pct(self.words)
         times = [_saturates_s(model, step, self._summing, most_pct) for model, step in self._steps]

@@ -94,7 +94,7 @@ class Night(NamedTuple):
         """
         now = {each.name: each for each in criteria}.get(_RETURN)
         then = {each.name: each for each in before}.get(_RETURN)
-        if not self.compares or now is None or then is None:
+        if not self.compares or now is None or then is None or math.isinf(then.value):
             return tuple(criteria)
         growth = Criterion(
             name=_GROWTH, value=now.value - then.value, limit=_COLDER * then.value + self.heater_s, unit="s",

@@ -55,7 +55,7 @@ class SearchBudget:
     @property
     def message(self) -> str:
         """That it is spent, for a reader."""
-        return f"the search ended after {self.scans / _MILLION:,.0f} million simulated scans, its budget"
+        return f"the search ended after {self.scans / _MILLION:,g} million simulated scans, its budget"
 
 
 _budgets: ContextVar[tuple[SearchBudget, ...]] = ContextVar("budgets", default=())

@@ -51,8 +51,8 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
 
 @judged_once()
 def closed_on_runs(
-    fitted: FittedModel, asked: Asked, *, ways_on: bool = True, freeing: bool = True, progress: Told = str,
-    stage: Told = str,
+    fitted: FittedModel, asked: Asked, *, ways_on: bool = True, freeing: bool = True, verdict_only: bool = False,
+    progress: Told = str, stage: Told = str,
 ) -> Closed:
     """Return what `closed` does before the exported text is run: for who does so a little later, with `as_exported`.
 
@@ -61,6 +61,7 @@ def closed_on_runs(
         asked: likewise.
         ways_on: whether what else would pass is looked for, too.
         freeing: whether that may leave open what is fixed of the design; not where the search itself has fixed it.
+        verdict_only: whether only the verdict counts: of what winds up nothing else that would pass is looked for.
         progress: likewise.
         stage: likewise.
     """
@@ -68,11 +69,14 @@ def closed_on_runs(
     first = plainly(fitted, still, text=False, progress=progress, stage=stage)
     if asked.as_is or (first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.heard))):
         return first
-    search = Search(fitted=fitted, asked=asked, first=first, progress=progress, freeing=freeing)
+    search = Search(
+        fitted=fitted, asked=asked, first=first, progress=progress, freeing=freeing, verdict_only=verdict_only)
     mended = search.cheapest() if first.proof.design else search.sooner(ways_on=ways_on)
     if not ways_on:
         return mended or first
-    return search.way_on.told() if mended is None else replace(mended, notes=(*mended.notes, *search.hints(mended)))
+    if mended is None:
+        return search.way_on.told(search.budget.message if search.budget.spent else "")
+    return replace(mended, notes=(*mended.notes, *search.hints(mended)))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -90,6 +94,7 @@ class Search:
         wound: likewise, but for what else an open circuit leads to; with the change of each.
         budget: of the search for changes.
         freeing: as of `closed_on_runs`.
+        verdict_only: likewise.
     """
 
     fitted: FittedModel
@@ -97,6 +102,7 @@ class Search:
     first: Closed
     progress: Told
     freeing: bool = True
+    verdict_only: bool = False
     screen: Screen = field(init=False)
     best: Within | None = None
     place: Place | None = None
@@ -110,7 +116,7 @@ class Search:
     def __post_init__(self) -> None:
         self.way_on = WayOn(
             fitted=self.fitted, asked=self.asked, first=self.first, progress=self.progress,
-            close=partial(closed_on_runs, ways_on=False), freeing=self.freeing)
+            close=partial(closed_on_runs, ways_on=False, verdict_only=True), freeing=self.freeing)
         self.screen = Screen(fitted=self.fitted)
         self.failed(self.first.proof)
         self.wound += [(Frame(), self.first)] if winds_up(self.first.proof.heard) else []
@@ -142,7 +148,9 @@ class Search:
             best = min(self.dear, key=more)
             return self._ended(self.dear[0] if more(best) > _CHEAPER * more(self.dear[0]) else best)
         wound_up = sorted((each for _, each in self.wound), key=more)
-        return self._ended(self.way_on.unwound(wound_up)) if wound_up else None
+        if not wound_up:
+            return None
+        return self._ended(wound_up[0] if self.verdict_only else self.way_on.unwound(wound_up))
 
     @property
     def _sums_up(self) -> bool:

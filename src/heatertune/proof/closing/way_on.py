@@ -129,8 +129,12 @@ class WayOn:
         if not isinstance(problem, NotRepresentable):
             self.untried[f"Not tried: {changes or 'other gains'} ({problem})."] = None
 
-    def told(self) -> Closed:
-        """Return the design as asked for; its proof says which other question would be answered with PASS."""
+    def told(self, ended: str = "") -> Closed:
+        """Return the design as asked for; its proof says which other question would be answered with PASS.
+
+        Args:
+            ended: that the search for changes ended early; empty: it did not.
+        """
         first, proof = self.first, self.first.proof
         share, coarse = self._coarse()
         why = coarse if share >= COARSE else None
@@ -146,7 +150,7 @@ class WayOn:
             if not options and self.unproven:
                 options = self.unproven
                 would = f"{BREAKS_NONE} {' '.join(options)}"
-            told = "; ".join(filter(None, (why, would, budget.message if budget.spent else "")))
+            told = "; ".join(filter(None, (why, would, ended or (budget.message if budget.spent else ""))))
         heard = replace(proof.heard, remarks=(*proof.heard.remarks, told))
         note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
         return replace(first, proof=replace(proof, heard=heard), notes=(*first.notes, note, *self.untried),
@@ -161,11 +165,14 @@ class WayOn:
         found, *_ = wound_up
         different = {repr(each.proof.words): each for each in wound_up}.values()
         told, options = "", tuple[str, ...]()
-        with SearchBudget():
+        with SearchBudget() as budget:
             told, options = self.by_settings(found)
             for way in (self._by_range, self._by_overshoot):
                 options = options or next(filter(None, map(way, different)), ())
         told = told or (f"would pass at {' '.join(options)}" if options else "")
+        if budget.spent and not told:
+            heard = replace(found.proof.heard, remarks=(*found.proof.heard.remarks, budget.message))
+            return replace(found, proof=replace(found.proof, heard=heard))
         if not told:
             return found
         heard = replace(found.proof.heard, remarks=(*found.proof.heard.remarks, told))
