@@ -212,6 +212,19 @@ def overshoots(library, b, limits):
     return sorted(((_share(each, b, limits), seconds / told.tn) for each, seconds in zip(seen, lengths, strict=True)), reverse=True)
 
 
+def low_overshoots(library, b, limits, lowest):
+    """Return (overshoot as a share of its limit, length [TN]) after open circuits at the lowest setpoint of use, likewise."""
+    told = Night(b)
+    told.rest /= 5.0
+    lengths = [*np.geomspace(0.3, 12.0, 12) * told.tn, *(second_opinion._takes(b, share) - b.dead for share in _COLDER)]
+    told.then("setpoint", kind="change", asked=lowest)
+    for seconds in lengths:
+        told.open(max(b.interval, seconds))
+    with mock.patch.object(second_opinion, "story", return_value=told.parts):
+        seen = opinion(library, b, limits, longer=0.0).seen[3::2]
+    return sorted(((_share(each, b, limits), seconds / told.tn) for each, seconds in zip(seen, lengths, strict=True)), reverse=True)
+
+
 def restarts(library, b, limits):
     """Return (overshoot as a share of its limit, share of the way to the ambient) after losses of the PLC's supply, likewise."""
     told = Night(b)

@@ -1,6 +1,7 @@
 """The design closed on drawn heaters, too: what it says is what samples that it never saw say."""
 
 import json
+import re
 from dataclasses import replace
 
 import pytest
@@ -71,7 +72,10 @@ def test_a_design_that_too_few_drawn_heaters_bear_is_made_for_them_too_and_judge
         export(before.words, before)
 
     assert found.proof.verdict == "PASS"
-    assert found.proof.heard.remarks[-1].endswith("made for 2 of the drawn heaters, too")
+    # the two that the plain one fails on, and what a design for these fails on, the worst three of each round
+    (more,) = re.findall(r"made for (\d) of the drawn heaters, too$", found.proof.heard.remarks[-1])
+    assert len(before.samples.broken) == 2
+    assert more in {"2", "5", "8"}
     assert all(part in found.notes[0] for part in ("of 100 samples keep", "of as many others", "IAE"))
     others = SampleSettings(samples=100, seed=100)
     assert found.proof.samples == sampled(found.proof.words, HEATER, others, found.conditions)

@@ -3,6 +3,7 @@
 import argparse
 import io
 import os
+import shlex
 import subprocess
 import sys
 import threading
@@ -11,7 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from heatertune.cli import COMMANDS, parser, printing, terminal
+from heatertune.cli import COMMANDS, main, parser, printing, terminal
 from heatertune.cli.line import Line
 from heatertune.cli.parsing import again
 from heatertune.errors import InputError
@@ -185,6 +186,9 @@ def test_a_command_is_given_again_with_what_makes_it_pass():
         "heatertune", "design", "x.csv", "--tolerance=2", "--limit", "ms=1.6", "--switch", "a=b",
         "--limit", "overshoot=5%")
     assert again(given, ()) == ()
+    for asked in (("--setpoint", "58", "104"), ("--setpoint=104",), ("--setpoint", "104")):
+        assert again(("design", *asked, "--target", "weg"), ("--setpoint", "80 104")) == (
+            "heatertune", "design", "--target", "weg", "--setpoint", "80", "104")
 
 
 @pytest.fixture(scope="module")
@@ -263,3 +267,17 @@ def test_the_status_of_words_that_fail_is_1_whoever_reads_on(tmp_path):
     ended = subprocess.run([sys.executable, "-m", "heatertune", "tune", *heater, *limits], stdout=writes, stderr=subprocess.PIPE, check=False)
     os.close(writes)
     assert (ended.returncode, ended.stderr) == (1, b"")
+
+
+@pytest.mark.long
+def test_the_smaller_range_that_is_printed_for_what_winds_up_passes_as_it_is_typed(tmp_path, capsys):
+    # dead time of two thirds of the lag: see tests/chain/test_closing.py
+    given = ["tune", "--gain", "0.53", "--time-constant", "3200", "--dead-time", "2090", "--ambient", "20", "--target", "weg",
+             "--range", "0", "50", "--tolerance", "0.45", "--switch", "anti_windup=clamp", "--switch", "sampling=caller"]
+    assert main([*given, "--setpoint", "40", "--out", str(tmp_path / "pid.json")]) == 1
+    screen = capsys.readouterr().out
+    assert screen.startswith("NOT PROVEN")
+    typed = shlex.split(screen.partition("nearest that passes:\n")[2].partition("\n\n")[0].replace("\\\n", " "))
+    assert typed[-3:-1] == ["--setpoint", "38"]
+    assert main(typed[1:]) == 0
+    assert capsys.readouterr().out.startswith("PASS")

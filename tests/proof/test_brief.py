@@ -195,6 +195,28 @@ def test_the_open_circuits_of_the_sequence_are_run_at_the_lower_setpoint_as_well
     assert "low-outage" not in [each.name for each in nights_of(lone, [ONE], (20.0,))]
 
 
+def test_shorter_ones_are_run_at_the_lower_setpoint_too_but_no_longer_ones():
+    nights = {night.name: night for night in nights_of(IN_USE, [ONE], (20.0,), low_brief_s=(30.0, 5000.0))}
+    _, *outages = nights["low-outage"].scenario.disturbances
+    assert [closes.time_s - opens.time_s for opens, closes in zip(outages[::2], outages[1::2], strict=True)] == pytest.approx([30.0, 800.0])
+    assert nights["low-outage"].told == "After 0.5 to 13 min with an open circuit at 30 °C"
+
+
+def test_a_longer_open_circuit_alone_is_held_against_the_return_after_the_storys_too():
+    fitted, words = model_by_hand(WINDING), encode(tune(model_by_hand(WINDING), target="weg", scaling=WIDE), "weg", scaling=WIDE)
+    asked = Conditions(setpoint_degC=(150.0, 170.0), tolerance_degC=6.5)
+    run = next(run.run for run in prove(words, fitted, asked).runs if run.switches["anti_windup"] == "clamp")
+    alone = prove(words, fitted, asked, only=[run], night="winds-up")
+    story = prove(words, fitted, asked, only=[run])
+    longer, growth = ({each.name: each for each in alone.runs[0].criteria}[name] for name in ("reheat_time", "return_growth"))
+    before = {each.name: each for each in story.runs[0].criteria}["reheat_time"]
+    assert growth.value == longer.value - before.value
+    assert growth.limit == pytest.approx(0.1 * before.value + 126.0 + 172.0)  # lag and dead time
+
+
+#: 73 % of the power hold 170 °C
+WINDING, WIDE = Fopdt(gain_degC_per_pct=2.15, time_constant_s=126.0, dead_time_s=172.0, ambient_degC=13.0), Scaling(high_degC=300.0)
+
 LOWER, UPPER = 58.0, 104.0
 
 

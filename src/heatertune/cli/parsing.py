@@ -13,6 +13,7 @@ __all__ = ["FULL", "CommandParser", "Named", "again"]
 
 #: what --json=full is to argparse, whose options with a value that may be missing would take the next word for it
 FULL: Final = "--json-full"
+_OF_SEVERAL: Final = ("--setpoint",)  # options with one number or two
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -40,7 +41,8 @@ def again(given: Sequence[str], options: Sequence[str]) -> tuple[str, ...]:
 
     Args:
         given: as it was typed, without the program's name.
-        options: flags, each followed by its value; of values NAME=VALUE only those of the name are replaced.
+        options: flags, each followed by its value, or values in one; of values NAME=VALUE only those of the name are
+            replaced.
     """
     if not options:
         return ()
@@ -48,7 +50,7 @@ def again(given: Sequence[str], options: Sequence[str]) -> tuple[str, ...]:
     for flag, value in zip(options[::2], options[1::2], strict=True):
         if flag == "--target":
             command = tuple(word for word in command if word != "--faithful")  # the target says which
-        command = (*_without(command, flag, value.partition("=")[0] if "=" in value else ""), flag, value)
+        command = (*_without(command, flag, value.partition("=")[0] if "=" in value else ""), flag, *value.split())
     return ("heatertune", *command)
 
 
@@ -62,7 +64,17 @@ def _without(given: Sequence[str], flag: str, name: str) -> tuple[str, ...]:
             kept.append(word)
         elif word == flag:
             rest.pop(0)
+            while flag in _OF_SEVERAL and rest and _is_number(rest[0]):
+                rest.pop(0)
     return tuple(kept)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 class Named:

@@ -89,7 +89,8 @@ def prove(
         limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
         reading_step_degC=fitted.reading_step_degC, heard=heard)
     coverage = Coverage(
-        known=asked.switches, open_points=not first_look, only=only, night=night, draws=not first_look,
+        known=asked.switches, open_points=not first_look, only=only, night=night,
+        draws=not first_look and night is None,  # as in a whole proof, whose nights have one draw
         progress=progress, supplies=supplies)
     return prove_models(
         controller_for(words.target), words, models[:1] if first_look else models, course.scenario,

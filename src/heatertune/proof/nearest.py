@@ -18,15 +18,16 @@ from heatertune.proof.document import LIMIT_OF
 from heatertune.proof.fitted import prove
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.presets import default_limit
-from heatertune.proof.proving import Proof, RunResult
+from heatertune.proof.proving import Proof
 from heatertune.proof.screen import Screen
 from heatertune.proof.spec_file import specified
 from heatertune.proof.specification import LIMITS, quantity
 from heatertune.settings import Conditions
 from heatertune.units import written
 
-__all__ = ["both_that_pass", "broken_names", "broken_told", "limits_that_pass", "loosened", "options_of",
-           "passing_settings", "physical_help", "settings_told", "suspects", "tolerance_that_passes", "within_reach"]
+__all__ = ["both_that_pass", "broken_names", "broken_told", "limits_above", "limits_that_pass", "loosened",
+           "options_of", "passing_settings", "physical_help", "settings_told", "suspects", "tolerance_that_passes",
+           "within_reach"]
 
 #: times the tolerance asked for
 _WIDER: Final = (1.5, 2.0, 3.0, 5.0)
@@ -70,25 +71,25 @@ def settings_told(proof: Proof, what: str) -> list[str]:
             f"--switch {name}={kept[0]}." for name, kept in passing_settings(proof).items()]
 
 
-def suspects(proof: Proof, wound: Sequence[RunResult] = ()) -> dict[str, str]:
+def suspects(proof: Proof, wound: Sequence[Mapping[str, str]] = ()) -> dict[str, str]:
     """Return the switches of which another setting than the default makes a broken criterion worst: that default.
 
     Where the defaults wind up: the first setting of a switch under which no run does.
 
     Args:
         proof: that fails, or winds up.
-        wound: of its runs those that wind up.
+        wound: settings of the runs that wind up.
     """
     runs = {run.label: run for run in proof.runs}
-    worst = [runs[each.where] for each in proof.criteria if not each.ok and each.where in runs]
+    worst = [runs[each.where].switches for each in proof.criteria if not each.ok and each.where in runs]
     worst += wound
     switches = controller_for(proof.words.target).switches
-    if any(all(run.switches[switch.name] == switch.default for switch in switches) for run in wound):
+    if any(all(settings[switch.name] == switch.default for switch in switches) for settings in wound):
         free = ((switch.name, run.switches[switch.name]) for switch in switches for run in proof.runs
-                if all(run.switches[switch.name] != other.switches[switch.name] for other in wound))
+                if all(run.switches[switch.name] != settings[switch.name] for settings in wound))
         return dict([first]) if (first := next(free, None)) else {}
     return {switch.name: switch.default for switch in switches
-            if any(run.switches[switch.name] != switch.default for run in worst)}
+            if any(settings[switch.name] != switch.default for settings in worst)}
 
 
 def _keeps_all(proof: Proof) -> bool:
@@ -167,10 +168,15 @@ def limits_that_pass(proof: Proof) -> dict[str, str]:
 
     Robustness is not to be moved, nor is there a limit for what never happens or is a fault.
     """
+    return limits_above(proof.criteria)
+
+
+def limits_above(criteria: Iterable[Criterion]) -> dict[str, str]:
+    """Return the limits of broken criteria, as `limits_that_pass`."""
     by_field = {measure.field: (name, unit) for name, kind in LIMITS.items() if name not in _OF_ROBUSTNESS
                 for unit, measure in kind.units.items() if measure.factor == 1.0 and unit != "T+L"}
     looser: dict[str, tuple[float, str]] = {}
-    for each in (each for each in proof.criteria if not each.ok):
+    for each in (each for each in criteria if not each.ok):
         field = "tolerance_degC" if each.name in _IN_BAND else LIMIT_OF.get(each.name, "")
         if field not in by_field or each.at_least or not math.isfinite(each.value):
             return {}

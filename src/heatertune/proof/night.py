@@ -33,7 +33,9 @@ from heatertune.proof.scenario import Disturbance, Mains, NewSetpoint, PlcPower,
 from heatertune.proof.verdict import Heard
 from heatertune.units import written
 
-__all__ = ["JUDGED", "OVERSHOOTS", "Night", "briefly", "heat_up", "nights_of", "winds_up", "wound"]
+__all__ = [
+    "JUDGED", "OF_RANGE", "OVERSHOOTS", "Night", "briefly", "heat_up", "nights_of", "unmended", "winds_up", "wound",
+]
 
 #: criteria of the way back from an open circuit, and after a start-up of the PLC
 _REHEATED: Final = ("reheat_overshoot", f"reheat_overshoot{IN_DEGC}")
@@ -44,6 +46,8 @@ _LONGER, _RISING, _BRIEF, _WARM, _PART = "winds-up", "stays-at-limit", "briefly-
 _LOW: Final = "low-outage"
 #: what is broken there is of a story's kind, and other gains may mend it
 _MENDED: Final = frozenset({_LOW, _BRIEF, _WARM, _PART})
+#: what the lower end of the range of use leads to
+OF_RANGE: Final = frozenset({_LOW, _PART})
 #: name of what is found → criteria that tell which run is the hardest
 OVERSHOOTS: Final = {
     _LONGER: _REHEATED, _RISING: _REHEATED, _LOW: _REHEATED, _BRIEF: _REHEATED, _WARM: _RESTARTED, _PART: _CHANGED}
@@ -76,6 +80,11 @@ class Night(NamedTuple):
     most: float = 1.0
     heater_s: float = 0.0
 
+    @property
+    def compares(self) -> bool:
+        """Whether the time to return is held against that after the story's open circuits."""
+        return self.name == _LONGER
+
     def compared(self, criteria: Sequence[Criterion], before: Iterable[Criterion]) -> tuple[Criterion, ...]:
         """Return the criteria of a run, with how much longer it takes to return than after the story's open circuits.
 
@@ -85,7 +94,7 @@ class Night(NamedTuple):
         """
         now = {each.name: each for each in criteria}.get(_RETURN)
         then = {each.name: each for each in before}.get(_RETURN)
-        if self.name != _LONGER or now is None or then is None:
+        if not self.compares or now is None or then is None or math.isinf(then.value):
             return tuple(criteria)
         growth = Criterion(
             name=_GROWTH, value=now.value - then.value, limit=_COLDER * then.value + self.heater_s, unit="s",
@@ -158,8 +167,9 @@ def _opened(
     low = next((event.setpoint_degC for event in scenario.disturbances if isinstance(event, NewSetpoint)), None)
     if low is not None and scenario.rests_s:
         yield _rising(scenario, number, low, models)
+    lengths_s = {*opened.values(), *(each for each in low_brief_s if each < opened[number])}
     if low is not None and brief_s and scenario.rests_s:
-        yield _at_lower_setpoint(scenario, number, low, sorted({*opened.values(), *low_brief_s}))
+        yield _at_lower_setpoint(scenario, number, low, sorted(lengths_s))
     if brief_s and scenario.rests_s:
         told = f"After {_minutes(brief_s)} with an open circuit"
         yield Night(_BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
@@ -208,7 +218,7 @@ def _rising(scenario: Scenario, number: int, low_degC: float, models: Sequence[H
 
 
 def _at_lower_setpoint(scenario: Scenario, number: int, low_degC: float, lengths_s: Sequence[float]) -> Night:
-    """Construct the open circuits of the test sequence again, each at the lower setpoint, and shorter ones.
+    """Construct the open circuits of the test sequence again, and those of other lengths, each at the lower setpoint.
 
     The controller sums up until it asks for full power. The less power the setpoint takes, the more of that sum has to
     be given back, and the less P takes away on the way: the overshoot is larger than at the highest setpoint.
@@ -270,6 +280,12 @@ def wound(heard: Heard) -> set[str]:
 def winds_up(heard: Heard) -> bool:
     """Return whether any was found, and the user has not accepted it."""
     return bool(wound(heard))
+
+
+def unmended(heard: Heard) -> set[str]:
+    """Return which were found that no other gains mend; where there is none such, all that were found."""
+    found = wound(heard)
+    return found - _MENDED or found
 
 
 def briefly(heard: Heard) -> frozenset[str]:

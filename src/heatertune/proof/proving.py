@@ -31,7 +31,7 @@ from heatertune.proof.measured import band_of
 from heatertune.proof.night import JUDGED, OVERSHOOTS, Night, heat_up, nights_of
 from heatertune.proof.noise import drawn, nearest
 from heatertune.proof.runs import AllRuns, Runs
-from heatertune.proof.scenario import Scenario
+from heatertune.proof.scenario import NewSetpoint, Scenario
 from heatertune.proof.specification import Specification
 from heatertune.proof.trace import Trace
 from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, combined
@@ -271,12 +271,17 @@ def _all_runs(
     ):
         if coverage.supplies and not coverage.runs_any(mains_power):
             continue
-        if coverage.night is not None:
-            nights = _nights(controller, words, story, heaters)
-            story = next((night.scenario for night in nights if night.name == coverage.night),  # noqa: PLW2901
-                         heat_up(story))  # other words may have had it
-        parts.append(Runs.of(controller, words, heaters, story, actuator, limits, coverage, interlock=interlock,
-                             mains_power=mains_power))
+        of = partial(Runs.of, controller, words, heaters, actuator=actuator, limits=limits, coverage=coverage,
+                     interlock=interlock, mains_power=mains_power)
+        if coverage.night is None:
+            parts.append(of(scenario=story))
+            continue
+        nights = (night for night in _nights(controller, words, story, heaters) if night.name == coverage.night)
+        if (night := next(nights, None)) is None:  # other words may have had it
+            parts.append(of(scenario=heat_up(story)))
+        else:
+            reference = (night, of(scenario=story)) if night.compares else None
+            parts.append(replace(of(scenario=night.scenario), reference=reference))
     return AllRuns.of(parts)
 
 

@@ -26,7 +26,9 @@ from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop, noi
 from heatertune.proof.mains import RATED_ONLY, limits_off_rated, mains_label
 from heatertune.proof.measured import Measured, columns_of, joined, ordered
 from heatertune.proof.metered import metered
+from heatertune.proof.night import Night
 from heatertune.proof.scenario import Scenario, conditions, delayed
+from heatertune.proof.search_budget import count_scans
 from heatertune.proof.trace import Trace
 
 __all__ = ["AllRuns", "Runs", "judged_once"]
@@ -75,6 +77,8 @@ class Runs:
         mains_power: full power as a share of the rated one; None: the rated power.
         models: (label, heater) of all, without the controller's delay.
         done: how many runs of the proof come before these, and how many there are in all; None: these are all.
+        reference: what these are runs of, and the same runs in the test sequence, whose time to return theirs is held
+            against; None: these are held against their limits alone.
     """
 
     controller: Controller
@@ -89,6 +93,7 @@ class Runs:
     mains_power: float | None = None
     done: tuple[int, int] | None = None
     models: Sequence[tuple[str, HeaterModel]] = ()
+    reference: tuple[Night, Runs] | None = None
 
     @classmethod
     def of(  # noqa: PLR0913 - what a run is made of
@@ -162,9 +167,16 @@ class Runs:
 
     def judged(self) -> list[_Judged]:
         """Return the criteria of each run."""
+        judged = self._judged()
+        if self.reference is None:
+            return judged
+        night, before = self.reference
+        return [night.compared(*pair) for pair in zip(judged, before.judged(), strict=True)]
+
+    def _judged(self) -> list[_Judged]:
         if self.interlock is None:
             return self._metered(range(len(self.cases)), tell=self._tell)
-        judged = []
+        judged = list[_Judged]()
         for run in range(len(self.cases)):
             judged += self.judged_with([self.scenario.seed], run)
             self._tell(len(judged))
@@ -184,6 +196,7 @@ class Runs:
         """Return the criteria of one run with noise of other seeds."""
         if self.interlock is None:
             return self._metered([run] * len(seeds), seeds)
+        count_scans(len(seeds) * self.scans)
         # what it sees is the temperature at any instant, which only a trace tells
         return [self.judge(self.traced(run, seed, direct=True), run) for seed in seeds]
 
@@ -195,6 +208,7 @@ class Runs:
         self, runs: Sequence[int], seeds: Sequence[int] = (), tell: Callable[[int], object] = int,
     ) -> list[_Judged]:
         """Return the criteria of some runs, those of a search from where they are kept; arguments as `_measured`."""
+        count_scans(len(runs) * self.scans)
         kept = _judged.get()
         if kept is None:
             return self._measured(runs, seeds, tell)

@@ -115,9 +115,9 @@ class Screen:
             last = max(last, *(each.value for run in runs for each in run.criteria if each.name == "settling_time"))
         return None if self.wound(words, conditions) else last
 
-    def wound(self, words: Words, conditions: Conditions) -> list[RunResult]:
-        """Return the nights after which words break a limit; errors as `look`."""
-        return [run for of, run in self._nights(words, conditions) if self._broken(run, of)]
+    def wound(self, words: Words, conditions: Conditions) -> list[Criterion]:
+        """Return the criteria that words break in the nights; errors as `look`."""
+        return [each for of, run in self._nights(words, conditions) for each in self._broken(run, of)]
 
     def _nights(self, words: Words, conditions: Conditions) -> Iterator[tuple[frozenset[str], RunResult]]:
         """Yield the runs of the nights, each with the names of the criteria that count in it."""

@@ -14,6 +14,7 @@ from typing import Any, Final
 from heatertune.model.findings import KINDS, remedy_of
 from heatertune.plc.targets import REPAIRED
 from heatertune.plc.typed import TypedWord
+from heatertune.proof.night import JUDGED
 from heatertune.proof.period import life
 from heatertune.proof.verdict import (
     BREAKS_NONE,
@@ -73,7 +74,7 @@ def design_brief(documents: Mapping[str, Document], out: str, nearest: Sequence[
     Args:
         documents: of all stages.
         out: the folder they are in.
-        nearest: of a design that fails, the command whose verdict is PASS; none: it is not known.
+        nearest: of a design that fails or winds up, the command whose verdict is PASS; none: it is not known.
         hint: what else could be done, a line; empty: nothing.
     """
     model, pid, words, proof = (documents[name] for name in ("model", "pid", "words", "proof"))
@@ -199,8 +200,8 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
         others = ", ".join(finding["name"] for finding in more)
         lines += wrapped(closing_text(first, proof), "  not proven: ", _SAID)
         lines += wrapped(f"{others} (--verbose)", "  nor proven: ", 1) if others else []
-    if verdict == "FAIL" and nearest:
-        unproven = blocking(proof) or any(BREAKS_NONE in remark for remark in proof["remarks"])
+    if verdict != "PASS" and nearest:
+        unproven = set(open_) - set(JUDGED) or any(BREAKS_NONE in remark for remark in proof["remarks"])
         lines += ["no limit is broken by:" if unproven else "nearest that passes:", *command(nearest)]
     return lines
 

@@ -21,7 +21,7 @@ from heatertune.proof.proving import Proof
 from heatertune.proof.setpoint_ramp import OVERSHOOTS, REHEATS
 from heatertune.settings import TuneSettings
 
-__all__ = ["COARSE", "OF_WINDUP", "Frame", "Pwm", "calmest_pwm", "frames", "unwinds"]
+__all__ = ["COARSE", "OF_WINDUP", "Frame", "Pwm", "calmest_pwm", "frames", "output_limits", "unwinds"]
 
 #: PWM periods that a solid-state relay takes well and a contactor does not [s]
 _FAST_S: Final = 2.5
@@ -235,6 +235,16 @@ def calmest_pwm(proof: Proof, models: Sequence[HeaterModel]) -> Pwm | None:
     own = controller_for(proof.words.target).timing(proof.words).pwm_period_s is not None
     switch = _Switch(proof=proof, models=tuple(models), own=own)
     return None if own else switch.calmest
+
+
+def output_limits(proof: Proof, models: Sequence[HeaterModel]) -> list[Frame]:
+    """Return limits of the output, the highest first, none where the controller has none.
+
+    Args:
+        proof: of words without one.
+        models: the possible heaters.
+    """
+    return list(_Switch(proof=proof, models=tuple(models), own=False).limited())
 
 
 def _designs(proof: Proof, tuned: TuneSettings) -> Iterator[Frame]:

@@ -15,15 +15,16 @@ from heatertune.progress import Told
 from heatertune.proof import Proof, price
 from heatertune.proof.asked import Asked, Closed, Made, plainly
 from heatertune.proof.closing.boosts import boosts
-from heatertune.proof.closing.frames import OF_WINDUP, Frame, frames, unwinds
+from heatertune.proof.closing.frames import OF_WINDUP, Frame, frames, output_limits, unwinds
 from heatertune.proof.closing.gains import Place
-from heatertune.proof.closing.way_on import WayOn
+from heatertune.proof.closing.way_on import WayOn, passing_told
 from heatertune.proof.closing.within import Within
 from heatertune.proof.exported import as_exported
 from heatertune.proof.nearest import broken_names, settings_told
 from heatertune.proof.night import briefly, winds_up
 from heatertune.proof.runs import judged_once
 from heatertune.proof.screen import Look, Screen
+from heatertune.proof.search_budget import SearchBudget
 
 __all__ = ["Search", "closed", "closed_on_runs"]
 
@@ -50,8 +51,8 @@ def closed(fitted: FittedModel, asked: Asked, *, progress: Told = str, stage: To
 
 @judged_once()
 def closed_on_runs(
-    fitted: FittedModel, asked: Asked, *, ways_on: bool = True, freeing: bool = True, progress: Told = str,
-    stage: Told = str,
+    fitted: FittedModel, asked: Asked, *, ways_on: bool = True, freeing: bool = True, verdict_only: bool = False,
+    progress: Told = str, stage: Told = str,
 ) -> Closed:
     """Return what `closed` does before the exported text is run: for who does so a little later, with `as_exported`.
 
@@ -60,6 +61,7 @@ def closed_on_runs(
         asked: likewise.
         ways_on: whether what else would pass is looked for, too.
         freeing: whether that may leave open what is fixed of the design; not where the search itself has fixed it.
+        verdict_only: whether only the verdict counts: of what winds up nothing else that would pass is looked for.
         progress: likewise.
         stage: likewise.
     """
@@ -67,11 +69,14 @@ def closed_on_runs(
     first = plainly(fitted, still, text=False, progress=progress, stage=stage)
     if asked.as_is or (first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.heard))):
         return first
-    search = Search(fitted=fitted, asked=asked, first=first, progress=progress, freeing=freeing)
+    search = Search(
+        fitted=fitted, asked=asked, first=first, progress=progress, freeing=freeing, verdict_only=verdict_only)
     mended = search.cheapest() if first.proof.design else search.sooner(ways_on=ways_on)
     if not ways_on:
         return mended or first
-    return search.way_on.told() if mended is None else replace(mended, notes=(*mended.notes, *search.hints(mended)))
+    if mended is None:
+        return search.way_on.told(search.budget.message if search.budget.spent else "")
+    return replace(mended, notes=(*mended.notes, *search.hints(mended)))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -85,8 +90,11 @@ class Search:
         least: it, in the runs that are known to be failed by now.
         calmer: the first frame that helped.
         way_on: what else would pass.
-        brief: what would pass but for a short open circuit.
+        dear: what keeps every limit, in the order in which it was found.
+        wound: likewise, but for what else an open circuit leads to; with the change of each.
+        budget: of the search for changes.
         freeing: as of `closed_on_runs`.
+        verdict_only: likewise.
     """
 
     fitted: FittedModel
@@ -94,21 +102,24 @@ class Search:
     first: Closed
     progress: Told
     freeing: bool = True
+    verdict_only: bool = False
     screen: Screen = field(init=False)
     best: Within | None = None
     place: Place | None = None
     least: float = field(init=False)
     calmer: Frame = field(default_factory=Frame)
     way_on: WayOn = field(init=False)
-    brief: list[Closed] = field(default_factory=list)
+    dear: list[Closed] = field(default_factory=list)
+    wound: list[tuple[Frame, Closed]] = field(default_factory=list)
+    budget: SearchBudget = field(default_factory=SearchBudget)
 
     def __post_init__(self) -> None:
         self.way_on = WayOn(
             fitted=self.fitted, asked=self.asked, first=self.first, progress=self.progress,
-            close=partial(closed_on_runs, ways_on=False), freeing=self.freeing)
+            close=partial(closed_on_runs, ways_on=False, verdict_only=True), freeing=self.freeing)
         self.screen = Screen(fitted=self.fitted)
         self.failed(self.first.proof)
-        self.brief += [self.first] if briefly(self.first.proof.heard) else []
+        self.wound += [(Frame(), self.first)] if winds_up(self.first.proof.heard) else []
 
     def failed(self, proof: Proof) -> None:
         """Watch the runs that a proof fails, too; what was best so far is held against them."""
@@ -121,25 +132,41 @@ class Search:
     def cheapest(self) -> Closed | None:
         """Return the first that passes and is not dear, else the least dear; None where nothing passes.
 
-        What helps without passing stays for what follows.
+        What helps without passing stays for what follows. A search that is not done within its budget ends with the
+        best so far, and says so.
         """
-        more, dear, wound = partial(price.more_iae, self.first), list[Closed](), list[Closed]()
-        summing = winds_up(self.first.proof.heard) and not self.brief
-        for mended in (self.first,) if summing else self._mended():
-            if winds_up(mended.proof.heard):
-                wound.append(mended)
-            else:
-                dear.append(mended)
+        more = partial(price.more_iae, self.first)
+        with self.budget:
+            for mended in () if self._sums_up else self._mended():
+                self.dear.append(mended)
                 if more(mended) <= _DEAR:
                     return mended
-        wound += self.brief
-        if wound and not dear:
-            return self.unwound(wound) or self.way_on.unwound(min(wound, key=more))
-        best = min(dear, key=more, default=None)
-        return dear[0] if best and more(best) > _CHEAPER * more(dear[0]) else best
+            wound = tuple(self.wound)
+            if wound and not self.dear and (found := self.unwound(wound) or self.calmed(wound)) is not None:
+                return found
+        if self.dear:
+            best = min(self.dear, key=more)
+            return self._ended(self.dear[0] if more(best) > _CHEAPER * more(self.dear[0]) else best)
+        wound_up = sorted((each for _, each in self.wound), key=more)
+        if not wound_up:
+            return None
+        return self._ended(wound_up[0] if self.verdict_only else self.way_on.unwound(wound_up))
+
+    @property
+    def _sums_up(self) -> bool:
+        """Whether what was asked for winds up in a way that no other gains mend."""
+        return winds_up(self.first.proof.heard) and not briefly(self.first.proof.heard)
+
+    def _ended(self, found: Closed) -> Closed:
+        """Return a design that says that the search ended early, where it did."""
+        if not self.budget.spent:
+            return found
+        told, heard = f"{self.budget.message}; this is the best so far", found.proof.heard
+        return replace(found, notes=(*found.notes, f"{told[0].upper()}{told[1:]}."),
+                       proof=replace(found.proof, heard=replace(heard, remarks=(*heard.remarks, told))))
 
     def _mended(self) -> Iterator[Closed]:
-        """Yield what is not FAIL of each frame."""
+        """Yield what keeps every limit of each frame, and does not wind up."""
         asked, words = self.asked, self.first.proof.words
         for frame in frames(
             self.first.proof, self.fitted.plants, asked.tuned, ramp_open=asked.setpoint_ramp is None,
@@ -149,7 +176,7 @@ class Search:
             least_interval_s=min(self.fitted.log_interval_s, words.sample_time_s),
         ):
             mended = next(filter(None, map(self._changed, self._wholes(frame))), None)
-            if mended is not None:
+            if mended is not None and not winds_up(mended.proof.heard):
                 yield mended
 
     @property
@@ -157,7 +184,7 @@ class Search:
         """Whether there may be a boost."""
         return self.asked.boost == "auto" and self.asked.setpoint_ramp in (None, "none")
 
-    def unwound(self, wound: Sequence[Closed]) -> Closed | None:
+    def unwound(self, wound: Sequence[tuple[Frame, Closed]]) -> Closed | None:
         """Return a boost, with other gains, that passes where all else winds up, as `wound` does; None: none does.
 
         It takes the heater back before much is wound up; a slower I part has less to wind up until then.
@@ -165,20 +192,41 @@ class Search:
         if not (self._boost_open and self.by_optimum and controller_for(self.asked.target).boosted):
             return None
         self.progress("what passes winds up in a long open circuit: trying a boost with other gains")
-        self.screen = self.screen.with_nights(each.proof for each in wound)
+        self.screen = self.screen.with_nights(each.proof for _, each in wound)
         helped = Frame() if self.best is None else self.best.frame
         for before in dict.fromkeys((Frame(), replace(helped, ramped=False))):
-            if (found := self._boosted(before.with_(Frame(boosted=True)))) is not None:
+            if (found := self._unwinding(before.with_(Frame(boosted=True)))) is not None:
                 return found
         return None
 
-    def _boosted(self, frame: Frame) -> Closed | None:
-        """Return the cheapest gains that pass with a boost and do not wind up; None where none do."""
+    def calmed(self, wound: Sequence[tuple[Frame, Closed]]) -> Closed | None:
+        """Return a lower output, else other gains, that pass where all else winds up, as `wound` does; None: none do.
+
+        What failed at first need not be a windup: then no limit of the output has been tried.
+        """
+        if not self.by_optimum:
+            return None
+        self.screen = self.screen.with_nights(each.proof for _, each in wound)
+        limits = output_limits(self.first.proof, self.fitted.plants)
+        found_in = [frame for frame, _ in wound if frame.power_most_pct is None]
+        unled = dict.fromkeys((Frame(), *(replace(frame, ramped=False, boosted=False) for frame in found_in)))
+        led = dict.fromkeys(frame for frame in found_in if frame not in unled)
+        for whole in (*(before.with_(limit) for limit in limits for before in (*unled, *led)), *unled):
+            self.progress(f"what passes winds up: trying {self.told(whole) or 'other gains'}")
+            if (found := self._unwinding(whole)) is not None:
+                return found
+        return None
+
+    def _unwinding(self, frame: Frame) -> Closed | None:
+        """Return the cheapest gains that pass within a frame and do not wind up; None where none do."""
         try:
             inside = Within(search=self, frame=frame)
         except HeatertuneError:
             return None
-        for place in (inside.family.place, *inside.family.places()):
+        places = inside.beside_a_ramp() if frame.ramped else iter((inside.family.place, *inside.family.places()))
+        for place in places:
+            if not (frame.boosted or frame.ramped or inside.keeps(place)):
+                continue
             try:
                 mended = self.tried(frame, inside.made(place))
             except HeatertuneError:
@@ -225,8 +273,19 @@ class Search:
             return
         hanging = settings_told(self.first.proof, "the optimum")
         yield from hanging
-        if not hanging and price.more_iae(self.first, mended) > _DEAR and (told := self.way_on.by_settings()[0]):
+        if not hanging and price.more_iae(self.first, mended) > _DEAR and (told := self._cheaper_setting(mended)):
             yield f"It {told}."
+
+    def _cheaper_setting(self, mended: Closed) -> str:
+        """Return what is told of a setting of an open point with which a cheaper design passes; "" where none does."""
+        more = partial(price.more_iae, self.first)
+        wound = min((found for _, found in self.wound), key=more, default=None)
+        with SearchBudget():
+            for found in filter(None, (self.first, wound)):
+                known = self.way_on.with_settings(found)
+                if known is not None and more(known[0]) <= _CHEAPER * more(mended):
+                    return passing_told(*known)
+        return ""
 
     def within(self, frame: Frame) -> Closed | None:
         """Return the cheapest gains that pass within a frame; None where none do."""
@@ -288,8 +347,9 @@ class Search:
         refined = self.asked.refined and by is self.first.choice
         recipe = replace(tried.recipe, power_most_pct=frame.power_most_pct, refined=refined)
         mended = replace(tried, proof=proof, recipe=recipe, notes=(price.told(self.first, tried, what), *tried.notes))
+        if winds_up(heard):
+            self.wound.append((frame, mended))
         if not briefly(heard):
             return mended
         self.failed(tried.proof)
-        self.brief.append(mended)
         return None

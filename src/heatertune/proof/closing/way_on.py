@@ -11,6 +11,7 @@ from typing import Final
 
 from heatertune.errors import HeatertuneError, NotRepresentable
 from heatertune.model.findings import KINDS
+from heatertune.model.mirrored import cools
 from heatertune.model.values import FittedModel
 from heatertune.plc import controller_for
 from heatertune.plc.targets import REPAIRED
@@ -23,6 +24,7 @@ from heatertune.proof.nearest import (
     both_that_pass,
     broken_names,
     broken_told,
+    limits_above,
     limits_that_pass,
     loosened,
     options_of,
@@ -32,16 +34,20 @@ from heatertune.proof.nearest import (
     tolerance_that_passes,
     within_reach,
 )
-from heatertune.proof.night import winds_up, wound
-from heatertune.proof.proving import Proof, RunResult
+from heatertune.proof.night import OF_RANGE, briefly, unmended, winds_up, wound
+from heatertune.proof.proving import Proof
+from heatertune.proof.scenario import NewSetpoint
 from heatertune.proof.screen import Screen
+from heatertune.proof.search_budget import SearchBudget
 from heatertune.proof.verdict import BREAKS_NONE
 from heatertune.settings import TuneSettings
 
-__all__ = ["WayOn", "freed", "known_as", "passes_told"]
+__all__ = ["WayOn", "freed", "known_as", "passes_told", "passing_told"]
 
 #: shares of the rise above ambient of lower setpoints that may be suggested
 _LOWER: Final = (0.95, 0.9, 0.8)
+#: of the range of use, down from its upper end, of smaller ones that may be suggested
+_OF_RANGE: Final = (0.5, 0.25)
 _HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
 
 
@@ -87,6 +93,11 @@ def passes_told(options: Sequence[str], changes: str = "") -> str:
     return f"would pass with {' '.join(options)}{changes}: find out what this controller does"
 
 
+def passing_told(other: Closed, options: Sequence[str]) -> str:
+    """Return what is told of a design that passes with options of known settings."""
+    return passes_told(options, f", {other.proof.heard.remarks[-1]}" if other.notes else "")
+
+
 @dataclass(slots=True, kw_only=True)
 class WayOn:
     """What else could be asked for: first another design, then a setting to find out or a condition, a limit last.
@@ -118,29 +129,50 @@ class WayOn:
         if not isinstance(problem, NotRepresentable):
             self.untried[f"Not tried: {changes or 'other gains'} ({problem})."] = None
 
-    def told(self) -> Closed:
-        """Return the design as asked for; its proof says which other question would be answered with PASS."""
+    def told(self, ended: str = "") -> Closed:
+        """Return the design as asked for; its proof says which other question would be answered with PASS.
+
+        Args:
+            ended: that the search for changes ended early; empty: it did not.
+        """
         first, proof = self.first, self.first.proof
         share, coarse = self._coarse()
         why = coarse if share >= COARSE else None
-        repaired = self._by_repair()
-        told, options = ("", repaired) if repaired else self.by_settings()
-        if not told:
+        told, options = "", tuple[str, ...]()
+        with SearchBudget() as budget:
+            options = self._by_repair()
+            if not options:
+                told, options = self.by_settings()
             options = (options or self._by_design() or self._by_more_scans() or self._by_setpoint()
                        or self._by_tolerance() or self._by_limits() or self._by_both())
+        if not told:
             would = f"would pass at {' '.join(options)}" if options else self._hopeless
             if not options and self.unproven:
                 options = self.unproven
                 would = f"{BREAKS_NONE} {' '.join(options)}"
-            told = "; ".join(filter(None, (why, would)))
+            told = "; ".join(filter(None, (why, would, ended or (budget.message if budget.spent else ""))))
         heard = replace(proof.heard, remarks=(*proof.heard.remarks, told))
         note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
         return replace(first, proof=replace(proof, heard=heard), notes=(*first.notes, note, *self.untried),
                        passes_with=options, recipe=replace(first.recipe, way_on=told))
 
-    def unwound(self, found: Closed) -> Closed:
-        """Return a design that winds up; its proof says with which setting of an open point one passes."""
-        told, options = self.by_settings(found)
+    def unwound(self, wound_up: Sequence[Closed]) -> Closed:
+        """Return the first of several designs that wind up; its proof says what passes.
+
+        That is a setting of an open point, a smaller range of use or a larger limit, in this order. What another one of
+        the designs would need counts, too.
+        """
+        found, *_ = wound_up
+        different = {repr(each.proof.words): each for each in wound_up}.values()
+        told, options = "", tuple[str, ...]()
+        with SearchBudget() as budget:
+            told, options = self.by_settings(found)
+            for way in (self._by_range, self._by_overshoot):
+                options = options or next(filter(None, map(way, different)), ())
+        told = told or (f"would pass at {' '.join(options)}" if options else "")
+        if budget.spent and not told:
+            heard = replace(found.proof.heard, remarks=(*found.proof.heard.remarks, budget.message))
+            return replace(found, proof=replace(found.proof, heard=heard))
         if not told:
             return found
         heard = replace(found.proof.heard, remarks=(*found.proof.heard.remarks, told))
@@ -179,24 +211,66 @@ class WayOn:
         Args:
             found: the design that fails or winds up; None: the plain one.
         """
-        found = found or self.first
+        if (known := self.with_settings(found or self.first)) is None:
+            return "", ()
+        return passing_told(*known), known[1]
+
+    def with_settings(self, found: Closed) -> tuple[Closed, tuple[str, ...]] | None:
+        """Return the design that passes where one setting of an open point is known, and its options; None: none does.
+
+        Args:
+            found: the design that fails or winds up.
+        """
         proof = found.proof
         settings = {name: kept[0] for name, kept in passing_settings(proof).items()}
         settings = dict(list(settings.items())[:1]) or (
-            suspects(proof, self._wound(found)) if self._coarse()[0] < _HOPELESS else {})
+            suspects(proof, _settings_that_wind_up(proof)) if self._coarse()[0] < _HOPELESS else {})
         if not settings:
-            return "", ()
+            return None
         asked, options = known_as(self.asked, settings)
         self.progress(f"{price.broken(self.first)} fails: trying {' '.join(options)}")
         other = self.close(self.fitted, asked, progress=self.progress)
-        if other.proof.verdict == "FAIL" or winds_up(other.proof.heard):
-            return "", ()
-        changes = f", {other.proof.heard.remarks[-1]}" if other.notes else ""
-        return passes_told(options, changes), options
+        return None if other.proof.verdict == "FAIL" or winds_up(other.proof.heard) else (other, options)
 
-    def _wound(self, found: Closed) -> list[RunResult]:
-        """Return the runs of a design that wind up in a longer open circuit."""
-        return Screen(fitted=self.fitted).with_nights([found.proof]).wound(found.proof.words, found.conditions)
+    def _by_range(self, found: Closed) -> tuple[str, ...]:
+        """Return the option of a smaller range of use, where its lower end is all that a design fails at; else none."""
+        proof, asked = found.proof, self.asked
+        if not wound(proof.heard) <= OF_RANGE or asked.conditions.profile is not None or cools(self.fitted):
+            return ()
+        high, screen = proof.scenario.setpoint_degC, Screen(fitted=self.fitted).with_nights([proof])
+        lowest = min(event.setpoint_degC for event in proof.scenario.disturbances if isinstance(event, NewSetpoint))
+        for share in _OF_RANGE:
+            ends = float(f"{high - share * (high - lowest):.4g}"), float(f"{high:.4g}")
+            if ends[0] >= ends[1] or screen.wound(proof.words, replace(found.conditions, setpoint_degC=ends)):
+                continue
+            option = "--setpoint", f"{ends[0]:g} {ends[1]:g}"
+            self.progress(f"it winds up: trying {' '.join(option)}")
+            smaller = replace(asked, conditions=replace(asked.conditions, setpoint_degC=ends))
+            try:
+                other = self.close(self.fitted, smaller, progress=self.progress)
+            except HeatertuneError:  # the range is too small for a story
+                continue
+            if other.proof.verdict != "FAIL" and not winds_up(other.proof.heard):
+                return option
+        return ()
+
+    def _by_overshoot(self, found: Closed) -> tuple[str, ...]:
+        """Return the options that allow what a design overshoots by in other lengths of the story's parts.
+
+        None where more than that was found, and where no design passes with them.
+        """
+        proof = found.proof
+        if not briefly(proof.heard):
+            return ()
+        over = Screen(fitted=self.fitted).with_nights([proof]).wound(proof.words, found.conditions)
+        looser = limits_above(over)
+        if not looser or not within_reach(looser, proof, self.fitted, found.conditions):
+            return ()
+        asked = replace(self.asked, conditions=loosened(self.asked.conditions, looser))
+        options = options_of(looser)
+        self.progress(f"it winds up: trying {' '.join(options)}")
+        other = self.close(self.fitted, asked, progress=self.progress)
+        return () if other.proof.verdict == "FAIL" or winds_up(other.proof.heard) else options
 
     def _coarse(self) -> tuple[float, str]:
         """Return how much of the band the calmest PWM of whole half-waves takes, and what is told of it."""
@@ -281,3 +355,8 @@ class WayOn:
         proof = self.first.proof
         wider = tolerance_that_passes(proof.words, self.fitted, proof, self.first.conditions, self._passes)
         return () if wider is None else ("--tolerance", f"{wider:g}")
+
+
+def _settings_that_wind_up(proof: Proof) -> list[Mapping[str, str]]:
+    """Return the settings of the runs with what no other gains mend, of all that wind up where they mend it all."""
+    return [settings for name in sorted(unmended(proof.heard)) for _, settings, _ in proof.nights.get(name, ())]
