@@ -31,7 +31,7 @@ from heatertune.proof.measured import band_of
 from heatertune.proof.night import JUDGED, OVERSHOOTS, Night, heat_up, nights_of
 from heatertune.proof.noise import drawn, nearest
 from heatertune.proof.runs import AllRuns, Runs
-from heatertune.proof.scenario import NewSetpoint, Scenario
+from heatertune.proof.scenario import Scenario
 from heatertune.proof.specification import Specification
 from heatertune.proof.trace import Trace
 from heatertune.proof.verdict import NOT_PROVEN, Heard, blocking, combined
