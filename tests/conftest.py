@@ -213,11 +213,11 @@ def table4():
     return load_csv(TABLES / "table4.csv", "table4")
 
 
-def heater_log(gain, seed):
-    """T' = (20 + gain·u(t − 10) − T)/120 from 20 °C, worked out second by second, read every 5 s, noise 0.05 °C."""
+def heater_log(gain, seed, interval_s=5):
+    """T' = (20 + gain·u(t − 10) − T)/120 from 20 °C, worked out second by second, read every `interval_s`, noise 0.05 °C."""
     chance, temperature, rows = random.Random(seed), 20.0, ["time [s];T [°C];power [%]"]
     for t in range(1200):
-        if t % 5 == 0:
+        if t % interval_s == 0:
             rows.append(f"{t};{temperature + chance.gauss(0.0, 0.05):.2f};{60 if t >= 60 else 0}")
         temperature += (20.0 + gain * (60 if t - 10 >= 60 else 0) - temperature) / 120.0
     return "\n".join(rows) + "\n"
