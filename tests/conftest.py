@@ -45,10 +45,6 @@ def tried(dev, ci):
     return ci if settings().max_examples == _IN_CI else dev
 
 
-#: what is known to fail and not yet decided: an open debt, told by each run
-UNSETTLED = frozenset(line for line in (ROOT / "tests" / "unsettled.txt").read_text(encoding="utf-8").splitlines()
-                      if line.startswith("tests/"))
-
 #: what keeps a test out of the fast ones
 SLOW = ("long", "law", "brute", "doc")
 
@@ -82,8 +78,6 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if not any(item.get_closest_marker(mark) for mark in SLOW):
             item.add_marker("fast")
-        if item.nodeid.split("[")[0] in UNSETTLED:
-            item.add_marker(pytest.mark.xfail(reason="not settled after issue 40, see tests/unsettled.txt"))
     result = yield
     items.sort(key=lambda item: -max((mark.kwargs.get("seconds", 0) for mark in item.iter_markers("long")), default=0))
     return result
@@ -213,11 +207,11 @@ def table4():
     return load_csv(TABLES / "table4.csv", "table4")
 
 
-def heater_log(gain, seed):
-    """T' = (20 + gain·u(t − 10) − T)/120 from 20 °C, worked out second by second, read every 5 s, noise 0.05 °C."""
+def heater_log(gain, seed, interval_s=5):
+    """T' = (20 + gain·u(t − 10) − T)/120 from 20 °C, worked out second by second, read every `interval_s`, noise 0.05 °C."""
     chance, temperature, rows = random.Random(seed), 20.0, ["time [s];T [°C];power [%]"]
     for t in range(1200):
-        if t % 5 == 0:
+        if t % interval_s == 0:
             rows.append(f"{t};{temperature + chance.gauss(0.0, 0.05):.2f};{60 if t >= 60 else 0}")
         temperature += (20.0 + gain * (60 if t - 10 >= 60 else 0) - temperature) / 120.0
     return "\n".join(rows) + "\n"

@@ -2,6 +2,10 @@
 
     python tests/bench/danger.py --count 25 --workers 2
     python tests/bench/danger.py --kinds boiling --seed 7 --targets weg --keep logs/
+    python tests/bench/danger.py --count 5 --each 2 --longest 60 --lines found.jsonl
+
+The last takes two of the controllers for each log, all in turn, gives a design 60 s of processor time, and writes each
+outcome as soon as it is there.
 
 A PASS whose loop is unstable on the true heater, or has Ms > 2.5 there, is a dangerous one: exit status 1. The truth is
 judged by truth.py, which shares nothing with heatertune; heaters and logs are those of heaters.py. Of the logs inside the
@@ -12,12 +16,14 @@ import argparse
 import json
 import os
 import re
+import signal
 import statistics
 import sys
 import tempfile
 import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -44,7 +50,7 @@ class Ending:
     """How one heater ended on one target.
 
     Attributes:
-        end: "refused", "no design", "no words", "no proof", "crashed", or the verdict.
+        end: "refused", "no design", "no words", "no proof", "crashed", "late", or the verdict.
         why: of what is no PASS.
         setpoint: of the proof [°C].
         words: what the controller holds, with its interval [s] and the sensor's range [°C].
@@ -186,9 +192,38 @@ def _swings(case, law, setpoint):
     return truth.swings(heaters.Rig(heater, heater.ambient), law, setpoint, max(seconds, 200.0 * law.interval))
 
 
+class _Late(BaseException):
+    """A design took too long; no Exception, which a stage might take for a fault of the program."""
+
+
+@contextmanager
+def at_most(seconds):
+    """Raise `_Late` where what is done takes more processor time [s]; None: however long it takes."""
+    def late(*_):
+        raise _Late
+
+    before = signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, seconds or 0.0)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def in_time(case, fitted, target, structure, plain, longest):
+    """Return how a fitted heater ends on a target, "late" where that takes more processor time than `longest` [s]."""
+    try:
+        with at_most(longest):
+            return on_target(case, fitted, target, structure, plain)
+    except _Late:
+        return Ending("late", f"more than {longest:g} s of processor time")
+
+
 def run(asked):
-    """Return the outcome of one case; `asked`: kind, seed, targets, structure, plain, folder to keep the log in or None."""
-    kind, seed, targets, structure, plain, keep = asked
+    """Return the outcome of one case; `asked`: kind, seed, targets, structure, plain, folder to keep the log in or None,
+    and the most processor time of a design [s] or None."""
+    kind, seed, targets, structure, plain, keep, longest = asked
     case = heaters.make(kind, seed)
     outcome = Outcome(kind, seed, repr(case.heater))
     with tempfile.TemporaryDirectory() as place, cache.unused():
@@ -203,13 +238,13 @@ def run(asked):
             outcome.ends = dict.fromkeys(targets, lost)
             return outcome
         outcome.fitted = fitted_document(fitted)
-        outcome.ends = {target: on_target(case, fitted, target, structure, plain) for target in targets}
+        outcome.ends = {target: in_time(case, fitted, target, structure, plain, longest) for target in targets}
     return outcome
 
 
 def table(outcomes, targets):
     """Return the lines of the table: how often each kind ended how, and each dangerous PASS."""
-    ends = ("refused", "no design", "no words", "no proof", "crashed", "NOT PROVEN", "FAIL", "PASS")
+    ends = ("refused", "no design", "no words", "no proof", "crashed", "late", "NOT PROVEN", "FAIL", "PASS")
     lines = [f"| kind | class | n | {' | '.join(ends)} | swinging | not held | dangerous PASS: {', '.join(targets)} |",
              "| --- " * (len(ends) + 6) + "|"]
     for kind in [kind for kind in heaters.KINDS if any(o.kind == kind for o in outcomes)]:
@@ -224,12 +259,8 @@ def _row(name, place, outcomes, ends, targets):
     strange = {end: n for end, n in counted.items() if end not in ends}
     cells = [str(counted[end] or "") for end in ends]
     cells += [str(sum(bool(end.swings) for end in found) or ""), str(sum(_unheld(end) for end in found) or "")]
-    cells.append(", ".join(str(sum(_at(o, t).danger for o in outcomes) or "-") for t in targets))
+    cells.append(", ".join(str(sum(o.ends[t].danger for o in outcomes if t in o.ends) or "-") for t in targets))
     return f"| {name} | {place} | {len(outcomes)} | {' | '.join(cells)} |{f' {strange}' if strange else ''}"
-
-
-def _at(outcome, target):
-    return outcome.ends[target]
 
 
 def _unheld(end):
@@ -259,7 +290,9 @@ def shares(outcomes, targets):
         return []
     lines = []
     for target in targets:
-        found = [o.ends[target] for o in inside]
+        found = [o.ends[target] for o in inside if target in o.ends]
+        if not found:
+            continue
         lacks = Counter(lack(end) for end in found if end.end != "PASS")
         told = ", ".join(f"{n} {lack}" for lack, n in lacks.most_common(5))
         lines.append(f"inside the class, {target}: {100.0 * _share(found):.0f} % of {len(found)} PASS; else {told}")
@@ -289,7 +322,7 @@ def times(outcomes, targets):
         return []
     lines = [f"fit: median {statistics.median(fits):.3f} CPU s, 95 % {np.quantile(fits, 0.95):.3f}, worst {max(fits):.2f}"]
     for target in targets:
-        spent = [o.ends[target].seconds for o in outcomes if o.ends[target].seconds]
+        spent = [o.ends[target].seconds for o in outcomes if target in o.ends and o.ends[target].seconds]
         told = (f"{stage} {statistics.median(some):.3f} ({len(some)})" for stage in ("design", "words", "proof", "closing")
                 if (some := [s[stage] for s in spent if stage in s]))
         lines.append(f"{target}: median CPU s: {', '.join(told)}")
@@ -299,9 +332,13 @@ def times(outcomes, targets):
 def cases(settings):
     """Return what is asked of `run`, one for each log."""
     seeds = range(settings.first, settings.first + settings.count) if settings.seed is None else [settings.seed]
+    drawn = [(kind, seed) for seed in seeds for kind in settings.kinds
+             if settings.seed is not None or heaters.KINDS[kind].most is None or seed < heaters.KINDS[kind].most]
+    each, all_ = settings.each or len(settings.targets), settings.targets
     return [
-        (kind, seed, settings.targets, settings.structure, settings.plain, settings.keep) for kind in settings.kinds for seed in seeds
-        if settings.seed is not None or heaters.KINDS[kind].most is None or seed < heaters.KINDS[kind].most
+        (kind, seed, [all_[(number * each + k) % len(all_)] for k in range(each)], settings.structure, settings.plain,
+         settings.keep, settings.longest)
+        for number, (kind, seed) in enumerate(drawn)
     ]
 
 
@@ -317,6 +354,9 @@ def _arguments(arguments):
                         help="ask for no fast switch and no tolerance that goes with the sensor's range")
     parser.add_argument("--seed", type=int, help="this seed alone")
     parser.add_argument("--keep", help="folder for the logs")
+    parser.add_argument("--each", type=int, metavar="N", help="so many of the targets for each log, all in turn (default: all)")
+    parser.add_argument("--longest", type=float, metavar="S", help="processor time for a design (default: any)")
+    parser.add_argument("--lines", help="file to which each outcome is added as a line of JSON as soon as it is there")
     parser.add_argument("--workers", type=int, default=1, help="processes (default: 1)")
     parser.add_argument("--json", help="file for all that was found")
     return parser.parse_args(arguments)
@@ -332,6 +372,9 @@ def main(arguments=None):
     with ProcessPoolExecutor(settings.workers) as pool:
         for outcome in map(run, asked) if settings.workers == 1 else pool.map(run, asked):
             outcomes.append(outcome)
+            if settings.lines:
+                with Path(settings.lines).open("a", encoding="utf-8") as lines:
+                    lines.write(json.dumps(asdict(outcome)) + "\n")
             if paragraph := dangers([outcome]):  # a long run tells at once what it finds
                 print(f"{len(outcomes)} of {len(asked)}: {paragraph[0]}", file=sys.stderr, flush=True)
     if settings.json:

@@ -137,7 +137,25 @@ INSIDE = (("one lag", 1), ("equal lags", 0), ("ambient drift", 0), ("gaps", 1), 
 
 @pytest.mark.long(seconds=15)
 def test_no_pass_is_a_false_one_and_most_heaters_inside_the_model_class_pass(whatever_pays):
-    outcomes = [danger.run((kind, seed, ["s7-300"], "pi", False, None)) for kind, seed in FALSE_ONCE + INSIDE]
+    outcomes = [danger.run((kind, seed, ["s7-300"], "pi", False, None, None)) for kind, seed in FALSE_ONCE + INSIDE]
     assert danger.dangers(outcomes) == []
     inside = [end for o in outcomes[len(FALSE_ONCE) :] for end in o.ends.values()]
     assert sum(end.end == "PASS" for end in inside) >= 0.8 * len(inside)
+
+
+def test_the_controllers_are_taken_in_turn():
+    asked = danger.cases(danger._arguments(["--kinds", "one lag", "cooler", "--count", "3", "--targets", "weg", "s7-300", "fb41", "--each", "2"]))
+    assert [(kind, seed) for kind, seed, *_ in asked] == [(kind, seed) for seed in range(3) for kind in ("one lag", "cooler")]
+    assert [targets for _, _, targets, *_ in asked] == [["weg", "s7-300"], ["fb41", "weg"], ["s7-300", "fb41"]] * 2
+
+
+def test_a_design_that_takes_too_long_is_told(monkeypatch):
+    def never(*_):
+        while True:
+            pass
+
+    monkeypatch.setattr(danger, "on_target", never)
+    late = danger.Outcome("one lag", 0, "", ends={"weg": danger.in_time(None, None, "weg", "pi", False, 0.01)})
+    assert late.ends["weg"].why == "more than 0.01 s of processor time"
+    lines = danger.table([late], ["weg", "fb41"])
+    assert [line.split(" | ")[8] for line in (lines[0], lines[2])] == ["late", "1"]

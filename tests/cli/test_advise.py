@@ -63,8 +63,13 @@ def test_overshoot_is_answered_by_smaller_gains_proven_before_and_after(run, res
     assert [case["words"]["Kp"] for case in (before, kp)] == pytest.approx([before["kp"], 0.8 * before["kp"]])
     assert [case["words"]["Ki"] for case in (before, ki)] == pytest.approx([before["ki"], 0.8 * before["ki"]])
     assert [case["words"]["Kd"] for case in (before, kd)] == pytest.approx([before["kd"], 0.5 * before["kd"]])
+    # less Kp leaves more of the sum after an open circuit at the lower setpoint of use (32.4 °C): a plain loop of this
+    # block and heater in double precision, 1.21 of the power, overshoots by 33 % at Kp 4.5 and by 48 % at 3.6; the limit
+    # is 40 %. A step that costs the PASS is no help, whatever its overshoot in the heat-up
+    assert [case["verdict"] for case in cases.values()] == ["PASS", "NOT PROVEN", "PASS", "PASS", "NOT PROVEN"]
+    assert ["low-outage" in case["fails"] for case in cases.values()] == [False, True, False, False, True]
+    assert [kp["effect"], whole["effect"]] == ["worse: no longer PASS"] * 2
     for case in cases.values():
-        assert case["verdict"] in ("PASS", "FAIL")
         assert case["overshoot"] >= 0.0
         assert case["iae"] > 0.0
     for case in (kp, ki, kd, whole):
@@ -134,7 +139,11 @@ def test_a_step_that_helps_but_fails_is_not_the_best(run, response, by_hand):
     known = ("--switch", "sampling=caller")
     document = json.loads(run("advise", response(lag_s=280.0), "--pid", by_hand, *known, "--json", "--quiet")[1])
     assert document["symptom"] == "SLOW"
-    assert {(case["effect"], case["verdict"]) for case in document["cases"][1:3]} == {("better", "FAIL")}
+    before, kp, ki, *_ = document["cases"]
+    # at -10 % of the voltage full power limits the heat-up, so Kp changes the worst settling time by less than 0.5 %
+    assert (kp["verdict"], kp["effect"], ki["verdict"], ki["effect"]) == ("FAIL", "no difference", "FAIL", "better")
+    assert 0.995 * before["settling_time"] < kp["settling_time"]
+    assert ki["settling_time"] < 0.995 * before["settling_time"]
     assert document["best"] is None
 
 

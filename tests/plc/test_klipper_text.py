@@ -22,13 +22,14 @@ SAVED = ("\n#*# <---------------------- SAVE_CONFIG ---------------------->\n"
 SCALING = Scaling(high_degC=300.0)
 
 
-def _read(text):
-    machine = read_machine(ROOM, text.encode(), sample_time_s=None, scaling=SCALING, source="printer.cfg")
+def _read(text, heater=None):
+    known = {} if heater is None else {"heater": heater}
+    machine = read_machine(ROOM, text.encode(), sample_time_s=None, scaling=SCALING, source="printer.cfg", known=known)
     return machine.words, machine.passed_over
 
 
-def _gains(text):
-    return tuple(_read(text)[0].values[name] for name in ("pid_Kp", "pid_Ki", "pid_Kd"))
+def _gains(text, heater=None):
+    return tuple(_read(text, heater)[0].values[name] for name in ("pid_Kp", "pid_Ki", "pid_Kd"))
 
 
 def test_the_default_gains_of_the_firmware_are_a_pid():
@@ -49,7 +50,7 @@ def test_the_default_gains_of_the_firmware_are_a_pid():
     (EXAMPLE.replace(": ", " = ").replace("pid_K", "PID_k"), (22.2, 1.08, 114.0)),
     (EXAMPLE.replace("22.2", "22.2 # a remark").replace("1.08", "1.08 ; another"), (22.2, 1.08, 114.0)),
     (EXAMPLE.replace("\n", "\r\n"), (22.2, 1.08, 114.0)),
-    (BED + EXAMPLE, (22.2, 1.08, 114.0)), (EXAMPLE + BED, (22.2, 1.08, 114.0)), (BED, (54.027, 0.77, 948.182)),
+    (BED, (54.027, 0.77, 948.182)),
     (EXAMPLE + SAVED, (28.182, 1.978, 100.397)),
     (EXAMPLE.replace("pid_", "#pid_").replace("control", "#control") + SAVED, (28.182, 1.978, 100.397)),
     ("PID parameters: pid_Kp=22.019 pid_Ki=36.698 pid_Kd=3.303\nThe SAVE_CONFIG command will update the printer config file",
@@ -61,8 +62,30 @@ def test_gains_are_read_wherever_the_printer_has_them(text, gains):
     assert _gains(text) == gains
 
 
+CHAMBER = EXAMPLE.replace("[extruder]", "[heater_generic chamber]").replace("22.2", "11.5")
+
+
+@pytest.mark.parametrize("text", [BED + EXAMPLE + CHAMBER, EXAMPLE + CHAMBER + BED])
+def test_of_several_heaters_the_one_that_is_named_is_read(text):
+    assert _gains(text, "extruder") == (22.2, 1.08, 114.0)
+    assert _gains(text, "heater_bed") == (54.027, 0.77, 948.182)
+    assert _gains(text, "heater_generic") == (11.5, 1.08, 114.0)
+    with pytest.raises(HeatertuneError, match=r"\[extruder\].*expected those of one heater: --switch heater=extruder"):
+        _gains(text)
+
+
+def test_a_heater_that_is_not_there_or_there_twice_is_refused():
+    with pytest.raises(HeatertuneError, match=r"gains of \[extruder\]; expected those of one \[heater_bed\]"):
+        _gains(EXAMPLE, "heater_bed")
+    two = CHAMBER + CHAMBER.replace("chamber", "plate")
+    with pytest.raises(HeatertuneError, match=r"expected those of one \[heater_generic\]"):
+        _gains(two, "heater_generic")
+    with pytest.raises(HeatertuneError, match="a text without the others"):
+        _gains(two)
+
+
 def test_what_save_config_says_counts_and_the_rest_is_told():
-    over = _read(EXAMPLE + BED + SAVED)[1]
+    over = _read(EXAMPLE + BED + SAVED, "extruder")[1]
     assert "pid_kp: 22.2 (line 5; SAVE_CONFIG has another)" in over
     assert "[heater_bed]" in over
     assert "[bed_mesh default]" in over
@@ -80,7 +103,7 @@ def test_what_save_config_says_counts_and_the_rest_is_told():
     (EXAMPLE.replace("control: pid", "control: watermark"), ("line 4", "control", "'watermark'")),
     (EXAMPLE.replace("control: pid", "control: pid_v"), ("line 4", "control", "'pid_v'")),
     (EXAMPLE + "max_power: 1.5\n", ("line 10", "max_power", "'1.5'")), (EXAMPLE + "smooth_time: 0\n", ("line 10", "smooth_time")),
-    (BED + EXAMPLE.replace("[extruder]", "[heater_generic chamber]"), ("[heater_bed] and [heater_generic chamber]", "expected one")),
+    (BED + EXAMPLE.replace("[extruder]", "[heater_generic chamber]"), ("[heater_bed] and [heater_generic chamber]", "--switch heater=heater_bed or --switch heater=heater_generic")),
     ("[extruder]\nheater_pin: PB4\n", ("no gains", "PID_CALIBRATE")), ("hello\n", ("no gains",)), ("\n", ("no gains",)),
     ("pid_Kp=1.0 pid_Ki=2.0 pid_Kd=3.0\npid_Kp=1.5 pid_Ki=2.0 pid_Kd=3.0", ("line 2", "'1.5'", "1.0, as in line 1")),
     ("pid_Kp=1.0 pid_Ki=inf pid_Kd=3.0", ("line 1", "pid_Ki", "'inf'")),

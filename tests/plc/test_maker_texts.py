@@ -310,6 +310,26 @@ def test_marlin_s_files_set_no_gain_while_the_heater_is_unknown():
         assert controller_for("marlin").text(text, None, name).values["Kp"] == single(2.55)
 
 
+#: Marlin's own Configuration.h, 2.1.2: its gains of a hot end and of a bed
+STOCK = ("#define PID_MAX 255\n#define DEFAULT_Kp  22.20\n#define DEFAULT_Ki   1.08\n#define DEFAULT_Kd 114.00\n#define MAX_BED_POWER 200\n"
+         "#define DEFAULT_bedKp 10.00\n#define DEFAULT_bedKi .023\n#define DEFAULT_bedKd 305.4\n")
+
+
+@pytest.mark.parametrize(("text", "hotend", "bed"), [
+    (STOCK, (22.2, 1.08, 114.0, 255), (10.0, 0.023, 305.4, 200)),
+    ("M301 P22.20 I1.08 D114.00 ; M304 is the bed's\nM304 P10 I0.023 D305.4", (22.2, 1.08, 114.0, 255), (10.0, 0.023, 305.4, 255)),
+])
+def test_of_a_hot_end_and_a_bed_the_one_that_is_named_is_read(text, hotend, bed):
+    read = controller_for("marlin").text_of_heater
+    for heater, numbers in (("hotend", hotend), ("bed", bed)):
+        values = read(text, None, "Configuration.h", heater).values
+        assert [values[name] for name in ("Kp", "Ki", "Kd", "PID_MAX")] == [*map(single, numbers[:3]), numbers[3]]
+    with pytest.raises(InputError, match="gains of a hot end and a bed; expected those of one heater: --switch heater=hotend or"):
+        controller_for("marlin").text(text, None, "Configuration.h")
+    with pytest.raises(InputError, match="gains of a hot end; expected those of a bed"):
+        read("M301 P1 I1 D1", None, "gains.gcode", "bed")
+
+
 def _marlin_files(known):
     room = controller_for("marlin")
     design = PidDesign(gain_pct_per_degC=1.0, integral_time_s=20.0, derivative_time_s=2.0, sample_time_s=0.16, structure="pid", method="")

@@ -184,7 +184,7 @@ def words_of_machine(settings: argparse.Namespace, path: str) -> Machine:
     if settings.called_every is not None:
         check("--called-every", settings.called_every, above=0.0)
     return read_machine(controller_for(target(settings)), content_of(path), sample_time_s=settings.called_every,
-                        scaling=scaling(settings), source=path)
+                        scaling=scaling(settings), source=path, known=conditions(settings).switches)
 
 
 def proof_asked(settings: argparse.Namespace) -> bool:

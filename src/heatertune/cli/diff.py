@@ -8,7 +8,7 @@ from typing import Any
 from heatertune import options
 from heatertune.cli import printing
 from heatertune.plc.targets import NAMES
-from heatertune.settings import SensorSettings
+from heatertune.settings import Conditions, SensorSettings
 
 __all__ = ["add_to"]
 
@@ -35,6 +35,9 @@ def add_to(commands: Any) -> None:
     options.add(command, SensorSettings, "input", default=argparse.SUPPRESS,
                 help="range of the analog module of a design, dump or text (default: as in the other, else a "
                      "plain one)")
+    options.add(command, Conditions, "switches", default=argparse.SUPPRESS,
+                help="heater=SETTING: whose gains are read of a printer's text that has several heaters (default: as "
+                     "in the other)")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
@@ -48,7 +51,7 @@ def _run(settings: argparse.Namespace) -> int:
         check("--called-every", settings.called_every, above=0.0)
     sensor = options.given(SensorSettings, settings)
     given = Given(target=settings.target, sample_time_s=settings.called_every, sensor_degC=sensor.get("range_degC"),
-                  input=sensor.get("input"))
+                  input=sensor.get("input"), switches=options.of(Conditions, settings).switches)
     document = difference(*read_sides(settings.before, settings.after, given))
     printing.output(settings, document, lambda: difference_lines(document))
     return 0 if document["same"] else 1

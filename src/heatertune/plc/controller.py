@@ -89,6 +89,7 @@ class Controller(Led, ABC):
             without files that are of other assumptions; None: no CPU here runs them.
         text: text that a programming tool saves or prints, the sampling interval [s] (None: the words tell it) and a
             name for error messages → the words; None: they cannot be read back from text.
+        text_of_heater: as `text`, with the setting of the open point `heater`; None: a text holds one controller alone.
         oddities: what is odd about a running controller's words, one sentence each; None: nothing is known to be.
         faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
         tick_s: of the clock behind calls and PWM, the coarsest [s]; None: the export's program makes no PWM.
@@ -132,6 +133,7 @@ class Controller(Led, ABC):
     tolerated: ClassVar[staticmethod[[Words], None] | None] = None
     exported: ClassVar[staticmethod[[Mapping[str, str | bytes], Any], Loads] | None] = None
     text: ClassVar[staticmethod[[str, float | None, str], ReadBack] | None] = None
+    text_of_heater: ClassVar[staticmethod[[str, float | None, str, str], ReadBack] | None] = None
     oddities: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     faults: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     tick_s: ClassVar[float | None] = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -10,6 +10,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.files import read_bytes
 from heatertune.pid.values import PidDesign
 from heatertune.plc.controller import Controller
+from heatertune.plc.open_points import settings_of
 from heatertune.plc.readback import lines_of, text_of, wrong
 from heatertune.plc.words import Scaling, Words, check_fields
 
@@ -48,7 +49,8 @@ def content_of(path: str | Path) -> bytes:
 
 
 def read_machine(
-    controller: Controller, content: bytes, *, sample_time_s: float | None, scaling: Scaling, source: str
+    controller: Controller, content: bytes, *, sample_time_s: float | None, scaling: Scaling, source: str,
+    known: Mapping[str, str] | None = None,
 ) -> Machine:
     """Return the words in a file, and what stands there besides.
 
@@ -58,11 +60,13 @@ def read_machine(
         sample_time_s: interval at which the controller is called [s]; None: as its words tell it.
         scaling: sensor range; no memory holds it.
         source: the file's name, for error messages.
+        known: settings of open points; of a text with several heaters they select one.
 
     Raises:
         InputError: bytes or text that hold no words of this controller, each bad line by its number and value; a
             controller whose words cannot be read back so; an interval that is needed.
         OutOfRange: a word outside its field's range.
+        UnknownName: an open point or setting that the controller does not have.
     """
     text = None if source.lower().endswith(_BINARY) else _text(content, source)
     if text is None or controller.text is None:
@@ -71,7 +75,9 @@ def read_machine(
             raise InputError(f"{source}: a dump of {controller.name} cannot be decoded{expected}")
         interval = _interval(controller, sample_time_s)
         return Machine(controller.read_image(content, sample_time_s=interval, scaling=scaling, source=source))
-    read = controller.text(text, sample_time_s, source)
+    settings = settings_of(controller.switches, known or {})
+    read = (controller.text(text, sample_time_s, source) if controller.text_of_heater is None else
+            controller.text_of_heater(text, sample_time_s, source, settings["heater"]))
     by_words = None if controller.interval_s is None else controller.interval_s(read.values)
     interval = sample_time_s or by_words or _interval(controller, None)
     words = Words(target=controller.name, values=read.values, scaling=scaling, sample_time_s=interval)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
+from heatertune.errors import InputError
 from heatertune.plc.open_points import Switch, never
 
-__all__ = ["KLIPPER_HEATER", "MARLIN_HEATER", "PLACEHOLDER", "UNKNOWN"]
+__all__ = ["KLIPPER_HEATER", "MARLIN_HEATER", "PLACEHOLDER", "UNKNOWN", "several"]
 
 UNKNOWN: Final = "unknown"
 #: name of a heater that is not known: a printer refuses a file that has it
@@ -22,3 +24,15 @@ MARLIN_HEATER: Final = Switch(
     why="whose gains these are: M301 and DEFAULT_Kp of a hot end, or M304 and DEFAULT_bedKp of a bed; while it is "
         "unknown the files have both as comments",
 )
+
+
+def several(source: str, heads: str, kinds: Sequence[str]) -> InputError:
+    """Construct the error of a text with the gains of several heaters.
+
+    Args:
+        source: name of the text.
+        heads: what the text calls the heaters.
+        kinds: settings of the open point `heater` that select one of them.
+    """
+    ways = " or ".join(f"--switch heater={kind}" for kind in kinds) or "a text without the others"
+    return InputError(f"{source}: gains of {heads}; expected those of one heater: {ways}")

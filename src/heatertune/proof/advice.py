@@ -40,6 +40,7 @@ _AIM: Final = {
 _TOLD: Final = ("overshoot", "settling_time", "iae", "limit_cycle", "ms")
 #: a difference of less is none [share]
 _SAME: Final = 0.005
+_RANKS: Final = {"FAIL": 0, NOT_PROVEN: 1, "PASS": 2}
 _LAGS: Final = 3.0  # time constants after which a heater has done 95 % of a step
 
 
@@ -151,18 +152,18 @@ def _tried(
 def _case(label: str, gains: Gains, proof: Proof | None) -> dict[str, Any]:
     criteria = () if proof is None else proof.criteria
     values = {criterion.name: criterion.value for criterion in criteria if criterion.name in _TOLD}
-    failed = [criterion.name for criterion in criteria if not criterion.ok]
+    failed = [] if proof is None else list(proof.shortfalls)
     case = {"step": label, **gains._asdict(), "words": None, "verdict": "", "fails": failed, "effect": "", **values}
     return case if proof is None else case | {"words": dict(proof.words.values), "verdict": proof.verdict}
 
 
 def _effect(before: Mapping[str, Any], after: Mapping[str, Any], aim: str) -> str:
     """Return what a step does to the criterion it is meant for, and to the verdict."""
-    if after["verdict"] not in ("PASS", "FAIL", NOT_PROVEN):
+    if after["verdict"] not in _RANKS:
         return "none"
     old, new = before[aim], after[aim]
-    if before["verdict"] != "FAIL" and after["verdict"] == "FAIL":
-        return "worse: no longer PASS"
+    if _RANKS[after["verdict"]] < _RANKS[before["verdict"]]:
+        return "worse: no longer PASS" if before["verdict"] == "PASS" else f"worse: now {after['verdict']}"
     if new == old or abs(new - old) <= _SAME * max(abs(old), abs(new)):
         return "no difference" if before["verdict"] == after["verdict"] else f"better: now {after['verdict']}"
     return "better" if new < old else "worse"

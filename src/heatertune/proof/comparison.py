@@ -71,8 +71,7 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
         actuator_for(Conditions(), words), Acceptance(limits=proof.limits, margins_of=margins), coverage,
         interlock=proof.interlock)
     ms = next((criterion.value for criterion in proven.criteria if criterion.name == "ms"), None)
-    fails = tuple(criterion.name for criterion in proven.criteria if not criterion.ok)
-    return RivalView(label=label, verdict=proven.verdict, ms=ms, fails=fails)
+    return RivalView(label=label, verdict=proven.verdict, ms=ms, fails=proven.shortfalls)
 
 
 def price_of_doubt(fitted: FittedModel, wished: PidDesign) -> str | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -41,12 +41,14 @@ class Given:
         sample_time_s: interval at which it is called [s].
         sensor_degC: temperatures at both ends of the sensor's range [°C].
         input: range of the analog module.
+        switches: settings of open points; of a text with several heaters they select one.
     """
 
     target: str | None = None
     sample_time_s: float | None = None
     sensor_degC: tuple[float, float] | None = None
     input: str | None = None
+    switches: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def scales(self) -> bool:
@@ -168,9 +170,12 @@ def _dumped(path: str, given: Given, other: Side | None) -> Side:
     if interval is None and other is not None and controller.interval_s is None:
         interval = other.words.sample_time_s
         taken_over += (f"call interval {interval:g} s",)
-    read = read_machine(controller, content_of(path), sample_time_s=interval, scaling=scaling, source=path)
+    is_same = other is not None and other.words.target == controller.name
+    proven = other.proof["known"] if is_same and other is not None and other.proof is not None else {}
+    read = read_machine(controller, content_of(path), sample_time_s=interval, scaling=scaling, source=path,
+                        known={**proven, **given.switches})
     words = read.words
-    if other is not None and other.words.target == controller.name:
+    if is_same and other is not None:
         words = replace(words, ramp=other.words.ramp, boost=other.words.boost)
     unlike = () if read.unlike is None else read.unlike(words)
     if read.unlike is None:

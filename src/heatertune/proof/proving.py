@@ -170,6 +170,12 @@ class Proof(Shown):
         return combined([*(run.verdict for run in self.runs), *broken, *heard, *drawn])
 
     @property
+    def shortfalls(self) -> tuple[str, ...]:
+        """Names of the criteria that are not kept, then of the findings that leave the words unproven."""
+        broken = (criterion.name for criterion in self.criteria if not criterion.ok)
+        return (*broken, *(finding["name"] for finding in blocking(self.heard.to_document())))
+
+    @property
     def setpoint_ramp(self) -> RampView | None:
         """The words' setpoint ramp as documents hold it, None without one."""
         ramp = self.words.ramp

@@ -85,7 +85,7 @@ def _row(
     return row | {
         "verdict": proof.verdict,
         "words": dict(words.values),
-        "fails": [criterion.name for criterion in proof.criteria if not criterion.ok],
+        "fails": list(proof.shortfalls),
         "realised": _figures(proof, nominal),
         "rounded": None if rounded is None else _figures(proof, rounded),
         "wished": _figures(proof, wish),

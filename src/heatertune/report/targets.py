@@ -134,5 +134,6 @@ def _reasons(document: Document) -> list[str]:
         if "why" in row:
             reasons.append(f"{row['target']}: {row['why']}")
         elif row["fails"]:
-            reasons.append(f"{row['target']} fails by {', '.join(name.replace('_', ' ') for name in row['fails'])}")
+            by = ", ".join(name.replace("_", " ") for name in row["fails"])
+            reasons.append(f"{row['target']} is {row['verdict']} by {by}")
     return reasons

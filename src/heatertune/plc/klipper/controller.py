@@ -47,6 +47,7 @@ class Klipper(Controller, name="klipper"):
     core = Core(step=step, measure=measure, flags=FLAGS)
     values, design, interval_s = staticmethod(values_of), staticmethod(design_of), staticmethod(interval_s)
     export, text, oddities = staticmethod(export_words), staticmethod(from_text), staticmethod(oddities)
+    text_of_heater = staticmethod(from_text)
     exported = staticmethod(exported)
 
     def begin(self, words: Words, assume: Assumptions) -> Running:

@@ -8,12 +8,11 @@ from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.plc.klipper.words import FIELDS, PLACES, USUAL
+from heatertune.plc.printer_heater import KLIPPER_HEATER, UNKNOWN, several
 from heatertune.plc.readback import Collected, ReadBack, lines_of, wrong
 
 __all__ = ["from_text"]
 
-#: the heater that is read where several have gains
-_USUAL_SECTION: Final = "extruder"
 _SAVED: Final = "#*#"
 _HEAD: Final = re.compile(r"\[\s*([^\]]*?)\s*\]")
 _LINE: Final = re.compile(r"([A-Za-z_]\w*)\s*[:=]\s*(.*?)")
@@ -32,15 +31,19 @@ class _Line(NamedTuple):
     saved: bool
 
 
-def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
-    """Return the words of the one heater in a text, and what else stands there.
+def from_text(text: str, _sample_time_s: float | None, source: str, heater: str = UNKNOWN) -> ReadBack:
+    """Return the words of one heater in a text, and what else stands there.
 
-    The block SAVE_CONFIG counts before the lines above it, as in the firmware; where several heaters have a PID, the
-    extruder's is read.
+    The block SAVE_CONFIG counts before the lines above it, as in the firmware.
+
+    Args:
+        text: of printer.cfg, or what PID_CALIBRATE prints.
+        source: its name, for error messages.
+        heater: which one's gains are read, a setting of `KLIPPER_HEATER`; unknown: those of the only heater.
 
     Raises:
         InputError: a line that is none, a gain that is missing, there with two values, no number of three decimals or
-            out of its range; another control than pid; several heaters, none of them the extruder.
+            out of its range; another control than pid; several heaters, and which one is unknown; none of this kind.
     """
     collected, printed = Collected(source, FIELDS), False
     for number, line in lines_of(text):
@@ -52,7 +55,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     if printed:
         return ReadBack(_with_usual(collected, set()), _told(set()))
     lines = list(_lines(text, source))
-    section = _section(lines, source)
+    section = _section(lines, source, heater)
     return _of_section(lines, section, collected, source)
 
 
@@ -75,7 +78,7 @@ def _lines(text: str, source: str) -> Iterator[_Line]:
             raise wrong(source, number, code.split()[0], code, "name: value")
 
 
-def _section(lines: list[_Line], source: str) -> str:
+def _section(lines: list[_Line], source: str, heater: str) -> str:
     """Return the section of the heater that is read."""
     sections = list(dict.fromkeys(line.section for line in lines if line.name in _FIELDS))
     with_gain = {line.section for line in lines if line.name == "pid_kp"}
@@ -83,10 +86,14 @@ def _section(lines: list[_Line], source: str) -> str:
     if not having:
         raise InputError(f"{source}: no gains are there; expected pid_Kp, pid_Ki and pid_Kd of a heater's section, or "
                          "what PID_CALIBRATE prints")
-    if len(having) > 1 and _USUAL_SECTION not in having:
-        heads = " and ".join(f"[{one}]" for one in having)
-        raise InputError(f"{source}: {heads} have gains; expected one heater's, or [{_USUAL_SECTION}]")
-    return _USUAL_SECTION if _USUAL_SECTION in having else having[0]
+    kinds = [one.split(" ")[0] for one in having]
+    of_it = [one for one, kind in zip(having, kinds, strict=True) if heater in (UNKNOWN, kind)]
+    if len(of_it) == 1:
+        return of_it[0]
+    heads = " and ".join(f"[{one}]" for one in having)
+    if heater != UNKNOWN:
+        raise InputError(f"{source}: gains of {heads}; expected those of one [{heater}]")
+    raise several(source, heads, [kind for kind in KLIPPER_HEATER.told if kinds.count(kind) == 1])
 
 
 def _of_section(lines: list[_Line], section: str, collected: Collected, source: str) -> ReadBack:

@@ -45,6 +45,7 @@ class Marlin(Controller, name="marlin"):
     core = PARALLEL
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     interval_s, oddities, text = staticmethod(interval_s), staticmethod(oddities), staticmethod(from_text)
+    text_of_heater = staticmethod(from_text)
     scan_all, exported = staticmethod(scan), staticmethod(exported)
 
     def again_degC(self, words: Words) -> float | None:
