@@ -3,9 +3,11 @@
 Where words stand is the manual's (table 11-11), as `tests.bench.sessions` reads it; sessions with faults are there.
 """
 
+import itertools
 import json
 import math
 import random
+import re
 import shutil
 import signal
 import struct
@@ -27,11 +29,13 @@ from heatertune import virtual_plc
 from heatertune.cli import main
 from heatertune.errors import DocumentError
 from heatertune.live import plc_state
-from heatertune.live.change.band import Band, carried_s
-from heatertune.live.change.cells import Part
+from heatertune.live.change.band import Band, Reach, carried_s
+from heatertune.live.change.cells import Part, Standing
 from heatertune.live.change.order import NoOrder, in_order
+from heatertune.live.change.peer import Peer
 from heatertune.live.change.proven import read_proven
 from heatertune.live.change.record import Record, read_lines
+from heatertune.live.change.watch import _Watch
 from heatertune.live.client.address import address_of
 from heatertune.live.plc_state import PlcState, WayBack
 from heatertune.live.serve import read_folder
@@ -315,6 +319,77 @@ def test_a_response_outside_the_proven_band_is_taken_back(plant, capsys):
     watched = [line for line in here.lines if line["step"] == "watched"]
     outside = [line for line in watched if not line["low_degC"] <= line["temperature_degC"] <= line["high_degC"]]
     assert watched[-2:] == outside
+
+
+def _sensor_from_the_write_on(here, monkeypatch, sensed):
+    """The sensor of the virtual PLC shows another temperature from the moment of the first write on."""
+    write = Peer.write
+
+    def written(peer, part, content):
+        monkeypatch.setattr(here.served.plc, "_sensed", sensed)
+        write(peer, part, content)
+
+    monkeypatch.setattr(Peer, "write", written)
+
+
+@pytest.mark.parametrize("shown", [90.0, 68.0, 30.0])
+def test_a_reading_that_jumps_at_the_moment_of_the_write_is_not_taken_for_the_loops_state(plant, monkeypatch, capsys, shown):
+    # a heater of 0.9 °C/% and 167 s goes up by 0.9·121/167 °C/s at the very most, 2 °C in a scan of 3.1 s
+    here = plant(rate=400)
+    while here.served.told.intervals < 400:
+        here.served.plc.wait(0.001)
+    _sensor_from_the_write_on(here, monkeypatch, lambda *_: shown)
+    assert here.write() == 1
+    told = " ".join(capsys.readouterr().out.split())
+    assert "ROLLED BACK" in told
+    before, after = map(float, re.search(r"the reading has jumped from ([\d.]+) to ([\d.]+) °C", told).groups())
+    assert (before, after) == pytest.approx((50.0, shown), abs=0.2)
+    assert here.words == {**here.words, **OLD}
+    jumped = [line for line in here.lines if line["step"] == "jumped"]
+    assert jumped[-1]["s"] < sessions.DEAD_S, "not after minutes: within the dead time"
+
+
+def test_one_disturbed_reading_after_the_write_begins_no_band(plant, monkeypatch):
+    here, seen = plant(rate=400), []
+    while here.served.told.intervals < 400:
+        here.served.plc.wait(0.001)
+    see = _Watch.see
+
+    def disturbed(watch, look):
+        seen.append(look)
+        shown = Standing.shown
+        with monkeypatch.context() as patch:
+            if len(seen) == 1:
+                patch.setattr(Standing, "shown", lambda *asked: 90.0 if asked[2] == "temperature" else shown(*asked))
+            return see(watch, look)
+
+    monkeypatch.setattr(_Watch, "see", disturbed)
+    assert here.write() == 0
+    assert len([line for line in here.lines if line["step"] == "jumped"]) == 1
+    assert all(abs(line["off_degC"]) < 2.0 for line in here.lines if line["step"] == "band"), "none begins at 90 °C"
+
+
+def test_no_heater_leaves_its_reach_and_a_jump_does(made):
+    # Euler's steps of two lags in either order, whatever the inner one is filled with, at +10 % of the voltage and at none
+    proven = read_proven(made)
+    reach = Reach(proven)
+    for outer, inner, filled, power in itertools.product((167.0, 40.0), (167.0, 40.0), (22.0, 50.0, 22.0 + 0.9 * 121.0), (0.0, 121.0)):
+        if outer == inner:
+            continue
+        slow, fast = 50.0, filled
+        if outer < inner:  # what the same temperature and slope look like where the larger lag comes last
+            slope = (fast - slow) / outer
+            if not 22.0 <= slow + slope * inner <= 22.0 + 0.9 * 121.0:
+                continue  # no power of its past has led there
+        for step in range(1, 3001):
+            fast += 0.01 * (22.0 + 0.9 * power - fast) / inner
+            slow += 0.01 * (fast - slow) / outer
+            low, high = reach.at(50.0, 0.01 * step)
+            assert low <= slow <= high
+    for jump in (90.0, 60.0, 40.0):
+        low, high = reach.at(50.0, sessions.TA_S)
+        assert not low <= jump <= high
+    assert reach.at(50.0, -1.0) == (-math.inf, math.inf), "a PLC that has begun to count again"
 
 
 @pytest.mark.parametrize("wait", [520, 550])

@@ -105,7 +105,7 @@ def _watched(
     wanted: Wanted, plan: Planned, peer: Peer, record: Record, writer: Writer, ended: Ended, progress: Progress
 ) -> Ended:
     try:
-        seen = watched(peer, record, wanted.proven, plan.after, progress)
+        seen = watched(peer, record, wanted.proven, plan.after, [plan.look, *writer.looks], progress)
     except RecordBroken as problem:
         return writer.restore(plan.parts, plan.before, plan.after, str(problem))
     told = f"watched for {seen.seconds:.0f} s, {seen.count} readings"

@@ -19,13 +19,15 @@ from heatertune.live.change.proven import Proven
 from heatertune.pid.loop.response import horizon, respond
 from heatertune.plc import controller_for
 from heatertune.proof.heaters import labelled
+from heatertune.proof.mains import MAINS_POWERS
 from heatertune.proof.scenario import delayed
 
-__all__ = ["Band", "band_degC", "carried_s", "unseen_s", "watched_s"]
+__all__ = ["Band", "Reach", "band_degC", "carried_s", "unseen_s", "watched_s"]
 
 _TIMES: Final = 5.0  # lags and dead time of the slowest heater
 _PERIODS: Final = 3.0  # of PWM
 _SIGMAS: Final = 3.0
+_FASTER: Final = 2.0  # than the fastest possible heater: what the fit does not know of it
 _SMALL: Final = 0.25  # of the rise from the ambient: up to there a change of the setpoint counts as a small one
 
 
@@ -60,6 +62,36 @@ def carried_s(proven: Proven) -> float:
     return max(
         float(np.abs(respond(model, design, horizon(model, design), load_pct=1.0)).max())
         * sum(model.lags_s) / abs(model.gain_degC_per_pct) for model in late)
+
+
+class Reach:
+    """How far a temperature can get within a time: full power, or none, on the fastest of the possible heaters.
+
+    A smaller lag comes before the larger one and makes it slower, never faster. A heater twice as fast as the fastest
+    possible one is within reach, as its lag and gain are fitted ones.
+    """
+
+    def __init__(self, proven: Proven) -> None:
+        """Take the heaters, and what a reading cannot tell, of a proof."""
+        words, heaters = proven.words, [model for _, model in labelled(proven.fitted)]
+        most_pct, cooling = 100.0 * max(MAINS_POWERS), proven.view.actuator.cooling_gain or 0.0
+        self._ends_degC = [sorted(float(model.ambient_degC or 0.0) + model.gain_degC_per_pct * power
+                                  for power in (-cooling * most_pct, most_pct)) for model in heaters]
+        self._lags_s = [max(model.lags_s) for model in heaters]
+        self._unread_degC = 2.0 * _unread_degC(proven)  # of both readings
+        #: a reading may be as old as the scan and the module make it
+        self._late_s = words.sample_time_s + controller_for(words.target).delayed_s(words.scaling)
+
+    def at(self, degC: float, passed_s: float) -> tuple[float, float]:
+        """Compute the lowest and the highest temperature so long after a reading [°C]; all, where time runs back."""
+        if not passed_s >= 0.0:
+            return -math.inf, math.inf
+        lows, highs = list[float](), list[float]()
+        for (coldest, hottest), lag_s in zip(self._ends_degC, self._lags_s, strict=True):
+            share = -math.expm1(-_FASTER * (passed_s + self._late_s) / lag_s)
+            lows.append(min(0.0, coldest - degC) * share)
+            highs.append(max(0.0, hottest - degC) * share)
+        return degC + min(lows) - self._unread_degC, degC + max(highs) + self._unread_degC
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

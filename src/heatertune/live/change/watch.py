@@ -1,7 +1,8 @@
 """The response after a write, watched inside the proven band; two readings in a row outside of it end the watch.
 
 Until the words can show, what is seen is the doing of the old ones: it tells where the temperature is and where it
-goes to, and is held against nothing.
+goes to. It is held against what any words could do to the heater since the last reading; the first of those are from
+right before the write. From then on the band judges: cold goods may be put in.
 """
 
 from __future__ import annotations
@@ -9,13 +10,13 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from statistics import linear_regression
 from typing import Final
 
 from heatertune.errors import LinkError
-from heatertune.live.change.band import Band, band_degC, carried_s, unseen_s, watched_s
+from heatertune.live.change.band import Band, Reach, band_degC, carried_s, unseen_s, watched_s
 from heatertune.live.change.peer import Look, Peer, runs
 from heatertune.live.change.proven import Proven
 from heatertune.live.change.record import Record
@@ -57,7 +58,7 @@ class Watched:
 
 
 def watched(
-    peer: Peer, record: Record, proven: Proven, expected: Mapping[str, Number],
+    peer: Peer, record: Record, proven: Proven, expected: Mapping[str, Number], before: Iterable[Look] = (),
     progress: Callable[[str], object] = str,
 ) -> Watched:
     """Watch the response to words.
@@ -67,12 +68,13 @@ def watched(
         record: that every new reading goes into.
         proven: whose band it is.
         expected: all words, as they were written.
+        before: what was seen from right before the write on.
         progress: told how far it is.
 
     Raises:
         RecordBroken: the record cannot be written.
     """
-    watch = _Watch(peer, record, proven)
+    watch = _Watch(peer, record, proven, before)
     try:
         while watch.seconds < watch.duration_s:
             look = peer.look()
@@ -95,7 +97,7 @@ def watched(
 class _Watch:
     """A watch that is under way."""
 
-    def __init__(self, peer: Peer, record: Record, proven: Proven) -> None:
+    def __init__(self, peer: Peer, record: Record, proven: Proven, before: Iterable[Look]) -> None:
         self._peer, self._record, self._proven = peer, record, proven
         self.duration_s, self.seconds, self.told = watched_s(proven), 0.0, "watching"
         self._first: Look | None = None
@@ -109,6 +111,8 @@ class _Watch:
         self._sensor_degC = proven.words.scaling.sensor_degC
         self._still = StillSensor([model for _, model in labelled(proven.fitted)], band_degC(proven))
         self._content, self._changed_s = b"", 0.0
+        self._reach, self._believed = Reach(proven), (math.nan, math.nan)
+        self._jumped_before = self._see_before(before)
         self.stands: Mapping[str, Number] | None = None
 
     def stands_still(self, look: Look) -> bool:
@@ -138,6 +142,10 @@ class _Watch:
             return problem if self._unusable_row >= _IN_A_ROW else ""
         if frozen := self._frozen(look, seen):
             return frozen
+        if not self._shows and (jump := self._jumped_before or self._jump(look, seen)):
+            self._outside += 1
+            self._record.put("jumped", s=round(self.seconds, 3), told=jump, **look.to_document())
+            return jump if self._jumped_before or self._outside >= _IN_A_ROW else ""
         self._way.append((look.time_s, seen))
         while look.time_s - self._way[0][0] > self._unseen_s and len(self._way) > 2:
             self._way.popleft()
@@ -155,6 +163,34 @@ class _Watch:
         between = f"the proven band, {low:.4g} to {high:.4g} °C"
         self.told = f"{seen:.4g} °C in {between}, {self.seconds:.0f} of {self.duration_s:.0f} s"
         return f"{seen:.4g} °C is outside of {between}" if self._outside >= _IN_A_ROW else ""
+
+    def _see_before(self, looks: Iterable[Look]) -> str:
+        """Take the looks from before the watch; return why readings have jumped in them; empty where they have not."""
+        content = b""
+        for look in looks:
+            degC = self._peer.standing.shown(look.content, "temperature")
+            if look.content == content or reading_problem(degC, self._sensor_degC):
+                continue  # the same reading again, or none
+            content = look.content
+            jump = self._jump(look, degC)
+            self._outside = self._outside + 1 if jump else 0
+            if self._outside >= _IN_A_ROW:
+                return jump
+        return ""
+
+    def _jump(self, look: Look, degC: float) -> str:
+        """Return why no heater can have led from the last reading to this one; empty where one can.
+
+        From then on, what is believed is the last one that could be.
+        """
+        since_s, from_degC = self._believed if math.isfinite(self._believed[0]) else (look.time_s, degC)
+        passed_s = look.time_s - since_s
+        low, high = self._reach.at(from_degC, passed_s)
+        if low <= degC <= high:
+            self._believed = look.time_s, degC
+            return ""
+        return (f"the reading has jumped from {from_degC:.4g} to {degC:.4g} °C within {passed_s:.3g} s, in which the "
+                f"heater gets to {low:.4g} to {high:.4g} °C at most")
 
     def _frozen(self, look: Look, degC: float) -> str:
         """Return why the sensor is frozen; empty where it need not be, or where the block does not show the power."""

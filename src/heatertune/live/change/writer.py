@@ -15,7 +15,7 @@ from typing import Any, Final
 from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
 from heatertune.live.change.budget import Budget
 from heatertune.live.change.cells import Part, Standing
-from heatertune.live.change.peer import Peer
+from heatertune.live.change.peer import Look, Peer
 from heatertune.live.change.record import Record, RecordBroken
 from heatertune.live.plc_state import PlcState
 from heatertune.plc.ramp import Number
@@ -116,6 +116,8 @@ class Writer:
         self._peer, self._record, self._budget, self._progress = peer, record, budget, progress
         self._state = PlcState(peer.address)
         self._standing: Standing = peer.standing
+        #: what was seen before each part was written, and when it was read back
+        self.looks: list[Look] = []
 
     def write(self, parts: Sequence[Part], before: Values, after: Values) -> Ended:
         """Write parts in their order, and take back those that were written where one cannot be.
@@ -200,6 +202,7 @@ class Writer:
         look = self._peer.look()
         if unlike := self._unlike(look.values, expected):
             raise _Stopped(f"somebody has changed the words meanwhile: {unlike}")
+        self.looks.append(look)
         self._record.put("compared", **look.to_document())
 
     def _unlike(self, found: Values, expected: Values) -> str:
@@ -260,6 +263,7 @@ class Writer:
         self._demand_stored(tuple(change.pending), change)
         for again in (False, True):
             look = self._peer.later(look, _SCANS) if again else look
+            self.looks.append(look)
             self._record.put("read back", again=again, **look.to_document())
             if unlike := self._unlike(look.values, expected):
                 raise _Stopped(f"read back{' two scans later' if again else ''}, {unlike}")
