@@ -382,7 +382,7 @@ class Story:
 def took_back(story, done, times):
     """Return what it took to take words back that left the proven band; nothing where none did.
 
-    Looks: readings outside of the band until it was decided. Round trips to the controller's block from then on, until the
+    Looks: readings outside of the band, or out of the heater's reach, until it was decided. Round trips to the controller's block from then on, until the
     first word is put back (a third, where somebody else has changed the first to be put back); seconds of this machine until
     the last one is.
     """
@@ -390,9 +390,10 @@ def took_back(story, done, times):
         return {}
     lines = [json.loads(line) for line in done.record.read_text().splitlines()]
     back = next((number for number, line in enumerate(lines) if line["step"] == "taking back"), 0)
-    if not back or lines[back - 1]["step"] != "watched":
+    if not back or lines[back - 1]["step"] not in {"watched", "jumped"} or "sensor is frozen" in lines[back]["why"]:
         return {}
-    outside = [not line["low_degC"] <= line["temperature_degC"] <= line["high_degC"] for line in lines[:back] if line["step"] == "watched"]
+    outside = [line["step"] == "jumped" or not line["low_degC"] <= line["temperature_degC"] <= line["high_degC"]
+               for line in lines[:back] if line["step"] in {"watched", "jumped"}]
     looks = next((number for number, out in enumerate(reversed(outside)) if not out), len(outside))
     asked = [(at, event) for at, event in zip(times, story.events, strict=True) if event[0] == "client" or story.looks(event)]
     wrote = [number for number, (_, event) in enumerate(asked) if event[0] == "client"][:sum(line["step"] == "writing" for line in lines[:back])]

@@ -142,10 +142,12 @@ class _Watch:
             return problem if self._unusable_row >= _IN_A_ROW else ""
         if frozen := self._frozen(look, seen):
             return frozen
-        if not self._shows and (jump := self._jumped_before or self._jump(look, seen)):
+        if self._jumped_before:
+            return self._jumped_before
+        if not self._shows and (jump := self._jump(look, seen)):
             self._outside += 1
             self._record.put("jumped", s=round(self.seconds, 3), told=jump, **look.to_document())
-            return jump if self._jumped_before or self._outside >= _IN_A_ROW else ""
+            return jump if self._outside >= _IN_A_ROW else ""
         self._way.append((look.time_s, seen))
         while look.time_s - self._way[0][0] > self._unseen_s and len(self._way) > 2:
             self._way.popleft()
@@ -174,6 +176,8 @@ class _Watch:
             content = look.content
             jump = self._jump(look, degC)
             self._outside = self._outside + 1 if jump else 0
+            if jump:
+                self._record.put("jumped", s=0.0, told=jump, **look.to_document())
             if self._outside >= _IN_A_ROW:
                 return jump
         return ""
