@@ -12,7 +12,7 @@ from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 from tests.conftest import heater_log
-from tests.docs.blocks import DOCS, PAGES, blocks, run
+from tests.docs.blocks import DOCS, PAGES, Block, blocks, run
 from tests.frozen.stable import LEFT_OUT, stable
 from tests.house.test_readme import COMMAND_LINES, EXAMPLES, SERVES, write_example_files
 
@@ -111,8 +111,16 @@ def of_manual() -> Iterator[Item]:
         folder.mkdir(parents=True)
         names = {"__name__": "__manual__"}
         with chdir(folder):
-            printed = [f"{block.code}\n{run(block, names)}\n" for block in found if "heatertune doctor" not in block.code]
+            printed = [f"{block.code}\n{_printed(block, names)}\n" for block in found if "heatertune doctor" not in block.code]
             yield f"manual/{page}.out", stable(".out", "".join(printed))
+
+
+def _printed(block: Block, names: dict[str, object]) -> str:
+    """Return what a block prints; where it fails, that is a change like any other, and the rest still runs."""
+    try:
+        return run(block, names)
+    except Exception as problem:
+        return f"{type(problem).__name__}: {problem}"
 
 
 def _keep_text(name: str, *arguments: str) -> int:

@@ -11,6 +11,7 @@
 
 import json
 import re
+from contextlib import suppress
 from pathlib import Path
 
 from heatertune import __version__
@@ -36,7 +37,8 @@ def stable(name: str, content: str | bytes) -> bytes:
         return content
     suffix = Path(name).suffix
     if suffix == ".json":
-        text = json.dumps(_rounded(json.loads(text)), ensure_ascii=False, indent=1) + "\n"
+        with suppress(json.JSONDecodeError):  # an error in place of a document is compared as the text that it is
+            text = json.dumps(_rounded(json.loads(text)), ensure_ascii=False, indent=1) + "\n"
     elif suffix in (".html", ".out"):
         text = _PICTURE.sub(lambda picture: f"<svg>{''.join(_TITLE.findall(picture[0]))}</svg>", text)
         text = _LONG_NUMBER.sub(lambda number: f"{float(number[0]):.6g}", text)

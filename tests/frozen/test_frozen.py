@@ -21,3 +21,7 @@ def test_one_letter_of_a_program_and_one_key_of_a_document_are_changes():
     assert stable("a.json", '{"gain": 1.23457}') == stable("a.json", '{"gain": 1.2345700001}')
     assert stable("a.awl", "// 1.2345700001") != stable("a.awl", "// 1.23457")
     assert changes({"a": "1", "b": "2"}, {"b": "3", "c": "4"}) == ["gone     a", "changed  b", "new      c"]
+
+
+def test_an_error_in_place_of_a_document_is_a_change_too():
+    assert stable("tune.json", "error: no model\n") == b"error: no model\n"
