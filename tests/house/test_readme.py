@@ -20,7 +20,7 @@ EXAMPLES = [command._EXAMPLE.removeprefix("example: ").splitlines()[0] for comma
 COMMAND_LINES = [line[line.index("heatertune") :] for line in SHELL if "heatertune " in line]
 
 
-def _write_files(folder):
+def write_example_files(folder):
     """Write what the examples read: the user's own files."""
     (folder / "inputs.csv").write_text("W,X\n1091,500\n1091,510\n")
     (folder / "logs").mkdir()
@@ -41,7 +41,7 @@ def test_the_readmes_commands_run_in_the_order_they_stand_and_then_the_other_exa
     tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
-    _write_files(tmp_path)
+    write_example_files(tmp_path)
     for line in COMMAND_LINES + [example for example in EXAMPLES if example not in COMMAND_LINES]:
         if line.split()[1] in SERVES:
             parser().parse_args(shlex.split(line)[1:])

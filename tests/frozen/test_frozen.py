@@ -1,0 +1,27 @@
+"""The outputs are those whose digests the table holds; `python -m tests.frozen --keep FOLDER` shows what changed."""
+
+import pytest
+from tests.frozen.digests import changes, collect, read_digests
+from tests.frozen.stable import stable
+
+
+@pytest.mark.parametrize("target", ["s7-300", "klipper"])
+def test_a_design_has_the_frozen_outputs(target):
+    assert changes(read_digests([target], ["ramped"]), collect([target], designs=["ramped"])) == []
+
+
+@pytest.mark.long(seconds=240)
+def test_all_outputs_are_frozen():
+    assert changes(read_digests(), collect()) == []
+
+
+def test_one_letter_of_a_program_and_one_key_of_a_document_are_changes():
+    assert stable("pid.awl", "L 1;") != stable("pid.awl", "L 2;")
+    assert stable("a.json", '{"gain": 1.0}') != stable("a.json", '{"gains": 1.0}')
+    assert stable("a.json", '{"gain": 1.23457}') == stable("a.json", '{"gain": 1.2345700001}')
+    assert stable("a.awl", "// 1.2345700001") != stable("a.awl", "// 1.23457")
+    assert changes({"a": "1", "b": "2"}, {"b": "3", "c": "4"}) == ["gone     a", "changed  b", "new      c"]
+
+
+def test_an_error_in_place_of_a_document_is_a_change_too():
+    assert stable("tune.json", "error: no model\n") == b"error: no model\n"
