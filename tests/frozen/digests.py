@@ -36,10 +36,11 @@ def collect(targets: Sequence[str] = (), keep: str | None = None, designs: Itera
 
 def machine() -> str:
     """Return what the digests depend on beside the source: processor, Python, and the libraries that compute."""
-    cpu = Path("/proc/cpuinfo")
-    model = re.search(r"^model name\s*: (.*)$", cpu.read_text(encoding="utf-8"), re.MULTILINE) if cpu.exists() else None
+    cpu = Path("/proc/cpuinfo").read_text(encoding="utf-8") if Path("/proc/cpuinfo").exists() else ""
+    model = re.search(r"^model name\s*: (.*)$", cpu, re.MULTILINE)
+    able = hashlib.sha256("".join(re.findall(r"^flags\s*: (.*)$", cpu, re.MULTILINE)[:1]).encode()).hexdigest()[:8]
     releases = ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
-    return f"{model[1] if model else 'unknown processor'}, Python {python_version()}, {releases}"
+    return f"{model[1] if model else 'unknown processor'} ({able}), Python {python_version()}, {releases}"
 
 
 def machine_of_table() -> str:
