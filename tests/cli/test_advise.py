@@ -35,7 +35,7 @@ def pid(tmp_path, run):
     """A calm PID design: it passes on WEG's block where that holds its integral part while the heater is cut off."""
     path = tmp_path / "calm.json"
     assert run("tune", *HAND, "-o", path)[0] == 0
-    calm = {"gain_pct_per_degC": 4.5, "integral_time_s": 160.0, "derivative_time_s": 4.0, "sample_time_s": 2.0,
+    calm = {"gain_pct_per_degC": 4.5, "integral_time_s": 200.0, "derivative_time_s": 4.0, "sample_time_s": 2.0,
             "structure": "pid"}
     path.write_text(json.dumps(json.loads(path.read_text()) | calm))
     return path
@@ -63,9 +63,10 @@ def test_overshoot_is_answered_by_smaller_gains_proven_before_and_after(run, res
     assert [case["words"]["Kp"] for case in (before, kp)] == pytest.approx([before["kp"], 0.8 * before["kp"]])
     assert [case["words"]["Ki"] for case in (before, ki)] == pytest.approx([before["ki"], 0.8 * before["ki"]])
     assert [case["words"]["Kd"] for case in (before, kd)] == pytest.approx([before["kd"], 0.5 * before["kd"]])
-    # less Kp leaves more of the sum after an open circuit at the lower setpoint of use (32.4 °C): a plain loop of this
-    # block and heater in double precision, 1.21 of the power, overshoots by 33 % at Kp 4.5 and by 48 % at 3.6; the limit
-    # is 40 %. A step that costs the PASS is no help, whatever its overshoot in the heat-up
+    # less Kp takes less of the sum away after an open circuit at the lower setpoint of use (32.4 °C): a plain loop of this
+    # heater at 1.21 of the power, whose sum is kept so that P + I stays within the output's range, overshoots by 48 % at
+    # Kp 4.5 and by 60 % at 3.6, the same at 0.8 of Ki. WEG's clamp keeps the sum lower: the limit, 40 %, lies between.
+    # A step that costs the PASS is no help, whatever its overshoot in the heat-up
     assert [case["verdict"] for case in cases.values()] == ["PASS", "NOT PROVEN", "PASS", "PASS", "NOT PROVEN"]
     assert ["low-outage" in case["fails"] for case in cases.values()] == [False, True, False, False, True]
     assert [kp["effect"], whole["effect"]] == ["worse: no longer PASS"] * 2
@@ -76,9 +77,9 @@ def test_overshoot_is_answered_by_smaller_gains_proven_before_and_after(run, res
         told = case["effect"].split(":")[0]
         if case["verdict"] == before["verdict"] and told != "no difference":
             assert told == ("better" if case["overshoot"] < before["overshoot"] else "worse")
-    # the best is the step that leaves the least overshoot of those that pass
-    passing = [case for case in (kp, ki, kd, whole) if case["verdict"] == "PASS"]
-    assert document["best"] == min(passing, key=lambda case: case["overshoot"])["step"]
+    # the best is the step that leaves the least overshoot of those that pass and help; this calm design leaves none to mend
+    helping = [case for case in (kp, ki, kd, whole) if case["verdict"] == "PASS" and case["effect"].startswith("better")]
+    assert document["best"] == (min(helping, key=lambda case: case["overshoot"])["step"] if helping else None)
     assert document["best"] != kp["step"]
 
 
