@@ -75,6 +75,14 @@ def test_a_program_whose_source_was_replaced_keeps_and_reads_nothing(place, repl
     assert cache.source_digest() is None
 
 
+def test_a_clock_that_was_set_back_is_no_replaced_source(monkeypatch):
+    """A computer without a battery starts in the past: its files are from the future until the network tells the time."""
+    monkeypatch.setattr(cache, "_IMPORTED_S", 10.0)
+    monkeypatch.setattr(cache.time, "time", lambda: 20.0)
+    assert cache.is_as_imported([Path(cache.__file__)])
+    assert not cache.is_as_imported([Path(cache.__file__).with_name("gone.py")])
+
+
 def test_what_is_kept_is_read_and_not_run(place):
     path = kept_one(place)
     _, _, text = path.read_bytes().partition(b"\n")

@@ -12,7 +12,6 @@ from __future__ import annotations
 import hashlib
 import hmac
 import json
-import math
 import os
 import stat
 import sys
@@ -220,16 +219,18 @@ def is_as_imported(paths: Iterable[Path]) -> bool:
     """Return whether files of heatertune's source are older than this process.
 
     An update replaces them under a studio or a fleet that runs: its results are the old program's, and what it keeps
-    under the digest of the new files would be read as theirs.
+    under the digest of the new files would be read as theirs. A file from the future shows a clock that was set back,
+    as that of a computer without a battery at its start; it is no sign of an update.
     """
-    return all(_replaced_s(path) < _IMPORTED_S for path in paths)
+    now_s = time.time()
+    return not any(_IMPORTED_S <= _replaced_s(path, now_s) <= now_s for path in paths)
 
 
-def _replaced_s(path: Path) -> float:
-    """Return when a file was replaced or written to last [s]; infinite where it is gone."""
+def _replaced_s(path: Path, now_s: float) -> float:
+    """Return when a file was replaced or written to last [s]; now where it is gone."""
     try:
         kind = path.stat()
     except OSError:
-        return math.inf
+        return now_s
     # unlike the time of the last write, that of the last change is not an archive's; Windows tells no such time
     return max(kind.st_mtime, kind.st_ctime) if sys.platform == "win32" else kind.st_ctime
