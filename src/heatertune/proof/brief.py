@@ -36,7 +36,7 @@ from heatertune.model.values import HeaterModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc.controller import Controller
 from heatertune.plc.words import Words
-from heatertune.proof.scenario import NewSetpoint, Scenario, conditions
+from heatertune.proof.scenario import Scenario, conditions
 
 __all__ = ["Cooling"]
 
@@ -93,8 +93,7 @@ class Cooling(NamedTuple):
         The peak lies elsewhere there: where nothing is summed up outside of the proportional band, the reading leaves
         it later the less it can fall.
         """
-        low_degC = next((event.setpoint_degC for event in self.scenario.disturbances if isinstance(event, NewSetpoint)),
-                        None)
+        low_degC = self.scenario.lower_setpoint_degC
         if low_degC is None:
             return []
         lower = self._replace(scenario=replace(self.scenario, setpoint_degC=low_degC))
@@ -112,11 +111,10 @@ class Cooling(NamedTuple):
 
     def lows_degC(self) -> list[float]:
         """Return setpoints a change to or from which may overshoot more than of the lowest [°C]; none without I."""
-        asked, again_degC = self.scenario.setpoint_degC, self.controller.again_degC(self.words)
-        changes = (event.setpoint_degC for event in self.scenario.disturbances if isinstance(event, NewSetpoint))
-        way_degC = next(changes, asked) - asked
-        if self._summing is None or way_degC == 0.0:
+        asked, low_degC = self.scenario.setpoint_degC, self.scenario.lower_setpoint_degC
+        if self._summing is None or low_degC is None or low_degC == asked:
             return []
+        way_degC, again_degC = low_degC - asked, self.controller.again_degC(self.words)
         shares = _LED_BY_P[1::2] if self._many else _LED_BY_P
         by_p = [share * self._full_rise_degC(self._summing) for share in shares]
         if again_degC is not None:

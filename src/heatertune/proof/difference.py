@@ -170,13 +170,13 @@ def _dumped(path: str, given: Given, other: Side | None) -> Side:
     if interval is None and other is not None and controller.interval_s is None:
         interval = other.words.sample_time_s
         taken_over += (f"call interval {interval:g} s",)
-    is_same = other is not None and other.words.target == controller.name
-    proven = other.proof["known"] if is_same and other is not None and other.proof is not None else {}
+    same = other if other is not None and other.words.target == controller.name else None
+    proven = {} if same is None or same.proof is None else same.proof["known"]
     read = read_machine(controller, content_of(path), sample_time_s=interval, scaling=scaling, source=path,
                         known={**proven, **given.switches})
     words = read.words
-    if is_same and other is not None:
-        words = replace(words, ramp=other.words.ramp, boost=other.words.boost)
+    if same is not None:
+        words = replace(words, ramp=same.words.ramp, boost=same.words.boost)
     unlike = () if read.unlike is None else read.unlike(words)
     if read.unlike is None:
         ways = {"setpoint ramp": words.ramp, "boost": words.boost}

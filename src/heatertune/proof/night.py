@@ -164,7 +164,7 @@ def _opened(
 ) -> Iterator[Night]:
     heater_s = max(sum(model.lags_s) + model.dead_time_s for model in models)
     yield _longer(scenario, number, opened[number])._replace(heater_s=heater_s)
-    low = next((event.setpoint_degC for event in scenario.disturbances if isinstance(event, NewSetpoint)), None)
+    low = scenario.lower_setpoint_degC
     if low is not None and scenario.rests_s:
         yield _rising(scenario, number, low, models)
     lengths_s = {*opened.values(), *(each for each in low_brief_s if each < opened[number])}

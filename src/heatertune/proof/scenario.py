@@ -107,6 +107,11 @@ class Scenario:
         return tuple(asked)
 
     @property
+    def lower_setpoint_degC(self) -> float | None:
+        """The lower end of the setpoints of use, to which the setpoint changes first [°C]; None without a change."""
+        return next((event.setpoint_degC for event in self.disturbances if isinstance(event, NewSetpoint)), None)
+
+    @property
     def supplied(self) -> tuple[bool, ...]:
         """Whether the PLC has its supply in each phase."""
         powered = [True]
