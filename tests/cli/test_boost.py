@@ -23,10 +23,10 @@ def test_words_with_a_boost_are_exported_read_again_and_proven_again(run, design
     plain = json.loads(path.read_text())
     assert "boost" not in plain
     assert run("verify", *given)[0] == 1
-    boost = {"within_degC": 12.5, "again_degC": 18.75}
+    boost = {"within_degC": 9.0, "again_degC": 13.5}
     path.write_text(json.dumps(plain | {"boost": boost}))
     status, out, _ = run("verify", *given, "--verbose")
-    assert (status, "full power until 12.5 °C from the setpoint" in " ".join(out.split())) == (0, True)
+    assert (status, "full power until 9 °C from the setpoint" in " ".join(out.split())) == (0, True)
     status, out, _ = run("verify", *given, "--json")
     assert (status, json.loads(out)["boost"]) == (0, boost)
     status, out, _ = run("verify", *given, "--boost", "none", "--json")
@@ -34,7 +34,7 @@ def test_words_with_a_boost_are_exported_read_again_and_proven_again(run, design
     status, out, _ = run("export-db", *given, "-o", tmp_path / "again", "--json")
     assert (status, json.loads(out)["boost"]) == (0, boost)
     text = (tmp_path / "again" / "weg_pid_call.st").read_text()
-    assert "proven with a boost: full power until 12.5 degC from the setpoint, and again where it is more than 18.75" in text
+    assert "proven with a boost: full power until 9 degC from the setpoint, and again where it is more than 13.5" in text
     assert "HeaterPid.EN := HeaterOn AND NOT HeaterBoost;" in text
     assert run("export-db", tmp_path / "again" / "data" / "words.json", *ASKED[:2], "-o", tmp_path / "third")[0] == 0
     assert (tmp_path / "third" / "weg_pid_call.st").read_text() == text

@@ -16,7 +16,7 @@ from heatertune.plc import COOLING, TARGETS, Scaling, controller_for
 from heatertune.plc.open_points import always, settings_to_prove
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.criteria import Limits
-from heatertune.proof.loop import in_loop
+from heatertune.proof.loop import in_loop, scans_of
 from heatertune.proof.measured import joined
 from heatertune.proof.metered import metered
 from heatertune.proof.samples import Drawing, Spread, measure
@@ -84,7 +84,7 @@ def test_drawn_heaters_show_the_same_where_one_setting_runs_for_all(target):
     assert [each.switches for each in drawing.controllers] == settings_to_prove(which.switches)
     seeds, limits = range(7, 47), Limits()
     rows, sizes = drawing.heaters_of(seeds)
-    noise, late = drawing.scans_of(seeds, int(400.0 / drawing.controllers[0].scan_s) + 1)
+    noise, late = drawing.scans_of(seeds, scans_of(drawing.controllers[0], scenario))
     every = joined([metered(each, rows, scenario, drawing.actuator, limits, noise, late, sizes,
                             cooling=drawing.cooling_of(seeds)) for each in drawing.controllers])
     found = measure(drawing, limits, len(seeds), seed=seeds[0], workers=2)

@@ -117,6 +117,18 @@ def said_by(process):
     return " ".join(" ".join(process.communicate(timeout=60)).split())
 
 
+def test_an_s7_connection_that_nobody_answers_is_ended_by_reset():
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = address_of(f"s7://127.0.0.1:{silent.getsockname()[1]}/0/2/db30")
+        with pytest.raises(LinkError, match="no S7 connection"):
+            connect(address, timeout_s=0.05)
+        taken, _ = silent.accept()
+        with taken:
+            assert taken.recv(100)[:4] == bytes([3, 0, 0, 22])  # its request for a connection: RFC 1006, 22 bytes
+            with pytest.raises(ConnectionResetError):
+                taken.recv(100)
+
+
 @pytest.mark.parametrize("protocol", NETWORKED)
 def test_every_link_ends_by_reset(served, protocol):
     """Closed, given up or killed: the system sends nothing again."""

@@ -27,8 +27,10 @@ from heatertune.proof import (
     runs,
     simulate,
 )
+from heatertune.proof.loop import in_loop
 from heatertune.proof.measured import Column, Measured, columns_of
 from heatertune.proof.meter import COLUMNS, HIGHEST, LOWEST, SETTLED, TOTALS, begin, is_led, no_meter
+from heatertune.proof.metered import metered
 from heatertune.proof.scenario import Led, delayed, phases_of
 
 #: between both ways: they add up in another order and take exponentials over other times
@@ -94,11 +96,11 @@ def test_a_run_is_judged_by_the_meter_as_by_its_trace(target, seed):
     for run in prove_models(which, words, models, scenario, actuator, Acceptance(limits=limits)).runs:
         trace = simulate(which, words, delayed(dict(models)[run.model], which.delay_s), scenario, actuator, run.switches)
         own = judge(trace, limits, where=run.label)
-        for metered, traced in zip(run.criteria, own, strict=False):  # the last, the step's power, is of the words alone
-            assert metered.value == pytest.approx(traced.value, **NEAR), (run.label, metered.name)
-            assert metered.ok == traced.ok, (run.label, metered.name, metered.value, metered.limit)
-            assert metered.limit == (None if traced.limit is None else pytest.approx(traced.limit))
-            assert replace(metered, value=0.0, limit=0.0) == replace(traced, value=0.0, limit=0.0)
+        for measured, traced in zip(run.criteria, own, strict=False):  # the last, the step's power, is of the words alone
+            assert measured.value == pytest.approx(traced.value, **NEAR), (run.label, measured.name)
+            assert measured.ok == traced.ok, (run.label, measured.name, measured.value, measured.limit)
+            assert measured.limit == (None if traced.limit is None else pytest.approx(traced.limit))
+            assert replace(measured, value=0.0, limit=0.0) == replace(traced, value=0.0, limit=0.0)
         assert [each.name for each in run.criteria[len(own) :]] == ([] if which.decode(words) is None else ["step_power"])
 
 
@@ -193,8 +195,8 @@ def test_all_that_is_switched_within_a_long_dead_time_is_under_way(ta_s, dead_s)
     scenario, actuator, limits = Scenario(setpoint_degC=50.0, duration_s=400.0), Actuator(pwm_period_s=1.0), Limits()
     runs_ = {run.model: run for run in prove_models(which, words, models, scenario, actuator, Acceptance(limits=limits)).runs}
     trace = simulate(which, words, delayed(models[1][1], which.delay_s), scenario, actuator, runs_["far"].switches)
-    for metered, traced in zip(runs_["far"].criteria, judge(trace, limits), strict=False):
-        assert metered.value == pytest.approx(traced.value, **NEAR), metered.name
+    for measured, traced in zip(runs_["far"].criteria, judge(trace, limits), strict=False):
+        assert measured.value == pytest.approx(traced.value, **NEAR), measured.name
 
 
 def test_less_power_lets_a_heater_fall_and_a_cooler_rise():
@@ -210,3 +212,15 @@ def test_less_power_lets_a_heater_fall_and_a_cooler_rise():
 def test_a_limit_below_1_is_used_by_its_share():
     column = Column(name="steady_offset", unit="°C", what="", values=np.array([0.25, 0.5, 1.0, 0.0]), limits=np.full(4, 0.5))
     assert column.strains.tolist() == [0.5, 1.0, 2.0, 0.0]
+
+
+def test_noise_of_too_few_scans_is_refused():
+    which = controller_for("s5-ob251")
+    words = which.encode(PidDesign(gain_pct_per_degC=1.0, integral_time_s=400.0, derivative_time_s=0.0, sample_time_s=1.0, structure="pi",
+                                   method=""), Scaling())
+    scenario, actuator = Scenario(setpoint_degC=50.0, duration_s=100.5), Actuator(pwm_period_s=1.0)
+    controller = in_loop(which, words, scenario.setpoints_degC, {})
+    rows = np.array([[0.6, 100.0, 0.0, 2.0, 20.0, 20.0]])
+    assert metered(controller, rows, scenario, actuator, Limits(), np.zeros((1, 102)), np.zeros((1, 1))).table.shape[0] == 1
+    with pytest.raises(ValueError, match="of 102 scans, got 101"):
+        metered(controller, rows, scenario, actuator, Limits(), np.zeros((1, 101)), np.zeros((1, 1)))

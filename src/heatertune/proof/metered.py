@@ -38,8 +38,13 @@ def metered(  # noqa: PLR0913 - what differs from loop to loop stands in arrays 
         cooling: by what the power of the cooler is multiplied, see `Batch`.
         side_by_side: whether they run so, all of them fitting (`heatertune.proof.lanes`); it changes no bit.
         ahead: how many such loops are sure to follow.
+
+    Raises:
+        ValueError: noise or delay of fewer scans than there are: compiled code would read what lies behind them.
     """
     scans, period, count = scans_of(controller, scenario), actuator.pwm_period_s, len(rows)
+    if shorter := [given.shape[1] for given in (noise_degC, late_s) if 1 < given.shape[1] < scans]:
+        raise ValueError(f"noise_degC, late_s: of {scans} scans, got {shorter[0]}")
     phases = phases_measured(scenario, limits, (scans - 1) * controller.scan_s, period)
     marks = [(phase.rest_s, REST) for phase in phases if phase.rest_s < phase.end_s]
     periods = periods_at_rest(phases[0], period)

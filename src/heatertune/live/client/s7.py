@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from typing import Any, Final
@@ -70,12 +71,20 @@ def _why(problem: S7ProtocolError) -> str:
 
 
 def _waiting(kind: Any, timeout_s: float) -> Any:
-    """Return a class of the library's whose connections wait so long for any answer, where its own wait 5 s."""
+    """Return a class of the library's whose connections wait so long for any answer, where its own wait 5 s.
+
+    They are closed by a reset, those too to which nobody answers while they are being made.
+    """
+
+    def reset_at_its_end(connection: Any, connect: Callable[[], None]) -> None:
+        connect()
+        close_by_reset(connection.socket)
 
     class Waiting(kind):  # type: ignore[misc]
         def __setattr__(self, name: str, value: Any) -> None:
             if name == "connection" and value is not None:
                 value.connect = partial(value.connect, timeout_s)
+                value._tcp_connect = partial(reset_at_its_end, value, value._tcp_connect)
             super().__setattr__(name, value)
 
     return Waiting
@@ -92,5 +101,4 @@ def connected(address: Address, timeout_s: float) -> S7Client:
         library.connect(address.host, *address.way, address.port)
     except (S7Error, OSError) as problem:
         raise LinkDown(f"{address.text}: no S7 connection to {address.host}:{address.port}: {problem}") from None
-    close_by_reset(library.connection.socket)
     return S7Client(address, library)
