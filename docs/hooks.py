@@ -20,16 +20,17 @@ from markdown.extensions.toc import slugify
 from heatertune.cli import parser
 from heatertune.plc import GROUPS, TARGETS, controller_for
 from heatertune.plc.commissioning import commissioning
-from heatertune.terms import TERMS, Term
+from heatertune.terms import TERMS, GlossaryTerm
 
 SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
 COMMON = "common"
 #: the folders in plc, which have a page of their own
 FOLDERS = "controllers"
-ROOMS = ("chain", "log", "heater", "model", "pid", "plc", FOLDERS, "proof", "closing", "lanes", "supervision", "report",
+ROOMS = ("chain", "log", "heater", "model", "pid", "plc", FOLDERS, "proof", "redesign", "lanes", "supervision",
+         "report",
          "batch", "loops", "live", COMMON)
 #: room → its folder, where that has another name
-_FOLDERS = {FOLDERS: "plc", "closing": "proof/closing", "lanes": "proof/lanes", "supervision": "proof/supervision"}
+_FOLDERS = {FOLDERS: "plc", "redesign": "proof/redesign", "lanes": "proof/lanes", "supervision": "proof/supervision"}
 #: what is no folder of its own → what it is for
 _TOLD = {COMMON: "What all rooms may use: settings, options, units, terms, errors.",
          FOLDERS: "The folder of each controller, and the machines that run what is exported."}
@@ -74,7 +75,7 @@ def words() -> str:
     return _table(("term", "meaning"), [(_anchored(term), term.meaning) for term in TERMS if not term.field])
 
 
-def _anchored(term: Term) -> str:
+def _anchored(term: GlossaryTerm) -> str:
     """Return a term's name where a link leads to; words with their other names."""
     names = term.names[:1] if term.field else term.names
     return f'<a id="{term.anchor}"></a>{", ".join(names)}'

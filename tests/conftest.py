@@ -17,7 +17,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from heatertune import compiled
-from heatertune.chain import ahead
+from heatertune.chain import precompile
 from heatertune.log.values import Log
 from heatertune.processors import processors
 
@@ -110,14 +110,14 @@ def machine_code(request, run_folder):
     place = request.config.cache.mkdir(_CACHE)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compiled, "folder", lambda: place)
-        patch.setattr(ahead, "processors", lambda: 1)  # what is compiled is compiled in turn, not beside
+        patch.setattr(precompile, "processors", lambda: 1)  # what is compiled is compiled in turn, not beside
         _compile_in_turn(patch, run_folder / "locks")
         yield
 
 
 def _compile_in_turn(patch, locks):
     """Let one process at a time compile a function: the next one finds it on disk."""
-    enter = compiled._Machine._entered
+    enter = compiled._MachineCode._entered
     locks.mkdir(parents=True, exist_ok=True)
 
     def enter_in_turn(machine, *given):
@@ -127,7 +127,7 @@ def _compile_in_turn(patch, locks):
             fcntl.flock(lock, fcntl.LOCK_EX)
             return enter(machine, *given)
 
-    patch.setattr(compiled._Machine, "_entered", enter_in_turn)
+    patch.setattr(compiled._MachineCode, "_entered", enter_in_turn)
 
 
 @pytest.fixture(scope="session")

@@ -33,7 +33,7 @@ def result():
             raise DocumentError("number: expected a number")
         return document
 
-    return cache.cached("stage", {"a": 1}, run, read), bool(runs)
+    return cache.load_or_compute("stage", {"a": 1}, run, read), bool(runs)
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ def replaced(monkeypatch):
 def test_a_program_whose_source_was_replaced_keeps_and_reads_nothing(place, replaced):
     notes = []
     for _ in range(2):
-        cache.cached("stage", {}, lambda: {"number": 1.5}, lambda document: document, progress=notes.append)
+        cache.load_or_compute("stage", {}, lambda: {"number": 1.5}, lambda document: document, progress=notes.append)
     assert not place.exists()
     assert notes == 2 * ["stage: heatertune's own source was replaced while it runs: nothing is kept"]
     assert cache.source_digest() is None
@@ -125,7 +125,7 @@ def test_what_is_no_file_is_no_result(place):
     path.unlink()
     path.mkdir()
     told = []
-    assert cache.cached("stage", {"a": 1}, lambda: {"number": 1.5}, dict, progress=told.append) == {"number": 1.5}
+    assert cache.load_or_compute("stage", {"a": 1}, lambda: {"number": 1.5}, dict, progress=told.append) == {"number": 1.5}
     assert told == [f"stage: the cache {place} cannot be written"]
 
 
@@ -166,8 +166,8 @@ def test_a_folder_that_others_may_write_is_neither_read_nor_written(place, mode)
     kept_one(place)
     place.chmod(mode)
     before, lines = sorted(place.iterdir()), []
-    assert cache.cached("stage", {"a": 1}, lambda: {"number": 7.5}, dict, progress=lines.append) == {"number": 7.5}
-    assert cache.cached("stage", {"a": 2}, lambda: {"number": 8.5}, dict) == {"number": 8.5}
+    assert cache.load_or_compute("stage", {"a": 1}, lambda: {"number": 7.5}, dict, progress=lines.append) == {"number": 7.5}
+    assert cache.load_or_compute("stage", {"a": 2}, lambda: {"number": 8.5}, dict) == {"number": 8.5}
     assert lines == [f"stage: the cache {place} is not used: other users may write there; chmod go-w {place} makes it "
                      "private: nothing is kept"]
     assert sorted(place.iterdir()) == before

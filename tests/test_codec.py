@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from heatertune.codec import OrInfinite, OrUnknown, decode, encode, registered
+from heatertune.codec import OrInfinite, OrUnknown, decode, encode, register_schema
 from heatertune.errors import DocumentError
 from heatertune.units import check
 
@@ -31,7 +31,7 @@ class Part:
         check("length_m", self.length_m, above=0.0)
 
 
-@registered("test/whole/1")
+@register_schema("test/whole/1")
 @dataclass(frozen=True, kw_only=True)
 class Whole:
     name: str
@@ -98,4 +98,4 @@ def test_null_is_what_the_field_says():
 
 def test_a_schema_is_that_of_one_dataclass():
     with pytest.raises(ValueError, match="test/whole/1 is registered twice"):
-        registered("test/whole/1")(dataclasses.make_dataclass("Another", []))
+        register_schema("test/whole/1")(dataclasses.make_dataclass("Another", []))

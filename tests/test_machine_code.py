@@ -13,9 +13,9 @@ import pytest
 
 from heatertune import cache
 from heatertune import compiled as machine
-from heatertune.compiled import compiled, machine_code
+from heatertune.compiled import compile_function, machine_code
 from heatertune.compiler import object_code
-from heatertune.heater.exact import answered
+from heatertune.heater.exact import unit_step_response
 
 SOURCE = """
 from heatertune.units import kelvin_to_degC
@@ -54,7 +54,7 @@ def _started_anew(tmp_path, factor=2.0, inner="x + 1.0"):
 
 
 def test_what_is_compiled_is_found_by_the_next_process(tmp_path, place):
-    first, second = (compiled(_started_anew(tmp_path).outer) for _ in range(2))
+    first, second = (compile_function(_started_anew(tmp_path).outer) for _ in range(2))
     assert first(3.0) == 8.0
     assert second(3.0) == 8.0
     assert [(door.found, door.made) for door in (first, second)] == [(0, 1), (1, 0)]
@@ -69,7 +69,7 @@ def test_two_threads_that_ask_at_once_wait_for_the_same_machine_code(tmp_path, p
 
     def ask():
         asked.wait()
-        doors.append(compiled(outer))
+        doors.append(compile_function(outer))
 
     threads = [Thread(target=ask, daemon=True) for _ in range(2)]
     for thread in threads:
@@ -85,11 +85,11 @@ def test_two_threads_that_ask_at_once_wait_for_the_same_machine_code(tmp_path, p
 
 @pytest.mark.parametrize(("change", "value"), [({"factor": 3.0}, 12.0), ({"inner": "x - 1.0"}, 4.0)], ids=str)
 def test_what_changed_in_a_constant_or_a_called_function_is_compiled_anew(change, value, tmp_path, place):
-    assert compiled(_started_anew(tmp_path).outer)(3.0) == 8.0
+    assert compile_function(_started_anew(tmp_path).outer)(3.0) == 8.0
     stamp = (tmp_path / "own.py").stat()
     changed = _started_anew(tmp_path, **change)
     os.utime(tmp_path / "own.py", ns=(stamp.st_atime_ns, stamp.st_mtime_ns))  # all that numba itself would look at
-    assert compiled(changed.outer)(3.0) == value
+    assert compile_function(changed.outer)(3.0) == value
 
 
 def test_a_constant_from_elsewhere_counts_by_its_value(tmp_path, place):
@@ -104,20 +104,20 @@ def test_files_of_heatertune_that_are_mentioned_count(tmp_path, place):
     assert {path.name for path in machine._mentioned(tmp_path / "own.py")} == {"units.py"}
     exec(compile("def typed(x): return x", "<notebook>", "exec"), vars(module))
     assert machine._digest(module.typed) is None, "no file to look at: not kept"
-    assert compiled(module.typed)(3.0) == 3.0
+    assert compile_function(module.typed)(3.0) == 3.0
     assert machine_code(place) == []
 
 
 def test_functions_whose_source_was_replaced_are_not_kept_for_the_new_one(monkeypatch):
     """What runs is the old source, and the files are the new one."""
-    assert machine._digest(answered) is not None
+    assert machine._digest(unit_step_response) is not None
     monkeypatch.setattr(cache, "_IMPORTED_S", 0.0)
-    assert machine._digest(answered) is None
+    assert machine._digest(unit_step_response) is None
 
 
 def test_calls_may_stay_calls(tmp_path, place):
     for calls in (False, True):
-        door, out = compiled(_started_anew(tmp_path).many, calls=calls), np.zeros(3)
+        door, out = compile_function(_started_anew(tmp_path).many, calls=calls), np.zeros(3)
         door(out)
         assert np.array_equal(out, [2.0, 4.0, 6.0])
 
@@ -135,7 +135,7 @@ def test_folders_that_nobody_used_for_a_month_are_removed(tmp_path):
 def test_where_no_folder_can_be_made_it_is_compiled_all_the_same(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(machine, "folder", lambda: tmp_path / "file" / "cache")
-    assert compiled(_started_anew(tmp_path).outer)(3.0) == 8.0
+    assert compile_function(_started_anew(tmp_path).outer)(3.0) == 8.0
     assert not machine_code(tmp_path)
 
 
@@ -148,19 +148,19 @@ def _damaged(content, how):
 
 @pytest.mark.parametrize("how", ["empty", "torn", "no object", "other", "one bit", "head"])
 def test_what_was_damaged_on_disk_is_compiled_anew_and_kept(how, tmp_path, place):
-    compiled(_started_anew(tmp_path).outer)(3.0)
+    compile_function(_started_anew(tmp_path).outer)(3.0)
     path, = machine_code(place)
     whole = path.read_bytes()
     path.write_bytes(_damaged(whole, how))
     assert path.read_bytes() != whole
     for again in range(2):
-        door = compiled(_started_anew(tmp_path).outer)
+        door = compile_function(_started_anew(tmp_path).outer)
         assert door(3.0) == 8.0
         assert (door.found, door.made) == (again, 1 - again)
 
 
 def test_a_folder_that_is_gone_by_now_keeps_nothing(tmp_path, place):
-    door = compiled(_started_anew(tmp_path).outer)
+    door = compile_function(_started_anew(tmp_path).outer)
     shutil.rmtree(place)
     assert door(3.0) == 8.0
 
@@ -172,7 +172,7 @@ def test_what_is_kept_on_disk_is_loaded_for_less_work(tmp_path, place, monkeypat
     monkeypatch.setattr(machine, "_PLAIN_SCANS_READY", 3_000)
     module = _started_anew(tmp_path)
     assert not machine.worth_compiling(15_001, "new", function=module.outer)
-    compiled(module.outer)(3.0)
+    compile_function(module.outer)(3.0)
     assert [machine.worth_compiling(scans, "ready", function=module.outer) for scans in (3_000, 1)] == [False, True]
     monkeypatch.delitem(sys.modules, "llvmlite.binding")  # as in a process that has not loaded any code
     assert [machine.worth_compiling(scans, "kept", function=module.outer) for scans in (15_000, 1)] == [False, True]

@@ -16,7 +16,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.compiler import object_code
 from heatertune.native import Code, kinds_of
 
@@ -87,7 +87,7 @@ def alike(one, other):
 @example((1, (True, Pair(2.5, (np.float32(0.5), False)), Alone(Alone(-0.0))), 2**62))
 @example(Pair((True, 7, True), (np.float32(1.5), 3, False)))  # holes between parts of unlike size
 def test_what_goes_in_comes_out(value):
-    assert alike(value, compiled(same)(value))
+    assert alike(value, compile_function(same)(value))
 
 
 def _layouts():
@@ -104,7 +104,7 @@ def _layouts():
 @pytest.mark.parametrize("layout", _layouts())
 def test_an_array_is_read_as_it_lies(layout):
     table, out, own = _layouts()[layout], np.zeros(1), np.zeros(1)
-    compiled(weighed)(table, out)
+    compile_function(weighed)(table, out)
     njit(weighed)(table, own)
     weights = np.add.outer(np.arange(table.shape[0]), 2.0 * np.arange(table.shape[1])) + 1.0
     assert out == own == pytest.approx(float(np.sum(table * weights)))
@@ -113,7 +113,7 @@ def test_an_array_is_read_as_it_lies(layout):
 def test_an_array_from_another_process_is_one_like_any_other():
     table = pickle.loads(pickle.dumps(np.ones((2, 2))))
     assert table.dtype is not np.dtype(float), "NumPy makes it anew"
-    run, out = compiled(weighed), np.zeros(1)
+    run, out = compile_function(weighed), np.zeros(1)
     for given_ in (table, np.ones((2, 2)), table):
         run(given_, out)
         assert out == 1.0 + 3.0 + 2.0 + 4.0
@@ -121,15 +121,15 @@ def test_an_array_from_another_process_is_one_like_any_other():
 
 def test_arrays_of_python_and_bytes_are_taken_too():
     rest = (Pair(3.0, 4.0), (array("d", [1.0, 2.0]), True), np.float32(0.5))
-    assert compiled(gathered)(10, rest, 1.0) == 26.5
-    assert compiled(gathered)(10, (Pair(3.0, 4.0), (bytearray(b"\1\2"), False), np.float32(0.5)), 1.0) == -26.5
-    assert compiled(gathered)(10, (Pair(3.0, 4.0), (bytearray(), False), np.float32(0.5)), 1.0) == -23.5
+    assert compile_function(gathered)(10, rest, 1.0) == 26.5
+    assert compile_function(gathered)(10, (Pair(3.0, 4.0), (bytearray(b"\1\2"), False), np.float32(0.5)), 1.0) == -26.5
+    assert compile_function(gathered)(10, (Pair(3.0, 4.0), (bytearray(), False), np.float32(0.5)), 1.0) == -23.5
 
 
 def test_nothing_comes_back_as_nothing_and_a_division_by_zero_as_numpy_has_it():
-    assert compiled(weighed)(np.ones((1, 1)), np.zeros(1)) is None
-    assert compiled(same)((1.0, Nothing())) == (1.0, Nothing())
-    quotient, *_ = compiled(divided)(1.0, 0.0)
+    assert compile_function(weighed)(np.ones((1, 1)), np.zeros(1)) is None
+    assert compile_function(same)((1.0, Nothing())) == (1.0, Nothing())
+    quotient, *_ = compile_function(divided)(1.0, 0.0)
     assert quotient == math.inf
 
 
@@ -158,12 +158,12 @@ def test_code_that_needs_what_is_not_here_is_not_run():
 
 
 def test_code_stays_where_it_is_as_long_as_it_may_be_called_and_threads_may_call_it_at_once():
-    run = compiled(gathered)
+    run = compile_function(gathered)
     given_ = (10, (Pair(3.0, 4.0), (np.ones(1000), True), np.float32(0.5)), 1.0)
     expected, found = run(*given_), []
 
     def ask():
-        found.extend(compiled(gathered)(*given_) for _ in range(200))
+        found.extend(compile_function(gathered)(*given_) for _ in range(200))
 
     threads = [Thread(target=ask) for _ in range(4)]
     for thread in threads:

@@ -14,9 +14,9 @@ from heatertune.cli import parser
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.search.robust import ROBUST
 from heatertune.pid.specs import OBJECTIVES
-from heatertune.plc.choose import WAYS
 from heatertune.plc.pwm import RULES
-from heatertune.proof import Spread
+from heatertune.plc.word_selection import WAYS
+from heatertune.proof import SampleSpread
 from heatertune.settings import (
     Conditions,
     FitSettings,
@@ -141,18 +141,18 @@ def test_a_pair_is_two_numbers(pair):
 
 
 def test_what_samples_are_drawn_from_is_the_proofs_own_where_nothing_is_said():
-    assert Spread(**SampleSettings().spread) == Spread()
+    assert SampleSpread(**SampleSettings().spread) == SampleSpread()
 
 
 def test_every_number_and_name_of_fit_design_and_proof_is_a_key_of_a_study():
     for kind in (FitSettings, TuneSettings, Conditions):
         # a cooler's log, which is a yes or no, is fitted beforehand and comes as a model
         assert {one.name for one in fields(kind)} - set(KEYS) <= {"accept", "cooler", "limit"}
-    assert KEYS["tolerance_degC"].meaning == "how far from the setpoint is still right [°C]"
+    assert KEYS["tolerance_degC"].quantity_with_unit == "how far from the setpoint is still right [°C]"
 
 
 def test_some_of_the_settings_can_be_changed_by_name_and_no_others():
-    assert options.merged(TuneSettings, TuneSettings(ms=1.4), {"method": "simc"}) == TuneSettings(ms=1.4, method="simc")
-    assert options.merged(TuneSettings, None, {}) == TuneSettings()
+    assert options.merge_options(TuneSettings, TuneSettings(ms=1.4), {"method": "simc"}) == TuneSettings(ms=1.4, method="simc")
+    assert options.merge_options(TuneSettings, None, {}) == TuneSettings()
     with pytest.raises(TypeError, match="setpoint"):
-        options.merged(TuneSettings, None, {"setpoint": 1.0})
+        options.merge_options(TuneSettings, None, {"setpoint": 1.0})

@@ -14,30 +14,30 @@ The functions here are the whole chain, stage by stage, beside the values that t
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from heatertune.handed import run_by
-from heatertune.lazy import offered
+from heatertune.hooks import run_by
+from heatertune.lazy import lazy_attributes
 from heatertune.show import shown_by
 
 __version__ = "0.1.0"
 
 __all__ = [
     "Actuator",
-    "Asked",
     "Conditions",
+    "DesignRequest",
     "FitSettings",
     "FittedModel",
     "Fopdt",
     "HeatertuneError",
     "InputError",
     "Interval",
-    "Limits",
     "Load",
     "Log",
-    "Noise",
+    "LoopLimits",
     "NotRepresentable",
     "PidDesign",
     "Proof",
     "ReadSettings",
+    "ReadingNoise",
     "Scaling",
     "Scenario",
     "TemperatureStep",
@@ -92,39 +92,39 @@ if TYPE_CHECKING:
         validate,
         write_report,
     )
-    from heatertune.chain.doors import controller, decode, iae_load, margins, simulate
+    from heatertune.chain.facade import controller, decode, iae_load, margins, simulate
     from heatertune.errors import HeatertuneError, InputError, NotRepresentable
     from heatertune.live.serve import virtual_plc
     from heatertune.log.values import Log
-    from heatertune.model.by_hand import model_by_hand
-    from heatertune.model.experiment.fisher import Noise
+    from heatertune.model.experiment.fisher import ReadingNoise
     from heatertune.model.intervals import Interval
+    from heatertune.model.manual_model import model_by_hand
     from heatertune.model.values import FittedModel, Fopdt, TwoLag
     from heatertune.pid.alternatives import alternatives
     from heatertune.pid.pareto import front
     from heatertune.pid.search.uncertain import draw_heaters
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
-    from heatertune.plc.choose import choose_words
-    from heatertune.proof import Actuator, Limits, Load, Proof, Scenario, TemperatureStep
-    from heatertune.proof.closing import Asked
-    from heatertune.proof.drawn import replay_document, sample_document
+    from heatertune.plc.word_selection import choose_words
+    from heatertune.proof import Actuator, Load, LoopLimits, Proof, Scenario, TemperatureStep
+    from heatertune.proof.monte_carlo.run import replay_document, sample_document
+    from heatertune.proof.redesign import DesignRequest
     from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
 
 
 # `heatertune --help` needs none of them
-__getattr__, __dir__ = offered(__name__, {
+__getattr__, __dir__ = lazy_attributes(__name__, {
     "batch.fleets": ("fleet",),
     "batch.studies": ("study",),
     "chain": (
         "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "read_log",
         "tune", "validate", "write_report"),
-    "chain.doors": ("controller", "decode", "iae_load", "margins", "simulate"),
+    "chain.facade": ("controller", "decode", "iae_load", "margins", "simulate"),
     "errors": ("HeatertuneError", "InputError", "NotRepresentable"),
     "live.serve": ("virtual_plc",),
     "log.values": ("Log",),
-    "model.by_hand": ("model_by_hand",),
-    "model.experiment.fisher": ("Noise",),
+    "model.manual_model": ("model_by_hand",),
+    "model.experiment.fisher": ("ReadingNoise",),
     "model.intervals": ("Interval",),
     "model.values": ("FittedModel", "Fopdt", "TwoLag"),
     "pid.alternatives": ("alternatives",),
@@ -132,14 +132,14 @@ __getattr__, __dir__ = offered(__name__, {
     "pid.search.uncertain": ("draw_heaters",),
     "pid.values": ("PidDesign",),
     "plc": ("Scaling", "Words"),
-    "plc.choose": ("choose_words",),
-    "proof": ("Actuator", "Limits", "Load", "Proof", "Scenario", "TemperatureStep"),
-    "proof.closing": ("Asked",),
-    "proof.drawn": ("replay_document", "sample_document"),
+    "plc.word_selection": ("choose_words",),
+    "proof": ("Actuator", "LoopLimits", "Load", "Proof", "Scenario", "TemperatureStep"),
+    "proof.redesign": ("DesignRequest",),
+    "proof.monte_carlo.run": ("replay_document", "sample_document"),
     "settings": ("Conditions", "FitSettings", "ReadSettings", "TuneSettings"),
 })
 
 
-run_by(lambda words, switches: import_module("heatertune.plc.controller").controller_for(words.target).called(
+run_by(lambda words, switches: import_module("heatertune.plc.controller").controller_for(words.target).instantiate(
     words, switches))
-shown_by(lambda: import_module("heatertune.report.face"))
+shown_by(lambda: import_module("heatertune.report.notebook"))

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from heatertune.codec import registered
+from heatertune.codec import register_schema
 from heatertune.compiled import decide
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
@@ -22,12 +22,12 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Controller, Scaling, Words, controller_for
 from heatertune.plc.open_points import settings_of
 from heatertune.processors import processors
-from heatertune.progress import Told
-from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, simulate
-from heatertune.proof.samples import measure
+from heatertune.progress import ProgressCallback
+from heatertune.proof import Actuator, LoopLimits, SampleRequest, SampleSpread, Scenario, simulate
+from heatertune.proof.monte_carlo.draw import measure
 from heatertune.units import check
 
-__all__ = ["Loop", "Rates", "Speed", "Times", "Yardsticks", "speed"]
+__all__ = ["Loop", "Rates", "Throughput", "Times", "Yardsticks", "speed"]
 
 #: the loop that is timed: an ordinary heater, a PI every 1 s, PWM of 10 s, 3,000 s long
 _HEATER: Final = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.3, ambient_degC=20.0)
@@ -85,9 +85,9 @@ class Rates:
     all: Times
 
 
-@registered("heatertune/bench/2")
+@register_schema("heatertune/bench/2")
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Speed:
+class Throughput:
     """How long a scan of the closed loop, samples of a proof and a fit take here, beside yardsticks.
 
     All of it runs once unwatched, then in turns: what disturbs the machine disturbs each alike.
@@ -113,7 +113,7 @@ class Speed:
     fit_ms: Mapping[str, Times]
 
 
-def speed(target: str, samples: int = 1000, *, rounds: int = 7, progress: Told = str) -> Speed:
+def speed(target: str, samples: int = 1000, *, rounds: int = 7, progress: ProgressCallback = str) -> Throughput:
     """Return how fast this machine is.
 
     The compiled loop is timed as a proof on samples runs it: drawn, run and measured, on one processor and on all.
@@ -134,19 +134,19 @@ def speed(target: str, samples: int = 1000, *, rounds: int = 7, progress: Told =
     which = controller_for(target)
     words = which.encode(_DESIGN, Scaling())
     scans = _SCENARIO.duration_s / which.timing(words).scan_s
-    drawing = Drawing.of(which, words, [_HEATER], _SCENARIO, Spread(heater=(0.1, 0.1, 0.2)), _PWM,
+    drawing = SampleRequest.of(which, words, [_HEATER], _SCENARIO, SampleSpread(heater=(0.1, 0.1, 0.2)), _PWM,
                          settings_of(which.switches, {}))
     workers = processors()
     progress(f"{target}: compiling the loop, where it is not kept")
-    start = _seconds(lambda: measure(drawing, Limits(), max(100, math.ceil(60_000 / scans)), workers=1))
+    start = _seconds(lambda: measure(drawing, LoopLimits(), max(100, math.ceil(60_000 / scans)), workers=1))
     tasks: dict[str, Callable[[], object]] = {
         "plain": lambda: _plainly(which, words), "python": _python, "lfilter": _lfilter(),
-        "one": partial(measure, drawing, Limits(), samples, workers=1),
-        "all": partial(measure, drawing, Limits(), samples, workers=workers),
+        "one": partial(measure, drawing, LoopLimits(), samples, workers=1),
+        "all": partial(measure, drawing, LoopLimits(), samples, workers=workers),
         **{str(rows): partial(fit, _log(rows)) for rows in _ROWS},
     }
     runs = _in_turns(tasks, rounds, progress)
-    return Speed(
+    return Throughput(
         target=target, samples=samples, rounds=rounds, processors=workers,
         loop=Loop(plain_ns_per_scan=Times.of(runs["plain"], 1e-9 * scans),
                   compiled_ns_per_scan=Times.of(runs["one"], 1e-9 * samples * scans), first_samples_s=start),
@@ -157,7 +157,8 @@ def speed(target: str, samples: int = 1000, *, rounds: int = 7, progress: Told =
         fit_ms={str(rows): Times.of(runs[str(rows)], 1e-3) for rows in _ROWS})
 
 
-def _in_turns(tasks: Mapping[str, Callable[[], object]], rounds: int, progress: Told) -> dict[str, list[float]]:
+def _in_turns(tasks: Mapping[str, Callable[[], object]], rounds: int, progress: ProgressCallback) -> dict[str,
+                                                                                                          list[float]]:
     """Return the seconds of each task's runs, each task once a round, after one that does not count."""
     runs: dict[str, list[float]] = {name: [] for name in tasks}
     for each in range(rounds + 1):

@@ -29,7 +29,7 @@ from heatertune.errors import HeatertuneError, InputError
 from heatertune.files import read_bytes, state_folder
 from heatertune.writing import write_files
 
-__all__ = ["cached", "folder", "is_as_imported", "not_private", "release", "source_digest", "unused"]
+__all__ = ["cache_disabled", "folder", "is_as_imported", "load_or_compute", "not_private", "release", "source_digest"]
 
 T = TypeVar("T")
 
@@ -41,7 +41,7 @@ _IMPORTED_S: Final = time.time()
 _unused: ContextVar[bool] = ContextVar("unused", default=False)
 
 
-def cached(
+def load_or_compute(
     stage: str, inputs: Mapping[str, Any], run: Callable[[], dict[str, Any]], read: Callable[[dict[str, Any]], T], *,
     progress: Callable[[str], object] = str,
 ) -> T:
@@ -131,7 +131,7 @@ def _machine_secret() -> bytes | None:
 
 
 @contextmanager
-def unused() -> Iterator[None]:
+def cache_disabled() -> Iterator[None]:
     """Keep and read no result within the block: a million would fill the disk. Machine code is kept."""
     mark = _unused.set(True)
     try:

@@ -24,7 +24,8 @@ from typing import Annotated, Any, Final, Literal, TypeVar, Union, cast, get_arg
 from heatertune.errors import DocumentError, InputError
 
 __all__ = [
-    "FLAT", "LEFT_OUT", "Null", "OrInfinite", "OrUnknown", "built", "decode", "encode", "registered", "schema_of",
+    "FLAT", "LEFT_OUT", "Null", "OrInfinite", "OrUnknown", "construct_from", "decode", "encode", "register_schema",
+    "schema_of",
 ]
 
 T = TypeVar("T")
@@ -50,7 +51,7 @@ OrUnknown = Annotated[float, Null(math.nan)]
 _SCHEMAS: Final[dict[type, str]] = {}
 
 
-def registered(schema: str) -> Callable[[type[T]], type[T]]:
+def register_schema(schema: str) -> Callable[[type[T]], type[T]]:
     """Return a decorator that says which schema a dataclass is written under.
 
     Raises:
@@ -70,7 +71,7 @@ def schema_of(kind: type) -> str | None:
     return _SCHEMAS.get(kind)
 
 
-def built(kind: type[T], *sources: object, **given: Any) -> T:
+def construct_from(kind: type[T], *sources: object, **given: Any) -> T:
     """Return a dataclass whose fields are given or, else, attributes of that name of the first source that has one.
 
     So a value is made of its view and a view of its value: what they share needs no line.
@@ -117,22 +118,23 @@ def decode(kind: type[T], value: Any, where: str | Path, at: str = "") -> T:
     Raises:
         DocumentError: another schema, an unknown or missing field, a value of the wrong kind or against its rule.
     """
-    return cast("T", _decoded(kind, value, _Place(str(where), at)))
+    return cast("T", _decoded(kind, value, _DocumentPlace(str(where), at)))
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _DocumentPlace:
     """Where in which document a value stands."""
 
     where: str
     at: str
 
-    def field(self, name: str) -> _Place:
+    def field(self, name: str) -> _DocumentPlace:
         shown = name if name.isidentifier() else f"[{_shown(name)}]"
-        return _Place(self.where, f"{self.at}.{shown}" if self.at and name.isidentifier() else f"{self.at}{shown}")
+        return _DocumentPlace(self.where,
+                              f"{self.at}.{shown}" if self.at and name.isidentifier() else f"{self.at}{shown}")
 
-    def item(self, number: int) -> _Place:
-        return _Place(self.where, f"{self.at}[{number}]")
+    def item(self, number: int) -> _DocumentPlace:
+        return _DocumentPlace(self.where, f"{self.at}[{number}]")
 
     def wrong(self, expected: str, value: Any) -> DocumentError:
         return self.error(f"expected {expected}, got {_shown(value)}")
@@ -148,7 +150,7 @@ def _shown(value: Any) -> str:
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
 
 
-def _decoded(kind: Any, value: Any, place: _Place) -> Any:
+def _decoded(kind: Any, value: Any, place: _DocumentPlace) -> Any:
     if is_dataclass(kind):
         return _object(kind, value, place)
     if isinstance(kind, type) and issubclass(kind, Enum):
@@ -157,7 +159,7 @@ def _decoded(kind: Any, value: Any, place: _Place) -> Any:
     return _plain(kind, value, place) if reader is None else reader(get_args(kind), value, place)
 
 
-def _plain(kind: Any, value: Any, place: _Place) -> Any:
+def _plain(kind: Any, value: Any, place: _DocumentPlace) -> Any:
     if kind is Any:
         return value
     if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
@@ -176,18 +178,18 @@ def _plain(kind: Any, value: Any, place: _Place) -> Any:
 _NAMES: Final = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
 
 
-def _nullable(kinds: tuple[Any, ...], value: Any, place: _Place) -> Any:
+def _nullable(kinds: tuple[Any, ...], value: Any, place: _DocumentPlace) -> Any:
     kind, null = kinds
     return null.value if value is None else _decoded(kind, value, place)
 
 
-def _literal(allowed: tuple[Any, ...], value: Any, place: _Place) -> Any:
+def _literal(allowed: tuple[Any, ...], value: Any, place: _DocumentPlace) -> Any:
     if isinstance(value, str | int) and value in allowed:
         return value
     raise place.wrong(f"one of {', '.join(map(str, allowed))}", value)
 
 
-def _one_of(kinds: tuple[Any, ...], value: Any, place: _Place) -> Any:
+def _one_of(kinds: tuple[Any, ...], value: Any, place: _DocumentPlace) -> Any:
     """Return a value of a union: null where that is allowed, an object as the first dataclass whose fields it has."""
     if value is None and type(None) in kinds:
         return None
@@ -200,7 +202,7 @@ def _one_of(kinds: tuple[Any, ...], value: Any, place: _Place) -> Any:
     return _decoded(others[-1], value, place)
 
 
-def _tuple(kinds: tuple[Any, ...], value: Any, place: _Place) -> tuple[Any, ...]:
+def _tuple(kinds: tuple[Any, ...], value: Any, place: _DocumentPlace) -> tuple[Any, ...]:
     if not isinstance(value, list):
         raise place.wrong("a list", value)
     if kinds[-1] is Ellipsis:
@@ -210,14 +212,14 @@ def _tuple(kinds: tuple[Any, ...], value: Any, place: _Place) -> tuple[Any, ...]
     return tuple(_decoded(kind, item, place.item(k)) for k, (kind, item) in enumerate(zip(kinds, value, strict=True)))
 
 
-def _mapping(kinds: tuple[Any, ...], value: Any, place: _Place) -> dict[str, Any]:
+def _mapping(kinds: tuple[Any, ...], value: Any, place: _DocumentPlace) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise place.wrong("an object", value)
     names, items = kinds
     return {_decoded(names, name, place): _decoded(items, item, place.field(name)) for name, item in value.items()}
 
 
-_READERS: Final[dict[Any, Callable[[tuple[Any, ...], Any, _Place], Any]]] = {
+_READERS: Final[dict[Any, Callable[[tuple[Any, ...], Any, _DocumentPlace], Any]]] = {
     Annotated: _nullable, Union: _one_of, types.UnionType: _one_of, Literal: _literal, tuple: _tuple, dict: _mapping,
     Mapping: _mapping,
 }
@@ -233,7 +235,7 @@ def _shape(kind: type) -> tuple[dict[str, Any], frozenset[str], dict[str, Any]]:
     return {field.name: hints[field.name] for field in own if field.name not in groups}, needed, groups
 
 
-def _object(kind: Any, value: Any, place: _Place) -> Any:
+def _object(kind: Any, value: Any, place: _DocumentPlace) -> Any:
     if not isinstance(value, dict):
         raise place.wrong("an object", value)
     rest = dict(value)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from heatertune.codec import registered
-from heatertune.options import checked, option
+from heatertune.codec import register_schema
+from heatertune.options import option, validate_options
 
 __all__ = ["RECORD_SCHEMA", "AsLeftSettings", "RecordSettings"]
 
@@ -14,7 +14,7 @@ RECORD_SCHEMA: Final = "heatertune/record/1"
 _COLDEST_DEGC: Final = -273.15
 
 
-@registered(RECORD_SCHEMA)
+@register_schema(RECORD_SCHEMA)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordSettings:
     """What the record calls the plant and itself; what is not said is left to be filled in by hand."""
@@ -25,7 +25,7 @@ class RecordSettings:
     revision: str | None = option(None, str, "version of the record", flag="--revision", metavar="TEXT")
 
     def __post_init__(self) -> None:
-        checked(self)
+        validate_options(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,4 +46,4 @@ class AsLeftSettings:
         help="instant of the trace at which a load came, a door or cold goods [s]: the recovery is measured from there")
 
     def __post_init__(self) -> None:
-        checked(self)
+        validate_options(self)

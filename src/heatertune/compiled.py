@@ -25,11 +25,11 @@ from typing import Any, Final, Literal, TypeVar, cast
 
 from heatertune.cache import folder, is_as_imported
 from heatertune.errors import InputError
-from heatertune.native import MISSED, Code, Kinds, described, entry, host, kinds_of
-from heatertune.plain import called, plainly
+from heatertune.native import MISSED, Code, Kinds, entry, host, kinds_of, signature_text
+from heatertune.plain import callees, plainly
 from heatertune.writing import write_files
 
-__all__ = ["compiled", "decide", "is_kept", "machine_code", "made_beside", "worth_a_second", "worth_compiling"]
+__all__ = ["compile_function", "decide", "is_kept", "machine_code", "made_beside", "worth_a_second", "worth_compiling"]
 
 _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 
@@ -119,7 +119,7 @@ def worth_a_second(scans: int, function: Callable[..., Any], *, most: int, most_
     return (scans > most and _decided[0] != "kept") or is_kept(function)
 
 
-def compiled(function: _Plain, *, calls: bool = False) -> _Plain:
+def compile_function(function: _Plain, *, calls: bool = False) -> _Plain:
     """Return the function compiled, arguments by position only; it gives up Python's lock while it runs.
 
     It is compiled where it is called for the first time with arguments of new types, and kept on disk.
@@ -155,7 +155,7 @@ def machine_code(place: Path) -> list[Path]:
 
 
 @remember
-def _door(function: Callable[..., Any], calls: bool) -> _Machine:
+def _door(function: Callable[..., Any], calls: bool) -> _MachineCode:
     if function in _beside:
         _beside.pop(function)()
     place = _place(function)
@@ -167,10 +167,10 @@ def _door(function: Callable[..., Any], calls: bool) -> _Machine:
             os.utime(place)  # in use
         except OSError:
             place = None
-    return _Machine(function, place, calls=calls)
+    return _MachineCode(function, place, calls=calls)
 
 
-class _Machine:
+class _MachineCode:
     """A function as machine code: loaded, or compiled, where it is called with arguments of new kinds.
 
     Attributes:
@@ -223,7 +223,7 @@ class _Machine:
         return made
 
     def _name(self, kinds: Kinds) -> str:
-        digest = hashlib.sha256(f"{host()} {described(kinds)}".encode()).hexdigest()[:16]
+        digest = hashlib.sha256(f"{host()} {signature_text(kinds)}".encode()).hexdigest()[:16]
         return f"{_stem(self._function)}{digest}{_ENDING}"
 
 
@@ -309,5 +309,5 @@ def _functions(function: Callable[..., Any]) -> set[FunctionType]:
         plain = ahead.pop()
         if isinstance(plain, FunctionType) and plain not in seen:
             seen.add(plain)
-            ahead += [*called(plainly(plain)).values(), plainly(plain)]
+            ahead += [*callees(plainly(plain)).values(), plainly(plain)]
     return seen

@@ -18,7 +18,7 @@ from numba.core.types.containers import BaseNamedTuple, BaseTuple
 from numba.core.types.misc import unliteral
 
 from heatertune.native import Code, Result, kinds_of, packed_door
-from heatertune.plain import called, copied, plainly
+from heatertune.plain import callees, copy_function, plainly
 
 __all__ = ["object_code", "overload"]
 
@@ -112,12 +112,12 @@ def _compiler(function: Callable[..., Any], *, calls: bool, pipeline: type[Compi
     work.
     """
     plain = plainly(function)
-    inside = {name: _compiler(value, calls=calls, pipeline=_Inlined) for name, value in called(plain).items()}
+    inside = {name: _compiler(value, calls=calls, pipeline=_Inlined) for name, value in callees(plain).items()}
     # no exceptions (a step is total), no reference counts as nothing is allocated, and all calls inlined: ten times
     # faster
     machine = njit(
         nogil=True, _nrt=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True,
-        pipeline_class=pipeline, forceinline=pipeline is _Inlined and not calls)(copied(plain, inside))
+        pipeline_class=pipeline, forceinline=pipeline is _Inlined and not calls)(copy_function(plain, inside))
     if pipeline is _Inlined:
         machine.get_call_template = partial(_of_types_alone, machine.get_call_template)
     return machine

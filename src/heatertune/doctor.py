@@ -12,7 +12,7 @@ from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any, Final
 
-__all__ = ["SCHEMA", "Finding", "document", "examine", "works"]
+__all__ = ["SCHEMA", "InstallationCheck", "document", "examine", "works"]
 
 SCHEMA: Final = "heatertune/doctor/1"
 
@@ -22,7 +22,7 @@ _REQUIREMENT: Final = re.compile(r"([A-Za-z0-9._-]+)\s*(?:>=\s*([0-9.]+))?(?:.*e
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
+class InstallationCheck:
     """One thing that was looked at.
 
     Attributes:
@@ -34,31 +34,31 @@ class Finding:
     """
 
     name: str
-    found: str
+    value: str
     ok: bool
-    needed: bool = True
+    required: bool = True
     remedy: str = ""
 
 
-def examine() -> tuple[Finding, ...]:
+def examine() -> tuple[InstallationCheck, ...]:
     """Return all findings; nothing that is broken makes this fail."""
     return (_python(), *_packages(), _ipopt(), _tables(), _results(), _compiled(), *_extras())
 
 
-def works(findings: Sequence[Finding]) -> bool:
+def works(findings: Sequence[InstallationCheck]) -> bool:
     """Return whether all that heatertune needs works."""
-    return all(finding.ok for finding in findings if finding.needed)
+    return all(finding.ok for finding in findings if finding.required)
 
 
-def document(findings: Sequence[Finding]) -> dict[str, Any]:
+def document(findings: Sequence[InstallationCheck]) -> dict[str, Any]:
     """Return the JSON document: well, and one object per finding."""
     return {"schema": SCHEMA, "well": works(findings), "findings": [asdict(finding) for finding in findings]}
 
 
-def _python() -> Finding:
+def _python() -> InstallationCheck:
     wanted = ".".join(map(str, _PYTHON))
-    return Finding(
-        name="Python", found=f"{platform.python_version()} on {platform.system()} {platform.machine()}",
+    return InstallationCheck(
+        name="Python", value=f"{platform.python_version()} on {platform.system()} {platform.machine()}",
         ok=sys.version_info >= _PYTHON, remedy=f"install Python {wanted} or newer",
     )
 
@@ -71,29 +71,29 @@ def _requirements() -> Iterator[tuple[str, str, str]]:
             yield named[1], named[2] or "", named[3] or ""
 
 
-def _packages() -> Iterator[Finding]:
+def _packages() -> Iterator[InstallationCheck]:
     try:
         needed = [(name, oldest) for name, oldest, extra in _requirements() if not extra]
-        yield Finding(name="heatertune", found=metadata.version("heatertune"), ok=True)
+        yield InstallationCheck(name="heatertune", value=metadata.version("heatertune"), ok=True)
     except metadata.PackageNotFoundError:
-        yield Finding(name="heatertune", found="runs from its source, not installed", ok=True, needed=False,
+        yield InstallationCheck(name="heatertune", value="runs from its source, not installed", ok=True, required=False,
                       remedy="pip install . checks and brings what it needs")
         return
     for name, oldest in needed:
         yield _package(name, oldest)
 
 
-def _package(name: str, oldest: str) -> Finding:
+def _package(name: str, oldest: str) -> InstallationCheck:
     remedy = f"pip install --upgrade '{name}{f'>={oldest}' if oldest else ''}'"
     try:
         version = metadata.version(name)
         import_module(name.replace("-", "_"))
     except metadata.PackageNotFoundError:
-        return Finding(name=name, found="not installed", ok=False, remedy=remedy)
+        return InstallationCheck(name=name, value="not installed", ok=False, remedy=remedy)
     except Exception as problem:  # a broken package may raise anything, and is to be told
-        return Finding(name=name, found=f"{version}, but cannot be imported: {_one_line(problem)}", ok=False,
+        return InstallationCheck(name=name, value=f"{version}, but cannot be imported: {_one_line(problem)}", ok=False,
                        remedy=remedy)
-    return Finding(name=name, found=version, ok=_numbers(version) >= _numbers(oldest), remedy=remedy)
+    return InstallationCheck(name=name, value=version, ok=_numbers(version) >= _numbers(oldest), remedy=remedy)
 
 
 def _numbers(version: str) -> tuple[int, ...]:
@@ -101,19 +101,19 @@ def _numbers(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in re.findall(r"(?:^|\.)(\d+)", version.partition("+")[0]))
 
 
-def _guarded(name: str, remedy: str, look: Callable[[], tuple[str, bool]]) -> Finding:
+def _guarded(name: str, remedy: str, look: Callable[[], tuple[str, bool]]) -> InstallationCheck:
     try:
         state, ok = look()
     except Exception as problem:  # as in _package
         state, ok = _one_line(problem), False
-    return Finding(name=name, found=state, ok=ok, remedy=remedy)
+    return InstallationCheck(name=name, value=state, ok=ok, remedy=remedy)
 
 
 def _one_line(problem: Exception) -> str:
     return f"{type(problem).__name__}: {' '.join(str(problem).split())}"[:200]
 
 
-def _ipopt() -> Finding:
+def _ipopt() -> InstallationCheck:
     """Solve min (x − 3)² subject to x ≤ 2, whose answer is 2."""
 
     def look() -> tuple[str, bool]:
@@ -128,7 +128,7 @@ def _ipopt() -> Finding:
     return _guarded("IPOPT", "pip install --force-reinstall casadi", look)
 
 
-def _tables() -> Finding:
+def _tables() -> InstallationCheck:
     def look() -> tuple[str, bool]:
         from heatertune.log import read_log  # noqa: PLC0415 - needs numpy, which may be what is broken
         from heatertune.log.tables import BUILT_IN  # noqa: PLC0415
@@ -141,23 +141,23 @@ def _tables() -> Finding:
 _PRIVATE: Final = "set HEATERTUNE_CACHE to a folder of your own that other users may not write"
 
 
-def _results() -> Finding:
+def _results() -> InstallationCheck:
     from heatertune.cache import folder, not_private  # noqa: PLC0415 - next to its only use
 
     place = folder()
     if (why := not_private()) is not None:
-        return Finding(name="cache of results", found=why, ok=False, needed=False, remedy=_PRIVATE)
+        return InstallationCheck(name="cache of results", value=why, ok=False, required=False, remedy=_PRIVATE)
     if place is None:
-        return Finding(name="cache of results", found="switched off", ok=True, needed=False)
+        return InstallationCheck(name="cache of results", value="switched off", ok=True, required=False)
     kept = list(place.glob("*.json")) if place.is_dir() else []
     megabytes = sum(file.stat().st_size for file in kept) / 1e6
-    return Finding(
-        name="cache of results", found=f"{place}: {len(kept)} results, {megabytes:.1f} MB", ok=_writable(place),
-        needed=False, remedy="set HEATERTUNE_CACHE to a folder that can be written; without it every fit runs anew",
+    return InstallationCheck(
+        name="cache of results", value=f"{place}: {len(kept)} results, {megabytes:.1f} MB", ok=_writable(place),
+        required=False, remedy="set HEATERTUNE_CACHE to a folder that can be written; without it every fit runs anew",
     )
 
 
-def _compiled() -> Finding:
+def _compiled() -> InstallationCheck:
     """Tell where machine code is kept, and how much of it is there."""
     from heatertune.cache import folder  # noqa: PLC0415 - beside its only use
     from heatertune.compiled import machine_code  # noqa: PLC0415
@@ -165,12 +165,12 @@ def _compiled() -> Finding:
     place = folder()
     if place is None:
         off = "switched off: every process compiles"
-        return Finding(name="cache of compiled code", found=off, ok=True, needed=False)
+        return InstallationCheck(name="cache of compiled code", value=off, ok=True, required=False)
     kept = machine_code(place)
     megabytes = sum(path.stat().st_size for path in kept) / 1e6
     state = f"warm, {len(kept)} functions, {megabytes:.1f} MB" if kept else "cold: the first run compiles some seconds"
-    return Finding(
-        name="cache of compiled code", found=f"{place}; {state}", ok=_writable(place), needed=False,
+    return InstallationCheck(
+        name="cache of compiled code", value=f"{place}; {state}", ok=_writable(place), required=False,
         remedy="set HEATERTUNE_CACHE to a folder that can be written; without it every process compiles",
     )
 
@@ -182,16 +182,16 @@ def _writable(place: Path) -> bool:
     return place.is_dir() and os.access(place, os.W_OK | os.X_OK)
 
 
-def _extras() -> Iterator[Finding]:
+def _extras() -> Iterator[InstallationCheck]:
     try:
         wanted = [(name, extra) for name, _, extra in _requirements() if extra]
     except metadata.PackageNotFoundError:
         return
     for extra in sorted({extra for _, extra in wanted}):
         missing = [name for name, of in wanted if of == extra and not _installed(name)]
-        yield Finding(
-            name=f"extra {extra}", found=f"missing: {', '.join(missing)}" if missing else "complete", ok=not missing,
-            needed=False, remedy=f"pip install 'heatertune[{extra}]'",
+        yield InstallationCheck(
+            name=f"extra {extra}", value=f"missing: {', '.join(missing)}" if missing else "complete", ok=not missing,
+            required=False, remedy=f"pip install 'heatertune[{extra}]'",
         )
 
 

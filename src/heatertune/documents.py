@@ -12,7 +12,7 @@ from typing import Any, Final
 from heatertune.errors import DocumentError
 from heatertune.files import read_text
 
-__all__ = ["DATA", "data_folder", "found", "peek_schema", "plain", "read_document", "read_toml", "to_json"]
+__all__ = ["DATA", "data_folder", "existing_path", "peek_schema", "plain", "read_document", "read_toml", "to_json"]
 
 
 #: folder in which the documents of a design lie, beside what one reads and types
@@ -25,7 +25,7 @@ def data_folder(directory: str | Path) -> Path:
     return inner if (inner / "words.json").is_file() else Path(directory)
 
 
-def found(path: str | Path) -> Path:
+def existing_path(path: str | Path) -> Path:
     """Return a document's file; one that is not there where earlier releases wrote it is looked for in `DATA`."""
     file = Path(path)
     inner = file.parent / DATA / file.name
@@ -87,7 +87,7 @@ def peek_schema(path: str | Path) -> str | None:
 
 def _load(path: str | Path) -> dict[str, Any]:
     try:
-        content = json.loads(read_text(found(path)), object_pairs_hook=_object, parse_constant=_constant)
+        content = json.loads(read_text(existing_path(path)), object_pairs_hook=_object, parse_constant=_constant)
     except OSError as problem:
         raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from problem
     except (UnicodeDecodeError, json.JSONDecodeError) as problem:

@@ -35,8 +35,8 @@ __all__ = [
     "PlcRefused",
     "ReplyLost",
     "UnknownName",
+    "did_you_mean",
     "one_line",
-    "suggested",
 ]
 
 #: characters of an error
@@ -51,7 +51,7 @@ def one_line(text: str) -> str:
     return line if len(line) <= LONGEST else f"{line[:half]} … {line[-half:]}"
 
 
-def suggested(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return ": did you mean …?" where a known name is near to one that is not; else nothing."""
     import difflib  # noqa: PLC0415 - only an error needs it
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from heatertune.cache import release
 
-__all__ = ["MISSED", "Code", "Kinds", "described", "entry", "host", "kinds_of", "packed_door"]
+__all__ = ["MISSED", "Code", "Kinds", "entry", "host", "kinds_of", "packed_door", "signature_text"]
 
 #: of arguments taken apart: a letter for a number, what tells apart arrays, a tuple's class and its end
 Kinds = tuple[Hashable, ...]
@@ -115,7 +115,7 @@ def kinds_of(arguments: Iterable[Any]) -> Kinds:
     return tuple(kinds)
 
 
-def described(kinds: Kinds) -> str:
+def signature_text(kinds: Kinds) -> str:
     """Return kinds as text, the same in every process."""
     return " ".join(f"{each.__module__}.{each.__qualname__}" if isinstance(each, type) else str(each) for each in kinds)
 

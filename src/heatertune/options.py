@@ -16,7 +16,8 @@ from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.units import check
 
-__all__ = ["Option", "add", "checked", "given", "merged", "of", "one_of", "option", "options_of"]
+__all__ = ["Option", "add", "merge_options", "of", "one_of", "option", "options_of", "provided_options",
+           "validate_options"]
 
 _T = TypeVar("_T")
 _METAVARS: Final = {"s": "S"}
@@ -52,7 +53,7 @@ class Option:
     name: str = ""
     kind: type
     default: Any
-    what: str
+    quantity: str
     unit: str = ""
     help: str = ""
     instead: tuple[str, str] = ("", "")
@@ -113,9 +114,9 @@ class Option:
             raise OutOfRange(called, value, "a finite number") from None
 
     @property
-    def meaning(self) -> str:
+    def quantity_with_unit(self) -> str:
         """What it is, with its unit."""
-        return f"{self.what} [{self.unit}]" if self.unit else self.what
+        return f"{self.quantity} [{self.unit}]" if self.unit else self.quantity
 
     @property
     def given_by(self) -> str:
@@ -126,7 +127,7 @@ class Option:
     def arguments(self) -> dict[str, Any]:
         """What `add_argument` is told."""
         default = f" (default: {self.instead[0]})" if self.instead[0] else ""
-        help_ = f"{self.help or self.meaning}{default}".replace("%", "%%")
+        help_ = f"{self.help or self.quantity_with_unit}{default}".replace("%", "%%")
         keywords: dict[str, Any] = {"dest": self.dest, "help": help_}
         if self.kind is bool:
             return keywords | {"action": "store_true"}
@@ -190,7 +191,7 @@ def option(default: Any, kind: type, what: str, *, left_out: bool = False, **mor
         left_out: whether a document leaves it out where it is None, see `heatertune.codec.LEFT_OUT`.
         more: further attributes of `Option`.
     """
-    metadata = {"option": Option(kind=kind, default=default, what=what, **more), **(LEFT_OUT if left_out else {})}
+    metadata = {"option": Option(kind=kind, default=default, quantity=what, **more), **(LEFT_OUT if left_out else {})}
     return field(default_factory=dict, metadata=metadata) if kind is dict else field(default=default, metadata=metadata)
 
 
@@ -204,7 +205,7 @@ def options_of(kind: type) -> dict[str, Option]:
     return _OPTIONS[kind]
 
 
-def checked(settings: Any) -> None:
+def validate_options(settings: Any) -> None:
     """Refuse what a dataclass of options cannot hold, and make its numbers plain; its `__post_init__` calls this.
 
     Raises:
@@ -227,7 +228,7 @@ def _demand_needed(options: Mapping[str, Option], values: Mapping[str, Any], cal
             raise InputError(f"{listed} need {getattr(options[needed], called)}")
 
 
-def merged(kind: type[_T], settings: _T | None, changed: dict[str, Any]) -> _T:
+def merge_options(kind: type[_T], settings: _T | None, changed: dict[str, Any]) -> _T:
     """Return settings (None: the defaults) with some of them changed; errors as `checked`."""
     given: Any = kind() if settings is None else settings
     return kind(**{name: getattr(given, name) for name in options_of(kind)} | changed)
@@ -254,12 +255,12 @@ def of(kind: type[_T], namespace: Namespace) -> _T:
     Raises:
         InputError: as `checked`, in the words of the command line.
     """
-    options, values = options_of(kind), given(kind, namespace)
+    options, values = options_of(kind), provided_options(kind, namespace)
     _demand_needed(options, {name: values.get(name, one.default) for name, one in options.items()}, "flag")
     return kind(**values)
 
 
-def given(kind: type, namespace: Namespace) -> dict[str, Any]:
+def provided_options(kind: type, namespace: Namespace) -> dict[str, Any]:
     """Return the options that the command line has, by name: all of the command, but those that are left out if unsaid.
 
     Raises:

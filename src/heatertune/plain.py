@@ -8,7 +8,7 @@ from functools import cache as remember
 from types import FunctionType
 from typing import Any, Final, TypeVar, cast
 
-__all__ = ["bound", "called", "copied", "plainly", "runs_compiled_as"]
+__all__ = ["bound", "callees", "copy_function", "plainly", "runs_compiled_as"]
 
 _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 
@@ -33,7 +33,7 @@ def bound(function: _Plain, **given: Callable[..., Any]) -> _Plain:
     So a loop takes a controller's functions: only what calls functions by global names can be kept on disk.
     """
     assert isinstance(function, FunctionType)
-    copy = copied(function, given)
+    copy = copy_function(function, given)
     names = " ".join(f"{name}={other.__module__}.{other.__qualname__}" for name, other in given.items())
     digest = hashlib.sha256(names.encode()).hexdigest()[:16]  # a file's name must not grow with what is bound in it
     copy.__qualname__ = f"{function.__qualname__}_{digest}"  # by which it is told what is on disk
@@ -47,14 +47,14 @@ def plainly(function: Callable[..., Any]) -> FunctionType:
     return plain
 
 
-def called(function: FunctionType) -> dict[str, FunctionType]:
+def callees(function: FunctionType) -> dict[str, FunctionType]:
     """Return the plain functions that a function names."""
     scope = function.__globals__
     named = {name: scope.get(name) for name in function.__code__.co_names}
     return {name: value for name, value in named.items() if isinstance(value, FunctionType)}
 
 
-def copied(function: FunctionType, names: Mapping[str, Any]) -> FunctionType:
+def copy_function(function: FunctionType, names: Mapping[str, Any]) -> FunctionType:
     """Return a copy of a function in which some names of its module mean something else."""
     scope = function.__globals__ | dict(names)
     copy = FunctionType(function.__code__, scope, function.__name__, function.__defaults__, function.__closure__)

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Final, TypeVar
 
-__all__ = ["each", "mapped", "on_one", "processors"]
+__all__ = ["on_one", "processors", "threaded_list", "threaded_map"]
 
 _Item = TypeVar("_Item")
 _Value = TypeVar("_Value")
@@ -34,7 +34,8 @@ def on_one() -> Iterator[None]:
         _one.reset(mark)
 
 
-def each(function: Callable[[_Item], _Value], items: Sequence[_Item], workers: int | None = None) -> Iterator[_Value]:
+def threaded_map(function: Callable[[_Item], _Value], items: Sequence[_Item],
+                 workers: int | None = None) -> Iterator[_Value]:
     """Yield a function of each item in turn, found by threads, as a compiled kernel gives up Python's lock.
 
     Args:
@@ -50,6 +51,7 @@ def each(function: Callable[[_Item], _Value], items: Sequence[_Item], workers: i
             yield from pool.map(function, items)
 
 
-def mapped(function: Callable[[_Item], _Value], items: Sequence[_Item], workers: int | None = None) -> list[_Value]:
+def threaded_list(function: Callable[[_Item], _Value], items: Sequence[_Item],
+                  workers: int | None = None) -> list[_Value]:
     """Return a function of each item, see `each`."""
-    return list(each(function, items, workers))
+    return list(threaded_map(function, items, workers))

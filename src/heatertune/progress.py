@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-__all__ = ["Told"]
+__all__ = ["ProgressCallback"]
 
 #: called with a short message when something begins
-Told = Callable[[str], object]
+ProgressCallback = Callable[[str], object]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from heatertune.errors import OutOfRange
-from heatertune.options import checked, option
+from heatertune.options import option, validate_options
 
 __all__ = [
     "STEP_POWER_PCT", "Conditions", "FeedForwardSettings", "FitSettings", "ReadSettings", "SampleSettings",
@@ -82,7 +82,7 @@ class ReadSettings:
     errata: bool = option(False, bool, "apply the known misprints of a built-in table", flag="--errata")
 
     def __post_init__(self) -> None:
-        checked(self)
+        validate_options(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,7 +108,7 @@ class FitSettings:
     cooler: bool = option(False, bool, "the power cools: the more, the colder", flag="--cooler")
 
     def __post_init__(self) -> None:
-        checked(self)
+        validate_options(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +128,7 @@ class ValidateSettings:
         instead=("80", ""))
 
     def __post_init__(self) -> None:
-        checked(self)
+        validate_options(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,21 +181,21 @@ class TuneSettings:
     step_power_pct: float | None = _step_power(f"{STEP_POWER_PCT:g}")
 
     def __post_init__(self) -> None:
-        checked(self)
+        validate_options(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WordSettings:
-    """How a design becomes words, see `heatertune.proof.closing.Asked`.
+    """How a design becomes words, see `heatertune.proof.redesign.Asked`.
 
     Attributes:
-        words_by: how the words are found, see `heatertune.plc.choose.choose_words`.
+        words_by: how the words are found, see `heatertune.plc.word_selection.choose_words`.
         switch_kind: the PWM period is proposed for it, see `heatertune.proof.pwm_period.with_pwm`; a given one stays.
         refined: whether the gains are refined in the loop of the proof, see `heatertune.proof.refine.refine`.
         setpoint_ramp: [°C/min], "auto" or "none", see `heatertune.proof.setpoint_ramp.prove_ramped`; None: as the words
             have it; of a design, where nothing else helps.
-        boost: "auto" or "none", see `heatertune.proof.closing.boosts`.
-        as_is: the plain design, even where another one would pass, see `heatertune.proof.closing.closed`.
+        boost: "auto" or "none", see `heatertune.proof.redesign.boosts`.
+        as_is: the plain design, even where another one would pass, see `heatertune.proof.redesign.find_passing_design`.
     """
 
     words_by: str = option(
@@ -224,7 +224,7 @@ class WordSettings:
         flag="--as-is")
 
     def __post_init__(self) -> None:
-        checked(self)
+        validate_options(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -241,7 +241,7 @@ class SensorSettings:
              "3.6 mA; thermocouples and resistance thermometers, whose digits are degrees (default: a plain range)")
 
     def __post_init__(self) -> None:
-        checked(self)
+        validate_options(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,12 +260,12 @@ class FeedForwardSettings:
         False, bool, "the sensor is a contact, open at LOW and closed at HIGH", flag="--contact")
 
     def __post_init__(self) -> None:
-        checked(self)
+        validate_options(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleSettings:
-    """On which drawn heaters words are proven as well, see `heatertune.proof.drawn`.
+    """On which drawn heaters words are proven as well, see `heatertune.proof.monte_carlo.run`.
 
     Attributes:
         samples: how many; None: none.
@@ -300,7 +300,7 @@ class SampleSettings:
         return {name: getattr(self, name) for name in ("mains_pct", "ambient_degC", "disturbance_pct", "jitter_s")}
 
     def __post_init__(self) -> None:
-        checked(self)
+        validate_options(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -384,7 +384,7 @@ class Conditions:
              "that the export follows (see: heatertune targets); may be repeated")
 
     def __post_init__(self) -> None:
-        checked(self)
+        validate_options(self)
         if isinstance(self.setpoint_degC, tuple):
             low, high = self.setpoint_degC
             if not low < high:

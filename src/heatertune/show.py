@@ -1,6 +1,7 @@
 """What a value shows of itself: in a notebook the last line of a cell is enough.
 
-The six values of the chain take `Shown` as a base, so every front end that follows IPython's protocol (Jupyter, VS
+The six values of the chain take `NotebookDisplay` as a base, so every front end that follows IPython's protocol
+(Jupyter, VS
 Code, marimo) finds `_repr_html_` on them, whichever was imported first. Pictures and sentences belong to the report,
 the last stage: the package hands it in from above, so that no stage knows one that sorts after it.
 """
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Artist", "Shown", "shown_by"]
+__all__ = ["Artist", "NotebookDisplay", "shown_by"]
 
 
 class Artist(Protocol):
@@ -29,7 +30,7 @@ class Artist(Protocol):
         """Return a value as lines of text."""
 
 
-class Shown:
+class NotebookDisplay:
     """A value that a notebook shows as a small table and a picture."""
 
     __slots__ = ()

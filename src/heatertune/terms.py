@@ -6,14 +6,14 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-from heatertune.errors import InputError, suggested
+from heatertune.errors import InputError, did_you_mean
 from heatertune.units import NOMENCLATURE
 
-__all__ = ["TERMS", "Term", "terms_in", "the_term"]
+__all__ = ["TERMS", "GlossaryTerm", "terms_in", "the_term"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Term:
+class GlossaryTerm:
     """One symbol or word."""
 
     names: tuple[str, ...]  # as they are written, the one that heatertune uses first
@@ -93,16 +93,16 @@ _WORDS: Final[tuple[tuple[tuple[str, ...], str], ...]] = (
 )
 
 #: symbols first, in the order of the chain
-TERMS: Final[tuple[Term, ...]] = (
-    *(Term(names=(symbol, name), meaning=_SYMBOLS[symbol], unit=unit, field=field)
+TERMS: Final[tuple[GlossaryTerm, ...]] = (
+    *(GlossaryTerm(names=(symbol, name), meaning=_SYMBOLS[symbol], unit=unit, field=field)
       for field, (symbol, name, unit) in NOMENCLATURE.items()),
-    *(Term(names=names, meaning=meaning) for names, meaning in _WORDS),
+    *(GlossaryTerm(names=names, meaning=meaning) for names, meaning in _WORDS),
 )
 _EXACT: Final = {name: term for term in reversed(TERMS) for name in term.names}  # where two share a name, the first
 _FOLDED: Final = {name.casefold(): term for term in TERMS for name in term.names}  # the last: ta is TA, not Ta
 
 
-def the_term(name: str) -> Term:
+def the_term(name: str) -> GlossaryTerm:
     """Return a term by one of its names; capitals count where they tell two apart (TA, Ta).
 
     Raises:
@@ -110,11 +110,11 @@ def the_term(name: str) -> Term:
     """
     found = _EXACT.get(name) or _FOLDED.get(name.casefold())
     if found is None:
-        raise InputError(f"unknown term {name!r}{suggested(name, _EXACT)} (see: heatertune terms)")
+        raise InputError(f"unknown term {name!r}{did_you_mean(name, _EXACT)} (see: heatertune terms)")
     return found
 
 
-def terms_in(text: str) -> tuple[Term, ...]:
+def terms_in(text: str) -> tuple[GlossaryTerm, ...]:
     """Return the terms that a text uses by one of their names, a plural included, in the order of the alphabet."""
     def used(name: str) -> bool:
         return re.search(rf"(?<!\w){re.escape(name)}s?(?!\w)", text) is not None

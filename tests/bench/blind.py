@@ -251,7 +251,7 @@ def outside(case, fitted):
 def run_case(kind, seed, targets, powered=False, keep=None):
     """Return the outcome of a fit, what was wrongly called identified, the endings on the targets, and CPU seconds."""
     case = make(kind, seed)
-    with tempfile.TemporaryDirectory() as place, cache.unused():
+    with tempfile.TemporaryDirectory() as place, cache.cache_disabled():
         path = Path(keep or place) / f"{kind.replace(' ', '_')}_{seed}.csv"
         path.write_text(case.text() if powered else without_power(case), encoding="utf-8")
         begun = time.process_time()

@@ -260,7 +260,7 @@ def make(kind, seed):
 def outcome(case, name="log"):
     """Return how the design of a case's log ends: verdict or refusal, why, true Ms (inf: unstable), fit, CPU time."""
     begun = time.process_time()
-    with tempfile.TemporaryDirectory() as place, cache.unused():
+    with tempfile.TemporaryDirectory() as place, cache.cache_disabled():
         path = Path(place) / f"{name}.csv"
         path.write_text(case.text(), encoding="utf-8")
         try:

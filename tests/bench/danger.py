@@ -36,7 +36,7 @@ from heatertune.chain.stages import fit
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
 from heatertune.plc import Scaling
-from heatertune.proof.closing import Asked, closed
+from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.settings import Conditions, TuneSettings
 from tests.bench import heaters, truth
 
@@ -127,7 +127,7 @@ def asked_for(target, low, high, structure, plain):
     sensor's range; `plain`: for nothing.
     """
     assumed = Conditions() if plain else Conditions(tolerance_degC=max(1.0, 0.01 * (high - low)))
-    return Asked(target=target, scaling=Scaling(low_degC=low, high_degC=high), tuned=TuneSettings(structure=structure),
+    return DesignRequest(target=target, scaling=Scaling(low_degC=low, high_degC=high), tune_settings=TuneSettings(structure=structure),
                  conditions=assumed, switch_kind=None if plain else "ssr")
 
 
@@ -151,7 +151,7 @@ def ended(fitted, asked):
     """Return how a design ends: an ending, and the words, None where it came to no verdict."""
     watch = Watch()
     try:
-        found = closed(fitted, asked, progress=watch.told, stage=watch.at)
+        found = find_passing_design(fitted, asked, progress=watch.told, stage=watch.at)
     except HeatertuneError as problem:
         return Ending(f"no {watch.stage}", str(problem)), None
     except Exception as problem:  # a fault of the program is what this looks for, too
@@ -159,11 +159,11 @@ def ended(fitted, asked):
     watch.at("")
     proof, words = found.proof, found.proof.words
     why = [f"{each.name} {each.value:.4g} of {each.limit:.4g}" for each in proof.criteria if not each.ok]
-    why += [each.name for each in proof.heard.findings if each.kind.effect == "blocks"]
+    why += [each.name for each in proof.diagnostics.findings if each.kind.effect == "blocks"]
     told = dict(words.values) | {
         "interval_s": words.sample_time_s, "range": [words.scaling.low_degC, words.scaling.high_degC]}
     ending = Ending(proof.verdict, "; ".join(why), proof.nominal.setpoint_degC, told, seconds=watch.seconds,
-                    changes=list(found.proof.heard.remarks))
+                    changes=list(found.proof.diagnostics.remarks))
     return ending, words
 
 
@@ -226,7 +226,7 @@ def run(asked):
     kind, seed, targets, structure, plain, keep, longest = asked
     case = heaters.make(kind, seed)
     outcome = Outcome(kind, seed, repr(case.heater))
-    with tempfile.TemporaryDirectory() as place, cache.unused():
+    with tempfile.TemporaryDirectory() as place, cache.cache_disabled():
         path = Path(keep or place) / f"{kind.replace(' ', '_').replace(',', '')}_{seed}.csv"
         path.write_text(case.text(), encoding="utf-8")
         log, lost = take("refused", lambda: read_log(path))

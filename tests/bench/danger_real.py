@@ -175,7 +175,7 @@ def designed(asked):
     """Return how a part ends on all targets, not yet judged, and the laws of its PASSes; `asked`: see `parts`."""
     source, part, folder, targets, structure, plain = asked
     held, found = readings(source, folder), Part(name_of(source), part, source.rig)
-    with tempfile.TemporaryDirectory() as place, cache.unused():
+    with tempfile.TemporaryDirectory() as place, cache.cache_disabled():
         path, options = folder / source.path, reading(source)
         if part != WHOLE:
             path, options = Path(place) / "half.csv", {}

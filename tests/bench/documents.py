@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from heatertune import chain
-from heatertune.chain.whole import dossier
+from heatertune.chain.pipeline import dossier
 from heatertune.documents import to_json
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.check_results import Half, HeldOut, InputCorrelation, Validation
 from heatertune.model.findings import Finding
 from heatertune.model.intervals import Interval
-from heatertune.model.judgement import Half, HeldOut, InputCorrelation, Validation
-from heatertune.model.values import Candidate, FittedModel, Fopdt, OneLog, Outcome, Residuals, TwoLag
+from heatertune.model.manual_model import model_by_hand
+from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, OneLog, Residuals, TwoLag
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import Margins, PidDesign, Promise
 from heatertune.plc import controller_for
@@ -59,7 +59,7 @@ def rich_model() -> FittedModel:
         delta_bic=3.5, part="dead time at its high end")
     series = np.round(20.0 + 0.25 * np.arange(40.0), 4)
     return FittedModel(
-        model=HEATER, outcome=Outcome.IDENTIFIED, method="made by hand",
+        model=HEATER, outcome=FitOutcome.IDENTIFIED, method="made by hand",
         ci95={"gain_degC_per_pct": Interval(low=0.35, high=0.39), "time_constant_s": Interval(low=150.0, high=None),
               "dead_time_s": None, "ambient_degC": None},
         combinations={"gain_per_time_constant_degC_per_s_pct": (0.0022, Interval(low=0.002, high=0.0024))},

@@ -15,13 +15,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
 
-from heatertune.cache import unused
+from heatertune.cache import cache_disabled
 from heatertune.errors import HeatertuneError
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
-from heatertune.proof.asked import Asked
-from heatertune.proof.closing.on_samples import closed_on_samples
-from heatertune.proof.drawn import sampled
+from heatertune.proof.design_request import DesignRequest
+from heatertune.proof.monte_carlo.run import run_samples
+from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.settings import SampleSettings
 
 DRAWN, MORE, MUST = SampleSettings(samples=200), SampleSettings(samples=5000, seed=1_000_000), 0.95
@@ -44,8 +44,8 @@ def main(count="60", *targets):
         for number in range(int(count)):
             heater = heater_of(number)
             try:
-                with unused():
-                    found = closed_on_samples(heater, Asked(target=target, drawn=DRAWN))
+                with cache_disabled():
+                    found = closed_on_samples(heater, DesignRequest(target=target, sample_settings=DRAWN))
             except HeatertuneError:
                 ended["refused"] += 1
                 continue
@@ -53,7 +53,7 @@ def main(count="60", *targets):
             ended[f"{proof.verdict}, {'made for drawn heaters' if drawn.seed else 'as asked for'}"] += 1
             if proof.verdict == "PASS" and drawn.seed:
                 changed += 1
-                share = sampled(proof.words, heater, MORE, found.conditions).passing
+                share = run_samples(proof.words, heater, MORE, found.conditions).passing
                 if share < MUST:
                     wrong += 1
                     print(f"{target} heater {number}: PASS, but {100.0 * share:.2f} % of {MORE.samples} keep every limit")

@@ -34,7 +34,7 @@ import pytest
 
 from heatertune import virtual_plc
 from heatertune.cli import main as command
-from heatertune.live import looking
+from heatertune.live import poller
 from heatertune.live.plc import VirtualPlc
 from heatertune.proof.supervision.document import read_supervision
 from tests.bench.second_monitor import NAMES, Monitors
@@ -188,8 +188,8 @@ def timetable(chance):
 def uncounted(rate):
     """Let a PLC be one that counts no scans; the clock that tells them goes so many times as fast."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(looking, "told_by", lambda _: None)
-        patch.setattr(looking, "time", SimpleNamespace(monotonic=lambda: rate * time.monotonic()))
+        patch.setattr(poller, "told_by", lambda _: None)
+        patch.setattr(poller, "time", SimpleNamespace(monotonic=lambda: rate * time.monotonic()))
         yield
 
 

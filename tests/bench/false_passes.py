@@ -40,9 +40,9 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.proof import Acceptance, Coverage, prove_models
-from heatertune.proof.fitted import actuator_for, course_for, limits_of
 from heatertune.proof.presets import PRESETS
-from heatertune.proof.spec_file import specified
+from heatertune.proof.prove_words import actuator_for, course_for, limits_of
+from heatertune.proof.spec_file import specification_of
 from heatertune.settings import Conditions
 from tests.bench.close_calls import apart, by_a_hair, differ, named
 from tests.bench.second_opinion import (
@@ -210,7 +210,7 @@ def _widened(number, words, bench, conditions):
     conditions = replace(
         conditions, spec=name, tolerance_degC=tolerance, limit=tuple(f"{limit}={value}" for limit, value in asked.items()),
         setpoint_degC=bench.setpoint if bench.asked_low is None else (bench.asked_low, bench.setpoint))
-    limits = specified(conditions).limits_for(bench.slow)
+    limits = specification_of(conditions).limits_for(bench.slow)
     return words, replace(
         bench, tolerance=limits.tolerance_degC, heats_in=limits.settling_s or 0.0, recovers_in=limits.recovery_s or 0.0,
         ramp=_of_ramp(words)), conditions
@@ -221,7 +221,7 @@ def _switched_otherwise(number, words, bench, conditions):
     rng = np.random.default_rng([number, TARGETS[bench.target][0], 2])
     room = controller_for(bench.target)
     if room.most_power is not None and rng.random() < 0.6:
-        words = room.limited(words, round(float(rng.uniform(bench.power, 100.0))))
+        words = room.with_output_limit(words, round(float(rng.uniform(bench.power, 100.0))))
         bench = replace(bench, words=dict(words.values))
     if conditions.pwm_period_s is not None and rng.random() < 0.5:
         parts = math.ceil(bench.interval / _log(rng, 0.1, 1.0))
@@ -266,7 +266,7 @@ def _led(number, bench, conditions):
 def _boosted(number, words, bench):
     """Return them with a boost in place of a ramp, in three cases of four: about as heatertune has it, or any."""
     rng = np.random.default_rng([number, TARGETS[bench.target][0], 5])
-    if not controller_for(bench.target).boosted or rng.random() < 0.25:
+    if not controller_for(bench.target).has_boost or rng.random() < 0.25:
         return words, bench
     full, gain = {"iec-pid": ("XMAX", "KP"), "weg": ("MaximumOutput", "Kp"), "arduino-pid": ("OutMax", "Kp"),
                   "simple-pid": ("output_max", "Kp"), "esphome": (None, "kp")}[bench.target]
@@ -274,7 +274,7 @@ def _boosted(number, words, bench):
     within = at_limit * (_log(rng, 0.35 if bench.target in ("weg", "iec-pid") else 0.1, 1.0) if rng.random() < 0.7 else _log(rng, 0.05, 2.0))
     between = within / 2.0 if rng.random() < 0.7 else max(within, bench.band) * _log(rng, 0.01, 1.0)
     distances = [float(np.float32(each)) for each in (within, within + between)]
-    words = words.boosted(Boost(within_degC=distances[0], again_degC=distances[1]))
+    words = words.with_boost(Boost(within_degC=distances[0], again_degC=distances[1]))
     return words, replace(bench, ramp=None, boost=tuple(distances))
 
 
@@ -304,7 +304,7 @@ def _proven(words, model, conditions, *, draws):
     course = course_for(words, [model], conditions, conditions.highest_degC)
     return prove_models(
         _without_listing(words.target), words, [("by hand", model)], course.scenario, actuator_for(conditions, words),
-        Acceptance(limits=limits_of(specified(conditions), [model]), margins_of=margins),
+        Acceptance(limits=limits_of(specification_of(conditions), [model]), margins_of=margins),
         Coverage(known=conditions.switches, draws=draws))
 
 
@@ -368,7 +368,7 @@ def judged(library, number, target, longer=LONGER, draws=_DRAWS):
         case["draws broken"] = _broken_draws(library, bench, limits, draws)
     case["wrong"] |= _story_apart(bench, proof.scenario)
     if told.begins[-1] <= _PLAIN_S:
-        edges, plain = proof.traced(0).edge_time_s, dict[str, float]()
+        edges, plain = proof.trace(0).edge_time_s, dict[str, float]()
         for step_s in _PLAIN_STEPS_S:
             plain = _apart_in_steps(proof, in_plain_steps(library, bench, limits, edges, step=step_s), step_s)
             if max(plain.values()) <= SLACK:

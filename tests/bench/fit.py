@@ -16,8 +16,8 @@ from scipy.signal import lfilter
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.readings import Readings
 from heatertune.model.values import Fopdt
 
 PLANT = Fopdt(gain_degC_per_pct=0.9, time_constant_s=180.0, dead_time_s=12.3, ambient_degC=20.0)
@@ -36,8 +36,8 @@ def made(rows):
 
 def one_descent(log):
     """Return gain, time constant, dead time of one descent, the averaging of a long log included."""
-    problem = PowerProblem(readings=Readings.of(log).thinned(THINNED))
-    return _numbers(problem.refined(np.array([[math.log(START[1]), START[2], 0.0]])).model)
+    problem = PowerProblem(readings=Readings.of(log).average(THINNED))
+    return _numbers(problem.refine(np.array([[math.log(START[1]), START[2], 0.0]])).model)
 
 
 def whole_fit(log):

@@ -17,7 +17,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.values import Outcome
+from heatertune.model.values import FitOutcome
 
 PARAMETERS = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
 #: file → what its reader has to be told
@@ -96,7 +96,7 @@ def table(found):
         yield (f"| {each.name} | {each.whole.outcome.name}, {len(each.whole.candidates)} | {cells} | "
                f"{each.seconds:.2f} |")
     for told, wanted in (("all halves", lambda _: True),
-                         ("halves that identify gain and time constant", lambda h: h.outcome is Outcome.IDENTIFIED)):
+                         ("halves that identify gain and time constant", lambda h: h.outcome is FitOutcome.IDENTIFIED)):
         inside = [inside_of(each, half) for each in found if each.whole for half in each.halves if half and wanted(half)]
         shares = ", ".join(f"{100.0 * share:.0f}" for share in np.mean(inside, axis=0)) if inside else ""
         yield f"{told}: {len(inside)}, inside the whole log's intervals for k, T, L: {shares} %"
@@ -115,7 +115,7 @@ def _cell(each, name):
     for half in each.halves:
         if half is not None:
             value = getattr(half.model, name)
-            sure = "" if half.outcome is Outcome.IDENTIFIED else "?"
+            sure = "" if half.outcome is FitOutcome.IDENTIFIED else "?"
             told.append(f"{value:.3g}{sure} {'in' if holds(each.whole.ci95[name], value) else 'OUT'}")
     return "; ".join(told)
 

@@ -1,6 +1,6 @@
 """Is the cause right, and do the words cure? python -m tests.bench.health [-n 200] [--words].
 
---ticks, --down and --at-once attack what `heatertune.loops.switch` finds: a switch that works in another way.
+--ticks, --down and --at-once attack what `heatertune.loops.pwm_reconstruction` finds: a switch that works in another way.
 
 Loops of `tests.bench.loops`, whose causes are known, go through `heatertune.batch.loops` as `heatertune health` runs it.
 The words that are proposed are then typed into PID_v1 as `tests.witness.arduino_pid` has it, in front of this bench's own
@@ -22,9 +22,9 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from heatertune.batch import in_processes
-from heatertune.batch.loops import HealthSettings, health, ranked
+from heatertune.batch.loops import HealthSettings, health, rank_rows
 from heatertune.plc import Scaling
-from heatertune.proof.asked import Asked
+from heatertune.proof.design_request import DesignRequest
 from heatertune.settings import ReadSettings
 from tests.bench.loops import Loop, drawn, textbook, traced, write
 from tests.witness.arduino_pid import ArduinoPid
@@ -53,16 +53,16 @@ def examined(loops, folder, *, target="", switch=(0, False, True)):
         entries.append(f"[[loop]]\nfile = '{loop.name}.csv'\nswitch = '{loop.switch}'\npwm_period_s = {loop.pwm}\n" + (
             "" if made_for is None else _model(loop, made_for)))
     (folder / "loops.toml").write_text("\n".join(entries), encoding="utf-8")
-    asked = Asked(target=target, scaling=Scaling(low_degC=0.0, high_degC=500.0))
-    return health(folder / "logs", HealthSettings(asked=asked, read=ReadSettings()), out=folder / "health.parquet",
+    asked = DesignRequest(target=target, scaling=Scaling(low_degC=0.0, high_degC=500.0))
+    return health(folder / "logs", HealthSettings(request=asked, read=ReadSettings()), out=folder / "health.parquet",
                   workers=in_processes(1), loops=folder / "loops.toml", progress=lambda done, of: print(
                       f"{done} of {of}", file=sys.stderr, flush=True))
 
 
 def _model(loop, folder):
     """Write the heater that a loop's words were made for, as the user gave it by hand; return its entry of the list."""
-    from heatertune.model.by_hand import model_by_hand  # noqa: PLC0415 - only drifted loops have one
     from heatertune.model.document import to_document  # noqa: PLC0415
+    from heatertune.model.manual_model import model_by_hand  # noqa: PLC0415 - only drifted loops have one
     from heatertune.model.values import Fopdt  # noqa: PLC0415
 
     gain, lag = loop.before
@@ -193,7 +193,7 @@ class Figures:
 
     def tell(self):
         """Print the figures."""
-        worst = [self.loops[row["name"]].cause for row in ranked(self.rows)[:10]]
+        worst = [self.loops[row["name"]].cause for row in rank_rows(self.rows)[:10]]
         for cause, count in self.of.items():
             print(f"{cause:15} {self.right[cause]:3} of {count}")
         print(f"together        {self.right.total():3} of {self.of.total()}; "

@@ -21,13 +21,13 @@ from pathlib import Path
 from heatertune import Fopdt, model_by_hand, virtual_plc
 from heatertune.cli import main as run_here
 from heatertune.live import plc_state, recorder
-from heatertune.live.change.budget import Budget
-from heatertune.live.change.record import read_lines
 from heatertune.live.client.address import address_of
 from heatertune.live.experiment import restore
-from heatertune.live.places import places_of
 from heatertune.live.plc_state import PlcState
 from heatertune.live.serve import read_folder
+from heatertune.live.signal_map import places_of
+from heatertune.live.write.write_budget import Budget
+from heatertune.live.write.write_record import read_lines
 from heatertune.log.cells import read_sheet
 from tests.bench.sessions import folder_in, is_stable, words_in
 from tests.live.conftest import CONDITIONS, words_of, write_design
@@ -162,7 +162,7 @@ class Written:
     def put_back(self, died):
         """Hold the next start to say what happened, and put back what was."""
         _, said = told("rollback", self.record, "--quiet")
-        assert ("it broke off at" in said) == (not read_lines(self.record).ended), said
+        assert ("it broke off at" in said) == (not read_lines(self.record).complete), said
         assert died or "it ended at" in said, said
         digest = read_lines(self.record).begin["sha256"]
         assert told("rollback", self.record, "--apply", "--yes", digest[:8], "--unproven", "--quiet")[0] == 0
@@ -181,7 +181,7 @@ def of_write(made, kills, chance, begun=virtual_plc):
             assert stands == {**stands, **OLD}
         else:
             said = told(*here.line[:3])[1]
-            assert (f"a write that never ended: heatertune rollback {here.record}" in said) == (not read_lines(here.record).ended)
+            assert (f"a write that never ended: heatertune rollback {here.record}" in said) == (not read_lines(here.record).complete)
             here.put_back(ended)
         here.plc.close()
     return died
@@ -221,7 +221,7 @@ def of_simulate(folder, words, place, kills, chance):
         with subprocess.Popen(line, cwd=empty, stdout=subprocess.PIPE) as running:
             if number % 5:
                 assert running.stdout.readline()  # it serves
-                given = recorder.Recording(timeout_s=0.5)
+                given = recorder.RecordingSetup(timeout_s=0.5)
                 looking = threading.Thread(target=recorder.record, args=(address_of(f"s7://127.0.0.1:{port}/0/2/db30"), path,
                                            places_of(words), given), kwargs={"shown": shown, "ended": ends.is_set})
                 looking.start()

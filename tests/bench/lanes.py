@@ -26,12 +26,22 @@ from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.open_points import settings_of
-from heatertune.proof import Actuator, Drawing, Limits, Load, Mains, NewSetpoint, Scenario, Spread, TemperatureStep
+from heatertune.proof import (
+    Actuator,
+    Load,
+    LoopLimits,
+    Mains,
+    NewSetpoint,
+    SampleRequest,
+    SampleSpread,
+    Scenario,
+    TemperatureStep,
+)
 from heatertune.proof.events import PlcPower
 from heatertune.proof.lanes import choice
 from heatertune.proof.loop import scans_of
-from heatertune.proof.metered import metered
-from heatertune.proof.samples import measure
+from heatertune.proof.measured_runs import measure_runs
+from heatertune.proof.monte_carlo.draw import measure
 from tests.proof.test_lanes import ROOMS, default_drawing
 
 PERIODS = (0.5, 1.0, 3.0, 7.3, 10.0, 21.0)
@@ -41,10 +51,10 @@ FOUND = ("table", "totals", "ripple")
 def both(drawing, places, limits=None):
     """Return the two ways to run samples of the first setting, as functions."""
     rows, sizes = drawing.heaters_of(places)
-    order = choice.alike(rows, drawing.scenario.setpoint_degC, drawing.actuator.pwm_period_s)
+    order = choice.order_by_edges(rows, drawing.scenario.setpoint_degC, drawing.actuator.pwm_period_s)
     noise, late = drawing.scans_of([places[place] for place in order], scans_of(drawing.controllers[0], drawing.scenario))
-    given = drawing.controllers[0], rows[order], drawing.scenario, drawing.actuator, limits or Limits(), noise, late, sizes[order]
-    return [lambda way=way: metered(*given, side_by_side=way) for way in (False, True)]
+    given = drawing.controllers[0], rows[order], drawing.scenario, drawing.actuator, limits or LoopLimits(), noise, late, sizes[order]
+    return [lambda way=way: measure_runs(*given, side_by_side=way) for way in (False, True)]
 
 
 def differs(ways):
@@ -95,9 +105,9 @@ def drawn(chance, room):
     scenario = Scenario(setpoint_degC=setpoint, duration_s=duration, noise_degC=float(chance.choice([0.0, 0.05, 1.0])),
                         disturbances=story(chance, setpoint, duration))
     settings = settings_of(which.switches, {})
-    spread = Spread(heater=(0.1, 0.1, float(chance.choice([0.0, 0.2 * known["dead_time_s"], 3.0]))))
+    spread = SampleSpread(heater=(0.1, 0.1, float(chance.choice([0.0, 0.2 * known["dead_time_s"], 3.0]))))
     begin = int(chance.integers(10**6))
-    return Drawing.of(which, words, [heater], scenario, spread, switch, settings), range(begin, begin + int(chance.choice([chance.integers(1, 17), chance.integers(17, 71)])))
+    return SampleRequest.of(which, words, [heater], scenario, spread, switch, settings), range(begin, begin + int(chance.choice([chance.integers(1, 17), chance.integers(17, 71)])))
 
 
 def attack(cases, rooms, seed):
@@ -129,7 +139,7 @@ def spent(work, clock=time.thread_time):
 
 def interleaved(name, drawing, yardstick, repeats=9):
     """Print nanoseconds a scan of 64 samples from the middle of 512, each way and C in turn."""
-    order = choice.alike(drawing.heaters_of(range(512))[0], drawing.scenario.setpoint_degC, drawing.actuator.pwm_period_s)
+    order = choice.order_by_edges(drawing.heaters_of(range(512))[0], drawing.scenario.setpoint_degC, drawing.actuator.pwm_period_s)
     ways = both(drawing, order[224:288].tolist())
     assert not differs(ways), name
     times = np.min([[spent(work) for work in (*ways, yardstick)] for _ in range(repeats)], axis=0)
@@ -153,7 +163,7 @@ def timed(rooms):
     print("| ns of processor time a scan, judged | one after the other | side by side | times | C | times C |\n" + "| --- " * 6 + "|")
     for room in rooms:
         which = controller_for(room)
-        plain = Drawing.of(which, which.encode(loop.DESIGN, Scaling()), [loop.HEATER], loop.SCENARIO, Spread(heater=(0.1, 0.1, 2.8)), loop.PWM)
+        plain = SampleRequest.of(which, which.encode(loop.DESIGN, Scaling()), [loop.HEATER], loop.SCENARIO, SampleSpread(heater=(0.1, 0.1, 2.8)), loop.PWM)
         whole = default_drawing(room)
         interleaved(f"{room}, one disturbance, scans of 1 s", plain, yardstick)
         for lags, heater in zip(("one lag", "two lags"), whole.heaters, strict=True):
@@ -163,12 +173,12 @@ def timed(rooms):
     for room in rooms:
         which = controller_for(room)
         for noise in (0.0, 0.1):
-            drawing = Drawing.of(which, which.encode(loop.DESIGN, Scaling()), [loop.HEATER], replace(loop.SCENARIO, noise_degC=noise),
-                                 Spread(heater=(0.1, 0.1, 2.8)), loop.PWM, settings_of(which.switches, {}))
-            measure(drawing, Limits(), 400)
+            drawing = SampleRequest.of(which, which.encode(loop.DESIGN, Scaling()), [loop.HEATER], replace(loop.SCENARIO, noise_degC=noise),
+                                 SampleSpread(heater=(0.1, 0.1, 2.8)), loop.PWM, settings_of(which.switches, {}))
+            measure(drawing, LoopLimits(), 400)
             for workers in (1, len(os.sched_getaffinity(0))):
-                best = min(spent(lambda w=workers, d=drawing: measure(d, Limits(), 10_000, workers=w), time.perf_counter) for _ in range(5))
-                cpu = spent(lambda w=workers, d=drawing: measure(d, Limits(), 10_000, workers=w), time.process_time)
+                best = min(spent(lambda w=workers, d=drawing: measure(d, LoopLimits(), 10_000, workers=w), time.perf_counter) for _ in range(5))
+                cpu = spent(lambda w=workers, d=drawing: measure(d, LoopLimits(), 10_000, workers=w), time.process_time)
                 print(f"| {room} | {noise:g} °C | {workers} | {cpu:.2f} s | {best:.2f} s |", flush=True)
 
 

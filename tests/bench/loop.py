@@ -27,16 +27,16 @@ from heatertune import compiled
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
-from heatertune.plc.core import Core
+from heatertune.plc.core import StepFunctions
 from heatertune.plc.open_points import settings_of
-from heatertune.proof import Actuator, Drawing, Limits, Scenario, Spread, TemperatureStep
-from heatertune.proof.kernel import LOAD, Batch, Record
+from heatertune.proof import Actuator, LoopLimits, SampleRequest, SampleSpread, Scenario, TemperatureStep
+from heatertune.proof.kernel import LOAD, LoopBatch, TraceArrays
 from heatertune.proof.lanes import choice
-from heatertune.proof.lanes.choice import alike, run_side_by_side
-from heatertune.proof.loop import InLoop, in_loop, pulses_of, ring_size, run_compiled, run_plainly
+from heatertune.proof.lanes.choice import order_by_edges, run_side_by_side
+from heatertune.proof.loop import LoopController, in_loop, pulses_of, ring_size, run_compiled, run_plainly
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter, no_meter
-from heatertune.proof.program import Program
-from heatertune.proof.samples import measure
+from heatertune.proof.monte_carlo.draw import measure
+from heatertune.proof.setpoint_program import SetpointProgram
 
 CASE = yardsticks.Case()
 PWM = Actuator(pwm_period_s=yardsticks.PERIOD_S, resolution_s=yardsticks.RESOLUTION_S)
@@ -70,13 +70,13 @@ def as_it_is(_sensor, temperature):
 class Ours:
     """A controller in the loop of the proof."""
 
-    controller: InLoop
+    controller: LoopController
 
     @classmethod
     def pi(cls):
         """Return the benchmark's PI."""
-        core = Core(step=pi_step, measure=as_it_is, flags=())
-        return cls(InLoop(core=core, parameters=Gains(CASE.kp, CASE.kp / CASE.ti), state=0.0, sensor=0.0, asked=[CASE.setpoint],
+        core = StepFunctions(step=pi_step, measure=as_it_is, flags=())
+        return cls(LoopController(core=core, parameters=Gains(CASE.kp, CASE.kp / CASE.ti), state=0.0, sensor=0.0, setpoints=[CASE.setpoint],
                           scan_s=yardsticks.CALL_S, ramp_step=0.0))
 
     @classmethod
@@ -91,10 +91,10 @@ class Ours:
         pwm = Actuator(pwm_period_s=yardsticks.PERIOD_S, resolution_s=resolution)
         zero = np.zeros((1, 1))
         plants = np.array([[CASE.gain, CASE.lag, 0.0, CASE.dead + 0.01 * i, 0.0, CASE.start] for i in range(loops)])
-        batch = Batch(calls, zero, zero.copy(), plants, np.full((loops, 1), np.inf), np.full((loops, 1), LOAD),
+        batch = LoopBatch(calls, zero, zero.copy(), plants, np.full((loops, 1), np.inf), np.full((loops, 1), LOAD),
                       np.zeros((loops, 1)))
         places = [np.empty(calls if keeps else 0) for _ in range(4)]
-        record = Record(keeps, *places, np.zeros(calls if keeps else 0, dtype=np.int64),
+        record = TraceArrays(keeps, *places, np.zeros(calls if keeps else 0, dtype=np.int64),
                         *(np.empty(calls if keeps else 0) for _ in range(4)))
         meter = no_meter(loops)
         if measures:
@@ -102,8 +102,8 @@ class Ours:
             phases, totals = np.zeros((loops, COLUMNS)), np.zeros((loops, TOTALS))
             meter = Meter(True, np.array([CASE.setpoint]), 1.0, yardsticks.PERIOD_S, 0, phases, totals, *ends)
         edges = np.empty(ring_size(pulses_of(CASE.dead + 15.0, pwm)))
-        c, asked = self.controller, np.array(self.controller.asked)
-        program = Program(asked, np.ones(1, dtype=np.int64), c.ramp_step, c.ramp_calls, c.ramp_hold)
+        c, asked = self.controller, np.array(self.controller.setpoints)
+        program = SetpointProgram(asked, np.ones(1, dtype=np.int64), c.ramp_step, c.ramp_calls, c.ramp_hold)
         return c.parameters, c.state, c.sensor, c.scan_s, program, batch, pwm.switches, np.inf, edges, record, meter
 
     def drawn(self, loops=4 * LOOPS):
@@ -112,7 +112,7 @@ class Ours:
         gain, lag, dead = np.exp([[0.1], [0.1], [0.2]] * chance.standard_normal((3, loops)))
         plants = given[5].plants * np.column_stack([gain * (1.0 + 0.1 * chance.uniform(-1.0, 1.0, loops)) ** 2, lag, np.ones(loops), dead,
                                                     np.ones((loops, 2))])
-        given[5] = given[5]._replace(plants=plants[alike(plants, CASE.setpoint, yardsticks.PERIOD_S)])
+        given[5] = given[5]._replace(plants=plants[order_by_edges(plants, CASE.setpoint, yardsticks.PERIOD_S)])
         given[8] = np.empty(ring_size(pulses_of(plants[:, 3].max() + 15.0, PWM)))
         return *given, meter
 
@@ -194,9 +194,9 @@ def check(others):
 def samples(target, count, workers):
     """Return seconds of wall clock that many samples take, drawn, run and measured, side by side where they fit."""
     which = controller_for(target)
-    drawing = Drawing.of(which, which.encode(DESIGN, Scaling()), [HEATER], SCENARIO, Spread(heater=(0.1, 0.1, 0.2)),
+    drawing = SampleRequest.of(which, which.encode(DESIGN, Scaling()), [HEATER], SCENARIO, SampleSpread(heater=(0.1, 0.1, 0.2)),
                          Actuator(pwm_period_s=10.0), settings_of(which.switches, {}))
-    return least(lambda: measure(drawing, Limits(), count, workers=workers), 2, time.perf_counter) / 1e9
+    return least(lambda: measure(drawing, LoopLimits(), count, workers=workers), 2, time.perf_counter) / 1e9
 
 
 def memory(target):
@@ -214,9 +214,9 @@ def memory(target):
 def samples_once(target, count):
     """Run samples and return the bytes of what they leave."""
     which = controller_for(target)
-    drawing = Drawing.of(which, which.encode(DESIGN, Scaling()), [HEATER], SCENARIO, Spread(), Actuator(pwm_period_s=10.0),
+    drawing = SampleRequest.of(which, which.encode(DESIGN, Scaling()), [HEATER], SCENARIO, SampleSpread(), Actuator(pwm_period_s=10.0),
                          settings_of(which.switches, {}))
-    found = measure(drawing, Limits(), count)
+    found = measure(drawing, LoopLimits(), count)
     return sum(each.nbytes for each in (found.rows, found.table, found.totals, found.ripple))
 
 

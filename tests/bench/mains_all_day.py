@@ -20,8 +20,8 @@ import numpy as np
 
 from heatertune.plc import controller_for
 from heatertune.plc.open_points import settings_to_prove
-from heatertune.proof.fitted import setpoints_for
-from heatertune.proof.heaters import holding
+from heatertune.proof.heaters import holding_heaters
+from heatertune.proof.prove_words import setpoints_for
 from tests.bench import second_opinion
 from tests.bench.false_passes import _limits
 from tests.bench.outages import Night, bench_of, passing
@@ -116,7 +116,7 @@ def broken(library, b, limits, low, heater_s):
 
 def judged(library, fitted, design, powers=POWERS):
     """Yield (power, name of the heater, settings, what is broken) of each run of a design."""
-    models = holding(fitted, setpoints_for(fitted, design.conditions)[1])
+    models = holding_heaters(fitted, setpoints_for(fitted, design.conditions)[1])
     slowest = max(sum(model.lags_s) + model.dead_time_s for _, model in models)
     limits = _limits(design.proof.limits) | {"iae": math.inf}
     high, low = design.conditions.highest_degC, design.conditions.lowest_degC

@@ -23,15 +23,15 @@ from heatertune.proof import (
     Acceptance,
     Actuator,
     Coverage,
-    Limits,
     Load,
+    LoopLimits,
     Scenario,
     TemperatureStep,
     judge,
     prove_models,
     simulate,
 )
-from heatertune.proof.scenario import delayed
+from heatertune.proof.scenario import delay_heater
 from tests.proof.test_exact_measures import STEP_S, errors, stays
 
 _SHARE = 1e-3
@@ -51,12 +51,12 @@ def loop(chance):
     jump, load, end = 12.0 * lag + chance.random(), 20.0 * lag + chance.random(), 30.0 * lag
     scenario = Scenario(setpoint_degC=20.0 + 100.0 * heater.gain_degC_per_pct * chance.uniform(0.2, 0.7), duration_s=end, disturbances=(
         TemperatureStep(time_s=jump, temperature_degC=-chance.uniform(2.0, 9.0)), Load(time_s=load, power_pct=-chance.uniform(3.0, 15.0))))
-    return room, words, delayed(heater, room.delay_s), heater, scenario, Actuator(pwm_period_s=period * words.sample_time_s)
+    return room, words, delay_heater(heater, room.delay_s), heater, scenario, Actuator(pwm_period_s=period * words.sample_time_s)
 
 
 def apart(room, words, seen, heater, scenario, switch):
     """Return how far each measure is apart, as a share of what is allowed."""
-    limits = Limits(tolerance_degC=2.0)
+    limits = LoopLimits(tolerance_degC=2.0)
     trace = simulate(room, words, seen, scenario, switch)
     (run,) = prove_models(room, words, [("heater", heater)], scenario, switch, Acceptance(limits=limits),
                           Coverage(open_points=False)).runs

@@ -14,11 +14,11 @@ import time
 import numpy as np
 from scipy.optimize import minimize
 
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
 from heatertune.pid.continuous import kernel as continuous
-from heatertune.pid.continuous.optimum import ContinuousProblem, margins, optimum, response_grid, unrivalled
+from heatertune.pid.continuous.optimum import ContinuousProblem, global_optimum, margins, optimum, response_grid
 from heatertune.pid.specs import Specs
 
 MS = 1.6
@@ -48,7 +48,7 @@ def settings(x):
 def priced(problem, gains, finer):
     """Return the cost of K, TN and TV."""
     queue = continuous.space_for(0, problem.heaters, finer).queue
-    return compiled(continuous.price, calls=True)(problem.heaters, problem.weights, *gains, finer, math.inf, queue)
+    return compile_function(continuous.price, calls=True)(problem.heaters, problem.weights, *gains, finer, math.inf, queue)
 
 
 def slsqp_asks(problem, structure):
@@ -127,7 +127,7 @@ def beside(problem, design, found):
     gain, tn, tv = found
     omega, response = response_grid(problem.plants, tv > 0.0, 8.0)
     space = continuous.space_for(len(omega), problem.heaters, 2.0)
-    count = compiled(continuous.pieces, calls=True)(omega, response, tn, tv, problem.limits, space)
+    count = compile_function(continuous.pieces, calls=True)(omega, response, tn, tv, problem.limits, space)
     ends = zip(*space.ends[:, :count][:, ::-1].tolist(), strict=True)
     kept = min([gain, *[top for bottom, top in ends if gain > bottom][:1]])
     return priced(problem, (kept, tn, tv), 2.0) / problem.cost(design) - 1.0
@@ -140,7 +140,7 @@ def unsolved(dead, structure):
 
 def case(dead, structure):
     problem = unsolved(dead, structure)
-    return problem, unrivalled(problem)[0]
+    return problem, global_optimum(problem)[0]
 
 
 def from_ours(dead, structure, design):
@@ -187,7 +187,7 @@ def judged(plant, ms, structure):
     """Return "" for a design that keeps its limit and comes to rest, else what is wrong; and the sentence, if any."""
     problem = ContinuousProblem(plants=(plant,), structure=structure, specs=Specs(ms=ms))
     try:
-        design, told = unrivalled(problem)
+        design, told = global_optimum(problem)
     except InputError as refused:
         return "", str(refused)
     found = margins((plant,), design)[0].ms

@@ -32,13 +32,13 @@ import numpy as np
 from heatertune.chain.stages import fit
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.open_points import settings_to_prove
-from heatertune.proof.closing import Asked, closed
-from heatertune.proof.fitted import setpoints_for
-from heatertune.proof.heaters import holding
+from heatertune.proof.heaters import holding_heaters
+from heatertune.proof.prove_words import setpoints_for
+from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.settings import Conditions, TuneSettings
 from tests.bench import second_opinion
 from tests.bench.false_passes import _limits, _log, _of_ramp
@@ -68,7 +68,7 @@ def asked(seed, target):
         setpoint = ambient + rng.uniform(0.3, 0.6) * min(100.0 * gain, 90.0 - ambient)
         dead = rng.uniform(0.03, 0.3) * lag
         model = Fopdt(gain_degC_per_pct=gain, time_constant_s=lag, dead_time_s=dead, ambient_degC=ambient)
-        return model, Asked(target=target, conditions=Conditions(setpoint_degC=setpoint))
+        return model, DesignRequest(target=target, conditions=Conditions(setpoint_degC=setpoint))
     gain, lag, ambient = _log(rng, 0.3, 8.0), _log(rng, 20.0, 300.0 if target in ("klipper", "marlin") else 5000.0), float(rng.uniform(10.0, 28.0))
     values = {"gain_degC_per_pct": gain, "time_constant_s": lag, "dead_time_s": lag * _log(rng, 0.03, 0.6), "ambient_degC": ambient}
     two, second = rng.random() < 0.35, lag * float(rng.uniform(0.05, 0.6))
@@ -79,7 +79,7 @@ def asked(seed, target):
     high = max(setpoint * _log(rng, 1.1, 2.0), setpoint + 0.3 * step)
     high = float(math.ceil(high)) if typed else high
     tolerance = None if rng.random() < 0.4 else step * _log(rng, 0.015, 0.06)
-    return TwoLag(**values, second_time_constant_s=second) if two else Fopdt(**values), Asked(
+    return TwoLag(**values, second_time_constant_s=second) if two else Fopdt(**values), DesignRequest(
         target=target, scaling=Scaling(low_degC=0.0, high_degC=high), boost="auto" if rng.random() < 0.75 else "none",
         setpoint_ramp=None if rng.random() < 0.8 else "auto", switch_kind="ssr" if rng.random() < 0.5 else None,
         conditions=Conditions(setpoint_degC=setpoint, tolerance_degC=tolerance))
@@ -100,8 +100,8 @@ def logged(seed, target, folder):
     (gain, lag, _, ambient), rng = heater(seed), np.random.default_rng([seed, 7])
     high = round(ambient + gain * rng.uniform(25, 70), 1)
     low, interval_s = round(ambient + 0.12 * (high - ambient), 1), round(lag / rng.uniform(10, 40), 0)
-    return fit(read_log(path), None), Asked(
-        target=target, tuned=TuneSettings(sample_time_s=interval_s), scaling=Scaling(low_degC=0.0, high_degC=float(math.ceil(1.6 * high))),
+    return fit(read_log(path), None), DesignRequest(
+        target=target, tune_settings=TuneSettings(sample_time_s=interval_s), scaling=Scaling(low_degC=0.0, high_degC=float(math.ceil(1.6 * high))),
         conditions=Conditions(setpoint_degC=(low, high)))
 
 
@@ -114,7 +114,7 @@ def _at_an_edge(seed):
     setpoint = ambient + gain * float(rng.uniform(25.0, 80.0))
     tolerance = (setpoint - ambient) * _log(rng, 0.015, 0.06)
     tuned = TuneSettings(ms=float(rng.uniform(1.2, 1.7)), structure="pid" if rng.random() < 0.4 else "pi")
-    return model, Asked(target="marlin", scaling=Scaling(low_degC=0.0, high_degC=1.4 * setpoint), as_is=True, tuned=tuned,
+    return model, DesignRequest(target="marlin", scaling=Scaling(low_degC=0.0, high_degC=1.4 * setpoint), as_is=True, tune_settings=tuned,
                         conditions=Conditions(setpoint_degC=setpoint, tolerance_degC=tolerance))
 
 
@@ -288,7 +288,7 @@ def passing(first, last, targets, folder):
     for seed, target in product(range(int(first), int(last)), targets or TARGETS):
         try:
             fitted, wanted = subject(seed, target, folder)
-            design = closed(fitted, wanted)
+            design = find_passing_design(fitted, wanted)
         except HeatertuneError:
             continue
         if design.proof.verdict == "PASS":
@@ -302,7 +302,7 @@ def main(first=0, last=6, *targets):
         library = compiled(folder)
         for seed, target, fitted, design in passing(first, last, targets, folder):
             proven += 1
-            models = holding(fitted, setpoints_for(fitted, design.conditions)[1])
+            models = holding_heaters(fitted, setpoints_for(fitted, design.conditions)[1])
             for (name, model), settings in product(models, settings_to_prove(controller_for(target).switches)):
                 found, peak = told_of(library, model, design, settings, seed)
                 most = max(most, peak)

@@ -42,10 +42,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from heatertune.errors import HeatertuneError
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, controller_for
-from heatertune.proof.closing import Asked, closed
+from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.settings import Conditions
 
 TARGETS = ("s5-ob251", "s7-200", "s7-200-pid", "s7-300", "fb41", "weg", "iec-pid", "pid-compact", "pid-temp")
@@ -103,7 +103,7 @@ def case(number, seed=0):
 def designed(one, target, *, as_is=False, known=None, limit=()):
     """Return what becomes of a heater on a target."""
     tolerance = max(one.tolerance, _STEPS * 1.001 * one.high / controller_for(target).counts)
-    asked = Asked(
+    asked = DesignRequest(
         target=target, scaling=Scaling(low_degC=0.0, high_degC=one.high), as_is=as_is,
         conditions=Conditions(setpoint_degC=one.setpoint, tolerance_degC=tolerance, switches=known or {}, limit=limit))
     fitted, begun, first = model_by_hand(one.model), time.process_time(), []
@@ -113,7 +113,7 @@ def designed(one, target, *, as_is=False, known=None, limit=()):
             first.append((time.process_time() - begun, message.split(" fails")[0]))
 
     try:
-        result = closed(fitted, asked, progress=told)
+        result = find_passing_design(fitted, asked, progress=told)
     except HeatertuneError as problem:
         taken = time.process_time() - begun
         return Outcome(plain="ERROR", verdict="ERROR", broken_plain=(str(problem)[:60],), broken=(str(problem)[:60],),
@@ -121,7 +121,7 @@ def designed(one, target, *, as_is=False, known=None, limit=()):
     taken = time.process_time() - begun
     broken = tuple(each.name for each in result.proof.criteria if not each.ok)
     plain_s, broken_plain = first[0] if first else (taken, ",".join(broken))
-    done = result.proof.heard.remarks[-1] if result.notes else ""
+    done = result.proof.diagnostics.remarks[-1] if result.notes else ""
     return Outcome(plain="FAIL" if first else result.proof.verdict, verdict=result.proof.verdict,
                    broken_plain=tuple(part for part in broken_plain.replace(" ", "_").split(",_") if part),
                    broken=broken, plain_s=plain_s, closed_s=taken, done=done)

@@ -24,22 +24,22 @@ from dataclasses import replace
 from functools import cache
 
 from heatertune.errors import HeatertuneError
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc import Scaling, controller_for
-from heatertune.plc.core import Core, Running
+from heatertune.plc.core import ControllerState, StepFunctions
 from heatertune.plc.fb41.controller import ContC
-from heatertune.plc.fb41.step import call, outcome, restart, scaled
+from heatertune.plc.fb41.step import call, outcome, restart, scale_reading
 from heatertune.plc.fb41.words import parameters_of
 from heatertune.plc.weg.controller import Weg
-from heatertune.plc.weg.step import COLD, State, block_of
+from heatertune.plc.weg.step import COLD, WegState, block_of
 from heatertune.plc.weg.step import step as weg_step
-from heatertune.proof import Acceptance, Coverage, price, prove_models, setpoint_ramp
-from heatertune.proof.asked import Asked, plainly
-from heatertune.proof.closing import closed
-from heatertune.proof.fitted import actuator_for, course_for, limits_of
-from heatertune.proof.heaters import labelled
-from heatertune.proof.spec_file import specified
+from heatertune.proof import Acceptance, Coverage, prove_models, redesign_cost, setpoint_ramp
+from heatertune.proof.design_request import DesignRequest, plainly
+from heatertune.proof.heaters import labelled_heaters
+from heatertune.proof.prove_words import actuator_for, course_for, limits_of
+from heatertune.proof.redesign import find_passing_design
+from heatertune.proof.spec_file import specification_of
 from heatertune.settings import Conditions
 from tests.bench.passes import _STEPS, case
 
@@ -53,8 +53,8 @@ _MORE_IAE = 0.005
 def step_contc(parameters, state, setpoint, reading, _begins):
     """One call; at the upper limit the I part stands at its initial value."""
     plain, held, assume = parameters
-    asked, _ = scaled(plain, setpoint)
-    pv, os = scaled(plain, reading)
+    asked, _ = scale_reading(plain, setpoint)
+    pv, os = scale_reading(plain, reading)
     return outcome(call(held if state.at_upper else plain, assume, state, asked, pv, os))
 
 
@@ -63,10 +63,10 @@ def step_weg(parameters, state, setpoint, reading, begins):
     block, assume, power = parameters
     if power < 0.0:
         if setpoint - reading >= block.maximum / block.kp:
-            waits = State(False, state.reference, state.error, state.integral, block.maximum, False, False)
+            waits = WegState(False, state.reference, state.error, state.integral, block.maximum, False, False)
             return waits, min(max(waits.output, 0.0), 100.0), waits.output, 1
     elif state.output >= block.maximum:
-        state = State(state.enabled, state.reference, state.error, power, state.output, state.overflow, state.skips)
+        state = WegState(state.enabled, state.reference, state.error, power, state.output, state.overflow, state.skips)
     return weg_step((block, assume), state, setpoint, reading, begins)
 
 
@@ -76,21 +76,21 @@ def preloaded(target, power):
 
     def begin_contc(_, words, assume):
         held = parameters_of(words.values)._replace(initial=power, i_itl_on=True)
-        return Running((held._replace(i_itl_on=False), held, assume), restart(held))
+        return ControllerState((held._replace(i_itl_on=False), held, assume), restart(held))
 
     def begin_weg(_, words, assume):
-        return Running((block_of(words.values, assume), assume, power), COLD)
+        return ControllerState((block_of(words.values, assume), assume, power), COLD)
 
     kind, step, begin = {"fb41": (ContC, step_contc, begin_contc), "weg": (Weg, step_weg, begin_weg)}[target]
-    core = Core(step=step, measure=kind.core.measure, flags=kind.core.flags, singles=kind.core.singles)
+    core = StepFunctions(step=step, measure=kind.core.measure, flags=kind.core.flags, singles=kind.core.singles)
     return type("Preloaded", (kind,), {"core": core, "begin": begin}, name=f"bench-{target}-{power}")()
 
 
 def proven(words, fitted, conditions, power):
     """Return the proof of words with a preload."""
     course = course_for(words, fitted.plants, conditions, conditions.highest_degC)
-    acceptance = Acceptance(limits=limits_of(specified(conditions), fitted.plants), margins_of=margins)
-    return prove_models(preloaded(words.target, power), words, labelled(fitted), course.scenario, actuator_for(conditions, words),
+    acceptance = Acceptance(limits=limits_of(specification_of(conditions), fitted.plants), margins_of=margins)
+    return prove_models(preloaded(words.target, power), words, labelled_heaters(fitted), course.scenario, actuator_for(conditions, words),
                         acceptance, Coverage(known=conditions.switches))
 
 
@@ -102,18 +102,18 @@ def settles(proof):
 def tried(one, target):
     """Return what closing took, its settling time, and of each share that passes its settling time and more IAE; None: no question."""
     tolerance = max(one.tolerance, _STEPS * 1.001 * one.high / controller_for(target).counts)
-    asked = Asked(target=target, scaling=Scaling(low_degC=0.0, high_degC=one.high),
+    asked = DesignRequest(target=target, scaling=Scaling(low_degC=0.0, high_degC=one.high),
                   conditions=Conditions(setpoint_degC=one.setpoint, tolerance_degC=tolerance), boost="none")
     fitted = model_by_hand(one.model)
     plain = plainly(fitted, replace(asked, setpoint_ramp="none"))
     if plain.proof.verdict != "FAIL":
         return None
-    found = closed(fitted, asked)
+    found = find_passing_design(fitted, asked)
     held = (one.setpoint - one.model.ambient_degC) / one.model.gain_degC_per_pct
     same_ta = found.choice.words.sample_time_s == plain.choice.words.sample_time_s
     free = replace(found.choice.words, ramp=None, values=found.choice.words.values | {_FULL[target]: 100.0})
     ways = [(plain.choice.words, found.conditions if same_ta else plain.conditions, 0.0),
-            (free, found.conditions, price.more_iae(plain, found))]
+            (free, found.conditions, redesign_cost.more_iae(plain, found))]
     passing = {}
     for words, conditions, more in ways:
         for share in (*SHARES, *([COLD_UNTIL_P] if target == "weg" else [])):
@@ -124,8 +124,8 @@ def tried(one, target):
             if proof.verdict == "PASS":
                 passing[share, more] = settles(proof)
     broken = ",".join(each.name for each in plain.proof.criteria if not each.ok)
-    took = found.proof.heard.remarks[-1] if found.proof.verdict == "PASS" else found.proof.verdict
-    return took, found.proof.verdict, settles(found.proof), price.more_iae(plain, found), passing, broken
+    took = found.proof.diagnostics.remarks[-1] if found.proof.verdict == "PASS" else found.proof.verdict
+    return took, found.proof.verdict, settles(found.proof), redesign_cost.more_iae(plain, found), passing, broken
 
 
 def main():

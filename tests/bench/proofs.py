@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tes
 from heatertune.compiled import decide
 from heatertune.plc import TARGETS
 from heatertune.proof import Acceptance, judge, prove_models, simulate
-from heatertune.proof.scenario import delayed
+from heatertune.proof.scenario import delay_heater
 from tests.proof.test_metered import NEAR, drawn
 
 _LEAST = 5  # each proof is timed so often, and the least counts
@@ -44,7 +44,7 @@ def compared(target, seed):
     which, words, models, scenario, actuator, limits = drawn(target, seed)
 
     def by_traces():
-        return [judge(simulate(which, words, delayed(dict(models)[run.model], which.delay_s), scenario, actuator, run.switches), limits)
+        return [judge(simulate(which, words, delay_heater(dict(models)[run.model], which.delay_s), scenario, actuator, run.switches), limits)
                 for run in proof.runs]
 
     def by_meter():

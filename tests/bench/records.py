@@ -14,9 +14,9 @@ from heatertune import virtual_plc
 from heatertune.cli import main as command
 from heatertune.codec import decode, encode
 from heatertune.errors import HeatertuneError
-from heatertune.live.written import written_in
-from heatertune.proof.written import Written
-from heatertune.report.written import written_brief
+from heatertune.live.write_history import written_in
+from heatertune.proof.write_comparison import WriteHistory
+from heatertune.report.write_report_section import written_brief
 from tests.bench.sessions import folder_in
 
 RECORDS = 3000
@@ -29,7 +29,7 @@ def record_in(folder, name="record.jsonl", *, back=True):
     path, asked = folder / name, ["--quiet", "--apply", "--yes"]
     yes = json.loads((folder / "data" / "proof.json").read_text())["digest"].partition(":")[2][:8]
     with virtual_plc(folder, serve="s7", rate=1500, faults=FOUND) as plc:
-        while plc.told.intervals < 600:  # at rest: what the words found here are swinging up to is no fault of those written
+        while plc.status.intervals < 600:  # at rest: what the words found here are swinging up to is no fault of those written
             plc.plc.wait(0.001)
         host, port = plc.addresses["s7"]
         assert command(["write", str(folder), f"s7://{host}:{port}/0/2/db30", "--range", "0", "100", "--record", str(path), *asked,
@@ -80,7 +80,7 @@ def became(content, folder):
         assert path.name in said, said
         return "told"
     document = encode(found)
-    assert decode(Written, json.loads(json.dumps(document, allow_nan=False)), "written.json") == found
+    assert decode(WriteHistory, json.loads(json.dumps(document, allow_nan=False)), "written.json") == found
     assert written_brief(document, "report.html")
     return "shown"
 

@@ -15,8 +15,8 @@ import numpy as np
 from heatertune import cache
 from heatertune.chain.stages import fit
 from heatertune.log import read_log
-from heatertune.plc.choose import choose_words
 from heatertune.plc.design import tune
+from heatertune.plc.word_selection import choose_words
 
 PARAMETERS = ("gain_degC_per_pct", "time_constant_s", "second_time_constant_s", "dead_time_s")
 LEAST, MOST = 1e-9, 1e-7
@@ -41,7 +41,7 @@ def words_of(fitted, target):
 def rate(fitted, target, count, seed=1):
     """Return how often words came out that differ from those of the fit as it is, and all that came out."""
     rng, seen = np.random.default_rng(seed), Counter()
-    with cache.unused():
+    with cache.cache_disabled():
         own = words_of(fitted, target)
         for _ in range(count):
             size = LEAST * (MOST / LEAST) ** rng.random()

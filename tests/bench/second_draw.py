@@ -1,4 +1,4 @@
-"""Heaters drawn a second time, from a model's document as the head of proof/samples.py says it, for second_samples.py."""
+"""Heaters drawn a second time, from a model's document as the head of proof/monte_carlo/draw.py says it, for second_samples.py."""
 
 import math
 from dataclasses import replace

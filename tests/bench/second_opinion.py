@@ -1,7 +1,7 @@
 """The story and its limits a second time, and the loop of second_opinion.c: a judge that shares nothing with the proof.
 
 What it knows is what manuals and documentation say: the controllers' equations (plc/*/DIFFERENCES.md), the parts of the
-story and their times (proof/story.py), what each criterion means (proof/measured.py), how the exported program leads the
+story and their times (proof/test_sequence.py), what each criterion means (proof/criterion_table.py), how the exported program leads the
 setpoint (weg_pid_call.st, and the same law in whole units). All is computed here anew.
 
 What it cannot judge: margins, Ms and step power (of the words, not of a run), the ripple within a PWM period, coolers, two-level control and the program as the paper prints it, feed-forward, an interlock,
@@ -199,7 +199,7 @@ def story(b):
 
 
 def _told(b):
-    """Return the parts as the documentation of proof/story.py tells each, in the times of the possible heaters."""
+    """Return the parts as the documentation of proof/test_sequence.py tells each, in the times of the possible heaters."""
     every = b.possible
     slow, step, power = (max(each) for each in zip(*((h.slow, h.setpoint - h.ambient, h.power) for h in every), strict=True))
     tn = min(b.integral_time, _TOO_SLOW * slow) if math.isfinite(b.integral_time) else slow

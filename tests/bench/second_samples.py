@@ -7,9 +7,9 @@ Zones are those of zones.py, their logs shortened and made noisy at random, so t
 1,000 on more is asked for: limits in T+L, a range of setpoints, a kind of switch, noise; from 2,000 on scans are late.
 heatertune fits a log, designs for it with samples, and says how many keep every limit. It is held against
 
-- the same heaters, rows and sizes as `Drawing.heaters_of` gives them, each living through a story of its own in
+- the same heaters, rows and sizes as `SampleRequest.heaters_of` gives them, each living through a story of its own in
   second_opinion.c, which keeps or breaks limits of its own: sample by sample, under each setting;
-- other heaters, drawn here by NumPy's generator from the fit's document as the head of proof/samples.py says it: the shares that
+- other heaters, drawn here by NumPy's generator from the fit's document as the head of proof/monte_carlo/draw.py says it: the shares that
   keep every limit (Fisher's exact test), what is drawn and each criterion (Kolmogorov and Smirnov), all at a level of 1 %
   divided by how many comparisons there are.
 
@@ -41,12 +41,12 @@ from heatertune.log import read_log
 from heatertune.model.document import to_document
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, controller_for
-from heatertune.proof.asked import Asked
-from heatertune.proof.closing.on_samples import closed_on_samples
-from heatertune.proof.drawn import _limits, drawing_for
+from heatertune.proof.criterion_table import columns_of
+from heatertune.proof.design_request import DesignRequest
 from heatertune.proof.loop import scans_of
-from heatertune.proof.measured import columns_of
-from heatertune.proof.samples import measure
+from heatertune.proof.monte_carlo.draw import measure
+from heatertune.proof.monte_carlo.run import _limits, drawing_for
+from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.settings import Conditions, SampleSettings, TuneSettings
 from tests.bench.close_calls import COUNTED, SLACK, apart, by_a_hair, differ, keeps, named, told
 from tests.bench.outages import bench_of
@@ -115,9 +115,9 @@ def subject(number, target, samples, folder):
     jitter = 0.0 if number < _LATE or room.timer is None else round(tuned.sample_time_s * float(rng.uniform(0.05, 0.6)), 2)
     if number >= _WIDE:
         conditions, times, kind = _widened(conditions, rng, ambient)
-    asked = Asked(
-        target=target, scaling=Scaling(low_degC=0.0, high_degC=float(math.ceil(1.6 * setpoint))), tuned=tuned,
-        as_is=as_is, drawn=SampleSettings(samples=samples, jitter_s=jitter), conditions=conditions, switch_kind=kind)
+    asked = DesignRequest(
+        target=target, scaling=Scaling(low_degC=0.0, high_degC=float(math.ceil(1.6 * setpoint))), tune_settings=tuned,
+        as_is=as_is, sample_settings=SampleSettings(samples=samples, jitter_s=jitter), conditions=conditions, switch_kind=kind)
     design = closed_on_samples(fitted, asked)
     proven = design.proof.samples
     return Subject(number=number, target=target, fitted=fitted, design=design, seed=proven.seed, times=times, jitter=jitter,

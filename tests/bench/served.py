@@ -10,7 +10,7 @@ from dataclasses import replace
 from heatertune import Fopdt, Scenario, model_by_hand, simulate, virtual_plc
 from heatertune.live import as511
 from heatertune.live.blocks import SERVED, block_for
-from heatertune.live.memory import Told
+from heatertune.live.memory import SimulatorStatus
 from heatertune.plc import controller_for
 from tests.live.conftest import CLIENTS, CONDITIONS, stepped, words_of
 
@@ -43,7 +43,7 @@ def main(scans, protocols):
         for protocol in set(block_for(controller, words, {}).speaks) & set(protocols):
             (first, rate), (second, _) = (run(protocol, words, heater, scans) for _ in range(2))
             unlike = sum(one != other for one, other in zip(first, second, strict=True))
-            apart = sum(Told(own).power_pct != asked for (own, _), asked in zip(first, proven, strict=True))
+            apart = sum(SimulatorStatus(own).power_pct != asked for (own, _), asked in zip(first, proven, strict=True))
             print(f"{target:16}{protocol:8}{scans} scans twice: {unlike} differ; from the proof's run: {apart}; {rate:.0f} scans/s")
             wrong += unlike + apart
     return int(wrong > 0)

@@ -27,17 +27,17 @@ from heatertune import virtual_plc
 from heatertune.cli import main as command
 from heatertune.errors import LinkError
 from heatertune.live import plc_state, recorder
-from heatertune.live.change import writer
-from heatertune.live.change.apply import applied
-from heatertune.live.change.guard import Said
-from heatertune.live.change.peer import Link
-from heatertune.live.change.plan import Wanted
-from heatertune.live.change.proven import Proven, read_proven
 from heatertune.live.client.address import address_of
-from heatertune.live.faults import fault_of
-from heatertune.live.memory import OWN, OWN_LENGTH, Told
-from heatertune.live.places import places_of
+from heatertune.live.fault_schedule import fault_of
+from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
 from heatertune.live.serve import read_folder
+from heatertune.live.signal_map import places_of
+from heatertune.live.write import writer
+from heatertune.live.write.apply import apply_write
+from heatertune.live.write.identity_check import Declared
+from heatertune.live.write.plc_block import LinkSettings
+from heatertune.live.write.proven_words import ProvenWords, read_proven
+from heatertune.live.write.write_plan import WriteRequest
 
 SESSIONS = 10_000
 GAIN, LAG_S, DEAD_S, TA_S, MS = 0.9, 167.0, 12.0, 3.2, 2.2  # TA of s5-ob251; others may be designed with another one
@@ -45,7 +45,7 @@ GAIN, LAG_S, DEAD_S, TA_S, MS = 0.9, 167.0, 12.0, 3.2, 2.2  # TA of s5-ob251; ot
 RATE = 3100.0
 #: so that the link that fails stands between, whatever will fail
 ALWAYS = "t=1e9 cut"
-LINK = Link(tries=3, pause_s=0.004, timeout_s=0.05)
+LINK = LinkSettings(tries=3, pause_s=0.004, timeout_s=0.05)
 OF_LINK = ("cut", "black-hole", "lost-reply", "late-reply=2", "late-reply=40", "torn")
 OF_PEOPLE = ("cpu-stop", "db-missing", "db-short", "write-protected")
 MAY_HIDE = ("cut", "black-hole", "lost-reply", "late-reply", "db-missing", "db-short")
@@ -141,7 +141,7 @@ SCHEMES = {"opcua": "opc.tcp"}
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Known(Proven):
+class Known(ProvenWords):
     """Words and their proof; what was found out of other values is kept."""
 
     found: dict = dataclasses.field(default_factory=dict)
@@ -149,7 +149,7 @@ class Known(Proven):
     def open_in_between(self, values):
         key = tuple(sorted(values.items()))
         if key not in self.found:
-            self.found[key] = Proven.open_in_between(self, values)
+            self.found[key] = ProvenWords.open_in_between(self, values)
         return self.found[key]
 
 
@@ -204,10 +204,10 @@ class Witness:
         self.events, self.times, self.shown = [], [], collections.defaultdict(set)
         self._memory, self._plc, self._kind = memory, plc, kind
         self._armed, self._requests, self._scan = list(armed), 0, 0
-        self._read, self._write, self._put = memory.read, memory.write, memory.put
+        self._read, self._write, self._put = memory.read, memory.write, memory.write_changes
         with memory.changed:  # scans may have been run before there was a witness
-            memory.read, memory.write, memory.put = self.read, self.write, self.put
-            own = Told(self._read(OWN, 0, OWN_LENGTH))
+            memory.read, memory.write, memory.write_changes = self.read, self.write, self.put
+            own = SimulatorStatus(self._read(OWN, 0, OWN_LENGTH))
             self._scan, self.scan_s = own.shown, own.interval_s
             self._seen()
 
@@ -277,7 +277,7 @@ class Recording:
         (self._thread.start if self._thread else self._run)()
 
     def _run(self):
-        given = recorder.Recording(for_s=None if self._thread else self._seconds, timeout_s=LINK.timeout_s)
+        given = recorder.RecordingSetup(for_s=None if self._thread else self._seconds, timeout_s=LINK.timeout_s)
         begun = time.monotonic()
         try:
             recorder.record(self._address, self.path, places_of(self._words), given,
@@ -340,10 +340,10 @@ def session(target, protocol, made, chance, place):
             begun, before = len(witness.events), words_in(plc.plc.memory.image(), kind)
         if over:
             logs.append(Recording(address, found, place / f"{name}.over.csv", 0, over=True))
-        wanted = Wanted(
-            proven=proven, address=address, said=Said(range_degC=(0.0, 100.0), called_every_s=witness.scan_s), link=LINK,
+        wanted = WriteRequest(
+            proven_words=proven, address=address, declared=Declared(range_degC=(0.0, 100.0), called_every_s=witness.scan_s), link=LINK,
             watch=chance.random() < 0.3, record=place / f"{name}.jsonl", most_writes=10 ** 9)
-        done = applied(wanted, proven.yes)
+        done = apply_write(wanted, proven.yes)
         for log in logs:
             log.end()
         with plc.plc.memory.changed:
@@ -353,8 +353,8 @@ def session(target, protocol, made, chance, place):
     story = Story(kind, witness.scan_s, done, before, after, events, last, faults)
     wrong = [*judged(story), *(one for log in logs for one in log.judged(witness.shown, witness.scan_s))]
     took = {"rows": sum(log.rows for log in logs), **took_back(story, done, times)}
-    said = f"{target} {protocol} {timed} {armed}: {done.ended.outcome}"
-    return done.ended.outcome.value, took, [f"{said}: {one}; {done.ended.told}" for one in wrong]
+    said = f"{target} {protocol} {timed} {armed}: {done.end.outcome}"
+    return done.end.outcome.value, took, [f"{said}: {one}; {done.end.message}" for one in wrong]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -408,7 +408,7 @@ def took_back(story, done, times):
 def judged(story):  # noqa: C901, PLR0912 - a list of what must hold
     """Yield what is wrong with a session."""
     kind, done, before, after, last = story.kind, story.done, story.before, story.after, story.last
-    outcome, told = done.ended.outcome.value, done.ended.stands
+    outcome, told = done.end.outcome.value, done.end.stands
     others = collections.defaultdict(set)
     was, mine, looked, alone = dict(before), {}, False, True
     for event in story.events:
@@ -437,7 +437,7 @@ def judged(story):  # noqa: C901, PLR0912 - a list of what must hold
         yield f"said to stand there: {told}; read last: {words_in(looks[-1][-1], kind)}"
     if outcome != "unknown" and told is None and mine:
         yield "words were changed, and nothing is said of what stands there"
-    if "nothing was sent" in done.ended.told and any(event[0] == "client" for event in story.events):
+    if "nothing was sent" in done.end.message and any(event[0] == "client" for event in story.events):
         yield "something was sent"
     if outcome == "done" and any(words_in(looks[-1][-1], kind)[name] != after[name] for name in before):
         yield f"done, but there stands {words_in(looks[-1][-1], kind)}"

@@ -16,9 +16,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
 
-from heatertune.proof import Limits
-from heatertune.proof.measured import columns_of
-from heatertune.proof.samples import measure
+from heatertune.proof import LoopLimits
+from heatertune.proof.criterion_table import columns_of
+from heatertune.proof.monte_carlo.draw import measure
 from heatertune.proof.verdict import verdict_of_samples
 from tests.proof.test_lanes import default_drawing
 
@@ -28,7 +28,7 @@ MUST, WRONG = 0.95, 0.05
 
 def values_of(target, count):
     """Return what the samples came to: criterion → array of shape (settings, samples)."""
-    drawing, limits, found = default_drawing(target), Limits(), {name: [] for name in NAMES}
+    drawing, limits, found = default_drawing(target), LoopLimits(), {name: [] for name in NAMES}
     for seed in range(0, count, AT_ONCE):
         for column in columns_of(measure(drawing, limits, min(AT_ONCE, count - seed), seed=seed), limits):
             if column.name in found:

@@ -96,11 +96,11 @@ def one(tclab, number, target):
     told = {"lab": number, "target": target, "power": round(power), "ambient": round(ambient, 1), "setpoint": setpoint}
     with tempfile.TemporaryDirectory() as folder:
         try:
-            asked = ht.Asked(target=target, conditions=ht.Conditions(setpoint_degC=setpoint))
+            asked = ht.DesignRequest(target=target, conditions=ht.Conditions(setpoint_degC=setpoint))
             result = ht.design(step_test(lab(tclab, power, ambient, 2 * number)), asked, out=Path(folder) / "out")
         except HeatertuneError as problem:
             return told | {"verdict": "none", "why": str(problem)}
-    proof = result.closed.proof
+    proof = result.outcome.proof
     told |= {"verdict": proof.verdict}
     if proof.verdict != "PASS":
         return told | {"fails": [each.name for each in proof.criteria if not each.ok]}
@@ -110,7 +110,7 @@ def one(tclab, number, target):
     trace = Log(name="commissioned", source="tclab", time_s=rows[:, 0], temperature_degC=rows[:, 1], power_pct=rows[:, 3],
                 setpoint_degC=rows[:, 4])
     view = decode(ProofView, plain(proof.to_document()), "proof.json")
-    left = as_left(trace, proof.words, result.fitted, view, load_at_s=60.0 + 1200.0)
+    left = as_left(trace, proof.words, result.fitted_model, view, load_at_s=60.0 + 1200.0)
     return told | {"broken": broken, "as_left": left.verdict, "told": list(left.told)} | {
         name: [round(float(value), 2), round(proven[name].value, 2)] for name, value in found.items()}
 

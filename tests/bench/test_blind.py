@@ -5,7 +5,7 @@ import pytest
 
 from heatertune.chain.stages import fit
 from heatertune.log import read_log
-from heatertune.model.values import Outcome
+from heatertune.model.values import FitOutcome
 from tests.bench import blind
 
 OTHERS = [kind for kind, (_, law_is_tried) in blind.KINDS.items() if not law_is_tried]
@@ -20,7 +20,7 @@ def _fitted(case, folder):
 @pytest.mark.parametrize("kind", OTHERS)
 def test_no_parameter_is_identified_and_the_verdict_is_blocked(kind, tmp_path):
     fitted = _fitted(blind.make(kind, 7), tmp_path)
-    assert fitted.outcome is Outcome.LAW_UNKNOWN
+    assert fitted.outcome is FitOutcome.LAW_UNKNOWN
     assert all(interval is None for interval in fitted.ci95.values())
     assert not fitted.combinations
     assert any(finding.kind.effect == "blocks" for finding in fitted.findings)

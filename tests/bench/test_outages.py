@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.plc import Boost, controller_for
 from heatertune.plc.open_points import settings_to_prove
-from heatertune.plc.single import single
-from heatertune.proof.closing import closed
-from heatertune.proof.fitted import prove, setpoints_for
-from heatertune.proof.heaters import holding
+from heatertune.plc.single_precision import single
+from heatertune.proof.heaters import holding_heaters
+from heatertune.proof.prove_words import prove, setpoints_for
+from heatertune.proof.redesign import find_passing_design
 from tests.bench import second_opinion
 from tests.bench.false_passes import _limits
 from tests.bench.outages import SHORT_SLACK, Night, asked, bench_of, changes, logged, low_overshoots, restarts
@@ -40,11 +40,11 @@ def test_a_boost_that_lasts_a_scan_longer_after_another_time_without_supply_does
 ):
     # passed, before the proof looked at so many lengths that some come near the worst one; the figures are the judge's
     model, wanted = asked(number, target)
-    design = closed(model_by_hand(model), replace(wanted, as_is=True))
-    words = design.proof.words.boosted(Boost(within_degC=single(within_degC), again_degC=single(again_degC)))
+    design = find_passing_design(model_by_hand(model), replace(wanted, as_is=True))
+    words = design.proof.words.with_boost(Boost(within_degC=single(within_degC), again_degC=single(again_degC)))
     proof = prove(words, model_by_hand(model), _rated(design.conditions, tmp_path))
     assert all(criterion.ok for criterion in proof.criteria), "of the story, which the boost mends"
-    assert [finding.name for finding in proof.heard.findings] == [*low_beyond * ["low-outage"], "warm-restart"]
+    assert [finding.name for finding in proof.diagnostics.findings] == [*low_beyond * ["low-outage"], "warm-restart"]
     assert proof.verdict == "NOT PROVEN"
     benches = [bench_of(model, replace(design, proof=proof), settings) for settings in settings_to_prove(controller_for(target).switches)]
     library, limits = compiled(tmp_path), _limits(proof.limits) | {"iae": math.inf}
@@ -56,18 +56,18 @@ def test_a_boost_that_lasts_a_scan_longer_after_another_time_without_supply_does
 @pytest.mark.parametrize(("number", "target", "within_degC", "again_degC"), [(30_001, "simple-pid", 9.64, 14.5), (30_030, "arduino-pid", 16.3, 24.4)])
 def test_a_boost_that_no_part_of_the_range_begins_does_not_pass(tmp_path, number, target, within_degC, again_degC):
     model, wanted = asked(number, target)
-    design = closed(model_by_hand(model), replace(wanted, as_is=True))
-    words = design.proof.words.boosted(Boost(within_degC=single(within_degC), again_degC=single(again_degC)))
+    design = find_passing_design(model_by_hand(model), replace(wanted, as_is=True))
+    words = design.proof.words.with_boost(Boost(within_degC=single(within_degC), again_degC=single(again_degC)))
     proof = prove(words, model_by_hand(model), _rated(design.conditions, tmp_path))
     change = next(criterion for criterion in proof.criteria if criterion.name == "change_overshoot")
     assert change.value < 0.2 * change.limit, "from the lowest setpoint on, which the boost leads"
-    assert "part-change" in [finding.name for finding in proof.heard.findings]
+    assert "part-change" in [finding.name for finding in proof.diagnostics.findings]
     assert proof.verdict == "NOT PROVEN"
     benches = [bench_of(model, replace(design, proof=proof), settings) for settings in settings_to_prove(controller_for(target).switches)]
     library, limits = compiled(tmp_path), _limits(proof.limits)
     seen = max(changes(library, b, limits, design.conditions.lowest_degC)[0] for b in benches)
     assert seen[0] > 1.1
-    mended = closed(model_by_hand(model), wanted)
+    mended = find_passing_design(model_by_hand(model), wanted)
     assert mended.proof.verdict == "PASS"
     benches = [bench_of(model, mended, settings) for settings in settings_to_prove(controller_for(target).switches)]
     assert max(changes(library, b, limits, design.conditions.lowest_degC)[0] for b in benches)[0] <= 1.0
@@ -78,10 +78,10 @@ def test_a_part_of_the_range_in_which_more_is_summed_up_than_in_all_of_it_does_n
     # passed, before the setpoint was changed by less than its range: the sum is zero outside of the proportional band
     model, wanted = asked(number, target)
     wanted = replace(wanted, conditions=_rated(wanted.conditions, tmp_path))
-    plain, mended = (closed(model_by_hand(model), each) for each in (replace(wanted, as_is=True), wanted))
+    plain, mended = (find_passing_design(model_by_hand(model), each) for each in (replace(wanted, as_is=True), wanted))
     assert all(criterion.ok for criterion in plain.proof.criteria), "of the story"
     low_outage = [] if low_beyond is None else ["low-outage"]
-    assert [finding.name for finding in plain.proof.heard.findings] == [*low_outage, "part-change"]
+    assert [finding.name for finding in plain.proof.diagnostics.findings] == [*low_outage, "part-change"]
     assert (plain.proof.verdict, mended.proof.verdict) == ("NOT PROVEN", "PASS")
     library, limits = compiled(tmp_path), _limits(plain.proof.limits) | {"iae": math.inf}
     settings, lowest = settings_to_prove(controller_for(target).switches), wanted.conditions.lowest_degC
@@ -100,8 +100,8 @@ def test_a_part_of_the_range_in_which_more_is_summed_up_than_in_all_of_it_does_n
 def test_the_heater_that_is_the_hardest_in_a_part_of_the_range_is_found_where_it_is_another_one(tmp_path, number, target):
     # passed at 1.05 and 1.06 of the limit, when only that which overshoots most in all of the range was run
     fitted, wanted = logged(number, target, tmp_path)
-    design = closed(fitted, wanted)
-    models, lowest = holding(fitted, setpoints_for(fitted, design.conditions)[1]), wanted.conditions.lowest_degC
+    design = find_passing_design(fitted, wanted)
+    models, lowest = holding_heaters(fitted, setpoints_for(fitted, design.conditions)[1]), wanted.conditions.lowest_degC
     library, limits = compiled(tmp_path), _limits(design.proof.limits) | {"iae": math.inf}
     assert len(models) > 1
 
@@ -112,10 +112,10 @@ def test_the_heater_that_is_the_hardest_in_a_part_of_the_range_is_found_where_it
     if target == "s7-200":
         # it has no limit of the output and no boost: after an open circuit at 27.2 °C, which 5 % of the power hold, nothing ends
         # full power in time where a width applies a cycle of 32 s late; the judge sees it
-        assert [finding.name for finding in design.proof.heard.findings] == ["low-outage"]
+        assert [finding.name for finding in design.proof.diagnostics.findings] == ["low-outage"]
         assert most(low_overshoots) > 1.0
         assert design.passes_with == ("--switch", "width_applies=this_cycle")
-        design = closed(fitted, replace(wanted, conditions=replace(wanted.conditions, switches={"width_applies": "this_cycle"})))
+        design = find_passing_design(fitted, replace(wanted, conditions=replace(wanted.conditions, switches={"width_applies": "this_cycle"})))
     assert design.proof.verdict == "PASS"
     assert most(changes) < SHORT_SLACK
     assert most(low_overshoots) < SHORT_SLACK
@@ -137,7 +137,7 @@ def _stays(library, model, design, monkeypatch):
 def test_what_stays_at_the_edge_of_marlins_window_does_not_pass(tmp_path, monkeypatch, number):
     # the heaters that passed a story without the edge, of 125 drawn: they stay there after one circuit in thirty, at no load
     model, wanted = asked(number, "marlin")
-    design = closed(model_by_hand(model), wanted)
+    design = find_passing_design(model_by_hand(model), wanted)
     assert any(_stays(compiled(tmp_path), model, design, monkeypatch))
     assert design.proof.verdict == "FAIL"
     assert "reheat_time" in {each.name for each in design.proof.criteria if not each.ok}
@@ -146,7 +146,7 @@ def test_what_stays_at_the_edge_of_marlins_window_does_not_pass(tmp_path, monkey
 def test_what_the_judge_never_sees_stay_there_still_passes(tmp_path, monkeypatch):
     # P asks for 36 % at the edge, 53 % hold the setpoint: the sum leads on before the heater is out of the window again
     model, wanted = asked(20020, "marlin")
-    design = closed(model_by_hand(model), replace(wanted, conditions=_rated(wanted.conditions, tmp_path)))
+    design = find_passing_design(model_by_hand(model), replace(wanted, conditions=_rated(wanted.conditions, tmp_path)))
     assert not any(_stays(compiled(tmp_path), model, design, monkeypatch))
     assert design.proof.verdict == "PASS"
 
@@ -154,7 +154,7 @@ def test_what_the_judge_never_sees_stay_there_still_passes(tmp_path, monkeypatch
 def test_what_stays_there_only_at_a_low_voltage_does_not_pass(tmp_path, monkeypatch):
     # the same heater with 81 % of its power: 53 / 0.81 = 66 % hold the setpoint, and the sum no longer leads on in time
     model, wanted = asked(20020, "marlin")
-    design = closed(model_by_hand(model), wanted)
+    design = find_passing_design(model_by_hand(model), wanted)
     low = replace(model, gain_degC_per_pct=0.81 * model.gain_degC_per_pct)
     assert any(_stays(compiled(tmp_path), low, design, monkeypatch))
     assert design.proof.verdict == "FAIL"

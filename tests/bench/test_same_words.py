@@ -2,7 +2,7 @@
 
 import pytest
 
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from tests.bench.same_words import rate
 

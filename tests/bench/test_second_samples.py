@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.proof.samples import Drawing
+from heatertune.proof.monte_carlo.draw import SampleRequest
 from heatertune.proof.scenario import Load
 from tests.bench import second_samples
 from tests.bench.second_draw import given
@@ -66,7 +66,7 @@ def test_late_scans_are_late_for_both(library, tmp_path):
         assert compared(library, replace(b, lates=0.9 * b.lates), late.limits, its, bool(kept[0, number]))[1] == "apart"
 
 
-def _with_loads_of_the_drawn_mains(self, seeds, of=Drawing.heaters_of):
+def _with_loads_of_the_drawn_mains(self, seeds, of=SampleRequest.heaters_of):
     rows, sizes = of(self, seeds)
     power = rows[:, 0] / np.array(self.rows)[[seed % len(self.rows) for seed in seeds], 0]
     for number, event in enumerate(self.scenario.disturbances):
@@ -91,7 +91,7 @@ def test_what_is_drawn_otherwise_is_objected_to(case, spread, seen):
 
 def test_a_load_that_goes_with_the_drawn_mains_is_objected_to(case, monkeypatch):
     # as it was, until this program was there
-    monkeypatch.setattr(Drawing, "heaters_of", _with_loads_of_the_drawn_mains)
+    monkeypatch.setattr(SampleRequest, "heaters_of", _with_loads_of_the_drawn_mains)
     tests = inputs_alike(drawing_of(case), plain_of(case), case.document, np.random.default_rng(1))
     assert {"drawn load 1", "drawn load 2"} == {what for _, what in objections(tests)}
 

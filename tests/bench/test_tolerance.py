@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc import Scaling, controller_for
-from heatertune.plc.choose import choose_words
 from heatertune.plc.design import tune
+from heatertune.plc.word_selection import choose_words
 from tests.bench.tolerance import broken, case
 
 

@@ -23,8 +23,8 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Boost, Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.pwm import switched_by
 from heatertune.proof import Scenario, TemperatureStep, simulate
-from heatertune.proof.exported import compared
 from heatertune.proof.scenario import Mains, NewSetpoint, PlcPower
+from heatertune.proof.text_comparison import compare_text
 
 REASONS = Path(__file__).with_suffix(".txt")
 HEATER = Fopdt(gain_degC_per_pct=0.9, time_constant_s=100.0, dead_time_s=2.0, ambient_degC=20.0)
@@ -66,7 +66,7 @@ def loops(target):
         words = controller.encode(design, Scaling(low_degC=0.0, high_degC=150.0))
         words = replace(words, values=dict(words.values) | changed)
         if isinstance(ramped, Boost):
-            words = words.boosted(ramped)
+            words = words.with_boost(ramped)
         elif ramped:
             step = controller.ramp(words, 40.0, 3.0)
             words = replace(words, ramp=Ramp(step=step.step, calls=2, hold=step.hold))
@@ -89,12 +89,12 @@ def text_of(trace, file):
 def departs(trace, file, text):
     """What a proof says of this run where a file of the export holds this text, and the others nothing to compare it with."""
     controller = controller_for(trace.words.target)
-    loads = type(controller).exported
+    loads = type(controller).load_exported
 
     class Alone(type(controller), name="alone"):
-        exported = staticmethod(lambda files, assume: {file: loads(dict(files) | {file: text}, assume)[file]})
+        load_exported = staticmethod(lambda files, assume: {file: loads(dict(files) | {file: text}, assume)[file]})
 
-    return compared(Alone(), trace.words, trace).departs
+    return compare_text(Alone(), trace.words, trace).departs
 
 
 def faults(file, text, part=""):

@@ -17,7 +17,7 @@ import numpy as np
 
 from heatertune import compiled
 from heatertune.errors import InputError
-from heatertune.plc.cpu.iec.machine import Program
+from heatertune.plc.cpu.iec.machine import TextProgram
 from heatertune.plc.cpu.iec.tape import KEEP, Tape
 from heatertune.plc.cpu.iec.text import units
 
@@ -101,7 +101,7 @@ def bits(memory):
 
 def scanned(source, tape):
     """Return the memory after the scans one by one, None where a controller would stop."""
-    program = Program(source, {})
+    program = TextProgram(source, {})
     for scan in range(tape.scans):
         for name, values in (*tape.reals.items(), *tape.wholes.items()):
             if not math.isnan(values[scan]) and values[scan] != KEEP:
@@ -128,7 +128,7 @@ def main():
             reals = {name: np.where(keeps, np.nan, [number(chance) for _ in range(SCANS)]) for name in REALS[:2]}
             wholes = {name: np.where(keeps, KEEP, [chance.randrange(-32768, 32768) for _ in range(SCANS)]) for name in WHOLES[:2]}
             tape = Tape(SCANS, reals, wholes, ("x", "n", "p"))
-            program, expected = Program(source, {}), scanned(source, tape)
+            program, expected = TextProgram(source, {}), scanned(source, tape)
             got = program.scans(tape)
             if (got is None) != (expected is None):
                 wrong += 1

@@ -14,8 +14,8 @@ from collections import Counter
 import numpy as np
 
 from heatertune.errors import InputError
-from heatertune.model.by_hand import model_by_hand
-from heatertune.model.values import Candidate, FittedModel, Fopdt, Outcome, TwoLag
+from heatertune.model.manual_model import model_by_hand
+from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag
 from heatertune.pid.continuous.optimum import margins as continuous_margins
 from heatertune.pid.loop.robustness import margins, noise_gain
 from heatertune.pid.tune import tune
@@ -39,7 +39,7 @@ def family(rng, heaters):
         return model_by_hand(heaters[0])
     rows = tuple(Candidate(model=m, log="", window_s=(0.0, 1.0), law="", fit_pct=90.0, rmse_degC=1.0, delta_bic=0.0)
                  for m in heaters)
-    return FittedModel(model=heaters[0].half_rule(), outcome=Outcome.COMBINATIONS_ONLY, method="", candidates=rows)
+    return FittedModel(model=heaters[0].half_rule(), outcome=FitOutcome.COMBINATIONS_ONLY, method="", candidates=rows)
 
 
 def case(rng):

@@ -12,14 +12,14 @@ import time
 import numpy as np
 
 from heatertune.errors import HeatertuneError
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.plc import Scaling, Words, controller_for
-from heatertune.plc.choose import choose_words
 from heatertune.plc.design import encode
+from heatertune.plc.word_selection import choose_words
 
 TARGET = "s5-ob251"
 

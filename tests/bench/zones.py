@@ -25,7 +25,7 @@ import numpy as np
 from heatertune.batch import in_processes
 from heatertune.batch.cluster import on_dask
 from heatertune.batch.fleets import ZoneSettings, fleet
-from heatertune.proof.asked import Asked
+from heatertune.proof.design_request import DesignRequest
 from heatertune.settings import SampleSettings
 
 ROWS, SPACING_S, STEP_S = 240, 11.0, 0.5
@@ -92,8 +92,8 @@ def run(folder, zones, settings, cluster=pool_workers):
     write_logs(folder / f"logs{zones}", zones, empty=settings.empty)
     before, begun, table = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter(), folder / f"{zones}.parquet"
     with cluster(settings.jobs) as workers:
-        asked = Asked(target=settings.target, drawn=SampleSettings(samples=settings.samples or None))
-        summary = fleet(folder / f"logs{zones}", ZoneSettings(asked=asked), out=table, workers=workers)
+        asked = DesignRequest(target=settings.target, sample_settings=SampleSettings(samples=settings.samples or None))
+        summary = fleet(folder / f"logs{zones}", ZoneSettings(request=asked), out=table, workers=workers)
         spent = time.perf_counter() - begun
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime

@@ -7,14 +7,14 @@ import sys
 import time
 from pathlib import Path
 
-from heatertune.batch import Batch, Column, in_processes, run
+from heatertune.batch import CaseBatch, TableColumn, in_processes, run
 
 COLUMNS = (
-    Column(name="name", kind="text", what="of the case"),
-    Column(name="outcome", kind="text", what="PASS for even numbers"),
-    Column(name="reason", kind="text", what="why not"),
-    Column(name="root", kind="float", what="square root"),
-    Column(name="square", kind="int", what="square"),
+    TableColumn(name="name", kind="text", description="of the case"),
+    TableColumn(name="outcome", kind="text", description="PASS for even numbers"),
+    TableColumn(name="reason", kind="text", description="why not"),
+    TableColumn(name="root", kind="float", description="square root"),
+    TableColumn(name="square", kind="int", description="square"),
 )
 
 
@@ -50,7 +50,7 @@ def plainly(case):
 
 
 def batch_of(number, **shared):
-    return Batch(do=row_of, shared=shared, cases=range(number), sent=plainly, lost=lost, columns=COLUMNS,
+    return CaseBatch(do=row_of, common=shared, cases=range(number), sent=plainly, lost=lost, columns=COLUMNS,
                  identity={"number": number})
 
 

@@ -40,7 +40,7 @@ def test_the_table_holds_every_case_once_in_order_with_its_meaning(out):
         "examples": {"FAIL": [{"name": f"n{k}", "reason": "odd"} for k in (1, 3, 5)]},
     }
     schema = pyarrow.parquet.read_schema(out)
-    assert {field.name: field.metadata[b"what"].decode() for field in schema} == {c.name: c.what for c in COLUMNS}
+    assert {field.name: field.metadata[b"what"].decode() for field in schema} == {c.name: c.description for c in COLUMNS}
     assert [str(field.type) for field in schema] == ["string", "string", "string", "double", "int64"]
     assert told[0] == (0, 7)
     assert told[-1] == (7, 7)
@@ -184,8 +184,8 @@ def test_a_row_may_hold_anything_that_breaks_lines_elsewhere(out):
 HOLDER = """
 import sys
 from pathlib import Path
-from heatertune.batch.lock import locked
-with locked(Path(sys.argv[1])):
+from heatertune.batch.lock import hold_lock
+with hold_lock(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()
 """

@@ -9,18 +9,18 @@ import pytest
 from heatertune.chain import prove
 from heatertune.codec import decode
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
+from heatertune.pid.design_provenance import DesignProvenance
 from heatertune.pid.document import PidView, to_document
-from heatertune.pid.recipe import Recipe
 from heatertune.plc import Scaling
-from heatertune.proof import Story
-from heatertune.proof.asked import Asked, plainly
-from heatertune.proof.closing import closed, search
-from heatertune.proof.closing.frames import Frame
-from heatertune.proof.nearest import passing_settings, tolerance_that_passes
-from heatertune.proof.period import ripple_degC
-from heatertune.proof.recipes import demand_same_files, files_of, finished, made_again
+from heatertune.proof import TestSequence
+from heatertune.proof.design_request import DesignRequest, plainly
+from heatertune.proof.nearest_specification import passing_settings, tolerance_that_passes
+from heatertune.proof.rebuild_words import apply_provenance, demand_same_files, files_of, made_again
+from heatertune.proof.redesign import find_passing_design, redesign_search
+from heatertune.proof.redesign.design_changes import DesignChange
+from heatertune.proof.ripple_and_wear import ripple_degC
 from heatertune.proof.specification import Specification
 from heatertune.settings import Conditions, TuneSettings
 
@@ -29,18 +29,18 @@ HEATER = Fopdt(gain_degC_per_pct=0.9, time_constant_s=120.0, dead_time_s=18.0, a
 
 
 def _asked(**changed):
-    return Asked(**{"target": "s5-ob251", "conditions": Conditions(setpoint_degC=40.0)} | changed)
+    return DesignRequest(**{"target": "s5-ob251", "conditions": Conditions(setpoint_degC=40.0)} | changed)
 
 
 def _again(closed_design, model):
     """Return the proof of what the design's own document, as JSON, makes again of it."""
-    text = json.dumps(to_document(closed_design.wished, model, closed_design.recipe))
+    text = json.dumps(to_document(closed_design.ideal, model, closed_design.recipe))
     view = decode(PidView, json.loads(text), "pid.json")
     choice = made_again(view.value, view.model.value, view.made_for)
     return prove(choice.words, view.model.value, view.made_for.conditions)
 
 
-HEAT_UP_AND_DISTURBANCES = Story(opens=False, changes=False, mains=False, restarts=False)
+HEAT_UP_AND_DISTURBANCES = TestSequence(opens=False, changes=False, mains=False, restarts=False)
 
 
 @pytest.fixture(autouse=True)
@@ -52,7 +52,7 @@ def heat_up_and_disturbances(monkeypatch):
 def failing():
     """A heater and what is asked for, whose plain optimum breaks the limit on overshoot alone."""
     model = model_by_hand(HEATER)
-    asked = _asked(tuned=TuneSettings(ms=2.0))
+    asked = _asked(tune_settings=TuneSettings(ms=2.0))
     first = plainly(model, asked)
     assert first.proof.verdict == "FAIL"
     return model, asked, first
@@ -61,14 +61,14 @@ def failing():
 @pytest.mark.long
 def test_a_design_that_fails_is_closed_by_a_more_robust_one_and_the_price_is_told(failing):
     model, asked, first = failing
-    found = closed(model, asked)
+    found = find_passing_design(model, asked)
     assert found.proof.verdict == "PASS"
     assert prove(found.proof.words, model, asked.conditions).verdict == "PASS"
     assert _again(found, model).words == found.proof.words
     assert found.choice.search.realised.ms < first.choice.search.realised.ms
     price = 100.0 * (found.choice.search.realised.iae_load / first.choice.search.realised.iae_load - 1.0)
     assert f"costs {price:.2g} % more IAE" in found.notes[0]
-    assert found.proof.heard.remarks[-1].startswith("with K times ")
+    assert found.proof.diagnostics.remarks[-1].startswith("with K times ")
 
 
 @pytest.mark.long
@@ -85,8 +85,8 @@ def test_what_could_not_be_tried_is_told_but_where_a_plc_cannot_hold_it(failing,
             raise problem
         return plainly(*given, plain=plain, **others)
 
-    monkeypatch.setattr(search, "plainly", once)
-    found = closed(model, asked)
+    monkeypatch.setattr(redesign_search, "plainly", once)
+    found = find_passing_design(model, asked)
     assert (found.proof.verdict, len(tries) > 2) == ("PASS", True)
     assert [note.partition(" (")[2] for note in found.notes if note.startswith("Not tried: ")] == [each[1:] for each in told]
 
@@ -94,8 +94,8 @@ def test_what_could_not_be_tried_is_told_but_where_a_plc_cannot_hold_it(failing,
 @pytest.mark.long
 def test_a_design_that_passes_stays_as_it_was():
     model = model_by_hand(HEATER)
-    asked = _asked(tuned=TuneSettings(ms=1.3))
-    plain, found = plainly(model, asked), closed(model, asked)
+    asked = _asked(tune_settings=TuneSettings(ms=1.3))
+    plain, found = plainly(model, asked), find_passing_design(model, asked)
     assert (plain.proof.verdict, found.notes) == ("PASS", ())
     assert found.proof.words == plain.proof.words
 
@@ -103,9 +103,9 @@ def test_a_design_that_passes_stays_as_it_was():
 @pytest.mark.long
 def test_a_rule_is_not_made_more_robust_and_a_ramp_that_was_ruled_out_is_not_taken(failing):
     model, _, _ = failing
-    asked = _asked(tuned=TuneSettings(method="ziegler-nichols"),
+    asked = _asked(tune_settings=TuneSettings(method="ziegler-nichols"),
                    conditions=Conditions(setpoint_degC=40.0, pwm_period_s=10.0), setpoint_ramp="none")
-    found = closed(model, asked)
+    found = find_passing_design(model, asked)
     assert found.proof.verdict == "FAIL"
     assert found.proof.words == plainly(model, asked).proof.words
     assert found.proof.words.ramp is None
@@ -131,16 +131,16 @@ def test_a_boost_leaves_the_gains_and_what_a_load_costs_and_comes_before_a_ramp(
     asked = _asked(target="weg", scaling=Scaling(low_degC=0.0, high_degC=150.0),
                    conditions=Conditions(setpoint_degC=83.0, tolerance_degC=1.5))
     model = model_by_hand(plant)
-    plain, found, led = plainly(model, asked), closed(model, asked), closed(model, replace(asked, boost="none"))
+    plain, found, led = plainly(model, asked), find_passing_design(model, asked), find_passing_design(model, replace(asked, boost="none"))
     words = found.proof.words
     assert [each.proof.verdict for each in (plain, found, led)] == ["FAIL", "PASS", "NOT PROVEN"], "a ramp winds up, too"
-    assert words.boosted(None) == plain.proof.words
+    assert words.with_boost(None) == plain.proof.words
     assert led.proof.words.ramp is not None
     # nearer than what the P part alone asks for full power at, and sooner by a tenth than on the ramp
     assert 0.3 < words.boost.within_degC * words.values["Kp"] / 100.0 < 1.01
     settled = [next(each.value for each in one.proof.criteria if each.name == "settling_time") for one in (found, led)]
     assert settled[0] < 0.9 * settled[1]
-    assert f"with a boost ({words.boost})" in found.proof.heard.remarks
+    assert f"with a boost ({words.boost})" in found.proof.diagnostics.remarks
     assert "IAE stays" in found.notes[0]
     assert _again(found, model).words == words
 
@@ -149,26 +149,26 @@ def test_a_boost_leaves_the_gains_and_what_a_load_costs_and_comes_before_a_ramp(
 @pytest.mark.usefixtures("whole_story")
 def test_a_windup_that_gains_mend_dearly_is_kept_small_by_a_limit_of_the_output():
     model, asked = _hot(switches={"anti_windup": "clamp", "sampling": "caller"})
-    plain, found = plainly(model, asked), closed(model, asked)
+    plain, found = plainly(model, asked), find_passing_design(model, asked)
     assert {each.name for each in plain.proof.criteria if not each.ok} == {"reheat_overshoot"}
     # what holds 20 °C over ambient is 20/0.53 = 37.7 %; ±10 % mains voltage asks for 37.7/0.81 = 46.6 %. With 60 %, the least
     # limit that leaves power for a load then, 121 % lead 0.53·72.6 − 16 = 22.5 °C beyond 36 °C in the end, 10.8 of it in the
     # dead time: 54 % of the rise of 20 °C, were it all seen at the setpoint alone; 40 % are allowed
-    assert [each.name for each in found.proof.heard.findings] == ["low-outage"]
+    assert [each.name for each in found.proof.diagnostics.findings] == ["low-outage"]
     # 2 °C higher that is 49 %, which a P part that sees the setpoint come brings below 40 %: a smaller range is the way on
     assert found.passes_with[:1] == ("--setpoint",)
     low, high = map(float, found.passes_with[1].split())
     assert 36.0 < low < high == 40.0
     asked = replace(asked, conditions=replace(asked.conditions, setpoint_degC=(low, high)))
-    plain, found = plainly(model, asked), closed(model, asked)
+    plain, found = plainly(model, asked), find_passing_design(model, asked)
     assert found.proof.verdict == "PASS"
     most = found.proof.words.values["MaximumOutput"]
     assert 46.6 < most < 100.0
-    assert f"an output of at most {most:g} %" in found.proof.heard.remarks[1]
+    assert f"an output of at most {most:g} %" in found.proof.diagnostics.remarks[1]
     # the gains, too, for with the optimum's an open circuit at the lower setpoint is beyond the limit even so
     limited = replace(plain.proof.words, values={**plain.proof.words.values, "MaximumOutput": most})
     alone = prove(limited, model, asked.conditions)
-    assert (alone.verdict, [each.name for each in alone.heard.findings]) == ("NOT PROVEN", ["low-outage"])
+    assert (alone.verdict, [each.name for each in alone.diagnostics.findings]) == ("NOT PROVEN", ["low-outage"])
     assert max(found.proof.nominal.power_asked_pct) <= most
     again = _again(found, model)
     assert again.words == found.proof.words
@@ -181,14 +181,14 @@ def test_where_an_open_point_is_the_cause_the_verdict_names_the_setting_that_wou
     plant = Fopdt(gain_degC_per_pct=9.0, time_constant_s=3600.0, dead_time_s=120.0, ambient_degC=20.0)
     asked = _asked(target="weg", scaling=Scaling(low_degC=0.0, high_degC=1300.0), setpoint_ramp="none",
                    boost="none", conditions=Conditions(setpoint_degC=600.0))
-    found = closed(model_by_hand(plant), asked)
+    found = find_passing_design(model_by_hand(plant), asked)
     # DIFFERENCES.md of weg: "none" sums on at a limit, so an open circuit winds up without end
     assert passing_settings(found.proof) == {"anti_windup": ("clamp", "freeze")}
     told = "would pass with --switch anti_windup=clamp"
     assert found.proof.verdict == "FAIL"
-    assert any(told in remark for remark in found.proof.heard.remarks)
+    assert any(told in remark for remark in found.proof.diagnostics.remarks)
     known = replace(asked, conditions=replace(asked.conditions, switches={"anti_windup": "clamp"}))
-    assert closed(model_by_hand(plant), known).proof.verdict == "PASS"
+    assert find_passing_design(model_by_hand(plant), known).proof.verdict == "PASS"
 
 
 @pytest.mark.long
@@ -196,16 +196,16 @@ def test_where_an_open_point_is_the_cause_the_verdict_names_the_setting_that_wou
 def test_what_swings_gets_a_faster_pwm_and_its_wear_is_told():
     plant = Fopdt(gain_degC_per_pct=1.0, time_constant_s=38.0, dead_time_s=11.0, ambient_degC=20.0)
     asked = _asked(target="s7-300", conditions=Conditions(setpoint_degC=60.0, tolerance_degC=0.8))
-    plain, found = plainly(model_by_hand(plant), asked), closed(model_by_hand(plant), asked)
+    plain, found = plainly(model_by_hand(plant), asked), find_passing_design(model_by_hand(plant), asked)
     # ripple of one lag, 100·k·(1 − a)(1 − b)/(1 − a·b), is beyond the band at the plain period
     assert ripple_degC(plant, plain.proof.actuator.pwm_period_s, 40.0) > 0.8
     # no PWM mends what full power leads to beyond the lower setpoint, 52 °C, in the dead time of 11.3 s, the input module's in
     # it: (20 + 100 − 52) °C·(1 − exp(−11.3/38)) = 17 °C, 44 % of the rise, were it given until the reading is there
-    assert (plain.proof.verdict, [each.name for each in found.proof.heard.findings]) == ("FAIL", ["low-outage"])
+    assert (plain.proof.verdict, [each.name for each in found.proof.diagnostics.findings]) == ("FAIL", ["low-outage"])
     flag, limit = found.passes_with
     assert (flag, limit.partition("=")[0]) == ("--limit", "reheat-overshoot")
     asked = replace(asked, conditions=replace(asked.conditions, limit=(limit,)))
-    found = closed(model_by_hand(plant), asked)
+    found = find_passing_design(model_by_hand(plant), asked)
     assert found.proof.verdict == "PASS"
     assert found.proof.actuator.pwm_period_s <= 1.0
     assert "the worst switchings goes from" in found.notes[0]
@@ -216,7 +216,7 @@ def test_what_swings_gets_a_faster_pwm_and_its_wear_is_told():
 @pytest.mark.parametrize(("interval", "about", "period"), [
     (4.7, 1.26, 4.7 / 4), (4.7, 1.0, 4.7 / 4), (5.3, 2.5, 5.3 / 2), (1.9, 1.0, 1.9), (0.4, 1.0, 0.4), (60.0, 2.5, 2.5)])
 def test_a_pwm_of_a_solid_state_relay_is_a_whole_part_of_ta_and_no_shorter_than_a_second(interval, about, period):
-    assert Frame(pwm_about_s=about).pwm_at(interval, None) == pytest.approx(period)
+    assert DesignChange(pwm_about_s=about).pwm_at(interval, None) == pytest.approx(period)
 
 
 def _fast(**changed):
@@ -230,24 +230,24 @@ def _fast(**changed):
 @pytest.mark.usefixtures("whole_story")
 @pytest.mark.long
 def test_where_ripple_and_half_waves_take_the_band_they_are_told():
-    found = closed(*_fast(switch_kind="ssr"))
+    found = find_passing_design(*_fast(switch_kind="ssr"))
     ripple = 700.0 * math.tanh(1.0 / 64.0)
     assert found.proof.verdict == "FAIL"
     told = f"1 s, the ripple is {ripple:.2g} °C and one half-wave is 7 °C, asked ±5 °C"
-    assert told in found.proof.heard.remarks[-1]
+    assert told in found.proof.diagnostics.remarks[-1]
 
 
 @pytest.mark.usefixtures("whole_story")
 @pytest.mark.long
 def test_what_no_solid_state_relays_pwm_holds_gets_bursts_of_whole_waves():
     model, asked = _fast()
-    found = closed(model, asked)
+    found = find_passing_design(model, asked)
     switch, interval = found.proof.actuator, found.proof.words.sample_time_s
     assert found.proof.verdict == "PASS"
     # whole waves of 50 Hz; the next burst makes up what is left, so no half-wave is lost: tests/plc/test_pwm.py
     assert (switch.resolution_s, switch.minimum_rule) == (0.02, "carry")
     assert interval / switch.pwm_period_s == pytest.approx(round(interval / switch.pwm_period_s))
-    assert f"bursts of whole mains waves every {switch.pwm_period_s:.3g} s" in found.proof.heard.remarks[-1]
+    assert f"bursts of whole mains waves every {switch.pwm_period_s:.3g} s" in found.proof.diagnostics.remarks[-1]
     assert "the worst switchings goes from" in found.notes[0]
     again = _again(found, model)
     assert (again.verdict, again.actuator, again.words) == ("PASS", switch, found.proof.words)
@@ -256,7 +256,7 @@ def test_what_no_solid_state_relays_pwm_holds_gets_bursts_of_whole_waves():
 @pytest.mark.parametrize(("interval", "about", "period"), [
     (5.3, 0.2, 5.3 / 27), (5.3, 1.0, 0.53), (21.0, 1.0, 1.0), (3.3, 0.2, 0.15), (0.35, 0.2, 0.35 / 2), (0.09, 0.1, 0.09)])
 def test_bursts_are_a_whole_part_of_ta_in_whole_waves_where_they_can(interval, about, period):
-    assert Frame(bursts_s=about).pwm_at(interval, None) == pytest.approx(period)
+    assert DesignChange(bursts_s=about).pwm_at(interval, None) == pytest.approx(period)
 
 
 def test_a_tolerance_that_would_do_is_told_where_the_band_alone_is_broken():
@@ -277,12 +277,12 @@ def test_two_levels_scan_more_often_before_anything_else_and_tell_the_swing_that
     lowest = 0.5 + (44.5 - 20.0 + 0.5 * 10.0) * (1.0 - math.exp(-12.0 / 400.0))
 
     def found(tolerance, setpoint=45.0, **tuned):
-        return closed(model, _asked(target="on-off", tuned=TuneSettings(**tuned),
+        return find_passing_design(model, _asked(target="on-off", tune_settings=TuneSettings(**tuned),
                                     conditions=Conditions(setpoint_degC=setpoint, tolerance_degC=tolerance)))
 
     sooner = found(1.05 * lowest)
     assert sooner.proof.verdict == "PASS"
-    assert sooner.proof.heard.remarks[-1] == "with TA = 0.19 s"
+    assert sooner.proof.diagnostics.remarks[-1] == "with TA = 0.19 s"
     narrow = found(0.98 * lowest)
     assert narrow.proof.verdict == "FAIL"
     # a condition comes before a limit: the swing at 10 % of load is less at a lower setpoint
@@ -306,18 +306,18 @@ def test_a_ramp_keeps_its_rate_and_holdback_where_the_sensors_range_is_another_n
     plain = plainly(model_by_hand(HEATER), _asked(target="s7-300", setpoint_ramp=6.0))
     words, recipe = plain.proof.words, plain.recipe
     wider = replace(words, ramp=None, scaling=Scaling(low_degC=0.0, high_degC=200.0))
-    assert finished(replace(words, ramp=None), recipe).ramp == words.ramp
+    assert apply_provenance(replace(words, ramp=None), recipe).ramp == words.ramp
     # half as many units per degree: half the units in as many calls, within the 5 % of a ramp in whole units
-    ramp = finished(wider, recipe).ramp
+    ramp = apply_provenance(wider, recipe).ramp
     assert ramp.step / ramp.calls == pytest.approx(words.ramp.step / words.ramp.calls / 2.0, rel=0.05)
-    assert finished(replace(wider, target="fb41"), recipe).ramp is None
+    assert apply_provenance(replace(wider, target="fb41"), recipe).ramp is None
 
 
 def test_a_profile_that_has_changed_since_is_refused_but_where_it_is_given_anew(tmp_path):
     path = tmp_path / "firing.csv"
     path.write_text("target [degC],ramp [degC/h],soak [min]\n60,30,10\n")
     conditions = Conditions(profile=str(path))
-    recipe = Recipe(target="weg", conditions=conditions, files=files_of(conditions))
+    recipe = DesignProvenance(target="weg", conditions=conditions, files=files_of(conditions))
     demand_same_files(recipe, (), "pid.json")
     path.write_text("target [degC],ramp [degC/h],soak [min]\n70,30,10\n")
     with pytest.raises(InputError, match=r"pid.json: .*firing.csv, under which it was made, has changed since: say --profile"):

@@ -11,22 +11,22 @@ from heatertune.chain import export, prove
 from heatertune.cli import main
 from heatertune.codec import decode
 from heatertune.errors import ExportRefused, InputError
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.document import PidView, to_document
-from heatertune.proof.asked import Asked
-from heatertune.proof.closing import closed_on_runs, on_samples
-from heatertune.proof.closing.on_samples import closed_on_samples
-from heatertune.proof.document import checked
-from heatertune.proof.drawn import sampled, with_samples
-from heatertune.proof.recipes import made_again
+from heatertune.proof.design_request import DesignRequest
+from heatertune.proof.document import check_document
+from heatertune.proof.monte_carlo.run import run_samples, with_samples
+from heatertune.proof.rebuild_words import made_again
+from heatertune.proof.redesign import closed_on_runs, on_samples
+from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.proof.verdict import verdict_line
 from heatertune.settings import Conditions, SampleSettings
 
 #: on too many days the optimum at Ms 1.6 breaks a limit, where the block stops its sum at no limit
 HEATER = model_by_hand(Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=15.0, ambient_degC=22.0))
 DRAWN = SampleSettings(samples=100)
-ASKED = Asked(target="weg", drawn=DRAWN)
+ASKED = DesignRequest(target="weg", sample_settings=DRAWN)
 
 pytestmark = pytest.mark.long
 
@@ -73,23 +73,23 @@ def test_a_design_that_too_few_drawn_heaters_bear_is_made_for_them_too_and_judge
 
     assert found.proof.verdict == "PASS"
     # the two that the plain one fails on, and what a design for these fails on, the worst three of each round
-    (more,) = re.findall(r"made for (\d) of the drawn heaters, too$", found.proof.heard.remarks[-1])
+    (more,) = re.findall(r"made for (\d) of the drawn heaters, too$", found.proof.diagnostics.remarks[-1])
     assert len(before.samples.broken) == 2
     assert more in {"2", "5", "8"}
     assert all(part in found.notes[0] for part in ("of 100 samples keep", "of as many others", "IAE"))
     others = SampleSettings(samples=100, seed=100)
-    assert found.proof.samples == sampled(found.proof.words, HEATER, others, found.conditions)
+    assert found.proof.samples == run_samples(found.proof.words, HEATER, others, found.conditions)
     assert {run.model for run in found.proof.runs} == {run.model for run in plain.proof.runs}, "proven on the possible ones"
-    document = checked(found.proof.to_document(), "proof.json")
+    document = check_document(found.proof.to_document(), "proof.json")
     assert "of 100 samples keep every limit" in verdict_line(document)
     files = export(found.proof.words, found.proof)
     assert any("samples keep every limit" in content for content in files.values() if isinstance(content, str))
     # two thousand heaters that neither search nor verdict has seen
-    assert sampled(found.proof.words, HEATER, SampleSettings(samples=2000, seed=10_000), found.conditions).passing >= 0.95
+    assert run_samples(found.proof.words, HEATER, SampleSettings(samples=2000, seed=10_000), found.conditions).passing >= 0.95
 
 
 def test_the_design_that_is_written_makes_the_same_words_again(found):
-    view = decode(PidView, json.loads(json.dumps(to_document(found.wished, HEATER, found.recipe))), "pid.json")
+    view = decode(PidView, json.loads(json.dumps(to_document(found.ideal, HEATER, found.recipe))), "pid.json")
     again = made_again(view.value, view.model.value, view.made_for)
     assert again.words == found.proof.words == found.choice.words
     assert view.made_for.conditions.setpoint_degC is None, "as it was asked for"
@@ -106,7 +106,7 @@ def test_where_nothing_helps_the_design_is_as_asked_for_and_says_so(heard, plain
     asked = heard(lambda settings, _: [80] * len(settings))
     found = closed_on_samples(HEATER, ASKED)
     assert found.proof.words == plain.proof.words
-    assert found.proof.heard.remarks[-1] == "nothing tried mends the samples"
+    assert found.proof.diagnostics.remarks[-1] == "nothing tried mends the samples"
     assert asked == [0] * len(asked)
     assert (found.proof.verdict, found.passes_with) == ("FAIL", ())
 
@@ -116,29 +116,29 @@ def test_a_setting_that_is_what_the_samples_fail_for_is_named_with_what_would_pa
     found = closed_on_samples(HEATER, ASKED)
     assert found.proof.verdict == "FAIL"
     assert found.passes_with == ("--switch", "anti_windup=clamp")
-    assert found.proof.heard.remarks[-1] == "would pass with --switch anti_windup=clamp: find out what this controller does"
+    assert found.proof.diagnostics.remarks[-1] == "would pass with --switch anti_windup=clamp: find out what this controller does"
 
 
 @pytest.mark.parametrize("changed", [
     {"as_is": True},
     # the mains' 10 % take what power 44 °C leaves over on too many days
     {"conditions": Conditions(setpoint_degC=44.0)},
-    {"drawn": SampleSettings(samples=20)},  # which show nothing, whatever passes
+    {"sample_settings": SampleSettings(samples=20)},  # which show nothing, whatever passes
 ])
 def test_a_plain_design_that_was_asked_for_and_what_no_design_passes_are_left_as_they_are(changed):
     heater = replace(HEATER.model, gain_degC_per_pct=0.26)
     fitted = model_by_hand(heater) if "conditions" in changed else HEATER
     found = closed_on_samples(fitted, replace(ASKED, **changed))
     assert found.proof.samples.verdict != "PASS"
-    assert not any("samples" in remark for remark in found.proof.heard.remarks)
+    assert not any("samples" in remark for remark in found.proof.diagnostics.remarks)
     assert found.proof.words == closed_on_runs(fitted, replace(ASKED, **changed)).proof.words
 
 
 def test_samples_behind_an_interlock_are_refused_before_anything_is_read(plain, tmp_path, capsys):
     with pytest.raises(InputError, match="samples are run without an interlock"):
-        Asked(target="weg", drawn=DRAWN, conditions=Conditions(interlock="heater-fan"))
+        DesignRequest(target="weg", sample_settings=DRAWN, conditions=Conditions(interlock="heater-fan"))
     with pytest.raises(InputError, match="samples: none are asked for"):
-        sampled(plain.proof.words, HEATER, SampleSettings())
+        run_samples(plain.proof.words, HEATER, SampleSettings())
     words = ("design", str(tmp_path / "none.csv"), "--target", "weg", "--samples", "9", "--interlock", "heater-fan")
     assert main([*words, "--out", str(tmp_path / "out")]) == 2
     assert "samples are run without an interlock" in capsys.readouterr().err
@@ -155,4 +155,4 @@ def test_the_command_exports_what_samples_passed_and_every_page_says_so(tmp_path
     assert "<h3>On drawn heaters</h3>" in page
     assert told in page.split("<h3>On drawn heaters</h3>")[0], "the record, too"
     proof = json.loads((tmp_path / "out" / "data" / "proof.json").read_text(encoding="utf-8"))
-    assert checked(proof, "proof.json")["samples"]["verdict"] == proof["verdict"] == "PASS"
+    assert check_document(proof, "proof.json")["samples"]["verdict"] == proof["verdict"] == "PASS"

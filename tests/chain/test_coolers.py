@@ -9,18 +9,18 @@ from tests.bench.identification import answer
 from heatertune.chain.stages import export, fit
 from heatertune.errors import InputError, NotRepresentable
 from heatertune.log.values import Log
-from heatertune.model.by_hand import model_by_hand
-from heatertune.model.mirrored import mirrored
+from heatertune.model.cooler_mirror import mirror_heater
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.validate import validate
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling
-from heatertune.plc.choose import choose_words
 from heatertune.plc.design import encode, tune
 from heatertune.plc.pwm import Actuator
-from heatertune.proof import Story
-from heatertune.proof.closing import Asked, closed
-from heatertune.proof.fitted import prove
+from heatertune.plc.word_selection import choose_words
+from heatertune.proof import TestSequence
 from heatertune.proof.ideal import simulate_wish
+from heatertune.proof.prove_words import prove
+from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.proof.scenario import TemperatureStep, scenario_for
 from heatertune.proof.specification import Specification
 from heatertune.settings import Conditions, TuneSettings
@@ -63,9 +63,9 @@ def test_the_words_of_a_cooler_are_those_of_its_mirror_image_turned_round(target
 @pytest.mark.long
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_cooler_passes_with_its_own_words_and_is_exported_and_fails_with_a_heaters(target):
-    asked = Asked(target=target, scaling=RANGE, tuned=TuneSettings(method="lambda", sample_time_s=4.0),
+    asked = DesignRequest(target=target, scaling=RANGE, tune_settings=TuneSettings(method="lambda", sample_time_s=4.0),
                   conditions=Conditions(setpoint_degC=MIDDLE, switches={"sampling": "caller"} if target == "weg" else {}))
-    heating, cooling = (closed(model_by_hand(model), asked).proof for model in (HEATER, COOLER))
+    heating, cooling = (find_passing_design(model_by_hand(model), asked).proof for model in (HEATER, COOLER))
     assert heating.verdict == cooling.verdict == "PASS"
     assert export(cooling.words, cooling)
     # the mirror is true but for the sensor's rounding, which is not symmetrical everywhere
@@ -84,16 +84,16 @@ HASTY = Fopdt(gain_degC_per_pct=0.9, time_constant_s=120.0, dead_time_s=18.0, am
 @pytest.mark.long
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_cooler_is_closed_as_its_mirror_image_and_at_the_same_price(target, monkeypatch):
-    story = Story(opens=False, changes=False, mains=False, restarts=False)
+    story = TestSequence(opens=False, changes=False, mains=False, restarts=False)
     monkeypatch.setattr(Specification, "story_at", lambda *_: story)
-    asked = Asked(target=target, scaling=RANGE, tuned=TuneSettings(ms=2.0), conditions=Conditions(setpoint_degC=MIDDLE))
+    asked = DesignRequest(target=target, scaling=RANGE, tune_settings=TuneSettings(ms=2.0), conditions=Conditions(setpoint_degC=MIDDLE))
     cooler = replace(HASTY, gain_degC_per_pct=-0.9, ambient_degC=2.0 * MIDDLE - 28.0)
-    heating, cooling = (closed(model_by_hand(model), asked) for model in (HASTY, cooler))
+    heating, cooling = (find_passing_design(model_by_hand(model), asked) for model in (HASTY, cooler))
     assert heating.proof.verdict == cooling.proof.verdict == "PASS"
     assert heating.notes
-    assert heating.proof.heard.remarks[-1] == cooling.proof.heard.remarks[-1]  # what was changed
-    assert cooling.wished.gain_pct_per_degC == pytest.approx(-heating.wished.gain_pct_per_degC)
-    assert cooling.wished.integral_time_s == pytest.approx(heating.wished.integral_time_s)
+    assert heating.proof.diagnostics.remarks[-1] == cooling.proof.diagnostics.remarks[-1]  # what was changed
+    assert cooling.ideal.gain_pct_per_degC == pytest.approx(-heating.ideal.gain_pct_per_degC)
+    assert cooling.ideal.integral_time_s == pytest.approx(heating.ideal.integral_time_s)
     iae = [next(one.value for one in each.proof.criteria if one.name == "iae") for each in (heating, cooling)]
     assert iae[1] == pytest.approx(iae[0], abs=_of_one_step(heating.proof))
     if target == "s5-ob251":  # 2047 units, symmetrical about the middle
@@ -151,7 +151,7 @@ def _log(model):
 @pytest.mark.long
 def test_a_coolers_log_gives_the_mirror_image_of_what_the_heaters_gives():
     cooler, heater = fit(_log(COOLER), cooler=True), fit(_log(HEATER))
-    turned = mirrored(cooler, MIDDLE)
+    turned = mirror_heater(cooler, MIDDLE)
     assert turned.model.gain_degC_per_pct == pytest.approx(heater.model.gain_degC_per_pct, rel=1e-6)
     assert cooler.model.gain_degC_per_pct == pytest.approx(-0.4, rel=0.01)
     assert cooler.model.ambient_degC == pytest.approx(60.0, abs=0.1)

@@ -7,14 +7,14 @@ from dataclasses import replace
 import pytest
 
 from heatertune.chain.stages import export
-from heatertune.model.by_hand import model_by_hand
-from heatertune.model.mirrored import mirrored as mirrored_fit
+from heatertune.model.cooler_mirror import mirror_heater as mirrored_fit
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Ramp, controller_for
 from heatertune.plc.design import encode, tune
-from heatertune.proof import Mains, Story, prove
-from heatertune.proof.closing import Asked, closed
-from heatertune.proof.closing.frames import Frame, frames
+from heatertune.proof import Mains, TestSequence, prove
+from heatertune.proof.redesign import DesignRequest, find_passing_design
+from heatertune.proof.redesign.design_changes import DesignChange, design_changes
 from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.proof.specification import Specification
 from heatertune.proof.words_file import read_words
@@ -30,7 +30,7 @@ PROVING = Conditions(setpoint_degC=46.0, switches=WINDING, accept=("winds-up",))
 @pytest.fixture(autouse=True, scope="module")
 def heat_up_jump_and_an_open_circuit():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Specification, "story_at", lambda *_: Story(load_pct=0.0, changes=False, mains=False, restarts=False))
+        patch.setattr(Specification, "story_at", lambda *_: TestSequence(load_pct=0.0, changes=False, mains=False, restarts=False))
         yield
 
 
@@ -70,11 +70,11 @@ def test_a_windup_under_an_open_circuit_is_mended_by_a_holdback_only(words, foun
 def test_the_frames_of_a_design_end_with_the_ramp_where_an_open_circuit_is_what_fails(words):
     plain = prove(words, HEATER, replace(PROVING, limit=("overshoot=90%", "reheat-overshoot=15%")))
     assert _broken(plain) == {"reheat_overshoot"}
-    tried = list(frames(plain, HEATER.plants, TuneSettings(), period_given=True, interval_given=True, ramp_open=True,
+    tried = list(design_changes(plain, HEATER.plants, TuneSettings(), period_given=True, interval_given=True, ramp_open=True,
                         boost_open=True, least_interval_s=1.0))
-    assert tried[0] == Frame(boosted=True)  # which costs less than all else
-    assert tried[-2].ramped
-    assert tried[-1] == Frame()  # gains, which cost more than the 30 % that another change may: they come after it
+    assert tried[0] == DesignChange(has_boost=True)  # which costs less than all else
+    assert tried[-2].has_ramp
+    assert tried[-1] == DesignChange()  # gains, which cost more than the 30 % that another change may: they come after it
 
 
 def test_a_holdback_is_carried_by_documents_certificate_and_words(words, found, tmp_path):
@@ -92,14 +92,14 @@ def test_a_holdback_is_carried_by_documents_certificate_and_words(words, found, 
 
 
 def test_a_design_is_led_rather_than_made_many_times_dearer():
-    asked = Asked(target="weg", conditions=PROVING, tuned=TuneSettings(sample_time_s=6.0), boost="none")
-    design = closed(HEATER, asked)
+    asked = DesignRequest(target="weg", conditions=PROVING, tune_settings=TuneSettings(sample_time_s=6.0), boost="none")
+    design = find_passing_design(HEATER, asked)
     assert design.proof.verdict == prove(design.proof.words, HEATER, PROVING).verdict == "PASS"
     assert design.proof.hold_degC is not None
-    assert "and a holdback of" in design.proof.heard.remarks[-1]
-    assert "winds-up" in [finding.name for finding in design.proof.heard.findings]
+    assert "and a holdback of" in design.proof.diagnostics.remarks[-1]
+    assert "winds-up" in [finding.name for finding in design.proof.diagnostics.findings]
     # without a ramp no gains at all pass: whatever they are, a sum without a limit winds up in a night
-    plain = closed(HEATER, replace(asked, setpoint_ramp="none"))
+    plain = find_passing_design(HEATER, replace(asked, setpoint_ramp="none"))
     assert plain.proof.verdict == "FAIL"
     assert "reheat_overshoot" in [each.name for each in plain.proof.criteria if not each.ok]
 
@@ -109,7 +109,7 @@ def test_a_holdback_winds_up_the_more_the_longer_the_circuit_is_open(found, limi
     # the setpoint is held as far from the reading as ever, and WEG's sum grows with the time: nothing ends it
     asked = replace(PROVING, limit=(f"reheat-overshoot={limit}",), accept=())
     proof = prove(found[0].words, HEATER, asked)
-    (finding,) = [each for each in proof.heard.findings if each.name == "winds-up"]
+    (finding,) = [each for each in proof.diagnostics.findings if each.name == "winds-up"]
     assert proof.verdict == "NOT PROVEN"
     hours, beyond = re.search(rf"After ([\d.]+) h with an open circuit it overshoots by ([\d.]+) {unit};", finding.told).groups()
     *_, opened, closed_again = (each.time_s for each in proof.scenario.disturbances if isinstance(each, Mains))

@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 
 from heatertune.chain import prove
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling
-from heatertune.proof.asked import Asked, plainly
-from heatertune.proof.closing import closed
+from heatertune.proof.design_request import DesignRequest, plainly
+from heatertune.proof.redesign import find_passing_design
 from heatertune.settings import Conditions
 
 #: the kiln of issue 13
@@ -24,15 +24,15 @@ def test_gains_mend_the_firing_where_it_is_known_that_nothing_winds_up_without_a
     # 150 °C/h as Orton's cones are fired, limits of the preset: neither other gains nor a ramp is enough alone
     firing = tmp_path / "firing.csv"
     firing.write_text("target [degC],ramp [degC/h],soak [min]\n600,150,30\n")
-    asked = Asked(target="weg", scaling=Scaling(low_degC=0.0, high_degC=1200.0), setpoint_ramp="none",
+    asked = DesignRequest(target="weg", scaling=Scaling(low_degC=0.0, high_degC=1200.0), setpoint_ramp="none",
                   conditions=Conditions(setpoint_degC=600.0, spec="kiln", profile=str(firing), switches=CALLED))
     first = plainly(KILN, asked).proof
     broken = {each.name for each in first.criteria if not each.ok}
     assert {"ramp_overshoot_degC", "soak_deviation", "reheat_overshoot_degC"} <= broken
     # nothing mends a sum without a limit, which a night with an open circuit winds up; who knows better is told so
-    open_point = closed(KILN, Asked(target="weg", scaling=asked.scaling, conditions=asked.conditions)).proof
+    open_point = find_passing_design(KILN, DesignRequest(target="weg", scaling=asked.scaling, conditions=asked.conditions)).proof
     assert open_point.verdict == "FAIL"
-    assert "would pass with --switch anti_windup=clamp" in open_point.heard.remarks[-1]
+    assert "would pass with --switch anti_windup=clamp" in open_point.diagnostics.remarks[-1]
     known = replace(asked.conditions, switches={**CALLED, "anti_windup": "clamp"})
-    found = closed(KILN, Asked(target="weg", scaling=asked.scaling, conditions=known)).proof
+    found = find_passing_design(KILN, DesignRequest(target="weg", scaling=asked.scaling, conditions=known)).proof
     assert found.verdict == prove(found.words, KILN, known).verdict == "PASS"

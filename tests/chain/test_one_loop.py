@@ -5,13 +5,13 @@ import math
 
 import pytest
 
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.intervals import Interval
-from heatertune.model.values import Candidate, FittedModel, Fopdt, Outcome
+from heatertune.model.manual_model import model_by_hand
+from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt
 from heatertune.plc import Scaling
 from heatertune.proof import prove
-from heatertune.proof.asked import Asked, made_for
-from heatertune.proof.closing import closed
+from heatertune.proof.design_request import DesignRequest, made_for
+from heatertune.proof.redesign import find_passing_design
 from heatertune.settings import Conditions, TuneSettings
 
 HEATER = Fopdt(gain_degC_per_pct=0.8, time_constant_s=60.0, dead_time_s=1.5, ambient_degC=20.0)
@@ -40,7 +40,7 @@ def peak_sensitivity(design, dead_time_s):
 @pytest.mark.parametrize("target", DELAY_S)
 def test_words_tuned_for_a_target_keep_ms_in_their_proof(target, ms):
     fitted = model_by_hand(HEATER)
-    design, choice = made_for(fitted, Asked(target=target, scaling=RANGE, tuned=TuneSettings(ms=ms)), str, str)
+    design, choice = made_for(fitted, DesignRequest(target=target, scaling=RANGE, tune_settings=TuneSettings(ms=ms)), str, str)
     proof = prove(choice.words, fitted, first_look=True)
     judged = next(criterion for criterion in proof.criteria if criterion.name == "ms")
     assert judged.limit == 2.0
@@ -52,11 +52,11 @@ def test_words_tuned_for_a_target_keep_ms_in_their_proof(target, ms):
 
 
 def test_a_closed_design_says_the_ms_that_its_proof_finds():
-    asked = Asked(target="fb41", scaling=RANGE, tuned=TuneSettings(ms=2.0), conditions=Conditions(setpoint_degC=60.0))
-    found = closed(model_by_hand(HEATER), asked)
+    asked = DesignRequest(target="fb41", scaling=RANGE, tune_settings=TuneSettings(ms=2.0), conditions=Conditions(setpoint_degC=60.0))
+    found = find_passing_design(model_by_hand(HEATER), asked)
     judged = next(criterion for criterion in found.proof.criteria if criterion.name == "ms")
     assert judged.ok
-    assert found.wished.margins.ms == pytest.approx(judged.value, rel=2e-3)
+    assert found.ideal.margins.ms == pytest.approx(judged.value, rel=2e-3)
 
 
 def test_a_delay_moves_every_dead_time_and_its_interval_and_no_believed_least_is_lost():
@@ -64,7 +64,7 @@ def test_a_delay_moves_every_dead_time_and_its_interval_and_no_believed_least_is
         Candidate(model=Fopdt(gain_degC_per_pct=1.0, time_constant_s=50.0, dead_time_s=dead), log="log",
                   window_s=(0.0, 1.0), law="", fit_pct=99.0, rmse_degC=0.1, delta_bic=0.0) for dead in (0.5, 4.0))
     fitted = FittedModel(
-        model=candidates[1].model, outcome=Outcome.BY_HAND, method="", candidates=candidates, least_dead_time_s=1.0,
+        model=candidates[1].model, outcome=FitOutcome.BY_HAND, method="", candidates=candidates, least_dead_time_s=1.0,
         ci95={"dead_time_s": Interval(low=None, high=5.0), "time_constant_s": Interval(low=40.0, high=60.0)})
     late = fitted.with_delay(0.25)
     assert [plant.dead_time_s for plant in fitted.plants] == [1.0, 4.0]

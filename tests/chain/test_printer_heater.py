@@ -2,9 +2,9 @@
 
 import pytest
 
-from heatertune.chain import whole
+from heatertune.chain import pipeline
 from heatertune.log import read_log
-from heatertune.proof.asked import Asked
+from heatertune.proof.design_request import DesignRequest
 from heatertune.settings import Conditions, ReadSettings
 
 
@@ -25,5 +25,5 @@ def klippy(tmp_path):
     ("weg", "heater_bed", {}, {})])
 def test_the_tag_of_the_log_is_the_heater_of_the_export(klippy, target, tag, told, expected):
     log = read_log(klippy, ReadSettings(tag=tag))
-    asked = whole._of_its_heater(Asked(target=target, conditions=Conditions(setpoint_degC=50.0, switches=told)), log)
+    asked = pipeline._of_its_heater(DesignRequest(target=target, conditions=Conditions(setpoint_degC=50.0, switches=told)), log)
     assert dict(asked.conditions.switches) == expected

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from heatertune.errors import DocumentError, NotRepresentable
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.intervals import Interval
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.document import from_document, to_document
 from heatertune.pid.loop.response import iae_load
@@ -18,10 +18,10 @@ from heatertune.pid.search.robust import Open
 from heatertune.pid.search.uncertain import draw_heaters
 from heatertune.pid.values import Promise
 from heatertune.plc import controller_for
-from heatertune.plc.choice import Realised, WordChoice, WordSearch
-from heatertune.plc.choose import choose_words
 from heatertune.plc.design import encode, tune
-from heatertune.proof.refine import _Loop
+from heatertune.plc.word_choice import RealisedResult, WordChoice, WordSearch
+from heatertune.plc.word_selection import choose_words
+from heatertune.proof.refine import _RefinementLoop
 
 SLOW = Fopdt(gain_degC_per_pct=0.8, time_constant_s=480.0, dead_time_s=60.0, ambient_degC=22.0)
 FITTED = replace(model_by_hand(SLOW), ci95={
@@ -141,11 +141,11 @@ def test_without_intervals_nothing_can_be_told_and_without_a_promise_nothing_is(
 def test_refining_looks_only_at_words_that_keep_it(design):
     rounded = encode(design, "s5-ob251")
     search = WordSearch(
-        way="rounded", realised=Realised(iae_load=None, gap_pct=None, ms=None), ms_limit=None, iae_load_wished=None, notes=())
+        way="rounded", realised=RealisedResult(iae_load=None, gap_pct=None, ms=None), ms_limit=None, iae_load_wished=None, notes=())
     held = replace(search, promise=Promise(way="worst", limits={"ms": 1.6}))
     near = {}
     for name, found in (("held", held), ("free", search)):
-        loop = _Loop(choice=WordChoice(words=rounded, search=found), fitted=FITTED, conditions=None, ms=3.0,
+        loop = _RefinementLoop(choice=WordChoice(words=rounded, search=found), fitted_model=FITTED, conditions=None, ms=3.0,
                      drawn=Open.of(FITTED, "worst"))
         near[name] = [words for words, _ in loop.around(design, 0.15, set())]
     kept = [words for words in near["free"] if peaks(words)[-1] <= 1.6]

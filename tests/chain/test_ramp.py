@@ -8,11 +8,11 @@ import pytest
 from heatertune.chain.stages import export, fit_known
 from heatertune.errors import ExportRefused, InputError, OutOfRange
 from heatertune.log.values import Log
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Ramp, controller_for
 from heatertune.plc.design import encode, tune
-from heatertune.proof import Story, prove, setpoint_ramp
+from heatertune.proof import TestSequence, prove, setpoint_ramp
 from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.proof.specification import Specification
 from heatertune.settings import Conditions
@@ -21,7 +21,7 @@ from heatertune.settings import Conditions
 SLOW = model_by_hand(Fopdt(gain_degC_per_pct=0.8, time_constant_s=480.0, dead_time_s=60.0, ambient_degC=22.0))
 PROVING = Conditions(setpoint_degC=40.0)
 #: a ramp mends nothing of what comes after an open circuit: the setpoint is there already
-HEAT_UP_AND_DISTURBANCES = Story(opens=False, changes=False, mains=False, restarts=False)
+HEAT_UP_AND_DISTURBANCES = TestSequence(opens=False, changes=False, mains=False, restarts=False)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -136,12 +136,12 @@ def test_durations_are_not_walked_through_where_the_slowest_ramp_leaves_more_tha
         return badness
 
     conditions = replace(PROVING, limit=("overshoot=0.001%",))
-    search = setpoint_ramp._Search(plain=prove(words, SLOW, conditions), fitted=SLOW, conditions=conditions,
+    search = setpoint_ramp._Search(plain=prove(words, SLOW, conditions), fitted_model=SLOW, conditions=conditions,
                                    kept=setpoint_ramp.OVERSHOOTS)
     slowest = search._with(search.longest_s).ramp
-    monkeypatch.setattr(setpoint_ramp.Screen, "keeps", lambda *_: looked.append(None) or False)
+    monkeypatch.setattr(setpoint_ramp.RunScreen, "keeps", lambda *_: looked.append(None) or False)
     for share, walks in ((0.0, True), (0.49, True), (0.51, False), (1.0, False)):
-        monkeypatch.setattr(setpoint_ramp.Screen, "badness", broken_by(share))
+        monkeypatch.setattr(setpoint_ramp.RunScreen, "badness", broken_by(share))
         looked.clear()
         assert search.fastest() is None
         assert (len(looked) > 10) == walks

@@ -2,13 +2,13 @@
 
 import pytest
 
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc import controller_for
-from heatertune.plc.choose import choose_words
 from heatertune.plc.design import tune
-from heatertune.proof import Story, prove
+from heatertune.plc.word_selection import choose_words
+from heatertune.proof import TestSequence, prove
 from heatertune.proof.refine import WORTH, refine
 from heatertune.proof.specification import Specification
 from heatertune.settings import Conditions
@@ -16,7 +16,7 @@ from heatertune.settings import Conditions
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 SLOW = Fopdt(gain_degC_per_pct=0.8, time_constant_s=480.0, dead_time_s=60.0, ambient_degC=22.0)
 PROVING = Conditions(setpoint_degC=40.0)
-HEAT_UP_AND_DISTURBANCES = Story(opens=False, changes=False, mains=False, restarts=False)
+HEAT_UP_AND_DISTURBANCES = TestSequence(opens=False, changes=False, mains=False, restarts=False)
 
 
 @pytest.fixture(autouse=True)

@@ -40,7 +40,7 @@ def step_by_step(source, target):
 
 def in_one_call(source, target, out):
     """Return verdict and words of `ht.design`."""
-    proof = ht.design(source, ht.Asked(target=target), out=out).closed.proof
+    proof = ht.design(source, ht.DesignRequest(target=target), out=out).outcome.proof
     return proof.verdict, dict(proof.words.values), proof.words.sample_time_s
 
 
@@ -68,7 +68,7 @@ def in_the_studio(source, target, *, pressed):
             await work.design()
 
     asyncio.run(story())
-    proof = work.session.standing().proof
+    proof = work.session.front_design().proof
     return proof.verdict, dict(proof.words.values), proof.words.sample_time_s
 
 

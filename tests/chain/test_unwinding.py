@@ -13,11 +13,11 @@ from tests.bench.false_passes import _limits
 from tests.bench.outages import SHORT_SLACK, SLACK, Night, asked, bench_of, broken, low_overshoots, overshoots, restarts
 from tests.bench.second_opinion import compiled
 
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.plc import Words, controller_for
 from heatertune.plc.open_points import settings_to_prove
-from heatertune.proof.closing import closed
-from heatertune.proof.fitted import prove
+from heatertune.proof.prove_words import prove
+from heatertune.proof.redesign import find_passing_design
 
 HEATER, ASKED = asked(10007, "weg")  # drawn: 383 s of lag, 58 s of dead time
 SETTINGS = settings_to_prove(controller_for("weg").switches)
@@ -36,33 +36,33 @@ def library(tmp_path_factory):
 
 @pytest.mark.long
 def test_a_night_is_tried_under_every_setting_and_the_way_on_names_the_one_that_passes(library):
-    held = closed(model_by_hand(HEATER), replace(ASKED, boost="none"))
+    held = find_passing_design(model_by_hand(HEATER), replace(ASKED, boost="none"))
     assert held.proof.hold_degC is not None
     # in the story no setting shows at the mains as they are: the setpoint is held, and the run that overshoots most is of
     # another switch
     strains = {run.label: run.criteria[[each.name for each in run.criteria].index("reheat_overshoot")].strain
                for run in held.proof.runs if "mains" not in run.label}
     assert "anti_windup = none" not in max(strains, key=strains.get)
-    assert [finding.name for finding in held.proof.heard.findings] == ["winds-up", "low-outage"]
+    assert [finding.name for finding in held.proof.diagnostics.findings] == ["winds-up", "low-outage"]
     # the judge in C, which has the circuit open for up to 40 TN, sees it under that setting alone
     wound = [setting["anti_windup"] for setting in SETTINGS if broken(library, HEATER, held, setting, 0)]
     assert set(wound) == {"none"}
     # several settings overshoot after an outage at the lower setpoint, which a lower output mends; one alone winds up without end
     assert held.passes_with == ("--switch", "anti_windup=clamp")
-    assert "would pass with --switch anti_windup=clamp" in held.proof.heard.remarks[-1]
+    assert "would pass with --switch anti_windup=clamp" in held.proof.diagnostics.remarks[-1]
     known = replace(ASKED.conditions, switches={"anti_windup": "clamp"})
-    assert closed(model_by_hand(HEATER), replace(ASKED, boost="none", conditions=known)).proof.verdict == "PASS"
+    assert find_passing_design(model_by_hand(HEATER), replace(ASKED, boost="none", conditions=known)).proof.verdict == "PASS"
 
 
 @pytest.mark.long
 def test_a_boost_with_other_gains_mends_what_winds_up(library, rated_only):
     # at the rated power; with the other powers a setpoint ramp is chosen instead, and what winds up stays NOT PROVEN
     heater, wanted = _rated(HEATER, ASKED, rated_only)
-    found = closed(model_by_hand(heater), wanted)
+    found = find_passing_design(model_by_hand(heater), wanted)
     assert found.proof.verdict == "PASS"
     assert found.proof.words.boost is not None
-    assert found.wished.integral_time_s > 1.1 * closed(model_by_hand(heater), replace(wanted, as_is=True)).wished.integral_time_s
-    assert "TN times" in found.proof.heard.remarks[-1]
+    assert found.ideal.integral_time_s > 1.1 * find_passing_design(model_by_hand(heater), replace(wanted, as_is=True)).ideal.integral_time_s
+    assert "TN times" in found.proof.diagnostics.remarks[-1]
     told = [case for setting in SETTINGS for case in broken(library, HEATER, found, setting, 0)]
     assert not told, f"{told} is beyond the limit by more than {SLACK}"
 
@@ -71,17 +71,17 @@ def test_a_boost_with_other_gains_mends_what_winds_up(library, rated_only):
 def test_a_sum_that_is_kept_at_the_limit_is_found_where_the_setpoint_rises_on_the_way_back(library):
     """With D the sum grows beyond full power while the reading rises; at the limit OB251 keeps it (default settings)."""
     heater, wanted = asked(2, "s5-ob251")
-    wanted = replace(wanted, tuned=replace(wanted.tuned, ms=1.5, structure="pid"))
-    led = closed(model_by_hand(heater), replace(wanted, as_is=True, setpoint_ramp="auto"))
-    assert [finding.name for finding in led.proof.heard.findings] == ["stays-at-limit"]
+    wanted = replace(wanted, tune_settings=replace(wanted.tune_settings, ms=1.5, structure="pid"))
+    led = find_passing_design(model_by_hand(heater), replace(wanted, as_is=True, setpoint_ramp="auto"))
+    assert [finding.name for finding in led.proof.diagnostics.findings] == ["stays-at-limit"]
     assert _stuck(library, heater, led) == 3 * [("unlimited", "previous_call", "off")]  # the defaults, and with either other rounding or limit
     # a slower I part sums up less; it costs more under a load, so what would do without is told
-    mended = closed(model_by_hand(heater), wanted)
+    mended = find_passing_design(model_by_hand(heater), wanted)
     assert mended.proof.verdict == "PASS"
     assert _stuck(library, heater, mended) == []
     assert "It would pass with --switch sum=limited" in mended.notes[-1]
     known = replace(wanted, conditions=replace(wanted.conditions, switches={"sum": "limited"}))
-    cheap = closed(model_by_hand(heater), known)
+    cheap = find_passing_design(model_by_hand(heater), known)
     assert cheap.proof.verdict == "PASS"
     assert cheap.choice.search.realised.iae_load < mended.choice.search.realised.iae_load
 
@@ -125,11 +125,11 @@ def test_a_short_open_circuit_is_found_where_it_overshoots_most(library, rated_o
     conditions = replace(wanted.conditions, pwm_period_s=1.0, pwm_resolution_s=0.01, spec=rated_only)
     proof = prove(words, model_by_hand(heater), conditions)
     assert all(each.ok for each in proof.criteria)
-    assert [finding.name for finding in proof.heard.findings] == ["low-outage", "briefly-open"]
+    assert [finding.name for finding in proof.diagnostics.findings] == ["low-outage", "briefly-open"]
     share, length = _peak(library, heater, proof, conditions)
     assert 1.09 < share < 1.12 + 1e-3
     assert 1.2 < length < 1.8
-    assert "it overshoots by 44.9 %" in proof.heard.findings[1].told  # 40 % are allowed: 1.12 of them
+    assert "it overshoots by 44.9 %" in proof.diagnostics.findings[1].told  # 40 % are allowed: 1.12 of them
     # a fifth lower the sum at full power is farther from what holds the setpoint: the judge sees 1.24 of the limit at 2.2 TN
     share, length = _low_peak(library, heater, proof, conditions)
     assert share > 1.2
@@ -140,9 +140,9 @@ def test_a_short_open_circuit_is_found_where_it_overshoots_most(library, rated_o
 def test_other_words_keep_the_limit_after_a_short_open_circuit_too(library, rated_only):
     # at the rated power: at 121 % the plain words break limits of the test sequence itself (reheat overshoot: 47 %)
     heater, wanted = _rated(*asked(30, "s7-300"), rated_only)
-    plain = closed(model_by_hand(heater), replace(wanted, as_is=True))
-    assert [finding.name for finding in plain.proof.heard.findings] == ["low-outage", "briefly-open"]
-    mended = closed(model_by_hand(heater), wanted)
+    plain = find_passing_design(model_by_hand(heater), replace(wanted, as_is=True))
+    assert [finding.name for finding in plain.proof.diagnostics.findings] == ["low-outage", "briefly-open"]
+    mended = find_passing_design(model_by_hand(heater), wanted)
     assert mended.proof.verdict == "PASS"
     assert mended.notes[0].startswith("The optimum as asked for fails (reheat overshoot after a short open circuit)")
     for peak in (_peak, _low_peak):
@@ -158,12 +158,12 @@ def test_a_restart_of_a_warm_heater_is_found_and_other_words_keep_the_limit_ther
     words = Words(target="s7-200", values=values, scaling=wanted.scaling, sample_time_s=18.0)
     proof = prove(words, model_by_hand(heater), wanted.conditions)
     assert all(each.ok for each in proof.criteria)
-    assert [finding.name for finding in proof.heard.findings] == ["low-outage", "warm-restart"]
+    assert [finding.name for finding in proof.diagnostics.findings] == ["low-outage", "warm-restart"]
     assert _low_peak(library, heater, proof, wanted.conditions)[0] > 1.0
     share, way = _peak(library, heater, proof, wanted.conditions, restarts)
     assert 1.1 < share < 1.2
     assert 0.8 < way < 0.95, "of the way to the ambient"
-    mended = closed(model_by_hand(heater), wanted)
+    mended = find_passing_design(model_by_hand(heater), wanted)
     assert mended.proof.verdict == "PASS"
     assert _peak(library, heater, mended.proof, mended.conditions, restarts)[0] < SHORT_SLACK
     assert _low_peak(library, heater, mended.proof, mended.conditions)[0] < SHORT_SLACK

@@ -8,16 +8,16 @@ import pytest
 
 from heatertune.batch.zone import zone_row
 from heatertune.errors import NotRepresentable, UnknownName
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.intervals import Interval
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
-from heatertune.plc import choose, controller_for
-from heatertune.plc.choose import choose_words, search_document, tune_for_words
+from heatertune.plc import controller_for, word_selection
 from heatertune.plc.design import encode, tune
-from heatertune.proof.closing import Asked
+from heatertune.plc.word_selection import choose_words, search_document, tune_for_words
+from heatertune.proof.redesign import DesignRequest
 from heatertune.settings import Conditions, TuneSettings
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
@@ -135,9 +135,9 @@ def test_a_row_of_a_table_which_shows_no_drawn_heaters_draws_none(monkeypatch):
     def refuse(*_):
         raise AssertionError("drawn for nobody")
 
-    monkeypatch.setattr(choose, "draw_heaters", refuse)
-    row = zone_row("zone", lambda: _open(HEATER), Asked(
-        target="weg", tuned=TuneSettings(method="simc"), conditions=Conditions(setpoint_degC=40.0)))
+    monkeypatch.setattr(word_selection, "draw_heaters", refuse)
+    row = zone_row("zone", lambda: _open(HEATER), DesignRequest(
+        target="weg", tune_settings=TuneSettings(method="simc"), conditions=Conditions(setpoint_degC=40.0)))
     assert row["runs"] > 0, "the words were proven"
     with pytest.raises(AssertionError, match="for nobody"):
         search_document(choose_words(_optimum(HEATER, 4.0), "weg", _open(HEATER)), _open(HEATER))

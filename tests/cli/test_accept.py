@@ -8,9 +8,9 @@ import pytest
 
 from heatertune.documents import to_json
 from heatertune.model import document
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.findings import Finding
-from heatertune.model.values import Fopdt, Outcome
+from heatertune.model.manual_model import model_by_hand
+from heatertune.model.values import FitOutcome, Fopdt
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 
@@ -19,7 +19,7 @@ HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, 
 def pid(tmp_path, run):
     """A design for a heater whose fit leaves the dead time open, as `tune` writes it."""
     fitted = replace(
-        model_by_hand(HEATER), outcome=Outcome.IDENTIFIED, setpoint_degC=40.0, log_interval_s=2.0,
+        model_by_hand(HEATER), outcome=FitOutcome.IDENTIFIED, setpoint_degC=40.0, log_interval_s=2.0,
         least_dead_time_s=1.0, assumed={"sensor_delay_s": 0.5},
         findings=(Finding(name="dead-time-open", told="With one lag, the dead time has no upper end within the log."),),
     )

@@ -11,8 +11,8 @@ from tests.bench.documents import write_all
 
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Certificate, Ramp, Scaling, controller_for
-from heatertune.proof.difference import Given, Side, difference, read_sides
-from heatertune.proof.document import digested
+from heatertune.proof.difference import DeclaredWords, Side, difference, read_sides
+from heatertune.proof.document import with_digest
 from heatertune.report.difference import difference_lines
 
 DESIGN = PidDesign(gain_pct_per_degC=2.0, integral_time_s=200.0, derivative_time_s=0.0, sample_time_s=5.0, structure="pi", method="")
@@ -112,12 +112,12 @@ def test_a_design_with_its_recipe_becomes_the_words_that_were_proven(run, proven
     document = json.loads((proven / "pid.json").read_text())
     recipe = {"target": "s5-ob251", "range_degC": [0.0, 150.0], "words_by": "rounded", "power_most_pct": 80.0, "conditions": {}}
     (tmp_path / "pid.json").write_text(json.dumps(document | {"made_for": recipe}))
-    a, _ = read_sides(tmp_path / "pid.json", proven, Given())
+    a, _ = read_sides(tmp_path / "pid.json", proven, DeclaredWords())
     assert (a.kind, a.taken_over, a.words.scaling.high_degC) == ("design", (), 150.0)
     assert a.words.values["BGOG"] == 1638  # 80 % of 2047 units
-    rounded, _ = read_sides(tmp_path / "pid.json", proven, Given(sensor_degC=(0.0, 100.0)))  # the user's range
+    rounded, _ = read_sides(tmp_path / "pid.json", proven, DeclaredWords(sensor_degC=(0.0, 100.0)))  # the user's range
     assert (rounded.words.scaling, rounded.words.values["BGOG"]) == (Scaling(), 1638)
-    other, _ = read_sides(tmp_path / "pid.json", tmp_path / "pid.json", Given(target="weg"))
+    other, _ = read_sides(tmp_path / "pid.json", tmp_path / "pid.json", DeclaredWords(target="weg"))
     assert other.words.values["MaximumOutput"] == 100.0  # a recipe of another controller says nothing of this one
 
 
@@ -126,7 +126,7 @@ def test_two_proofs_are_compared_in_their_conditions(run, proven, tmp_path):
     assert _document(run, proven, copy)["conditions"] == []
     proof = json.loads((copy / "proof.json").read_text())
     proof["remarks"] = ["another"]
-    (copy / "proof.json").write_text(json.dumps(digested(proof)))
+    (copy / "proof.json").write_text(json.dumps(with_digest(proof)))
     document = _document(run, proven, copy)
     assert (document["same"], document["conditions"]) == (True, ["the remarks"])
     assert [covers["covers"] for covers in document["proofs"]] == [True, True]
@@ -177,11 +177,11 @@ def test_a_ramp_is_known_of_words_and_taken_over_for_a_memory(tmp_path):
     document = {"schema": "heatertune/words/1", "target": "s7-200", "words": dict(words.values), "sample_time_s": words.sample_time_s,
                 "scaling": {"low_degC": 0.0, "high_degC": 100.0}, "setpoint_ramp": {"step": 1, "calls": 3}}
     (tmp_path / "words.json").write_text(json.dumps(document))
-    a, b = read_sides(tmp_path, tmp_path / "program.awl", Given())
+    a, b = read_sides(tmp_path, tmp_path / "program.awl", DeclaredWords())
     assert difference(a, b)["same"]  # the ramp's statements are in the program, and the same
     assert b.words.ramp == words.ramp
     (tmp_path / "words.json").write_text(json.dumps(document | {"setpoint_ramp": {"step": 2, "calls": 3}}))
-    a, b = read_sides(tmp_path, tmp_path / "program.awl", Given())
+    a, b = read_sides(tmp_path, tmp_path / "program.awl", DeclaredWords())
     document = difference(replace(a, proof=PROVEN), b)
     assert (document["same"], document["around"]) == (False, ["program around the words"])
     assert document["proofs"][0]["why_not"] == ["program around the words"]
@@ -195,7 +195,7 @@ def test_a_program_that_was_changed_is_not_covered(tmp_path):
     text = controller.export(words, Certificate(verdict="PASS"))["s7_200_program.awl"]
     (tmp_path / "program.awl").write_text(text.replace("\tENI\r\n", ""))
     a = Side(source="a", kind="words", words=words, proof=PROVEN)
-    _, b = read_sides(tmp_path / "program.awl", tmp_path / "program.awl", Given(target="s7-200"))
+    _, b = read_sides(tmp_path / "program.awl", tmp_path / "program.awl", DeclaredWords(target="s7-200"))
     document = difference(a, b)
     assert (document["same"], document["words"], document["proofs"][0]["covers"]) == (False, [], False)
     assert "not the one that is exported" in document["b"]["notes"][0]

@@ -64,7 +64,7 @@ def test_a_package_that_cannot_be_imported_is_broken(monkeypatch):
     monkeypatch.setattr(doctor, "import_module", broken)
     found = doctor._package("scipy", "1.11")
     assert not found.ok
-    assert "RuntimeError: compiled for another numpy" in found.found
+    assert "RuntimeError: compiled for another numpy" in found.value
 
 
 def test_a_casadi_without_ipopt_is_broken_and_so_is_one_that_errs(monkeypatch):
@@ -73,11 +73,11 @@ def test_a_casadi_without_ipopt_is_broken_and_so_is_one_that_errs(monkeypatch):
 
     monkeypatch.setattr(casadi, "nlpsol", without)
     assert not doctor._ipopt().ok
-    assert "not found" in doctor._ipopt().found
+    assert "not found" in doctor._ipopt().value
     # one that solves, but wrongly: x = 3 breaks the bound x <= 2
     monkeypatch.setattr(casadi, "nlpsol", lambda *_: lambda **_: {"x": 3.0})
     assert not doctor._ipopt().ok
-    assert doctor._ipopt().needed
+    assert doctor._ipopt().required
 
 
 def test_missing_tables_are_a_fail(monkeypatch):
@@ -86,57 +86,57 @@ def test_missing_tables_are_a_fail(monkeypatch):
 
     monkeypatch.setattr(tables, "_folder", missing)
     found = doctor._tables()
-    assert (found.ok, found.needed) == (False, True)
+    assert (found.ok, found.required) == (False, True)
 
 
 def test_a_cache_that_cannot_be_written_is_told_but_no_fail(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path / "file" / "cache"))
     found = doctor._results()
-    assert (found.ok, found.needed) == (False, False)
+    assert (found.ok, found.required) == (False, False)
     assert doctor.document([found])["well"]
     monkeypatch.setenv("HEATERTUNE_CACHE", "")
-    assert doctor._results().found == "switched off"
+    assert doctor._results().value == "switched off"
     assert cache.folder() is None
 
 
 def test_where_no_result_is_kept_machine_code_still_is(monkeypatch, tmp_path):
     # a worker of a fleet keeps no zone's results, but must not compile the loop anew
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path))
-    with cache.unused():
-        assert cache.cached("stage", {"a": 1}, lambda: {"b": 2}, dict) == {"b": 2}
+    with cache.cache_disabled():
+        assert cache.load_or_compute("stage", {"a": 1}, lambda: {"b": 2}, dict) == {"b": 2}
         assert cache.folder() == tmp_path
     assert not list(tmp_path.iterdir())
-    cache.cached("stage", {"a": 1}, lambda: {"b": 2}, dict)
-    with cache.unused():
-        assert cache.cached("stage", {"a": 1}, lambda: {"b": 3}, dict) == {"b": 3}, "nothing is read either"
+    cache.load_or_compute("stage", {"a": 1}, lambda: {"b": 2}, dict)
+    with cache.cache_disabled():
+        assert cache.load_or_compute("stage", {"a": 1}, lambda: {"b": 3}, dict) == {"b": 3}, "nothing is read either"
 
 
 def test_the_cache_counts_what_it_keeps(monkeypatch, tmp_path):
     place = tmp_path / "not" / "yet"
     monkeypatch.setenv("HEATERTUNE_CACHE", str(place))
     assert doctor._results().ok, "it can be made"
-    cache.cached("stage", {"a": 1}, lambda: {"b": 2}, dict)
-    assert "1 results, 0.0 MB" in doctor._results().found
+    cache.load_or_compute("stage", {"a": 1}, lambda: {"b": 2}, dict)
+    assert "1 results, 0.0 MB" in doctor._results().value
 
 
 def test_compiled_code_is_warm_once_something_of_it_is_kept(monkeypatch, tmp_path):
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path))
-    assert "cold" in doctor._compiled().found
+    assert "cold" in doctor._compiled().value
     for name in ("compiled-1/_simulate-0123456789abcdef.code", "compiled-2/price-0123456789abcdef.code"):
         (tmp_path / name).parent.mkdir(parents=True)
         (tmp_path / name).write_bytes(bytes(150_000))
     told = doctor._compiled()
     assert told.ok
-    assert told.found == f"{tmp_path}; warm, 2 functions, 0.3 MB"
+    assert told.value == f"{tmp_path}; warm, 2 functions, 0.3 MB"
     monkeypatch.setenv("HEATERTUNE_CACHE", "")
-    assert doctor._compiled().found == "switched off: every process compiles"
+    assert doctor._compiled().value == "switched off: every process compiles"
 
 
 def test_a_missing_extra_is_told_but_no_fail(monkeypatch):
     monkeypatch.setattr(doctor, "_installed", lambda name: name != "jupyterlab")
     found = _by_name(doctor._extras())
-    assert found["extra notebook"].found == "missing: jupyterlab"
+    assert found["extra notebook"].value == "missing: jupyterlab"
     assert found["extra notebook"].remedy == "pip install 'heatertune[notebook]'"
-    assert not found["extra notebook"].needed
+    assert not found["extra notebook"].required
     assert found["extra test"].ok

@@ -9,12 +9,12 @@ from tests.conftest import ROOT, heater_log
 
 from heatertune.batch.zone import zone_row
 from heatertune.errors import DocumentError, InputError
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Boost, Scaling, Words
-from heatertune.proof.closing import Asked, closed
-from heatertune.proof.drawn import sample_document
-from heatertune.proof.verdict import combined, verdict_line
+from heatertune.proof.monte_carlo.run import sample_document
+from heatertune.proof.redesign import DesignRequest, find_passing_design
+from heatertune.proof.verdict import combined_verdict, verdict_line
 from heatertune.report.text import outcome_lines
 from heatertune.settings import Conditions, FitSettings, ReadSettings, SampleSettings, TuneSettings
 
@@ -177,7 +177,7 @@ def test_a_log_that_vanished_is_a_row(logs):
     from heatertune.batch.fleets import _fitted, _sent  # noqa: PLC0415 - the slow libraries, beside their only use
     from heatertune.batch.zone import zone_row  # noqa: PLC0415
 
-    row = zone_row("gone.csv", lambda: _fitted({"read": ReadSettings(), "fitted_with": FitSettings()}, _sent(str(logs), "gone.csv")), Asked(target="weg"))
+    row = zone_row("gone.csv", lambda: _fitted({"read": ReadSettings(), "fitted_with": FitSettings()}, _sent(str(logs), "gone.csv")), DesignRequest(target="weg"))
     assert row == {"name": "gone.csv", "outcome": "no log", "reason": "gone.csv: cannot be read: No such file or directory"}
 
 
@@ -196,13 +196,13 @@ def test_a_log_of_any_name_is_a_row_and_one_that_changed_is_done_again(tmp_path)
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        fleet(folder, ZoneSettings(asked=Asked(target="s7-300")), out=out, workers=stopped)
+        fleet(folder, ZoneSettings(request=DesignRequest(target="s7-300")), out=out, workers=stopped)
     (folder / "d.csv").write_text("")
 
     def here(chunks, do):
         yield from ((chunk, do(chunk.cases)) for chunk in chunks)
 
-    summary = fleet(folder, ZoneSettings(asked=Asked(target="s7-300")), out=out, workers=here, resume=True)
+    summary = fleet(folder, ZoneSettings(request=DesignRequest(target="s7-300")), out=out, workers=here, resume=True)
     assert summary["done_again"] == 1
     assert "changed since the run that was stopped: 1" in outcome_lines(summary)
     rows = pyarrow.parquet.read_table(out).to_pylist()
@@ -216,7 +216,7 @@ def test_a_fleet_is_not_resumed_under_a_specification_that_has_changed_and_a_mis
 
     (tmp_path / "a.csv").write_text("no log")
     spec = tmp_path / "spec.toml"
-    asked, out = Asked(target="s7-300", conditions=Conditions(spec=str(spec))), tmp_path / "fleet.parquet"
+    asked, out = DesignRequest(target="s7-300", conditions=Conditions(spec=str(spec))), tmp_path / "fleet.parquet"
 
     def stopped(chunks, do):
         for chunk in chunks:
@@ -224,13 +224,13 @@ def test_a_fleet_is_not_resumed_under_a_specification_that_has_changed_and_a_mis
         raise KeyboardInterrupt
 
     with pytest.raises(DocumentError, match=r"spec\.toml: cannot be read"):
-        fleet(tmp_path / "a.csv", ZoneSettings(asked=asked), out=out, workers=stopped)
+        fleet(tmp_path / "a.csv", ZoneSettings(request=asked), out=out, workers=stopped)
     spec.write_text('[limits]\novershoot = "5 %"\n')
     with pytest.raises(KeyboardInterrupt):
-        fleet(tmp_path / "a.csv", ZoneSettings(asked=asked), out=out, workers=stopped)
+        fleet(tmp_path / "a.csv", ZoneSettings(request=asked), out=out, workers=stopped)
     spec.write_text('[limits]\novershoot = "50 %"\n')
     with pytest.raises(InputError, match="specification"):
-        fleet(tmp_path / "a.csv", ZoneSettings(asked=asked), out=out, workers=stopped, resume=True)
+        fleet(tmp_path / "a.csv", ZoneSettings(request=asked), out=out, workers=stopped, resume=True)
 
 
 def test_a_fleet_and_a_study_are_not_resumed_along_a_profile_that_has_changed(tmp_path, monkeypatch):
@@ -243,12 +243,12 @@ def test_a_fleet_and_a_study_are_not_resumed_along_a_profile_that_has_changed(tm
     log.write_text("no log")
     cases.write_text("[fixed]\ngain_degC_per_pct = 1\ntime_constant_s = 100\ndead_time_s = 5\ntarget = 'weg'\n"
                      f"[grid]\nprofile = ['{firing.as_posix()}']\n")
-    asked = Asked(target="s7-300", conditions=Conditions(profile=str(firing)))
+    asked = DesignRequest(target="s7-300", conditions=Conditions(profile=str(firing)))
     with pytest.raises(DocumentError, match=r"firing\.csv: cannot be read"):
-        fleets.fleet(log, fleets.ZoneSettings(asked=asked), out=tmp_path / "fleet.parquet", workers=None)
+        fleets.fleet(log, fleets.ZoneSettings(request=asked), out=tmp_path / "fleet.parquet", workers=None)
     for soak in (10, 10, 11):
         firing.write_text(f"target [degC],ramp [degC/h],soak [min]\n60,100,{soak}\n")
-        fleets.fleet(log, fleets.ZoneSettings(asked=asked), out=tmp_path / "fleet.parquet", workers=None)
+        fleets.fleet(log, fleets.ZoneSettings(request=asked), out=tmp_path / "fleet.parquet", workers=None)
         studies.study(cases, out=tmp_path / "study.parquet", workers=None)
     assert seen[:2] == seen[2:4]
     assert seen[0] != seen[4]
@@ -259,19 +259,19 @@ def test_a_fleet_and_a_study_are_not_resumed_along_a_profile_that_has_changed(tm
 def test_a_zone_is_proven_on_drawn_heaters_too():
     # the samples of `verify --samples` on the same words: chain.samples, whose figures tests/proof/test_compiled.py holds
     heater = model_by_hand(Fopdt(gain_degC_per_pct=0.5, time_constant_s=120.0, dead_time_s=10.0, ambient_degC=20.0))
-    asked = Asked(target="weg", tuned=TuneSettings(method="simc"), setpoint_ramp="none")
-    plain, row = zone_row("zone", lambda: heater, asked), zone_row("zone", lambda: heater, replace(asked, drawn=SAMPLES))
+    asked = DesignRequest(target="weg", tune_settings=TuneSettings(method="simc"), setpoint_ramp="none")
+    plain, row = zone_row("zone", lambda: heater, asked), zone_row("zone", lambda: heater, replace(asked, sample_settings=SAMPLES))
     boost = Boost(within_degC=row["boost_within_degC"], again_degC=row["boost_again_degC"])  # of words, its switch's, too
     words = Words(target="weg", values=json.loads(row["words"]), scaling=Scaling(), sample_time_s=row["sample_time_s"], boost=boost)
     found = sample_document(words, heater, 20)
     assert row["samples"] == 20
     assert row["samples_passing_pct"] == 100.0 * found["passing"]
     assert row["samples_worst_seed"] == found["worst_seed"]
-    assert row["outcome"] == combined([plain["outcome"], found["verdict"]])
+    assert row["outcome"] == combined_verdict([plain["outcome"], found["verdict"]])
     assert "samples" not in plain
     # a load nobody can hold: power goes with the square of a mains voltage that is far too low on most samples
     weak = model_by_hand(Fopdt(gain_degC_per_pct=0.26, time_constant_s=120.0, dead_time_s=10.0, ambient_degC=20.0))
-    failed = zone_row("weak", lambda: weak, replace(asked, conditions=Conditions(setpoint_degC=44.0), drawn=SAMPLES))
+    failed = zone_row("weak", lambda: weak, replace(asked, conditions=Conditions(setpoint_degC=44.0), sample_settings=SAMPLES))
     assert failed["outcome"] == "FAIL"
     assert "13 of 20 samples keep every limit under every setting, so at most 82.27 % of all do" in failed["reason"]
 
@@ -282,8 +282,8 @@ def test_drawn_heaters_are_switched_as_the_proof_was():
     heater = model_by_hand(Fopdt(gain_degC_per_pct=1.0, time_constant_s=38.0, dead_time_s=11.0, ambient_degC=20.0))
     conditions = Conditions(setpoint_degC=60.0, tolerance_degC=0.8)
     # no ramp, which Words below would have to hold, too
-    asked = Asked(target="s7-300", conditions=conditions, tuned=TuneSettings(sample_time_s=2.0), setpoint_ramp="none")
-    row = zone_row("zone", lambda: heater, replace(asked, drawn=SAMPLES))
+    asked = DesignRequest(target="s7-300", conditions=conditions, tune_settings=TuneSettings(sample_time_s=2.0), setpoint_ramp="none")
+    row = zone_row("zone", lambda: heater, replace(asked, sample_settings=SAMPLES))
     assert row["pwm_period_s"] < row["sample_time_s"] == 2.0
     words = Words(target="s7-300", values=json.loads(row["words"]), scaling=Scaling(), sample_time_s=row["sample_time_s"])
     assert sample_document(words, heater, 20, conditions)["passing"] == 0.0
@@ -301,14 +301,14 @@ def test_drawn_heaters_are_switched_as_the_proof_was():
 ])
 def test_a_row_says_what_the_single_command_says(heater, target, conditions, outcome, says):
     # the witness is the verdict's line as `design` prints it of the same question
-    asked = Asked(target=target, conditions=conditions, tuned=TuneSettings(sample_time_s=6.0 if target == "weg" else 2.0))
+    asked = DesignRequest(target=target, conditions=conditions, tune_settings=TuneSettings(sample_time_s=6.0 if target == "weg" else 2.0))
     row = zone_row("zone", lambda: model_by_hand(heater), asked)
-    single = closed(model_by_hand(heater), asked).proof.to_document()
+    single = find_passing_design(model_by_hand(heater), asked).proof.to_document()
     line = verdict_line(single)
     assert (row["outcome"], single["verdict"]) == (outcome, outcome)
     assert says in row["remarks"]
     if outcome == "FAIL":  # what it names passes when it is followed
-        assert closed(model_by_hand(heater), replace(asked, tuned=TuneSettings())).proof.verdict == "PASS"
+        assert find_passing_design(model_by_hand(heater), replace(asked, tune_settings=TuneSettings())).proof.verdict == "PASS"
     assert all(remark in line for remark in row["remarks"].split("; "))
     ramp = single["setpoint_ramp"]
     assert (row["ramp_degC_per_min"], row["hold_degC"]) == (
@@ -321,7 +321,7 @@ def test_a_fault_of_the_program_is_a_row():
     def broken():
         raise ZeroDivisionError("float division by zero")
 
-    assert zone_row("oven.csv", broken, Asked(target="weg")) == {
+    assert zone_row("oven.csv", broken, DesignRequest(target="weg")) == {
         "name": "oven.csv", "outcome": "crashed", "reason": "no fit: ZeroDivisionError: float division by zero"}
 
 

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from heatertune.model.relay.relay import Relay, simulate_relay
+from heatertune.model.relay.relay import TwoLevelRelay, simulate_relay
 from heatertune.model.response import Schedule, rise, rows_of
 from heatertune.model.values import Fopdt
 
@@ -147,7 +147,7 @@ def test_a_model_and_ranges_together_are_refused(run, tmp_path):
 @pytest.mark.long
 def test_fit_says_that_a_log_is_a_relay_test(run, tmp_path):
     heater = Fopdt(gain_degC_per_pct=0.4, time_constant_s=100.0, dead_time_s=10.0, ambient_degC=20.0)
-    schedule = simulate_relay(heater, Relay(setpoint_degC=38.0, hysteresis_degC=0.5, high_pct=80.0), 700.0, sample_time_s=2.0)
+    schedule = simulate_relay(heater, TwoLevelRelay(setpoint_degC=38.0, hysteresis_degC=0.5, high_pct=80.0), 700.0, sample_time_s=2.0)
     time = np.arange(0.0, 760.0, 2.0)
     power = np.where(time < 60.0, 0.0, schedule.at(time - 60.0))
     temperature = 20.0 + np.where(time < 60.0, 0.0, rise(rows_of([heater]), schedule, np.clip(time - 60.0, 0.0, None))[0])

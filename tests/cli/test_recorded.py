@@ -5,10 +5,10 @@ from argparse import Namespace
 
 import pytest
 
-from heatertune.cli.recorded import in_force
+from heatertune.cli.saved_design import in_force
 from heatertune.errors import InputError
-from heatertune.pid.recipe import Recipe
-from heatertune.proof.recipes import scaling_of
+from heatertune.pid.design_provenance import DesignProvenance
+from heatertune.proof.rebuild_words import scaling_of
 from heatertune.settings import Conditions
 
 #: a long dead time and an optimum with little robustness: in the paper's story it overshoots, and a ramp mends that
@@ -83,7 +83,7 @@ def test_another_controller_gets_the_conditions_and_not_what_belongs_to_the_word
 
 
 def test_the_range_of_a_module_in_degrees_is_that_modules_alone():
-    said = Recipe(target="s7-300", input="thermocouple", range_degC=(0.0, 2764.8), conditions=Conditions(setpoint_degC=60.0))
+    said = DesignProvenance(target="s7-300", input="thermocouple", range_degC=(0.0, 2764.8), conditions=Conditions(setpoint_degC=60.0))
 
     def taken(target, **sensor):
         return in_force(Namespace(target=target, faithful=False, **sensor), said, "pid.json")

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from heatertune.documents import to_json
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import to_document
 from heatertune.model.intervals import Interval
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 
 

@@ -188,14 +188,14 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
     assert (seen["heater"].gain_degC_per_pct, *seen["heater"].lags_s) == (0.5, 100.0, 9.0)
     assert (seen["heater"].dead_time_s, seen["heater"].ambient_degC) == (5.0, 21.0)
     asked = seen["asked"]
-    assert (asked.target, asked.words_by, asked.as_is, asked.drawn.samples) == ("fb41", "rounded", True, None)
+    assert (asked.target, asked.words_by, asked.as_is, asked.sample_settings.samples) == ("fb41", "rounded", True, None)
     assert (asked.scaling.low_degC, asked.scaling.high_degC, asked.scaling.input) == (10.0, 90.0, "4-20mA")
-    for part in (asked.tuned, asked.conditions):
+    for part in (asked.tune_settings, asked.conditions):
         assert asdict(part) == {name: settings.get(name, ()) for name in asdict(part)}
     assert "accept" not in KEYS
     alone = {name: value for name, value in settings.items() if name not in ("interlock", "limit_degC", "fan_stops_s")}
     studies._row(ROOT, studies.Case(4, "five", alone | {"samples": 3}, None))
-    assert seen["asked"].drawn == SampleSettings(samples=3)
+    assert seen["asked"].sample_settings == SampleSettings(samples=3)
     studies._row(ROOT / "any", studies.Case(5, "six", settings | {"spec": "own.toml"}, None))
     assert seen["asked"].conditions.spec == str(ROOT / "any" / "own.toml")  # beside the study, as its logs
 

@@ -13,8 +13,8 @@ from types import SimpleNamespace
 import pytest
 
 from heatertune.cli import COMMANDS, main, parser, printing, terminal
-from heatertune.cli.line import Line
 from heatertune.cli.parsing import again
+from heatertune.cli.progress_line import Line
 from heatertune.errors import InputError
 from heatertune.plc import TARGETS
 
@@ -33,10 +33,10 @@ def colourful(monkeypatch):
 
 def test_a_verdict_is_painted_on_a_terminal_and_nowhere_else(colourful):
     # ECMA-48, 8.3.117 SGR: 1 bold, 31 red, 32 green, 0 back to normal
-    assert terminal.painted("VERDICT PASS", colourful) == "VERDICT \033[1;32mPASS\033[0m"
-    assert terminal.painted("ms  2.3  FAIL  x", colourful) == "ms  2.3  \033[1;31mFAIL\033[0m  x"
-    assert terminal.painted("PASSED FAILED", colourful) == "PASSED FAILED"
-    assert terminal.painted("VERDICT PASS", io.StringIO()) == "VERDICT PASS"
+    assert terminal.colourise("VERDICT PASS", colourful) == "VERDICT \033[1;32mPASS\033[0m"
+    assert terminal.colourise("ms  2.3  FAIL  x", colourful) == "ms  2.3  \033[1;31mFAIL\033[0m  x"
+    assert terminal.colourise("PASSED FAILED", colourful) == "PASSED FAILED"
+    assert terminal.colourise("VERDICT PASS", io.StringIO()) == "VERDICT PASS"
 
 
 def test_no_color_and_a_dumb_terminal_switch_the_paint_off(colourful, monkeypatch):
@@ -77,7 +77,7 @@ def test_json_and_a_pipe_have_no_escapes(run, by_hand):
 def line(monkeypatch):
     """A terminal's line that moves, drawn by hand."""
     err = _Terminal()
-    monkeypatch.setattr("heatertune.cli.line.sys", SimpleNamespace(stderr=err))
+    monkeypatch.setattr("heatertune.cli.progress_line.sys", SimpleNamespace(stderr=err))
     monkeypatch.setattr(printing.LINE, "_beat", lambda _: None)
     yield err
     printing.LINE.end()
@@ -148,8 +148,8 @@ def test_the_line_lives_by_itself_while_something_takes_long(monkeypatch):
                 drawn.set()
             return super().write(text)
 
-    monkeypatch.setattr("heatertune.cli.line.sys", SimpleNamespace(stderr=_Waits()))
-    monkeypatch.setattr("heatertune.cli.line._BEAT_S", 0.001)
+    monkeypatch.setattr("heatertune.cli.progress_line.sys", SimpleNamespace(stderr=_Waits()))
+    monkeypatch.setattr("heatertune.cli.progress_line._BEAT_S", 0.001)
     line.show(lambda: str(next(texts)))
     assert drawn.wait(10.0)
     line.end()

@@ -8,8 +8,8 @@ import pytest
 from tests.model.twins import doublet, logged
 
 from heatertune.documents import to_json
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import to_document
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for

@@ -12,7 +12,7 @@ from tests.docs.blocks import DOCS, INSTALL, PAGES, blocks, differences, run
 from tests.docs.pictures import PICTURES, said
 
 from heatertune.cli import COMMANDS
-from heatertune.live.places import places_in
+from heatertune.live.signal_map import places_in
 from heatertune.model.findings import KINDS
 from heatertune.plc import TARGETS
 from heatertune.proof.spec_file import read_spec

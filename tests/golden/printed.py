@@ -8,8 +8,8 @@ pulse width SMW70.
 from typing import NamedTuple
 
 from heatertune.plc import controller_for
-from heatertune.plc.cpu.s7_200.arithmetic import added, divided, high_word, multiplied, signed
-from heatertune.plc.s7_200_paper.step import Assumptions
+from heatertune.plc.cpu.s7_200.arithmetic import add_integers, divide_integers, high_word, multiply_integers, to_signed
+from heatertune.plc.s7_200_paper.step import S7200PaperAssumptions
 
 FIRST_EDGE = 3  # S Q0.0,1 reaches I0.0 behind its input filter, some scans after the first
 _UNLOADED = 2  # cycle of the generator without a cycle time [ms]: "less than 2 units → 2 units"
@@ -31,7 +31,7 @@ class Constants(NamedTuple):
     t: int
     cycle_ms: int
     pot1: int
-    assume: Assumptions = Assumptions()
+    assume: S7200PaperAssumptions = S7200PaperAssumptions()
 
 
 class Memory(NamedTuple):
@@ -80,26 +80,26 @@ def scan(c: Constants, m: Memory, setpoint: int, reading: int, cycle_start: bool
     m = counted(m)
     if rises(c, m, cycle_start):
         m = _output_interrupt(c, m)
-    word, flag_0 = added(_in_high_byte(setpoint, c.pot1), -_in_high_byte(reading, 0), 16, c.assume.wrap)
+    word, flag_0 = add_integers(_in_high_byte(setpoint, c.pot1), -_in_high_byte(reading, 0), 16, c.assume.wrap)
     previous = m.error
-    ac0 = multiplied(c.kp, previous)
-    ac1, flag_1 = added(previous, word, 16, c.assume.wrap)
-    ac1 = multiplied(c.t, multiplied(c.ki, ac1))  # the second MUL reads the low word of the first one's product
-    ac0, flag_2 = added(ac0, ac1, 32, c.assume.wrap)
-    ac1, flag_3 = added(word, -previous, 16, c.assume.wrap)
-    ac1, zero = divided(multiplied(c.kd, ac1), c.t)  # the remainder stays in the high word
-    ac0, flag_4 = added(ac0, ac1, 32, c.assume.wrap)
+    ac0 = multiply_integers(c.kp, previous)
+    ac1, flag_1 = add_integers(previous, word, 16, c.assume.wrap)
+    ac1 = multiply_integers(c.t, multiply_integers(c.ki, ac1))  # the second MUL reads the low word of the first one's product
+    ac0, flag_2 = add_integers(ac0, ac1, 32, c.assume.wrap)
+    ac1, flag_3 = add_integers(word, -previous, 16, c.assume.wrap)
+    ac1, zero = divide_integers(multiply_integers(c.kd, ac1), c.t)  # the remainder stays in the high word
+    ac0, flag_4 = add_integers(ac0, ac1, 32, c.assume.wrap)
     overflow = m.overflow or flag_0 or flag_1 or flag_2 or flag_3 or flag_4
     return Memory(word, previous, high_word(ac0), m.width, m.applied, m.scans, overflow, zero)
 
 
 def _output_interrupt(c: Constants, m: Memory) -> Memory:
     """Network 12: add, limit to the cycle, limit to zero, PLS."""
-    width, overflow = added(m.width, m.change, 16, c.assume.wrap)
+    width, overflow = add_integers(m.width, m.change, 16, c.assume.wrap)
     width = c.cycle_ms if width >= c.cycle_ms else max(width, 0)
     applied = m.width if c.assume.next_cycle else width
     return Memory(m.error, m.previous, m.change, width, applied, m.scans, overflow, m.zero_division)
 
 
 def _in_high_byte(byte: int, low: int) -> int:
-    return signed(256 * (byte & 0xFF) + (low & 0xFF), 16)
+    return to_signed(256 * (byte & 0xFF) + (low & 0xFF), 16)

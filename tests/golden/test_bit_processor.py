@@ -13,9 +13,16 @@ from hypothesis import strategies as st
 from heatertune.errors import InputError, OutOfRange
 from heatertune.plc.cpu.one_bit import programs as p
 from heatertune.plc.cpu.one_bit.assembler import Names, assemble, disassemble
-from heatertune.plc.cpu.one_bit.instructions import MNEMONICS, Instruction, Op, Program, from_image, from_words
-from heatertune.plc.cpu.one_bit.machine import MOST_STEPS, START, State, Wiring, scan
-from heatertune.plc.cpu.one_bit.microprogram import OFF, ROM, Unit, clock
+from heatertune.plc.cpu.one_bit.instructions import (
+    MNEMONICS,
+    OneBitInstruction,
+    OneBitProgram,
+    Op,
+    from_image,
+    from_words,
+)
+from heatertune.plc.cpu.one_bit.machine import MOST_STEPS, START, OneBitState, Wiring, scan
+from heatertune.plc.cpu.one_bit.microprogram import OFF, ROM, ControlUnit, clock
 
 BITS = [False, True]
 
@@ -60,7 +67,7 @@ def _run(text, names, inputs, *, outputs=0, operand_bits=5, **kept):
     """One scan of a listing; inputs: name → bool."""
     wiring = Wiring(inputs=frozenset(names.bits[name] for name in inputs))
     on = frozenset(names.bits[name] for name, value in inputs.items() if value)
-    return scan(assemble(text, names, operand_bits=operand_bits), wiring, State(outputs=outputs), on=on, **kept)
+    return scan(assemble(text, names, operand_bits=operand_bits), wiring, OneBitState(outputs=outputs), on=on, **kept)
 
 
 def test_every_instruction_has_the_printed_code():
@@ -196,7 +203,7 @@ def test_the_microprogram_is_the_state_diagram_of_figure_3(state, inputs):
     values = dict(zip("ABCD", inputs, strict=True))
     name, *following = FIGURE_3[state]
     expected = following[values[name]]
-    assert clock(Unit(CODES[state]), values) == (CODES[expected], *OUTPUTS[expected])
+    assert clock(ControlUnit(CODES[state]), values) == (CODES[expected], *OUTPUTS[expected])
 
 
 def test_table_1_is_the_rom():
@@ -204,7 +211,7 @@ def test_table_1_is_the_rom():
     table = "010 0100, 011 1000, 100 1010, 101 1110, 110 0011, 111 0111, 000 0111, 001 1111"
     rows = [row.split() for row in table.split(", ")]
     assert {int(address, 2): int(data, 2) for address, data in rows} == dict(enumerate(ROM))
-    assert Unit() == (OFF, False, False)
+    assert ControlUnit() == (OFF, False, False)
 
 
 def _delay(steps, delay_ms=500):
@@ -257,7 +264,7 @@ TWO_LEVEL_WIRING = Wiring(results={1: -1, 2: 1})
 def test_example_3_as_printed_is_a_heaters_control(out):
     program = assemble(p.TWO_LEVEL, p.TWO_LEVEL_NAMES, operand_bits=4)
     for reading in range(256):
-        after = scan(program, TWO_LEVEL_WIRING, State(outputs=int(out)), registers=(reading, 150, 50))
+        after = scan(program, TWO_LEVEL_WIRING, OneBitState(outputs=int(out)), registers=(reading, 150, 50))
         # erratum: the text switches on at 150 and off at 50; AC1 is the number loaded last, so the listing resets
         # above 150 and sets below 50, and at both numbers themselves it does nothing
         assert after.is_on(0) == (False if reading > 150 else True if reading < 50 else out)
@@ -287,7 +294,7 @@ def test_a_series_of_tests_is_the_logical_product_and_each_series_begins_anew(va
 def test_conditional_instructions_look_at_the_flip_flop_and_others_do_not(cff):
     def changed(instruction, outputs=0):
         text = f"Test 0\n{instruction}"
-        after = scan(assemble(text, Names(), operand_bits=4), Wiring(inputs=frozenset([0])), State(outputs=outputs),
+        after = scan(assemble(text, Names(), operand_bits=4), Wiring(inputs=frozenset([0])), OneBitState(outputs=outputs),
                      on=frozenset([0] if cff else []))
         return after.outputs != outputs
 
@@ -325,7 +332,7 @@ def test_an_endless_scan_is_cut_and_flagged_and_the_next_begins_at_line_0():
     assert (after.endless, after.is_on(1)) == (True, True)
     assert MOST_STEPS >= 2 * 32, "a scan through the largest ROM here is not cut"
     assert not scan(assemble("NOP\n" * 16, Names(), operand_bits=4), Wiring(), START).endless
-    assert scan(Program(operand_bits=4, lines=()), Wiring(), START) == START
+    assert scan(OneBitProgram(operand_bits=4, lines=()), Wiring(), START) == START
 
 
 def test_inputs_timers_and_results_cannot_be_overwritten():
@@ -339,7 +346,7 @@ def test_inputs_timers_and_results_cannot_be_overwritten():
 def test_a_scan_is_total_and_pure(words, on, outputs, registers):
     program = from_words(tuple(words), 4)
     wiring = Wiring(inputs=frozenset([0, 1]), timers={2: 30}, counters={3: 2}, results={4: -1, 5: 1})
-    state = State(outputs=outputs)
+    state = OneBitState(outputs=outputs)
     for _ in range(3):
         after = scan(program, wiring, state, on=on, registers=registers, elapsed_ms=20)
         assert scan(program, wiring, state, on=on, registers=registers, elapsed_ms=20) == after
@@ -349,4 +356,4 @@ def test_a_scan_is_total_and_pure(words, on, outputs, registers):
 
 
 def test_an_instruction_is_a_pair():
-    assert Program(operand_bits=4, lines=(Instruction(Op.SET, 3),)).words == (0b0010_0011,)
+    assert OneBitProgram(operand_bits=4, lines=(OneBitInstruction(Op.SET, 3),)).words == (0b0010_0011,)

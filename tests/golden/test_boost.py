@@ -18,8 +18,8 @@ from heatertune.plc import Boost, Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.replay import replay
 from heatertune.proof import Scenario, TemperatureStep, simulate
-from heatertune.proof.exported import compared
 from heatertune.proof.scenario import Mains, NewSetpoint, PlcPower
+from heatertune.proof.text_comparison import compare_text
 
 ROOM = controller_for("weg")
 HEATER = Fopdt(gain_degC_per_pct=0.9, time_constant_s=40.0, dead_time_s=3.0, ambient_degC=20.0)
@@ -58,7 +58,7 @@ def test_every_boost_is_full_power_until_near_and_then_nothing_summed_up(target)
     # as above; what begins there is each one's own first call with an empty I part, of which the last one of the boost is no part
     which, story = controller_for(target), replace(STORY, duration_s=100.0, disturbances=())
     design = PidDesign(gain_pct_per_degC=4.0, integral_time_s=22.0, derivative_time_s=0.0, sample_time_s=1.0, structure="pi", method="")
-    words = which.encode(design, Scaling(low_degC=0.0, high_degC=150.0)).boosted(BOOST)
+    words = which.encode(design, Scaling(low_degC=0.0, high_degC=150.0)).with_boost(BOOST)
     trace = simulate(which, words, HEATER, story, Actuator(pwm_period_s=1.0))
     assert trace.power_asked_pct[:25].tolist() == [100.0] * 25
     error = 70.0 - trace.reading_degC[25:30]
@@ -72,7 +72,7 @@ def test_every_boost_is_full_power_until_near_and_then_nothing_summed_up(target)
 def test_the_exported_text_does_it_as_proven_in_each_part_of_a_story(switches, changed):
     words = _words(**changed)
     trace = simulate(ROOM, words, HEATER, STORY, Actuator(pwm_period_s=1.0, resolution_s=0.1), switches)
-    assert compared(ROOM, words, trace, switches).departs is None
+    assert compare_text(ROOM, words, trace, switches).departs is None
     # a step of 16 °C is less than 18.75 °C: the controller keeps the heater; setpoint up by 30 °C, circuit, restart: not
     most = changed.get("MaximumOutput", 100.0)
     boosted = [bool(np.any(trace.power_asked_pct[(trace.time_s >= at) & (trace.time_s < at + 5.0)] == most))

@@ -15,7 +15,7 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
-from heatertune.plc.fb41.step import Assumptions, call
+from heatertune.plc.fb41.step import ContCAssumptions, call
 from heatertune.plc.words import holds
 from heatertune.proof import Actuator, Scenario, TemperatureStep, simulate
 
@@ -198,9 +198,9 @@ def test_an_integral_part_that_only_the_last_derivative_lifts_over_a_limit_is_le
     for sign in (1.0, -1.0):
         limits = p._replace(upper=100.0, lower=-100.0)
         state = ROOM.start(_words(), {}).state._replace(integral=120.0 * sign, feedback=-200.0 * sign, before=50.0 * sign)
-        left = call(limits, Assumptions(), state._replace(derivative=150.0 * sign), -50.0 * sign, 0.0)
-        taken = call(limits, Assumptions(), state, -50.0 * sign, 0.0)
-        at_limit = call(limits, Assumptions(), state._replace(derivative=120.0 * sign), -50.0 * sign, 0.0)  # 220 − 120: not beyond
+        left = call(limits, ContCAssumptions(), state._replace(derivative=150.0 * sign), -50.0 * sign, 0.0)
+        taken = call(limits, ContCAssumptions(), state, -50.0 * sign, 0.0)
+        at_limit = call(limits, ContCAssumptions(), state._replace(derivative=120.0 * sign), -50.0 * sign, 0.0)  # 220 − 120: not beyond
         assert (left.integral, at_limit.integral, taken.integral) == (120.0 * sign, 120.0 * sign, 100.0 * sign)
         assert left.output == taken.output == 100.0 * sign
 
@@ -354,9 +354,9 @@ def test_a_call_is_total_for_every_bit_pattern(numbers, bits, readings):
     running = ROOM.start(_words(), {})
     p = type(running.parameters[0])(*numbers, *bits)
     for setpoint, reading in readings:
-        after = call(p, Assumptions(), running.state, setpoint, reading)
-        assert after == call(p, Assumptions(), running.state, setpoint, reading)
-        running = running._replace(parameters=(p, Assumptions()), state=after)
+        after = call(p, ContCAssumptions(), running.state, setpoint, reading)
+        assert after == call(p, ContCAssumptions(), running.state, setpoint, reading)
+        running = running._replace(parameters=(p, ContCAssumptions()), state=after)
         assert 0.0 <= ROOM.scan(running, {"SP_PER": 0, "PV_PER": 0})[1].power_pct <= 100.0
 
 

@@ -53,7 +53,7 @@ def test_z_is_added_to_the_output_as_it_is_where_bit_5_of_the_control_word_is_0(
     assert listened["STEU"] == 0b000001
     assert outputs(listened) == [20, 265, 265, 0]  # the last is −144, at the lower limit BGUG
     running = OB251.start(type(words)(target="s5-ob251", values=listened, scaling=Scaling(), sample_time_s=10.0), {})
-    _, scan = OB251.step(type(running)(OB251.feed.given(running.parameters, 245), running.state), 1010, 1000)
+    _, scan = OB251.step(type(running)(OB251.feed.set_disturbance(running.parameters, 245), running.state), 1010, 1000)
     assert scan.output == 265
 
 
@@ -86,7 +86,7 @@ def test_disv_is_percent_and_added_before_the_limits():
         outputs.append(scan.output)
     assert outputs == [0.0, 12.0, 0.0]
     running = FB41.start(words, {})
-    _, scan = FB41.step(type(running)(FB41.feed.given(running.parameters, 12.5), running.state), 0.0, 0)
+    _, scan = FB41.step(type(running)(FB41.feed.set_disturbance(running.parameters, 12.5), running.state), 0.0, 0)
     assert scan.output == 12.5
     assert _line(FB41, pct_per_unit=-8.3).at_low == np.float32(-8.3)  # a REAL keeps its fraction
 

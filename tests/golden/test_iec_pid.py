@@ -13,13 +13,13 @@ from tests.witness.iec_pid import RepairedPid as RepairedWitness
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
-from heatertune.plc.cpu.iec.machine import Program
+from heatertune.plc.cpu.iec.machine import TextProgram
 from heatertune.plc.cpu.iec.text import units
 from heatertune.plc.iec_pid import step as repaired
 from heatertune.plc.iec_pid.source import SOURCE
 from heatertune.plc.iec_pid_text import step as printed
 from heatertune.plc.replay import replay
-from heatertune.plc.single import narrowed, single
+from heatertune.plc.single_precision import single, to_single
 from heatertune.plc.st.duration import MILLISECONDS, NANOSECONDS, SECONDS, TENS_OF_MS, time_to_real
 from heatertune.plc.st.source import function_block
 
@@ -96,12 +96,12 @@ def _repaired_beside_text(chance, scans):
     ends = sorted(float(np.float32(each)) for each in chance.uniform(0.0, 100.0, 2)) if chance.random() < 0.5 else [0.0, 100.0]
     unit, ms = int(chance.integers(4)), int(chance.integers(10, 60001))
     values = {"KP": kp, "TR": tr, "TD": td, "XMIN": ends[0], "XMAX": ends[1], "CYCLE": ms}
-    block, state = repaired.block_of(values, repaired.Assumptions(unit)), repaired.COLD
+    block, state = repaired.block_of(values, repaired.IecPidAssumptions(unit)), repaired.COLD
     text, level, differ = FunctionBlock(function_block(SOURCE), time_to_real=GIVES[unit]), _real(chance, 0.0), 0
     auto = run = True
     for _ in range(scans):
         auto, run = auto != (chance.random() < 0.05), run != (chance.random() < 0.03)
-        given = repaired.Inputs(sp=level, pv=_real(chance, scale=10.0 ** chance.uniform(-2, 3)), x0=_real(chance), auto=auto, run=run)
+        given = repaired.IecPidInputs(sp=level, pv=_real(chance, scale=10.0 ** chance.uniform(-2, 3)), x0=_real(chance), auto=auto, run=run)
         state = repaired.call(block, state, given)
         v = text.call(SP=given.sp, PV=given.pv, X0=given.x0, AUTO=auto, RUN=run, **values)
         theirs = (v.XOUT, v.IntegralPart, v.Error1, v.Error2, v.Error3)
@@ -113,7 +113,7 @@ def _printed_beside_text(chance, scans):
     kp, tr, td = _gains(chance)
     unit, ms = int(chance.integers(4)), int(chance.integers(1, 60001))
     values = {"KP": kp, "TR": tr, "TD": td, "CYCLE": ms}
-    block, state = printed.block_of(values, printed.Assumptions(unit)), printed.COLD
+    block, state = printed.block_of(values, printed.StandardPidAssumptions(unit)), printed.COLD
     text, auto, differ = FunctionBlock(STANDARD.replace("; ", ";\n"), time_to_real=GIVES[unit]), True, 0
     for _ in range(scans):
         auto = auto != (chance.random() < 0.05)
@@ -135,7 +135,7 @@ def _printed_beside_witness(chance, scans):
     kp, tr, td = _gains(chance)
     ms, milliseconds = int(chance.integers(1, 60001)), bool(chance.integers(2))
     values = {"KP": kp, "TR": tr, "TD": td, "CYCLE": ms}
-    block, state = printed.block_of(values, printed.Assumptions(MILLISECONDS if milliseconds else SECONDS)), printed.COLD
+    block, state = printed.block_of(values, printed.StandardPidAssumptions(MILLISECONDS if milliseconds else SECONDS)), printed.COLD
     witness, auto, differ = PrintedWitness(kp, tr, td, ms, milliseconds), True, 0
     for _ in range(scans):
         auto = auto != (chance.random() < 0.05)
@@ -160,14 +160,14 @@ def _repaired_beside_witness(chance, scans):
     kp, tr, td = (float(np.float32(10.0 ** chance.uniform(*ends))) for ends in ((-1.0, 0.5), (1.0, 3.0), (0.0, 1.0)))
     ms, milliseconds = int(chance.integers(500, 5001)), bool(chance.integers(2))
     values = {"KP": kp, "TR": tr, "TD": td, "XMIN": 0.0, "XMAX": 100.0, "CYCLE": ms}
-    block, state = repaired.block_of(values, repaired.Assumptions(MILLISECONDS if milliseconds else SECONDS)), repaired.COLD
+    block, state = repaired.block_of(values, repaired.IecPidAssumptions(MILLISECONDS if milliseconds else SECONDS)), repaired.COLD
     # TR and TD of the witness are in what TIME_TO_REAL counts
     scale = 1000.0 if milliseconds else 1.0
     witness, sp, auto, most, compared = RepairedWitness(kp, tr * scale, td * scale, ms, milliseconds=milliseconds), 60.0, False, 0.0, 0
     for k in range(scans):
         auto = k % 20 > 3
         x0, pv = float(np.float32(chance.uniform(40.0, 60.0))), float(np.float32(sp + chance.normal(0.0, 0.3)))
-        state = repaired.call(block, state, repaired.Inputs(sp, pv, x0, auto, True))
+        state = repaired.call(block, state, repaired.IecPidInputs(sp, pv, x0, auto, True))
         theirs = float(witness(auto, pv, sp, x0))
         bound = not 5.0 < state.output < 95.0 or not 5.0 < theirs < 95.0
         if bound:
@@ -186,24 +186,24 @@ def test_the_repaired_block_is_the_witness_between_the_limits():
 def test_by_hand_and_at_the_first_call_the_repaired_block_is_the_witness():
     words = {"KP": 2.5, "TR": 100.0, "TD": 10.0, "XMIN": 0.0, "XMAX": 100.0, "CYCLE": 1000}
     for sp, pv, x0, auto in ((60.0, 50.0, 30.0, True), (60.0, 50.0, 30.0, False), (60.0, 50.0, 130.0, False), (60.0, 50.0, -1.0, False)):
-        state = repaired.call(repaired.block_of(words, repaired.Assumptions()), repaired.COLD, repaired.Inputs(sp, pv, x0, auto, True))
+        state = repaired.call(repaired.block_of(words, repaired.IecPidAssumptions()), repaired.COLD, repaired.IecPidInputs(sp, pv, x0, auto, True))
         assert state.output == pytest.approx(float(RepairedWitness(2.5, 100.0, 10.0, 1000)(auto, pv, sp, x0)), abs=1e-4)
 
 
 @pytest.mark.long
 def test_the_compiled_step_gives_the_bits_of_the_plain_one():
-    from heatertune.compiled import compiled  # noqa: PLC0415 - Numba is slow to load
+    from heatertune.compiled import compile_function  # noqa: PLC0415 - Numba is slow to load
     chance = np.random.default_rng(3)
     for module, room in ((repaired, ROOM), (printed, PRINTED)):
-        fast = compiled(room.core.step)
+        fast = compile_function(room.core.step)
         for _ in range(30):
             kp, tr, td = _gains(chance)
-            block = module.block_of({"KP": kp, "TR": tr, "TD": td, "XMIN": 0.0, "XMAX": 100.0, "CYCLE": 1730}, module.Assumptions())
+            block = module.block_of({"KP": kp, "TR": tr, "TD": td, "XMIN": 0.0, "XMAX": 100.0, "CYCLE": 1730}, module.IecPidAssumptions())
             plain, quick = module.COLD, module.COLD
             for _ in range(40):
                 sp, pv = _real(chance, 0.0), _real(chance)
-                plain, power, output, bits = module.step((block, module.Assumptions()), plain, sp, pv, True)
-                quick, *told = fast(narrowed((block, module.Assumptions())), narrowed(quick), np.float32(sp), np.float32(pv), True)
+                plain, power, output, bits = module.step((block, module.IecPidAssumptions()), plain, sp, pv, True)
+                quick, *told = fast(to_single((block, module.IecPidAssumptions())), to_single(quick), np.float32(sp), np.float32(pv), True)
                 assert _same(power, float(told[0])), (block, sp, pv)
                 assert _same(output, float(told[1]))
                 assert told[2] == bits
@@ -212,7 +212,7 @@ def test_the_compiled_step_gives_the_bits_of_the_plain_one():
 
 def test_time_is_in_seconds_whatever_the_unit():
     for ms in (1, 17, 250, 999, 1000, 1005, 8190, 60000):
-        found = {unit: repaired.block_of(_words(TR=1.0, KP=1.0, CYCLE=ms).values, repaired.Assumptions(unit)).growth for unit in GIVES}
+        found = {unit: repaired.block_of(_words(TR=1.0, KP=1.0, CYCLE=ms).values, repaired.IecPidAssumptions(unit)).growth for unit in GIVES}
         assert found[SECONDS] == pytest.approx(ms / 1000, rel=1e-7)
         assert found[MILLISECONDS] == found[SECONDS] == float(np.float32(ms / 1000))
         assert found[NANOSECONDS] == pytest.approx(ms / 1000, rel=2e-7)
@@ -220,7 +220,7 @@ def test_time_is_in_seconds_whatever_the_unit():
     # so that milliseconds are no setting of their own
     assert all(time_to_real(ms, SECONDS) == float(np.float32(ms) / np.float32(1000)) for ms in range(1, 60001))
     with pytest.raises(Exception, match="unit of TIME_TO_REAL is not told"):
-        Program(units("PROGRAM P\nVAR\n  x : REAL;\nEND_VAR\nx := TIME_TO_REAL(T#1s);\nEND_PROGRAM"), {})
+        TextProgram(units("PROGRAM P\nVAR\n  x : REAL;\nEND_VAR\nx := TIME_TO_REAL(T#1s);\nEND_PROGRAM"), {})
     assert [time_to_real(1500, unit) for unit in (SECONDS, MILLISECONDS, TENS_OF_MS, NANOSECONDS)] == [1.5, 1500.0, 150.0, 1.5e9]
 
 

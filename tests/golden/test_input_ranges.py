@@ -19,17 +19,17 @@ from tests.golden.test_s7_300_program import DATA, NAMES, Tip
 
 from heatertune.cli import main
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, controller_for
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run
-from heatertune.plc.inputs import INPUTS, scaled
+from heatertune.plc.inputs import INPUTS, sensor_scaling
 from heatertune.plc.pwm import Actuator
 from heatertune.proof import Scenario, prove, simulate
-from heatertune.proof.course import Loop
-from heatertune.proof.scenario import delayed
-from heatertune.proof.story import story_for
+from heatertune.proof.scenario import delay_heater
+from heatertune.proof.sequence_plan import LoopTiming
+from heatertune.proof.test_sequence import story_for
 from heatertune.settings import Conditions
 
 S7 = ("s7-300", "fb41")
@@ -39,7 +39,7 @@ def _words(target, name, sensor_degC=None, ramp=None):
     design = PidDesign(gain_pct_per_degC=4.0, integral_time_s=22.0, derivative_time_s=0.0, sample_time_s=4.0, structure="pi",
                        method="")
     which = controller_for(target)
-    return replace(which.encode(design, scaled(which.ranges, name, sensor_degC)), ramp=ramp)
+    return replace(which.encode(design, sensor_scaling(which.ranges, name, sensor_degC)), ramp=ramp)
 
 
 def _text(words, setpoint=61.7, actuator=None):
@@ -119,8 +119,8 @@ class Thermocouple(Tip):
 def test_a_program_for_a_thermocouple_runs_the_whole_story_as_it_was_proven(machine):
     heater = Fopdt(gain_degC_per_pct=0.9, time_constant_s=40.0, dead_time_s=3.0, ambient_degC=20.0)
     which, words = controller_for("s7-300"), _words("s7-300", "thermocouple")
-    actuator, late = Actuator(pwm_period_s=4.0, resolution_s=1.0), delayed(heater, which.delay_s)
-    loop = Loop(scan_s=4.0, pwm_period_s=4.0, sample_time_s=4.0, integral_time_s=22.0)
+    actuator, late = Actuator(pwm_period_s=4.0, resolution_s=1.0), delay_heater(heater, which.delay_s)
+    loop = LoopTiming(scan_s=4.0, pwm_period_s=4.0, sample_time_s=4.0, integral_time_s=22.0)
     scenario = story_for([late], loop, setpoint_degC=61.7).scenario
     trace, plant = simulate(which, words, late, scenario, actuator), Heater(late, 20.0)
     seen, _ = told(Thermocouple(machine, _text(words), 1000), plant, scenario, 1.0, 4)
@@ -218,13 +218,13 @@ def test_a_transmitter_gives_3_8_ma_at_the_least_and_the_setpoint_stays_within_i
 
 def test_a_range_that_a_target_does_not_have_or_that_has_its_own_ends_is_refused():
     with pytest.raises(UnknownName, match="unknown input 'pt100'; known: 4-20mA"):
-        scaled(controller_for("fb41").ranges, "pt100")
+        sensor_scaling(controller_for("fb41").ranges, "pt100")
     for target, name, why in (("s5-ob251", "rtd", "ohms"), ("s5-ob251", "thermocouple", "not known"), ("weg", "4-20mA", "no analog module"),
                               ("s7-200", "thermocouple", "no analog module"), ("s7-200-pid", "rtd-climatic", "use rtd")):
         with pytest.raises(InputError, match=rf"^--input {name}: .*{why}"):
             controller_for(target).scaled(name, (0.0, 100.0))
     with pytest.raises(InputError, match=r"--range 0 400 beside --input rtd: its readings are 0…2764.8 °C"):
-        scaled(controller_for("fb41").ranges, "rtd", (0.0, 400.0))
+        sensor_scaling(controller_for("fb41").ranges, "rtd", (0.0, 400.0))
     for target in S7:
         assert set(controller_for(target).ranges) == set(INPUTS)
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from heatertune.plc import Scaling, Words, controller_for
-from heatertune.plc.klipper.step import COLD, Assumptions, loop_of, step
+from heatertune.plc.klipper.step import COLD, KlipperAssumptions, loop_of, step
 
 ROOM = controller_for("klipper")
-KALICO = Assumptions(source=1)
+KALICO = KlipperAssumptions(source=1)
 DRIVER = Path(__file__).with_name("klipper_driver.py")
 USUAL = {"pid_Kp": 22.2, "pid_Ki": 1.08, "pid_Kd": 114.0, "max_power": 1.0, "smooth_time": 1.0}
 

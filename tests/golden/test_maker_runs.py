@@ -25,15 +25,15 @@ from tests.witness.pband import PBand
 
 from heatertune.cli.parsing import again
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Certificate, Scaling, controller_for
 from heatertune.plc.pwm import Actuator
 from heatertune.proof import Scenario, TemperatureStep, simulate
-from heatertune.proof.closing import Asked, closed
-from heatertune.proof.exported import compared
+from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.proof.scenario import Mains
+from heatertune.proof.text_comparison import compare_text
 from heatertune.settings import Conditions, TuneSettings
 
 HEATER = Fopdt(gain_degC_per_pct=0.9, time_constant_s=60.0, dead_time_s=2.0, ambient_degC=20.0)
@@ -51,7 +51,7 @@ def ran(target, *, boost=None, switch=SWITCH, tv=1.5, scaling=None, **switches):
     which = controller_for(target)
     design = PidDesign(gain_pct_per_degC=2.6, integral_time_s=25.0, derivative_time_s=tv, sample_time_s=which.timer.round(1.0),
                        structure="pid" if tv else "pi", method="")
-    words = which.encode(design, scaling or SCALING.get(target, Scaling(high_degC=409.5))).boosted(boost)
+    words = which.encode(design, scaling or SCALING.get(target, Scaling(high_degC=409.5))).with_boost(boost)
     period = which.timing(words).pwm_period_s
     trace = simulate(which, words, HEATER, STORY, switch if period is None else Actuator(pwm_period_s=period), switches)
     told = Certificate(verdict="PASS", setpoint_degC=trace.setpoint_degC, actuator=trace.actuator, switches=switches)
@@ -271,7 +271,7 @@ def test_an_instruments_sheet_and_registers_ask_for_what_was_proven(file):
 def test_a_text_that_sets_what_was_proven_is_no_departure(target):
     for boost in (None, BOOST) if target in BOOSTED else (None,):
         which, trace, _ = ran(target, boost=boost, tv=2.0)
-        assert compared(which, trace.words, trace).departs is None
+        assert compare_text(which, trace.words, trace).departs is None
 
 
 #: file → what finds its numbers that set something
@@ -297,7 +297,7 @@ def test_each_number_that_is_one_digit_off_is_noticed(monkeypatch, target):
             wrong = digits[:last] + str((int(digits[last]) + 1) % 10) + digits[last + 1:]
             changed = files | {file: text[: match.start(at)] + wrong + text[match.end(at):]}
             monkeypatch.setattr(type(which), "export", staticmethod(lambda *_, changed=changed: changed))
-            assert compared(which, trace.words, trace).departs is not None, (file, match[0], wrong)
+            assert compare_text(which, trace.words, trace).departs is not None, (file, match[0], wrong)
             seen += 1
     assert seen >= 6
 
@@ -307,7 +307,7 @@ def test_an_export_that_leaves_the_boost_out_is_noticed(monkeypatch):
         which, trace, _ = ran(target, boost=BOOST)
         files = which.export(replace(trace.words, boost=None), Certificate(verdict="PASS", setpoint_degC=60.0, actuator=SWITCH))
         monkeypatch.setattr(type(which), "export", staticmethod(lambda *_, files=files: files))
-        assert "boost is None" in compared(which, trace.words, trace).departs
+        assert "boost is None" in compare_text(which, trace.words, trace).departs
 
 
 @pytest.mark.parametrize(("name", "told"), [
@@ -326,7 +326,7 @@ def test_a_hot_end_beyond_the_plain_range_is_told_which_range_to_say():
 
 @pytest.mark.long
 def test_a_program_with_the_faults_of_its_source_leads_to_the_one_repaired():
-    asked = Asked(target="iec-pid-text", scaling=Scaling(), tuned=TuneSettings(), conditions=Conditions(setpoint_degC=60.0))
-    made = closed(model_by_hand(HEATER), asked)
+    asked = DesignRequest(target="iec-pid-text", scaling=Scaling(), tune_settings=TuneSettings(), conditions=Conditions(setpoint_degC=60.0))
+    made = find_passing_design(model_by_hand(HEATER), asked)
     assert (made.proof.verdict, made.passes_with) == ("FAIL", ("--target", "iec-pid"))
     assert again(("design", "log.csv", "--target=iec-pid", "--faithful"), made.passes_with) == ("heatertune", "design", "log.csv", "--target", "iec-pid")

@@ -12,7 +12,7 @@ from tests.witness.arduino_pid import ArduinoPid
 from tests.witness.marlin import MarlinPid
 
 from heatertune.plc import Scaling, Words, controller_for
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 
 HERE = Path(__file__).parent
 #: the buffer and the clock that ESPHome's file includes, for a computer

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from heatertune.errors import InputError, LogError, NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Scaling, Words, controller_for
-from heatertune.plc.machine import realised
+from heatertune.plc.dump_reader import realised_design
 from heatertune.plc.replay import read_inputs
 from heatertune.plc.s5_ob251.image import oddities, to_image
 from heatertune.plc.s5_ob251.step import (
@@ -23,9 +23,9 @@ from heatertune.plc.s5_ob251.step import (
     NO_Z,
     REG_AUS,
     XZ_EIN,
-    Assumptions,
-    Parameters,
-    State,
+    Ob251Assumptions,
+    Ob251Parameters,
+    Ob251State,
     call,
 )
 
@@ -34,13 +34,13 @@ ROOM = controller_for("s5-ob251")
 
 def _parameters(**changed):
     plain = {"gain": 1.0, "r": 1.0, "ti": 0.0, "td": 0.0, "steu": AUTO | NO_Z, "manual": 0, "upper": 2047, "lower": -2047}
-    return Parameters(**(plain | changed))
+    return Ob251Parameters(**(plain | changed))
 
 
 def _run(parameters, setpoints, readings, assume=None, **inputs):
     state, states = COLD, []
     for k, (w, x) in enumerate(zip(setpoints, readings, strict=True)):
-        state = call(parameters, assume or Assumptions(), state, w, x, **{name: v[k] for name, v in inputs.items()})
+        state = call(parameters, assume or Ob251Assumptions(), state, w, x, **{name: v[k] for name, v in inputs.items()})
         states.append(state)
     return states
 
@@ -158,9 +158,9 @@ def test_the_return_from_manual_to_automatic_is_without_a_bump():
     setpoints, readings = [500] * 8, [400, 410, 420, 430, 440, 450, 450, 450]
     state = COLD
     for w, x in zip(setpoints[:6], readings[:6], strict=True):
-        state = call(manual, Assumptions(), state, w, x)
+        state = call(manual, Ob251Assumptions(), state, w, x)
     assert state.output == 600
-    after = call(manual._replace(steu=AUTO | NO_Z), Assumptions(), state, 500, 450)
+    after = call(manual._replace(steu=AUTO | NO_Z), Ob251Assumptions(), state, 500, 450)
     assert after.total == pytest.approx(600.0 + 2.0 * 0.05 * 50.0)
 
 
@@ -177,7 +177,7 @@ def test_integral_action_that_leads_back_from_the_limit_stays_on_where_that_is_s
     for sign in (1, -1):
         errors, parameters = [sign * e for e in (80, 80, -10)], _parameters(ti=0.5, upper=100, lower=-100)
         for inward, last in ((False, 30.0), (True, 25.0)):
-            states = _run(parameters, errors, [0] * 3, Assumptions(inward_allowed=inward))
+            states = _run(parameters, errors, [0] * 3, Ob251Assumptions(inward_allowed=inward))
             assert [s.total for s in states] == [sign * 120.0, sign * 120.0, sign * last]
 
 
@@ -186,7 +186,7 @@ def test_manual_mode_forgets_the_derivative():
     # of hand (held) and the same XW again: dP = 0, QW = 0, so dD = ½·(0 + 0); kept, it would add ½·200
     steu, states = (AUTO | NO_Z, NO_Z | HANDART, NO_Z | HANDART, AUTO | NO_Z), [COLD]
     for bits in steu:
-        states.append(call(_parameters(td=4.0, steu=bits), Assumptions(), states[-1], 100, 0))
+        states.append(call(_parameters(td=4.0, steu=bits), Ob251Assumptions(), states[-1], 100, 0))
     assert [s.total for s in states[1:]] == [300.0] * 4
 
 
@@ -195,7 +195,7 @@ def test_the_history_of_xz_rests_while_xz_is_not_looked_at():
     # ½·(−20 + 10), and halves from there on; forgotten, the last call would see XZ jump by 10 again
     parameters, state, totals = _parameters(r=0.0, td=2.0), COLD, []
     for bits in (XZ_EIN, XZ_EIN, XZ_EIN, 0, XZ_EIN):
-        state = call(parameters._replace(steu=AUTO | NO_Z | bits), Assumptions(), state, 0, 0, 0, 10)
+        state = call(parameters._replace(steu=AUTO | NO_Z | bits), Ob251Assumptions(), state, 0, 0, 0, 10)
         totals.append(state.total)
     assert totals == [10.0, 5.0, 2.5, 1.25, 0.625]
 
@@ -222,7 +222,7 @@ def test_every_open_point_changes_something(field, changes):
     setpoints, readings = [80] * 6 + [-7] * 6, [0] * 12
     parameters = _parameters(gain=1.1, ti=0.3, upper=100, lower=0)
     plain = _run(parameters, setpoints, readings)
-    other = _run(parameters, setpoints, readings, Assumptions(**{field: True}))
+    other = _run(parameters, setpoints, readings, Ob251Assumptions(**{field: True}))
     assert [getattr(s, changes) for s in plain] != [getattr(s, changes) for s in other]
 
 
@@ -285,7 +285,7 @@ def _words(**changed):
 ])
 def test_what_table_11_11_allows_and_has_no_standard_form_is_read_back_with_its_remark(changed, told):
     words = _words(**changed)
-    assert realised(ROOM, words) is None
+    assert realised_design(ROOM, words) is None
     assert any(told in oddity for oddity in oddities(words))
     with pytest.raises(OutOfRange, match=r"word [KR]"):  # no margins can be judged: it is not proven
         ROOM.decode(words)
@@ -293,19 +293,19 @@ def test_what_table_11_11_allows_and_has_no_standard_form_is_read_back_with_its_
 
 def test_negative_and_large_gains_are_read_back_with_their_remark_and_the_large_ones_not_proven():
     cooler = _words(K=-512)
-    assert realised(ROOM, cooler).gain_pct_per_degC == ROOM.decode(cooler).gain_pct_per_degC == -0.5
+    assert realised_design(ROOM, cooler).gain_pct_per_degC == ROOM.decode(cooler).gain_pct_per_degC == -0.5
     assert any("K is -512" in oddity and "cooler" in oddity for oddity in oddities(cooler))
-    assert realised(ROOM, _words(K=-1024, R=-1024, TI=0)).gain_pct_per_degC == 1.0  # both signs: P alone acts as usual
+    assert realised_design(ROOM, _words(K=-1024, R=-1024, TI=0)).gain_pct_per_degC == 1.0  # both signs: P alone acts as usual
     # footnote 1 of table 11-11: larger gains where abrupt changes of the system deviation are sufficiently small
     large = _words(K=2048, TD=3)
-    assert realised(ROOM, large).gain_pct_per_degC == 2.0
+    assert realised_design(ROOM, large).gain_pct_per_degC == 2.0
     assert any("K is 2048 with a derivative part" in oddity for oddity in oddities(large))
     with pytest.raises(OutOfRange, match=r"word K = 2048.*small steps"):
         ROOM.decode(large)
-    assert realised(ROOM, _words(K=2048)).gain_pct_per_degC == 2.0
+    assert realised_design(ROOM, _words(K=2048)).gain_pct_per_degC == 2.0
     with pytest.raises(OutOfRange, match=r"word R = 1501.*-1500…1500"):
-        realised(ROOM, _words(R=1501, TD=3))
-    assert realised(ROOM, _words(R=1501)) is not None
+        realised_design(ROOM, _words(R=1501, TD=3))
+    assert realised_design(ROOM, _words(R=1501)) is not None
 
 
 @pytest.mark.parametrize("name", ["W", "X", "Z", "XZ", "YH"])
@@ -339,7 +339,7 @@ def test_the_listing_holds_49_words_and_tells_verdict_and_force():
     assert ROOM.export(words, Certificate(verdict="FAIL", lines=("not kept: ms",), forced=True)) == files
 
 
-@given(state=st.builds(State, error=st.floats(-2047, 2047), total=st.floats(-1e4, 1e4), output=st.integers(0, 2047),
+@given(state=st.builds(Ob251State, error=st.floats(-2047, 2047), total=st.floats(-1e4, 1e4), output=st.integers(0, 2047),
                        at_limit=st.sampled_from([-1, 0, 1]), derivative=st.floats(-1e4, 1e4)),
        w=st.integers(0, 2047), x=st.integers(0, 2047))
 def test_the_exported_start_up_leaves_the_controller_as_the_proof_starts_it(state, w, x):

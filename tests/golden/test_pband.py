@@ -9,7 +9,7 @@ from tests.witness.pband import PBand, band_pct
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.pband.makes import MAKES
-from heatertune.plc.pband.step import Assumptions, Block, State, step
+from heatertune.plc.pband.step import PbandAssumptions, PbandBlock, PbandState, step
 
 #: both round in double precision, in another order: the sum over a stretch of samples differs by some last digits
 _CLOSE = 1e-9
@@ -41,9 +41,9 @@ def _differences(scans, seed):
         law = (PBand if kind == 0 else ZeroOutside)(
             band, ti, td, ta, high=high, on_error=on_error, n=(4 if slow else 8) if td else None)
         lag = td / (4.0 if slow else 8.0)
-        block = Block(gain=100.0 * unit / band, growth=ta / ti if ti else 0.0, slope=td / ta, share=ta / (lag + ta), high=high, least=0.0,
+        block = PbandBlock(gain=100.0 * unit / band, growth=ta / ti if ti else 0.0, slope=td / ta, share=ta / (lag + ta), high=high, least=0.0,
                       band=band / unit, approach=math.inf, alpha=1.0, follows=0.0, tenth=0.1 / unit)
-        assume, state = Assumptions(anti_windup=kind, on_error=on_error, slow=slow), State()
+        assume, state = PbandAssumptions(anti_windup=kind, on_error=on_error, slow=slow), PbandState()
         walk = np.clip(np.cumsum(rng.integers(-60, 61, 400)) + int(rng.integers(0, 10_000)), -32768, 32767)
         wanted = np.repeat(rng.integers(0, 10_000, 4), 100)
         for setpoint, reading in zip(wanted.tolist(), walk.tolist(), strict=True):

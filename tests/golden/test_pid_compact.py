@@ -8,10 +8,10 @@ import pytest
 from tests.witness.pid_compact import Continuous, Sampled
 
 from heatertune.plc import Scaling, Words, controller_for
-from heatertune.plc.pid_compact.step import COLD, Assumptions, block_of, step
+from heatertune.plc.pid_compact.step import COLD, PidCompactAssumptions, block_of, step
 from heatertune.plc.pwm import on_time, pid_compact
 from heatertune.plc.replay import replay
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 
 #: heatertune's setting → the witness's
 INTEGRALS = {"backward": 0, "forward": 1, "trapezoid": 2}
@@ -77,14 +77,14 @@ def _held_against(number, runs, scans):
         words = _drawn(chance)
         limits = {"low": -1e9, "high": 1e9} if wide else {}
         if wide:  # beyond the words: the law without its limits
-            assume = Assumptions(integral=INTEGRALS[integral], lag=lag)
+            assume = PidCompactAssumptions(integral=INTEGRALS[integral], lag=lag)
             words = Words(target="pid-compact", values=words.values | {"OutputUpperLimit": 1e9, "OutputLowerLimit": -1e9},
                           scaling=words.scaling, sample_time_s=words.sample_time_s)
             witness = _witness(words, integral=integral, derivative=other, anti_windup="none", **limits)
         else:  # what is clamped is the witness's back-calculation, where there is no D
             clamped = run % 4 == 3
             words = _drawn(chance, derivative=not clamped)
-            assume = Assumptions(integral=INTEGRALS[integral], lag=lag, anti_windup=3 if clamped else 0)
+            assume = PidCompactAssumptions(integral=INTEGRALS[integral], lag=lag, anti_windup=3 if clamped else 0)
             witness = _witness(words, integral=integral, derivative=other, anti_windup="back" if clamped else "hold")
         worst = max(worst, _apart(words, assume, witness, chance, scans))
     return worst

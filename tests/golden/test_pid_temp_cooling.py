@@ -18,11 +18,11 @@ from tests.witness.pid_temp import (
 )
 
 from heatertune.plc import Scaling, Words, controller_for
-from heatertune.plc.open_points import assumed
+from heatertune.plc.open_points import assumptions_from
 from heatertune.plc.pid_temp.step import COLD_PAIR, CoolingAssumptions, pair_of, pair_step
 from heatertune.plc.pwm import on_time, pid_compact
 from heatertune.plc.replay import replay
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 
 PID_TEMP = controller_for("pid-temp-cooling")
 PLAIN = {"Gain": 1.0, "Ti": 0.0, "Td": 0.0, "TdFiltRatio": 0.2, "PWeighting": 1.0, "DWeighting": 0.0, "Cycle": 1.0,
@@ -70,7 +70,7 @@ def _sets(v):
 def _apart(words, settings, chance, scans):
     """Run both on one wandering reading; return the greatest difference as a multiple of the rounding bound, and how many
     cycles were at each side; None where they take another side once, for then rounding decides what comes after."""
-    assume, v = assumed(CoolingAssumptions, settings), words.values
+    assume, v = assumptions_from(CoolingAssumptions, settings), words.values
     block = pair_of(v, assume)
     heat, cool = _sets(v)
     witness = HeatCool(heat, cool, TA=v["Cycle"], low=v["OutputLowerLimit"], high=v["OutputUpperLimit"], rule=settings["parameter_set"],

@@ -17,7 +17,7 @@ from tests.plc.st_machine import Program
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.cpu.s7_200 import assemble
-from heatertune.plc.fb41.step import scaled
+from heatertune.plc.fb41.step import scale_reading
 from heatertune.plc.ramp import course
 
 PASS = Certificate(verdict="PASS")
@@ -120,7 +120,7 @@ def test_the_fb41_source_holds_sp_int_at_the_reading(awlsim, hold):
     at = answer["offsets"]["SP_INT"][0]
     parameters, _ = controller_for("fb41").start(words, {}).parameters
     assert [bytes.fromhex(row)[at:at + 4] for row in answer["rows"]] == [
-        struct.pack(">f", scaled(parameters, word)[0]) for word in _followed(ramp, readings[0], asked, readings)]
+        struct.pack(">f", scale_reading(parameters, word)[0]) for word in _followed(ramp, readings[0], asked, readings)]
 
 
 @pytest.mark.parametrize("ramp", [Ramp(step=37), Ramp(step=90, calls=3)])
@@ -161,7 +161,7 @@ def test_the_fb41_source_moves_sp_int_to_the_bits_of_the_room(awlsim, ramp):
     at = answer["offsets"]["SP_INT"][0]
     found = [bytes.fromhex(row)[at:at + 4] for row in answer["rows"]]
     parameters, _ = controller_for("fb41").start(words, {}).parameters
-    told = [struct.pack(">f", scaled(parameters, each)[0]) for each in _followed(ramp, 5000, _asked(27648))]
+    told = [struct.pack(">f", scale_reading(parameters, each)[0]) for each in _followed(ramp, 5000, _asked(27648))]
     assert found == told
     # 13824 of 27648 is the middle of the range: (250.3 − 17.7)/2
     assert struct.unpack(">f", found[39])[0] == pytest.approx(116.3, abs=1e-3)

@@ -15,13 +15,13 @@ import pytest
 from tests.golden.s5_machine import Controller, Machine, loaded
 
 from heatertune import chain
-from heatertune.chain.whole import design
-from heatertune.model.by_hand import model_by_hand
+from heatertune.chain.pipeline import design
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.pwm import Actuator, on_time
-from heatertune.proof.asked import Asked
+from heatertune.proof.design_request import DesignRequest
 from heatertune.settings import Conditions
 
 TARGET = "s5-ob251"
@@ -170,7 +170,7 @@ def assert_same(life, trace):
 
 @pytest.mark.long
 def test_the_files_of_table4_alone_do_what_was_proven(tmp_path):
-    proven = design("table4", Asked(target=TARGET), out=tmp_path).closed.proof
+    proven = design("table4", DesignRequest(target=TARGET), out=tmp_path).outcome.proof
     listing, proof = (tmp_path / "program_listing.txt").read_text(), json.loads((tmp_path / "data" / "proof.json").read_text())
     assert proof["verdict"] == "PASS"
     assert_same(Life(listing, proof, heater_of(tmp_path)), proven.nominal)
@@ -220,11 +220,11 @@ def test_a_listing_that_retains_goes_on_where_ob251_was_or_from_cold_without_a_b
     told = Certificate(verdict="PASS", setpoint_degC=51.0, actuator=proof.actuator, switches=proof.known)
     listing = controller_for(TARGET).export(words, told)["program_listing.txt"]
     for run, battery in ((kept, True), (lost, False)):
-        trace = proof.traced(run)
+        trace = proof.trace(run)
         life = Life(listing, proof.to_document(), _like(trace.model), battery=battery)
         assert_same(life, trace)
         assert life.kept == [True, True]
-    assert proof.traced(kept).power_asked_pct.tolist() != proof.traced(lost).power_asked_pct.tolist()
+    assert proof.trace(kept).power_asked_pct.tolist() != proof.trace(lost).power_asked_pct.tolist()
     assert "Backup battery" in listing
 
 

@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 from tests.golden import printed, repaired
 
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.cpu.s7_200 import COLD, assemble, cycle, run
-from heatertune.plc.cpu.s7_200.arithmetic import added, divided, high_word, multiplied
+from heatertune.plc.cpu.s7_200.arithmetic import add_integers, divide_integers, high_word, multiply_integers
 from heatertune.plc.cpu.s7_200.cpu import carry_out
-from heatertune.plc.cpu.s7_200.cycle import run_cycle, timed
+from heatertune.plc.cpu.s7_200.cycle import run_cycle, timed_program
 from heatertune.plc.cpu.s7_200.instructions import block_number
 from heatertune.plc.cpu.s7_200.state import own
 from heatertune.plc.s7_200.listing import COUNTDOWN, repaired_program
 from heatertune.plc.s7_200_paper import step
 from heatertune.plc.s7_200_paper.faults import faults
 from heatertune.plc.s7_200_paper.listing import printed_program
-from heatertune.plc.s7_200_paper.step import Assumptions
+from heatertune.plc.s7_200_paper.step import S7200PaperAssumptions
 from heatertune.plc.s7_200_paper.words import paper_words
 from heatertune.proof import Scenario, simulate
 
@@ -50,22 +50,22 @@ def test_the_error_word_flips_its_sign_without_a_flag_beyond_128_counts():
 
 def test_the_error_word_overflows_across_128_counts_and_keeps_the_setpoint():
     # SP = 130, PV = 120: signed operands −32256 and 30720; SM1.1 set, a 22x keeps the old VW10, the setpoint word
-    assert added(-32256, -30720, 16, wrap=False) == (-32256, True)
+    assert add_integers(-32256, -30720, 16, wrap=False) == (-32256, True)
     after = printed.scan(PLAIN, printed.Memory(), 130, 120, False)
     assert (after.error, after.overflow) == (-32256, True)
-    assert printed.scan(PLAIN._replace(assume=Assumptions(wrap=True)), printed.Memory(), 130, 120, False).error == 2560
+    assert printed.scan(PLAIN._replace(assume=S7200PaperAssumptions(wrap=True)), printed.Memory(), 130, 120, False).error == 2560
 
 
 def test_the_second_product_reads_only_the_low_word_of_the_first():
     # two errors of 40 counts, Ki = 3, T = 5: −20480 instead of +307200
     error = 256 * 40
-    assert multiplied(5, multiplied(3, error + error)) == -20480
+    assert multiply_integers(5, multiply_integers(3, error + error)) == -20480
 
 
 def test_div_leaves_its_remainder_in_the_high_word():
-    assert divided(7, 2) == (65539, False)
-    assert divided(-7, 2) == ((-1 << 16) | (-3 & 0xFFFF), False)
-    assert divided(7, 0) == (7, True)
+    assert divide_integers(7, 2) == (65539, False)
+    assert divide_integers(-7, 2) == ((-1 << 16) | (-3 & 0xFFFF), False)
+    assert divide_integers(7, 0) == (7, True)
 
 
 @pytest.mark.parametrize(("gain", "last_dead"), [(20, 12), (60, 4)])
@@ -86,13 +86,13 @@ def test_the_printed_program_sticks_at_its_rails(width):
     for _ in range(5):
         stuck = printed.scan(PLAIN, stuck, 100, 120 if width else 60, True)
     assert stuck.width == width
-    free = printed.scan(PLAIN._replace(assume=Assumptions(stops_at_rails=False)), stuck, 100, 120 if width else 60, True)
+    free = printed.scan(PLAIN._replace(assume=S7200PaperAssumptions(stops_at_rails=False)), stuck, 100, 120 if width else 60, True)
     assert free.width != width
 
 
 def test_without_a_loaded_cycle_time_a_width_of_2_ms_is_all_on():
     # System Manual: the register defaults to 0, a cycle below 2 units is 2 units, a width of the cycle is permanently on
-    c = PLAIN._replace(assume=Assumptions(loads_cycle=False))
+    c = PLAIN._replace(assume=S7200PaperAssumptions(loads_cycle=False))
     assert [printed.power_pct(c, w) for w in (0, 1, 2, 500)] == [0.0, 50.0, 100.0, 100.0]
 
 
@@ -109,7 +109,7 @@ def test_the_printed_programs_last_sum_overflows_as_worked_out_by_hand():
 def test_words_and_double_words_are_signed():
     assert high_word(-1) == -1
     assert high_word(65536 * 3 + 5) == 3
-    assert added(32767, 1, 16, True) == (-32768, True)
+    assert add_integers(32767, 1, 16, True) == (-32768, True)
 
 
 def test_the_faults_are_counted_over_all_pairs_of_bytes():
@@ -142,7 +142,7 @@ def test_a_start_up_of_the_printed_program_makes_no_pulse_before_it_computed_one
     for _ in range(40):
         running, scan = PAPER.step(running, 120, 60)
     assert scan.power_pct > 0.0
-    again = running._replace(state=PAPER.core.restarted(running.parameters, cold.state, running.state))
+    again = running._replace(state=PAPER.core.warm_start(running.parameters, cold.state, running.state))
     assert PAPER.step(again, 120, 60)[1].power_pct == 0.0
 
 
@@ -257,7 +257,7 @@ def _repaired(values):
 def fast(monkeypatch):
     """Blocks are carried out compiled, which is the same: see test_s7_200_machine.py."""
     for module in (cycle, step):
-        monkeypatch.setattr(module, "carry_out", compiled(carry_out))
+        monkeypatch.setattr(module, "carry_out", compile_function(carry_out))
 
 
 @pytest.mark.brute
@@ -353,7 +353,7 @@ def test_a_cycle_tells_overflow_as_bit_0_and_a_division_by_zero_as_bit_1(stateme
     words, _ = _repaired(WORD_SETS[0])  # VW10 is 1 and more where the setpoint is above the reading
     text = repaired_program(words).replace("END_INTERRUPT_BLOCK", f"Network 99 // added\r\n\tLD\tSM0.0\r\n\t{statement}\r\nEND_INTERRUPT_BLOCK")
     state = own(COLD.written({"SMB28": 120, "IB0": 90}))
-    assert run_cycle(timed(assemble(text), words.values, COUNTDOWN, next_cycle=False), state.memory)[2] == told
+    assert run_cycle(timed_program(assemble(text), words.values, COUNTDOWN, next_cycle=False), state.memory)[2] == told
 
 
 def test_the_feedback_on_i0_0_does_not_reach_the_reading():

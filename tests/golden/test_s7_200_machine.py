@@ -13,7 +13,7 @@ import pytest
 from tests.golden import s7_200_programs as programs
 
 from heatertune import compiled as machine
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
@@ -93,7 +93,7 @@ def test_any_words_and_readings_give_what_they_did_in_the_interpreter_before(tar
 
 @pytest.mark.long
 def test_a_block_is_carried_out_the_same_compiled_and_plainly():
-    other = compiled(carry_out)
+    other = compile_function(carry_out)
     for seed in range(600, 1600):
         program, state = assemble(programs.program(seed)), programs.begin(seed)
         plain, fast = bytearray(state.memory), bytearray(state.memory)

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from heatertune import chain
-from heatertune.chain.whole import design
-from heatertune.compiled import compiled
-from heatertune.model.by_hand import model_by_hand
+from heatertune.chain.pipeline import design
+from heatertune.compiled import compile_function
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
@@ -25,7 +25,7 @@ from heatertune.plc.cpu.s7_200 import COLD, assemble, run
 from heatertune.plc.cpu.s7_200.cpu import carry_out
 from heatertune.plc.cpu.s7_200.instructions import block_number
 from heatertune.plc.cpu.s7_200.state import own
-from heatertune.proof.asked import Asked
+from heatertune.proof.design_request import DesignRequest
 from heatertune.settings import Conditions
 
 FILES = {"s7-200": "s7_200_program.awl", "s7-200-pid": "s7_200_pid.awl"}
@@ -116,7 +116,7 @@ class Life:
     def _tick(self):
         """One timed interrupt, by machine code: there are hundreds of thousands."""
         self.cpu = own(self.cpu)
-        compiled(carry_out)(self.program, self.cpu.memory, block_number("INT0"), False)
+        compile_function(carry_out)(self.program, self.cpu.memory, block_number("INT0"), False)
 
     def _switch(self, now, width):
         """The output in one cycle: on for the width; it is switched where it is not in that state already."""
@@ -182,7 +182,7 @@ def assert_same(life, trace):
 @pytest.mark.long
 @pytest.mark.parametrize("target", FILES)
 def test_the_files_of_table4_alone_do_what_was_proven(target, tmp_path):
-    proven = design("table4", Asked(target=target), out=tmp_path).closed.proof
+    proven = design("table4", DesignRequest(target=target), out=tmp_path).outcome.proof
     text, proof = (tmp_path / FILES[target]).read_text(), json.loads((tmp_path / "data" / "proof.json").read_text())
     assert proof["verdict"] == "PASS"
     assert_same(Life(text, proof["scenario"], proven.nominal.model), proven.nominal)

@@ -15,7 +15,7 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.cpu.s7_300.real import real
-from heatertune.plc.s7_300.step import COLD, Assumptions, Parameters, State, call, manual
+from heatertune.plc.s7_300.step import COLD, PidTipAssumptions, PidTipParameters, PidTipState, call, manual
 from heatertune.proof import Actuator, Scenario, TemperatureStep, simulate
 
 ROOM = controller_for("s7-300")
@@ -182,33 +182,33 @@ def test_the_room_is_the_documents_formulas_in_numpys_single_precision():
 
 def test_the_formulas_worked_by_hand():
     # Gain 2, Sample/Reset = 1/4, Rate/Sample = 2; SP = 1/2, PV = 3/8 then 5/16: powers of two, so nothing rounds
-    p = Parameters(gain=2.0, rate=2000.0, reset=4000.0, sample=1000.0)
-    first = call(p, Assumptions(), State(bias=0.25), 13824, 10368)
+    p = PidTipParameters(gain=2.0, rate=2000.0, reset=4000.0, sample=1000.0)
+    first = call(p, PidTipAssumptions(), PidTipState(bias=0.25), 13824, 10368)
     # MP = 2·1/8, MI = 1/4 + 1/2·1/8, MD = 0
     assert (first.bias, first.output) == (0.3125, round(Fraction(9, 16) * 27648))
-    second = call(p, Assumptions(), first, 13824, 8640)
+    second = call(p, PidTipAssumptions(), first, 13824, 8640)
     # MP = 2·3/16, MI = 5/16 + 1/2·3/16, MD = 4·(3/8 − 5/16) = 1/4: Output = 1 1/32 > 1, Bias = 1 − (3/8 + 1/4)
     assert (second.bias, second.output) == (0.375, 27648)
-    third = call(p, Assumptions(), State(bias=0.25, reading=0.5, started=True), 10368, 20736)
+    third = call(p, PidTipAssumptions(), PidTipState(bias=0.25, reading=0.5, started=True), 10368, 20736)
     # MP = −3/4, MI = 1/4 − 3/16, MD = −1: Output < 0, Bias = 7/4 clamped to 1
     assert (third.bias, third.output) == (1.0, 0)
-    fourth = call(p, Assumptions(), State(bias=0.25, reading=0.75, started=True), 10368, 20736)
+    fourth = call(p, PidTipAssumptions(), PidTipState(bias=0.25, reading=0.75, started=True), 10368, 20736)
     assert (fourth.bias, fourth.output) == (0.75, 0)  # −(MP + MD), not clamped
 
 
 def test_every_open_point_changes_something():
-    p = Parameters(gain=2.0, rate=0.0, reset=4000.0, sample=1000.0)
-    state = State(bias=1.5, reading=0.5, started=True)  # MP = −1: the output is inside, the bias is not
-    assert call(p, Assumptions(), state, 0, 13824).bias == 1.25
-    assert call(p, Assumptions(bias_always_clamped=True), state, 0, 13824).bias == 1.0
+    p = PidTipParameters(gain=2.0, rate=0.0, reset=4000.0, sample=1000.0)
+    state = PidTipState(bias=1.5, reading=0.5, started=True)  # MP = −1: the output is inside, the bias is not
+    assert call(p, PidTipAssumptions(), state, 0, 13824).bias == 1.25
+    assert call(p, PidTipAssumptions(bias_always_clamped=True), state, 0, 13824).bias == 1.0
     d = p._replace(rate=1000.0)
-    assert call(d, Assumptions(), COLD, 13824, 10368).output > call(d, Assumptions(starts_at_zero=True), COLD, 13824, 10368).output
-    half = State(bias=0.75 / 27648, started=True)
-    off = Parameters(gain=1.0, rate=0.0, reset=0.0, sample=1.0)
-    assert [call(off, a, half, 0, 0).output for a in (Assumptions(), Assumptions(truncates=True))] == [1, 0]
+    assert call(d, PidTipAssumptions(), COLD, 13824, 10368).output > call(d, PidTipAssumptions(starts_at_zero=True), COLD, 13824, 10368).output
+    half = PidTipState(bias=0.75 / 27648, started=True)
+    off = PidTipParameters(gain=1.0, rate=0.0, reset=0.0, sample=1.0)
+    assert [call(off, a, half, 0, 0).output for a in (PidTipAssumptions(), PidTipAssumptions(truncates=True))] == [1, 0]
     meant = {
-        ("conversion", "trunc"): Assumptions(truncates=True), ("bias_clamp", "always"): Assumptions(bias_always_clamped=True),
-        ("first_reading", "zero"): Assumptions(starts_at_zero=True),
+        ("conversion", "trunc"): PidTipAssumptions(truncates=True), ("bias_clamp", "always"): PidTipAssumptions(bias_always_clamped=True),
+        ("first_reading", "zero"): PidTipAssumptions(starts_at_zero=True),
     }
     for (name, setting), assumptions in meant.items():
         assert ROOM.start(_words(), {name: setting}).parameters[1] == assumptions
@@ -220,8 +220,8 @@ def test_manual_leaves_out_to_the_user_and_the_return_begins_there():
     # document, page 3: in manual the loop does nothing and the user controls the output
     state = manual(COLD, 12000, 20000)
     assert (state.output, manual(state, 12000).output) == (20000, 20000)
-    p = Parameters(gain=2.0, rate=9000.0, reset=0.0, sample=1000.0)
-    assert call(p, Assumptions(), state, 12000, 12000).output == 20000
+    p = PidTipParameters(gain=2.0, rate=9000.0, reset=0.0, sample=1000.0)
+    assert call(p, PidTipAssumptions(), state, 12000, 12000).output == 20000
     assert manual(COLD, 0, 32767).bias == 1.0
     assert manual(COLD, 0, -5).bias == 0.0
     scans = [ROOM.scan(ROOM.start(_words(), {}), {"SP": 0, "PV": 0, "mode_req": 0, "OUT": out})[1] for out in (32767, 13824, -5)]
@@ -230,21 +230,21 @@ def test_manual_leaves_out_to_the_user_and_the_return_begins_there():
 
 @given(words=st.tuples(reals, reals, reals, reals), bias=reals, readings=st.lists(st.integers(-32768, 32767), min_size=2, max_size=6))
 def test_a_call_is_total_for_every_bit_pattern_of_words_and_state(words, bias, readings):
-    state = State(bias=bias)
+    state = PidTipState(bias=bias)
     for reading in readings:
         before = state
-        state = call(Parameters(*words), Assumptions(), before, 12000, reading)
-        assert state == call(Parameters(*words), Assumptions(), before, 12000, reading)
+        state = call(PidTipParameters(*words), PidTipAssumptions(), before, 12000, reading)
+        assert state == call(PidTipParameters(*words), PidTipAssumptions(), before, 12000, reading)
         assert 0 <= state.output <= 27648
         assert not math.isnan(state.bias)
 
 
 @pytest.mark.parametrize(("gain", "reset"), [(3e38, 1.0), (math.nan, 1.0), (math.inf, 0.0), (1.0, math.nan)])
 def test_an_overflow_is_told_and_never_heats_for_ever(gain, reset):
-    p = Parameters(gain=gain, rate=0.0, reset=reset, sample=1000.0)
-    state = call(p, Assumptions(), COLD, 27648, 0)
+    p = PidTipParameters(gain=gain, rate=0.0, reset=reset, sample=1000.0)
+    state = call(p, PidTipAssumptions(), COLD, 27648, 0)
     assert state.overflow
-    after = call(p, Assumptions(), state, 0, 27648)
+    after = call(p, PidTipAssumptions(), state, 0, 27648)
     assert after.output == 0
 
 
@@ -253,10 +253,10 @@ def test_an_infinite_reset_is_no_integral_part_as_is_0():
     rows = [(12000, 11000), (12000, 11500), (12000, 12100)]
     outputs = []
     for reset in (0.0, math.inf):
-        state = State(bias=0.5, started=True)
-        p = Parameters(gain=0.5, rate=0.0, reset=reset, sample=1000.0)
+        state = PidTipState(bias=0.5, started=True)
+        p = PidTipParameters(gain=0.5, rate=0.0, reset=reset, sample=1000.0)
         for row in rows:
-            state = call(p, Assumptions(), state, *row)
+            state = call(p, PidTipAssumptions(), state, *row)
             outputs.append(state.output)
         assert not state.overflow
     assert outputs[:3] == outputs[3:] == [13824 + 500, 13824 + 250, 13824 - 50]

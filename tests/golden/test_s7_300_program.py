@@ -21,9 +21,9 @@ from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.plc.pwm import Actuator, on_time, pid_compact, pulsegen
 from heatertune.proof import simulate
-from heatertune.proof.course import Loop
-from heatertune.proof.scenario import PlcPower, delayed
-from heatertune.proof.story import story_for
+from heatertune.proof.scenario import PlcPower, delay_heater
+from heatertune.proof.sequence_plan import LoopTiming
+from heatertune.proof.test_sequence import story_for
 
 HEATER = Fopdt(gain_degC_per_pct=0.9, time_constant_s=40.0, dead_time_s=3.0, ambient_degC=20.0)
 NAMES = {"s7-300": "s7_300_pid.awl", "fb41": "fb41_cont_c.awl"}
@@ -116,8 +116,8 @@ class ContC(Tip):
 def test_the_exported_folder_runs_the_whole_story_as_it_was_proven(machine, tmp_path, target, ramp):
     controller, words = controller_for(target), _words(target, ramp=ramp)
     actuator = Actuator(pwm_period_s=4.0, resolution_s=1.0)
-    heater = delayed(HEATER, controller.delay_s)
-    loop = Loop(scan_s=4.0, pwm_period_s=4.0, sample_time_s=4.0, integral_time_s=22.0, ramp_degC_per_min=controller.ramp_degC_per_min(words))
+    heater = delay_heater(HEATER, controller.delay_s)
+    loop = LoopTiming(scan_s=4.0, pwm_period_s=4.0, sample_time_s=4.0, integral_time_s=22.0, ramp_degC_per_min=controller.ramp_degC_per_min(words))
     scenario = story_for([heater], loop, setpoint_degC=SETPOINT).scenario
     assert sum(isinstance(event, PlcPower) and event.on for event in scenario.disturbances) == 2  # hot and cold
     trace = simulate(controller, words, heater, scenario, actuator)

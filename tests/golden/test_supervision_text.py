@@ -15,7 +15,7 @@ from tests.plc.st_machine import FunctionBlock
 from tests.proof.test_supervision import random_numbers
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.s5.machine import Cpu
+from heatertune.plc.cpu.s5.machine import S5Cpu
 from heatertune.proof.supervision.text import s5, s7_200, s7_300, structured
 from heatertune.proof.supervision.text.statements import statements_of
 
@@ -81,7 +81,7 @@ def test_the_s5_refuses_a_multiplier_without_its_parameters(old, new):
     text = s5.written(statements_of(random_numbers(random.Random(0))._replace(slow_blocks=2)), HEAD)
     assert old in text
     with pytest.raises(InputError, match=r"FB 242|is none that is known here"):
-        Cpu(text.replace(old, new, 1), {})
+        S5Cpu(text.replace(old, new, 1), {})
 
 
 @pytest.mark.long(seconds=5)

@@ -12,8 +12,8 @@ from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.replay import replay
-from heatertune.plc.single import single
-from heatertune.plc.weg.step import Assumptions, Inputs, State, block_of, call
+from heatertune.plc.single_precision import single
+from heatertune.plc.weg.step import WegAssumptions, WegInputs, WegState, block_of, call
 
 ROOM = controller_for("weg")
 LINEAR = {"edge": "runs_at_once", "history": "zero"}
@@ -81,11 +81,11 @@ def test_every_operation_rounds_in_the_order_of_the_printed_equation():
         parts.append(float((kp * e + (i + kp * ki * ts * e)) + kp * ((kd / ts) * (e - past))))
         i, past = i + kp * ki * ts * e, e
     words = _words(Kp=0.7, Ki=0.013, Kd=3.3, Ts=250)
-    free = Assumptions(runs_at_once=True, zero_history=True)
+    free = WegAssumptions(runs_at_once=True, zero_history=True)
     for assume, wanted in ((free, expected), (free._replace(by_parts=True), parts)):
-        block, state, found = block_of(words.values, assume)._replace(minimum=-100.0), State(), []
+        block, state, found = block_of(words.values, assume)._replace(minimum=-100.0), WegState(), []
         for e in errors:
-            state = call(block, assume, state, Inputs(0.0, -float(e)))
+            state = call(block, assume, state, WegInputs(0.0, -float(e)))
             found.append(state.output)
         assert found == wanted
     assert expected != parts
@@ -197,10 +197,10 @@ def test_manual_is_the_output_and_the_way_back_is_a_switch():
 
 @pytest.mark.parametrize("broken", [math.nan, math.inf, -math.inf])
 def test_a_broken_sensor_switches_the_heater_off_and_is_forgotten(broken):
-    words, assume = _words(Ki=0.5, Kd=1.0, MinimumOutput=5.0), Assumptions()
-    block, states = block_of(words.values, assume), [State()]
+    words, assume = _words(Ki=0.5, Kd=1.0, MinimumOutput=5.0), WegAssumptions()
+    block, states = block_of(words.values, assume), [WegState()]
     for feedback in (20.0, 20.0, broken, 20.0):
-        states.append(call(block, assume, states[-1], Inputs(50.0, feedback)))
+        states.append(call(block, assume, states[-1], WegInputs(50.0, feedback)))
     assert states[3] == states[2]._replace(output=5.0, overflow=True)
     assert states[4].output == pytest.approx(min(100.0, states[2].integral + 45.0))
     assert not states[4].overflow
@@ -215,9 +215,9 @@ def test_sums_beyond_single_precision_stay_in_range():
 
 def test_an_increment_below_half_a_digit_of_the_sum_is_lost():
     # at 50 the singles are 2^-18 = 3.8e-6 apart: DIFFERENCES.md, known differences
-    words, assume = _words(Ki=1e-3), Assumptions()
-    block, state = block_of(words.values, assume), State(enabled=True, integral=50.0, reference=0.0)
-    lost, kept = (call(block, assume, state, Inputs(0.0, -error)).integral for error in (1.8e-3, 2.0e-3))
+    words, assume = _words(Ki=1e-3), WegAssumptions()
+    block, state = block_of(words.values, assume), WegState(enabled=True, integral=50.0, reference=0.0)
+    lost, kept = (call(block, assume, state, WegInputs(0.0, -error)).integral for error in (1.8e-3, 2.0e-3))
     assert (lost, kept) == (50.0, single(50.0 + 2.0**-18))
 
 
@@ -264,7 +264,7 @@ def test_a_real_given_as_a_whole_number_is_the_same_real():
     same = {name: value if name in ("Type", "Action", "Ts") else float(value) for name, value in whole.values.items()}
     ROOM.check(whole)
     # as text, as 0 == 0.0; a compiler tells them apart as well
-    assert repr(block_of(whole.values, Assumptions())) == repr(block_of(same, Assumptions()))
+    assert repr(block_of(whole.values, WegAssumptions())) == repr(block_of(same, WegAssumptions()))
 
 
 @pytest.mark.parametrize(("words", "named"), [

@@ -19,9 +19,9 @@ from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator, on_time, pid_compact
 from heatertune.plc.replay import replay
 from heatertune.proof import simulate
-from heatertune.proof.course import Loop
-from heatertune.proof.scenario import delayed
-from heatertune.proof.story import story_for
+from heatertune.proof.scenario import delay_heater
+from heatertune.proof.sequence_plan import LoopTiming
+from heatertune.proof.test_sequence import story_for
 
 ROOM = controller_for("weg")
 HEATER = Fopdt(gain_degC_per_pct=0.9, time_constant_s=40.0, dead_time_s=3.0, ambient_degC=20.0)
@@ -70,8 +70,8 @@ class Weg:
 @pytest.mark.long
 @pytest.mark.parametrize("ramp", [None, Ramp(step=float(np.float32(0.31)), calls=1, hold=5.0)], ids=["plain", "on a ramp"])
 def test_the_exported_folder_runs_the_whole_story_as_it_was_proven(tmp_path, ramp):
-    words, actuator, heater = _words(ramp=ramp), Actuator(pwm_period_s=4.0, resolution_s=0.5), delayed(HEATER, ROOM.delay_s)
-    loop = Loop(scan_s=4.0, pwm_period_s=4.0, sample_time_s=4.0, integral_time_s=22.0, ramp_degC_per_min=ROOM.ramp_degC_per_min(words))
+    words, actuator, heater = _words(ramp=ramp), Actuator(pwm_period_s=4.0, resolution_s=0.5), delay_heater(HEATER, ROOM.delay_s)
+    loop = LoopTiming(scan_s=4.0, pwm_period_s=4.0, sample_time_s=4.0, integral_time_s=22.0, ramp_degC_per_min=ROOM.ramp_degC_per_min(words))
     scenario = story_for([heater], loop, setpoint_degC=SETPOINT).scenario
     trace = simulate(ROOM, words, heater, scenario, actuator)
     plant = Heater(heater, 20.0)

@@ -72,12 +72,12 @@ def test_ob251_from_any_state_is_the_manuals_page_in_fractions():
     for _ in range(1500):
         upper, lower = one_of((100, -100), (100, 0), (2047, 0), (-5, -5), (2047, -2047))
         gain, r, ti = (n / 1024 for n in (one_of(1024, -512, 3031, 0), one_of(1024, 700, -1, 0), one_of(0, 57, 512, 1)))
-        p = ob251.Parameters(gain, r, ti, float(one_of(0, 1, 7)), rng.randrange(64), one_of(-7, 3, 60, 500), upper, lower)
-        state = ob251.State(
+        p = ob251.Ob251Parameters(gain, r, ti, float(one_of(0, 1, 7)), rng.randrange(64), one_of(-7, 3, 60, 500), upper, lower)
+        state = ob251.Ob251State(
             float(one_of(-40, 0, 33, 80)), float(one_of(-3, 0, 5)), float(one_of(-9, 0, 10)), float(one_of(-2, 0, 4)),
             one_of(-1.5, 0.0, 12.25), float(one_of(-4, 0, 7)), one_of(-100.0, 0.0, 37.5, 100.0, 99.5, 120.0), one_of(-11, 0, 33, 100),
             one_of(-1, 0, 1), rng.randrange(5))
-        assume = ob251.Assumptions(*(rng.random() < 0.5 for _ in range(4)))
+        assume = ob251.Ob251Assumptions(*(rng.random() < 0.5 for _ in range(4)))
         w, x, z, xz = one_of(0, 50, 80), one_of(0, 50, 81), one_of(-4, 0, 9), one_of(-9, 0, 10)
         found = ob251.call(p, assume, state, w, x, z, xz)
         assert [*map(Fraction, found)] == [*_ob251(p, state, assume, w, x, z, xz)], (p, state, assume, w, x, z, xz)
@@ -174,12 +174,12 @@ def test_cont_c_from_any_state_is_its_diagram_in_numpys_single_precision():
         return float(F(rng.choice((0.001, 0.3, 1.0, 2.5, 20.0, *more))))
 
     for _ in range(500):
-        p = fb41.Parameters(
+        p = fb41.ContCParameters(
             time(), _reals(rng, 1.0, -2.0, 0.37)(), time(0.0), time(0.0), time(0.0), _reals(rng, 0.0, 4.0, 1.3)(), limit(),
             _reals(rng, 0.0, -100.0, -20.0)(), rng.choice((1.0, 2.5, 3e38)), rng.choice((0.0, -50.0)), _reals(rng, 1.0, 3.0)(), _reals(rng, 0.0, -1.0)(), part(),
             _reals(rng, 0.0, 7.25, -4.0)(), part(), *(rng.random() < share for share in (0.2, 0.8, 0.8, 0.2, 0.2, 0.6)))
-        state = fb41.State(part(), error(), part(), error(), rest(), rest(), part(), *(rng.random() < 0.3 for _ in range(2)))
-        assume = fb41.Assumptions(*(rng.random() < 0.3 for _ in range(3)))
+        state = fb41.ContCState(part(), error(), part(), error(), rest(), rest(), part(), *(rng.random() < 0.3 for _ in range(2)))
+        assume = fb41.ContCAssumptions(*(rng.random() < 0.3 for _ in range(3)))
         sp, pv, os = error(), error(), rng.random() < 0.1
         with np.errstate(all="ignore"):
             expected = _fb41(p, state, assume, sp, pv, os)
@@ -234,9 +234,9 @@ def test_the_tip_from_any_state_is_its_formulas_in_numpys_single_precision():
     share = _reals(rng, -0.3, 0.0, 0.25, 0.75 / 27648, 0.999, 1.0, 1.7)
     gain, time = _reals(rng, 0.0, 1.0, 2.5, -0.7, 11.0), _reals(rng, 0.0, 1000.0, 4000.0, 333.3)
     for _ in range(1500):
-        p = tip.Parameters(gain(), time(), time(), _reals(rng, 1000.0, 4999.0)())
-        state = tip.State(share(), share(), rng.random() < 0.7)
-        assume = tip.Assumptions(*(rng.random() < 0.5 for _ in range(3)))
+        p = tip.PidTipParameters(gain(), time(), time(), _reals(rng, 1000.0, 4999.0)())
+        state = tip.PidTipState(share(), share(), rng.random() < 0.7)
+        assume = tip.PidTipAssumptions(*(rng.random() < 0.5 for _ in range(3)))
         sp, pv = (rng.choice((-32768, 0, 1, 10368, 13824, 27648, 32767)) for _ in range(2))
         with np.errstate(all="ignore"):
             expected = _tip(p, state, assume, sp, pv)
@@ -246,10 +246,10 @@ def test_the_tip_from_any_state_is_its_formulas_in_numpys_single_precision():
 
 def test_a_call_of_the_tip_in_manual_sets_the_bias_to_out_and_keeps_os():
     for out in (-5, 0, 9999, 27648, 32767):
-        after = tip.manual(tip.State(0.3, 0.2, False, 7, True), 13824, out)
+        after = tip.manual(tip.PidTipState(0.3, 0.2, False, 7, True), 13824, out)
         assert (after.bias, after.reading, after.started, after.output, after.overflow) == (
             float(F(min(max(out, 0), 27648)) / F(27648)), 0.5, True, out, False)
-    assert tip.manual(tip.State(output=13824), 0).bias == 0.5
+    assert tip.manual(tip.PidTipState(output=13824), 0).bias == 0.5
 
 
 def _weg_block(v, a):
@@ -280,7 +280,7 @@ def _weg_computed(v, a, s, x):
     edge = not s.enabled
     old = s
     if edge:
-        old = weg.State(True, 0.0 if a.zero_history else x.setpoint)
+        old = weg.WegState(True, 0.0 if a.zero_history else x.setpoint)
     filtered = F(old.reference) + b["share"] * (F(x.setpoint) - F(old.reference))
     e = F(x.feedback) - filtered if v["Action"] == 1 else filtered - F(x.feedback)
     by_hand = F(x.manual) if a.manual_unlimited and np.isfinite(x.manual) else limited(F(x.manual))
@@ -322,12 +322,12 @@ def test_wegs_block_from_any_state_is_its_equation_in_numpys_single_precision():
         words = {"Kp": abs(gain()), "Ki": abs(gain()), "Kd": abs(gain()), "TauSetPoint": abs(_reals(rng, 0.0, 0.7, 3.0)()),
                  "MinimumOutput": low, "MaximumOutput": high, "Type": rng.randrange(2), "Action": rng.randrange(2),
                  "Ts": rng.choice((50, 333, 1000, 65535))}
-        assume = weg.Assumptions(rng.randrange(3), *(rng.random() < 0.4 for _ in range(6)), rng.randrange(3))
+        assume = weg.WegAssumptions(rng.randrange(3), *(rng.random() < 0.4 for _ in range(6)), rng.randrange(3))
         skips = assume.sampling == weg.SKIPPED and rng.random() < 0.3
-        state = weg.State(rng.random() < 0.8, number(), number(), number(), number(), rng.random() < 0.2, skips)
+        state = weg.WegState(rng.random() < 0.8, number(), number(), number(), number(), rng.random() < 0.2, skips)
         broken = rng.choice((math.nan, math.inf, -math.inf))
         feedback, manual = (broken if rng.random() < 0.05 else number() for _ in range(2))
-        inputs = weg.Inputs(number(), feedback, manual, rng.random() < 0.3, rng.random() < 0.9)
+        inputs = weg.WegInputs(number(), feedback, manual, rng.random() < 0.3, rng.random() < 0.9)
         with np.errstate(all="ignore"):
             expected = _weg(words, assume, state, inputs)
         found = weg.call(weg.block_of(words, assume), assume, state, inputs)
@@ -356,7 +356,7 @@ def test_on_off_from_either_state_is_example_3_by_its_listing_and_without_it():
         band, was_on, w = rng.choice((1, 20, 2047)), rng.random() < 0.5, rng.choice(ends)
         x = (w + rng.choice((-1, 1)) * band + rng.choice((-1, 0, 1)) + 2**15) % 2**16 - 2**15
         expected = _two_level(band, was_on, w, x)
-        memory, *found = on_off.step(band, on_off.Memory(was_on), w, x, False)
+        memory, *found = on_off.step(band, on_off.OnOffState(was_on), w, x, False)
         assert (memory.is_on, *found) == expected, (band, was_on, w, x)
         words = Words(target="on-off", values={"BAND": band}, scaling=Scaling(), sample_time_s=1.0)
         begun, _ = room.step(room.start(words, {}), 2500, 0 if was_on else 4095)
@@ -387,11 +387,11 @@ def test_inputs_that_are_not_named_are_those_of_the_words_and_else_those_of_auto
 def test_every_memory_is_cleared_at_first():
     # DW18 to DW48 (table 11-10), and the statics of a new instance block
     assert tuple(ob251.COLD) == (0,) * 10
-    assert tuple(fb41.State()) == (0,) * 11
-    assert fb41.State() == fb41.restart(controller_for("fb41").start(_fb41_words(), {}).parameters[0])
+    assert tuple(fb41.ContCState()) == (0,) * 11
+    assert fb41.ContCState() == fb41.restart(controller_for("fb41").start(_fb41_words(), {}).parameters[0])
     assert tuple(tip.COLD) == (0.0, 0.0, False, 0, False)
     assert tuple(weg.COLD) == (False, 0.0, 0.0, 0.0, 0.0, False, False)
-    assert on_off.Memory() == (False,)
+    assert on_off.OnOffState() == (False,)
 
 
 def _fb41_words():
@@ -403,15 +403,15 @@ def test_power_is_0_to_100_percent_of_the_output_and_flags_are_bits():
     # full power is 2047 units, 27648, or 100 %; the lowest bit is the first flag
     for output, power in ((-5, 0.0), (0, 0.0), (512, 51200.0 / 2047.0), (2047, 100.0), (2100, 100.0)):
         for side, bits in ((1, 1), (0, 0), (-1, 2)):
-            assert ob251._outcome(ob251.State(output=output, at_limit=side))[1:] == (power, output, bits)
+            assert ob251._outcome(ob251.Ob251State(output=output, at_limit=side))[1:] == (power, output, bits)
     for output, power in ((-5, 0.0), (6912, 25.0), (27648, 100.0), (32767, 100.0)):
-        assert [tip._outcome(tip.State(output=output, overflow=over))[1:] for over in (False, True)] == [(power, output, 0), (power, output, 1)]
+        assert [tip._outcome(tip.PidTipState(output=output, overflow=over))[1:] for over in (False, True)] == [(power, output, 0), (power, output, 1)]
     for output, power in ((-60.0, 0.0), (0.5, 0.5), (99.5, 99.5), (300.0, 100.0)):
         for upper, lower, over, bits in ((False, False, False, 0), (True, False, False, 1), (False, True, True, 6), (False, False, True, 4), (True, False, True, 5)):
-            state = fb41.State(output=output, at_upper=upper, at_lower=lower, overflow=over)
+            state = fb41.ContCState(output=output, at_upper=upper, at_lower=lower, overflow=over)
             assert fb41.outcome(state)[1:] == (power, output, bits)
     words = {"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "TauSetPoint": 0.0, "MinimumOutput": 5.0, "MaximumOutput": 60.0, "Type": 0, "Action": 0, "Ts": 1000}
-    block = weg.block_of(words, weg.Assumptions())
+    block = weg.block_of(words, weg.WegAssumptions())
     for output, power, bits in ((-5.0, 0.0, 2), (5.0, 5.0, 2), (5.5, 5.5, 0), (60.0, 60.0, 1), (100.5, 100.0, 1)):
-        assert [weg._outcome(block, weg.State(overflow=over), output)[1:] for over in (False, True)] == [(power, output, bits), (power, output, bits + 4)]
-    assert weg.Inputs(1.0, 2.0) == (1.0, 2.0, 0.0, False, True)
+        assert [weg._outcome(block, weg.WegState(overflow=over), output)[1:] for over in (False, True)] == [(power, output, bits), (power, output, bits + 4)]
+    assert weg.WegInputs(1.0, 2.0) == (1.0, 2.0, 0.0, False, True)

@@ -6,11 +6,11 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.heater.exact import (
     Factors,
     advance,
-    advanced,
+    advance_step,
     apart,
     factors,
     since_step,
@@ -81,16 +81,16 @@ def test_one_lag_is_an_exponential():
 
 @pytest.mark.parametrize("case", [(3.0, 50.0, 0.0), (3.0, 50.0, 50.0), (3.0, 50.0, 20.0), (3.0, 20.0, 50.0)])
 def test_numbers_are_the_same_plain_and_compiled_bit_for_bit(case):
-    assert compiled(factors)(*case) == factors(*case)
+    assert compile_function(factors)(*case) == factors(*case)
     step = (90.0, 30.0, 40.0, factors(*case))
-    assert compiled(advanced)(*step) == advanced(*step)
+    assert compile_function(advance_step)(*step) == advance_step(*step)
 
 
 @pytest.mark.parametrize(("outer", "inner"), [(100.0, 40.0), (40.0, 100.0), (100.0, 100.0), (100.0, 100.0 * (1 - 1e-13))])
 def test_the_temperature_turns_where_both_lags_meet(outer, inner):
     turns = turning_time(50.0, 60.0, 20.0, outer, inner)
     assert turning_times(*map(np.array, (50.0, 60.0, 20.0)), outer, inner) == pytest.approx(turns, rel=1e-12)
-    y, x = advanced(50.0, 60.0, 20.0, factors(turns, outer, inner))
+    y, x = advance_step(50.0, 60.0, 20.0, factors(turns, outer, inner))
     assert y == pytest.approx(x, abs=1e-9)
 
 

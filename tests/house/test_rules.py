@@ -14,7 +14,7 @@ import heatertune
 SOURCE = ROOT / "src" / "heatertune"
 STAGES = ("heater", "log", "model", "pid", "plc", "proof", "report")
 FREE = ("units", "terms", "errors", "options", "progress", "settings", "documents", "codec", "files", "writing", "cache",
-        "compiled", "compiler", "native", "plain", "lazy", "show", "handed", "commissioned", "processors")
+        "compiled", "compiler", "native", "plain", "lazy", "show", "hooks", "commissioned", "processors")
 MODULES = sorted(SOURCE.rglob("*.py"))
 
 
@@ -72,7 +72,7 @@ def test_the_studio_is_imported_by_its_command_alone_and_its_logic_knows_no_brow
         if "studio" in _imports(path):
             assert path.parent == SOURCE / "studio" or path == SOURCE / "cli" / "studio.py", path
     knowing = {path.stem for path in (SOURCE / "studio").glob("*.py") if "from nicegui" in path.read_text(encoding="utf-8")}
-    assert knowing == {"controls", "drawn_card", "grey", "left_card", "live_card", "loop_card", "page", "parts", "server", "sheet_card"}
+    assert knowing == {"controls", "as_left_card", "monte_carlo_card", "stale", "live_card", "loop_card", "page", "parts", "server", "sheet_card"}
 
 
 def test_the_live_side_imports_all_stages_but_neither_studio_nor_commands_and_these_and_the_face_alone_import_it():
@@ -129,9 +129,9 @@ def test_the_switches_of_every_room_are_the_table_of_its_differences():
     for name, package in TARGETS.items():
         text = (SOURCE.joinpath(*package.split(".")[1:]) / "DIFFERENCES.md").read_text(encoding="utf-8")
         _, _, table = text.partition("| switch | settings (default first) | what is open |\n| --- | --- | --- |\n")
-        rows = [f"| {switch.name} | {', '.join(switch.settings)} | {switch.why} |" for switch in controller_for(name).switches]
+        rows = [f"| {switch.name} | {', '.join(switch.settings)} | {switch.reason} |" for switch in controller_for(name).switches]
         assert table.split("\n\n")[0].splitlines() == rows, name
         if name in COOLING:  # the open points that a cooler brings stand in a table of their own
             own = controller_for(COOLING[name]).switches[len(rows):]
             more = table.partition("| --- | --- | --- |\n")[2].split("\n\n")[0].splitlines()
-            assert more == [f"| {switch.name} | {', '.join(switch.settings)} | {switch.why} |" for switch in own]
+            assert more == [f"| {switch.name} | {', '.join(switch.settings)} | {switch.reason} |" for switch in own]

@@ -9,7 +9,7 @@ import pytest
 
 from heatertune import compiled
 from heatertune.cli import main
-from heatertune.proof.document import digested
+from heatertune.proof.document import with_digest
 
 SLOW = ("casadi", "control", "llvmlite", "matplotlib", "numba", "pyarrow", "distributed", "scipy", "scipy.stats")
 
@@ -112,7 +112,7 @@ def failing(proof):
         if "ms" in run["criteria"]:  # a run at another mains voltage has fewer criteria
             run["verdict"] = "FAIL"
             run["criteria"]["ms"] = {"value": 9.0, "ok": False}
-    proof["digest"] = digested(proof)["digest"]
+    proof["digest"] = with_digest(proof)["digest"]
 
 
 @pytest.mark.parametrize(("change", "status", "told"), [
@@ -130,7 +130,7 @@ def test_no_words_leave_on_another_proof(change, status, told, proven, tmp_path,
     proof = json.loads((proven / "out" / "data" / "proof.json").read_text())
     change(proof)
     if "other words" in told:  # a whole proof, but not of these
-        proof["digest"] = digested(proof)["digest"]
+        proof["digest"] = with_digest(proof)["digest"]
     (tmp_path / "words.json").write_text((proven / "out" / "data" / "words.json").read_text())
     (tmp_path / "proof.json").write_text(json.dumps(proof))
     (tmp_path / "pid.json").write_text((proven / "out" / "data" / "pid.json").read_text())

@@ -15,11 +15,11 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import COOLING, TARGETS, Scaling, controller_for
 from heatertune.plc.open_points import always, settings_to_prove
 from heatertune.plc.pwm import Actuator
-from heatertune.proof.criteria import Limits
+from heatertune.proof.criteria import LoopLimits
+from heatertune.proof.criterion_table import join_tables
 from heatertune.proof.loop import in_loop, scans_of
-from heatertune.proof.measured import joined
-from heatertune.proof.metered import metered
-from heatertune.proof.samples import Drawing, Spread, measure
+from heatertune.proof.measured_runs import measure_runs
+from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, measure
 from heatertune.proof.scenario import Load, Mains, Scenario
 
 pytestmark = pytest.mark.law
@@ -50,7 +50,7 @@ def outputs(which, words, settings, seed):
         reading = min(max(reading + chance.gauss(0.0, 1.0) + 0.05 * (setpoint - reading), 0.0), 100.0)
         setpoint = chance.uniform(20.0, 90.0) if chance.random() < often else setpoint
         if chance.random() < 0.01:
-            state = which.core.restarted(running.parameters, cold, state)
+            state = which.core.warm_start(running.parameters, cold, state)
         state, power, output, flags = which.core.step(
             running.parameters, state, which.measure(words, setpoint), which.measure(words, reading), True)
         given.append((power, output, flags))
@@ -79,13 +79,13 @@ def test_drawn_heaters_show_the_same_where_one_setting_runs_for_all(target):
         setpoint_degC=50.0, duration_s=400.0, noise_degC=0.1,
         disturbances=(Load(time_s=250.0, power_pct=-10.0), Mains(time_s=300.0, share=0.0), Mains(time_s=330.0, share=1.0)))
     cooling = {"cooling_gain": 1.0} if target in COOLING.values() else {}
-    drawing = Drawing.of(which, words, [heater], scenario, Spread(heater=(0.1, 0.1, 2.0)),
+    drawing = SampleRequest.of(which, words, [heater], scenario, SampleSpread(heater=(0.1, 0.1, 2.0)),
                          Actuator(pwm_period_s=2.0, **cooling))
     assert [each.switches for each in drawing.controllers] == settings_to_prove(which.switches)
-    seeds, limits = range(7, 47), Limits()
+    seeds, limits = range(7, 47), LoopLimits()
     rows, sizes = drawing.heaters_of(seeds)
     noise, late = drawing.scans_of(seeds, scans_of(drawing.controllers[0], scenario))
-    every = joined([metered(each, rows, scenario, drawing.actuator, limits, noise, late, sizes,
+    every = join_tables([measure_runs(each, rows, scenario, drawing.actuator, limits, noise, late, sizes,
                             cooling=drawing.cooling_of(seeds)) for each in drawing.controllers])
     found = measure(drawing, limits, len(seeds), seed=seeds[0], workers=2)
     for name in ("rows", "table", "totals", "ripple"):

@@ -11,7 +11,7 @@ import pytest
 
 from heatertune import Fopdt, Scaling, model_by_hand, virtual_plc
 from heatertune.cli import main
-from heatertune.live.memory import OWN, OWN_LENGTH, Told
+from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.proof.words_file import WORDS_SCHEMA
@@ -211,7 +211,7 @@ def stepped(asking, scans, upto=0, block=(DB, LENGTH)):
     rows = []
     for number in range(upto + 1, upto + scans + 1):
         asking.write(OWN, 8, struct.pack(">I", number))
-        while Told(own := asking.read(OWN, 0, OWN_LENGTH)).intervals < number:
+        while SimulatorStatus(own := asking.read(OWN, 0, OWN_LENGTH)).intervals < number:
             pass
         rows.append((own, asking.read(block[0], 0, block[1]) if block else b""))
     return rows

@@ -170,7 +170,7 @@ def test_a_block_that_moves_while_it_is_read_is_read_anew(served, quick, monkeyp
         expected, info = asking.read(DB, 0, 12), asking._info
 
         def moved(number):
-            if plc.told.intervals < 2:
+            if plc.status.intervals < 2:
                 plc.release(2)  # after the bytes were read
             return info(number)
 

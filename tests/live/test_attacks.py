@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.live.conftest import DB, FAILED, LENGTH, client
 
-from heatertune.live.memory import OWN, OWN_LENGTH, Memory, Refusal, Told
+from heatertune.live.memory import OWN, OWN_LENGTH, BlockMemory, Refusal, SimulatorStatus
 
 _REQUEST = bytes.fromhex("0300001f02f080320100000001000e00000401120a10020062001e84000000")  # S7: read 98 bytes of DB 30
 
@@ -63,7 +63,7 @@ def test_two_clients_that_write_beside_each_other_undo_nothing(served):
     for thread in threads:
         thread.join()
     assert lost == []
-    assert both.told.scans > 0
+    assert both.status.scans > 0
     assert plc.plc.failed is None
 
 
@@ -84,7 +84,7 @@ def test_a_fast_client_hinders_no_scan(served):
         while not plc.plc.ended:
             asking.read(DB, 0, LENGTH)
             reads += 1
-    assert (plc.told.intervals, plc.told.scans) == (200, 200)
+    assert (plc.status.intervals, plc.status.scans) == (200, 200)
     assert reads > 5
 
 
@@ -92,7 +92,7 @@ def test_a_client_that_releases_all_scans_lets_it_run_and_the_end_still_comes(se
     plc = served()
     with client(plc) as asking:
         asking.write(OWN, 8, b"\xff" * 4)
-        while Told(asking.read(OWN, 0, OWN_LENGTH)).intervals < 500:
+        while SimulatorStatus(asking.read(OWN, 0, OWN_LENGTH)).intervals < 500:
             pass
     plc.close()
     assert plc.plc.failed is None
@@ -133,7 +133,7 @@ def test_clients_that_come_as_it_closes_leave_no_socket_to_the_garbage_collector
 
 @given(number=st.integers(-1, 2000), start=st.integers(-5, 120), content=st.binary(max_size=120))
 def test_a_write_is_whole_or_refused(number, start, content):
-    memory = Memory(DB, bytes(range(LENGTH)), 1.0)
+    memory = BlockMemory(DB, bytes(range(LENGTH)), 1.0)
     try:
         memory.write(number, start, content)
     except Refusal:
@@ -143,12 +143,12 @@ def test_a_write_is_whole_or_refused(number, start, content):
 
 
 def test_what_a_client_writes_during_a_scan_stays():
-    memory = Memory(DB, bytes(LENGTH), 1.0)
+    memory = BlockMemory(DB, bytes(LENGTH), 1.0)
     before = memory.image()
     memory.write(DB, 2, b"\1\2")
     after = bytearray(before)
     after[44:46] = b"\3\4"
-    memory.put(before, after)
+    memory.write_changes(before, after)
     assert (memory.image()[2:4], memory.image()[44:46]) == (b"\1\2", b"\3\4")
 
 

@@ -22,10 +22,10 @@ from heatertune.live.blocks import SERVED, block_for
 from heatertune.live.client.address import address_of
 from heatertune.live.client.client import connect
 from heatertune.live.memory import DEAD_MAN, OWN, OWN_LENGTH
-from heatertune.live.places import places_of
+from heatertune.live.signal_map import places_of
 from heatertune.plc import Certificate, controller_for
 from heatertune.plc.boost import Boost
-from heatertune.plc.core import Running
+from heatertune.plc.core import ControllerState
 from heatertune.plc.ramp import Ramp
 
 TARGETS = tuple(SERVED)
@@ -153,7 +153,7 @@ def test_a_word_that_somebody_writes_acts_as_it_would_have_from_the_beginning(se
     running = controller.start(words, {})
     for scan in range(40):
         if scan == 20 and not target.startswith("s7-200"):
-            running = Running(controller.start(replace(words, values={**words.values, name: value}), {}).parameters, running.state)
+            running = ControllerState(controller.start(replace(words, values={**words.values, name: value}), {}).parameters, running.state)
         told = plc.release(1)
         if target.startswith("s7-200") and scan == 20:
             return  # its own memory holds the word: the next test
@@ -304,7 +304,7 @@ def test_after_a_stop_it_begins_as_its_program_does(served, target):
             continue
         if scan == 40:
             own = controller.core.own(running.state)
-            running = running._replace(state=controller.core.restarted(running.parameters, cold, own))
+            running = running._replace(state=controller.core.warm_start(running.parameters, cold, own))
         running, expected = controller.step(running, *_measured(target, 50.0, told.temperature_degC))
         assert told.power_pct == expected.power_pct, scan
 

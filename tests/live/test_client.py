@@ -10,11 +10,11 @@ from tests.conftest import tried
 from tests.live.conftest import DB, LENGTH, PROTOCOLS
 
 from heatertune.errors import DocumentError, InputError, LinkDown, LinkError, PlcRefused, ReplyLost, UnknownName
-from heatertune.live.cells import Signal
 from heatertune.live.client.address import address_of
 from heatertune.live.client.client import connect
-from heatertune.live.memory import OWN, OWN_LENGTH, Told
-from heatertune.live.places import places_in, places_of
+from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
+from heatertune.live.signal_map import places_in, places_of
+from heatertune.live.word_codec import Signal
 
 NETWORKS = PROTOCOLS[:3]
 
@@ -79,10 +79,10 @@ def test_a_block_is_read_and_written(served, protocol):
         client.write(DB, 2, b"\x0f\xa0")
         assert client.read(DB, 0, LENGTH) == before[:2] + b"\x0f\xa0" + before[4:]
         assert client.read(DB, 3, 2) == b"\xa0" + before[4:5]  # of a register, too, a half
-        told = Told(client.read(OWN, 0, OWN_LENGTH))
+        told = SimulatorStatus(client.read(OWN, 0, OWN_LENGTH))
         assert (told.marked, told.interval_s, told.shown) == (True, plc.scan_s, 0)
         plc.release(3)
-        assert Told(client.read(OWN, 0, OWN_LENGTH)).shown == 3
+        assert SimulatorStatus(client.read(OWN, 0, OWN_LENGTH)).shown == 3
         with pytest.raises(PlcRefused, match="refused"):
             client.read(DB, LENGTH, 2)
         assert client.read(DB, 0, 2) == before[:2]  # a refusal ends no connection

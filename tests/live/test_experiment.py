@@ -18,14 +18,14 @@ from tests.live.test_recorder import rows_of
 from heatertune import InputError
 from heatertune.cli import main
 from heatertune.errors import DocumentError, OutOfRange
-from heatertune.live.experiment import Experiment, Watching, restore
+from heatertune.live.experiment import Experiment, ExperimentObserver, restore
 from heatertune.live.plc_state import PlcState
-from heatertune.live.schedule import Aims, Limits, Relay, Steps, read_plan
+from heatertune.live.schedule import AbortLimits, Aims, RelaySchedule, Steps, read_plan
 from heatertune.model.intervals import Interval
 
 FAST = {"step": False, "rate": 2000.0, "dead_man": 3000}
 PLAN = Steps(steps=((0.0, 0.0), (100.0, 60.0), (500.0, 20.0)))
-WARM = Limits(temperature_degC=90.0)
+WARM = AbortLimits(temperature_degC=90.0)
 
 
 @pytest.fixture(autouse=True)
@@ -42,7 +42,7 @@ def ran(plc, words, tmp_path, plan=PLAN, limits=WARM, protocol="s7", aims=None, 
     whole = Experiment(plan, way(plc, protocol), words, limits, timeout_s=timeout_s)
     whole.check()
     before = cells(plc)
-    ended = whole.run(tmp_path / "log.csv", aims, Watching(**watching))
+    ended = whole.run(tmp_path / "log.csv", aims, ExperimentObserver(**watching))
     return ended, before
 
 
@@ -64,7 +64,7 @@ def test_a_plan_is_run_and_all_is_given_back(by_hand, tmp_path):
     plc = serve(rate=100.0)
     before = plc.plc.memory.image()[part]
     ended, _ = ran(plc, words, tmp_path, protocol=protocol)
-    assert (ended.why, ended.restored) == ("plan", True)
+    assert (ended.reason, ended.restored) == ("plan", True)
     assert plc.plc.memory.image()[part] == before
     assert PlcState(way(plc, protocol)).way_back() is None
     rows = rows_of(tmp_path / "log.csv")
@@ -83,8 +83,8 @@ def test_limit_link_and_somebody_elses_hand_end_it_on_each_controller(by_hand, t
     def cut_off(name, plc, plan=mild, **more):
         (tmp_path / name).mkdir()
         before = plc.plc.memory.image()[part]
-        ended, _ = ran(plc, words, tmp_path / name, plan, Limits(temperature_degC=60.0), protocol=protocol, **more)
-        return ended.why, ended.restored, plc.plc.memory.image()[part] == before
+        ended, _ = ran(plc, words, tmp_path / name, plan, AbortLimits(temperature_degC=60.0), protocol=protocol, **more)
+        return ended.reason, ended.restored, plc.plc.memory.image()[part] == before
 
     assert cut_off("limit", serve(rate=300.0), hot) == ("limit", True, True)
     rows = rows_of(tmp_path / "limit" / "log.csv")
@@ -96,7 +96,7 @@ def test_limit_link_and_somebody_elses_hand_end_it_on_each_controller(by_hand, t
         if so_far.rows == 20:
             plc.plc.memory.write(plc.number, part.start, b"\1" * (part.stop - part.start))
 
-    assert cut_off("hand", plc, shown=other)[:2] == ("hand", False)
+    assert cut_off("hand", plc, on_row=other)[:2] == ("hand", False)
     assert plc.plc.memory.image()[part] == b"\1" * (part.stop - part.start)
 
 
@@ -116,7 +116,7 @@ def test_a_host_that_is_silent_is_followed_by_the_dead_man_and_the_next_start_gi
     whole.check()
     whole.mode.give_back = lambda *_: None  # a host that is dead does nothing
     with pytest.raises(Dead):
-        whole.run(tmp_path / "log.csv", watching=Watching(shown=dies))
+        whole.run(tmp_path / "log.csv", watching=ExperimentObserver(on_row=dies))
     while block.in_manual(plc.plc.memory.image()):
         pass
     assert restore(way(plc, protocol)) is True
@@ -124,9 +124,9 @@ def test_a_host_that_is_silent_is_followed_by_the_dead_man_and_the_next_start_gi
 
 
 def test_a_relay_is_run(served, words, tmp_path):
-    plan = Relay(rest_s=40.0, on_degC=44.0, off_degC=46.0, high_pct=80.0, low_pct=0.0, duration_s=2500.0)
+    plan = RelaySchedule(rest_s=40.0, on_degC=44.0, off_degC=46.0, high_pct=80.0, low_pct=0.0, duration_s=2500.0)
     ended, _ = ran(served(**FAST | {"rate": 250.0}), words, tmp_path, plan)
-    assert ended.why == "plan"
+    assert ended.reason == "plan"
     rows = rows_of(tmp_path / "log.csv")
     swings = rows[rows[:, 0] > rows[0, 0] + 800.0]
     assert swings[:, 1].min() < 44.5
@@ -136,8 +136,8 @@ def test_a_relay_is_run(served, words, tmp_path):
 
 def test_the_limit_ends_it_at_the_second_look(served, words, tmp_path):
     plan = Steps(steps=((0.0, 100.0), (3000.0, 100.0)))
-    ended, before = ran(plc := served(**FAST), words, tmp_path, plan, Limits(temperature_degC=60.0))
-    assert (ended.why, ended.restored, cells(plc)) == ("limit", True, before)
+    ended, before = ran(plc := served(**FAST), words, tmp_path, plan, AbortLimits(temperature_degC=60.0))
+    assert (ended.reason, ended.restored, cells(plc)) == ("limit", True, before)
     rows = rows_of(tmp_path / "log.csv")
     assert rows[:-1, 1].max() < 60.0 <= rows[-1, 1]
 
@@ -147,9 +147,9 @@ def test_the_limit_ends_it_at_the_second_look(served, words, tmp_path):
     ("db-missing", {"silence", "link"})])  # that stops the CPU, too: which is seen first is a matter of the moment
 def test_what_goes_wrong_ends_it(served, words, tmp_path, fault, why):
     plc = served(faults=f"t=4000 {fault} until=9000", **FAST)
-    limits = Limits(temperature_degC=95.0, silence_s=2.0)
+    limits = AbortLimits(temperature_degC=95.0, silence_s=2.0)
     ended, before = ran(plc, words, tmp_path, Steps(steps=((0.0, 10.0), (20000.0, 20.0))), limits, timeout_s=0.3)
-    assert ended.why in why, ended
+    assert ended.reason in why, ended
     assert ended.restored, ended
     assert cells(plc) == before
     assert PlcState(way(plc, "s7")).way_back() is None
@@ -157,9 +157,9 @@ def test_what_goes_wrong_ends_it(served, words, tmp_path, fault, why):
 
 def test_a_rate_that_is_too_fast_ends_it(served, words, tmp_path):
     # 60 % leads to 76 °C: the limit of the temperature is not reached, however late a look comes
-    limits = Limits(temperature_degC=95.0, rate_degC_per_min=5.0)
+    limits = AbortLimits(temperature_degC=95.0, rate_degC_per_min=5.0)
     ended, _ = ran(served(**FAST), words, tmp_path, Steps(steps=((0.0, 60.0), (900.0, 0.0))), limits)
-    assert ended.why == "rate"
+    assert ended.reason == "rate"
 
 
 def test_somebody_elses_hand_ends_it_and_is_left_alone(served, words, tmp_path):
@@ -169,8 +169,8 @@ def test_somebody_elses_hand_ends_it_and_is_left_alone(served, words, tmp_path):
         if so_far.rows == 30:
             plc.plc.memory.write(DB, CELLS.start, theirs)
 
-    ended, _ = ran(plc, words, tmp_path, Steps(steps=((0.0, 10.0), (6000.0, 20.0))), shown=shown)
-    assert (ended.why, ended.restored) == ("hand", False)
+    ended, _ = ran(plc, words, tmp_path, Steps(steps=((0.0, 10.0), (6000.0, 20.0))), on_row=shown)
+    assert (ended.reason, ended.restored) == ("hand", False)
     assert cells(plc) == theirs
 
 
@@ -181,15 +181,15 @@ def test_a_key_ends_it(served, words, tmp_path):
         pressed.extend([1] * (so_far.rows > 20))
 
     plc = served(**FAST)
-    ended, before = ran(plc, words, tmp_path, shown=shown, key=lambda: bool(pressed))
-    assert (ended.why, ended.restored, cells(plc)) == ("key", True, before)
+    ended, before = ran(plc, words, tmp_path, on_row=shown, key=lambda: bool(pressed))
+    assert (ended.reason, ended.restored, cells(plc)) == ("key", True, before)
 
 
 def test_it_ends_as_soon_as_enough_is_known(served, words, tmp_path):
     known = SimpleNamespace(model=SimpleNamespace(gain_degC_per_pct=0.9), ci95={"gain_degC_per_pct": Interval(low=0.85, high=0.95)})
     aims = Aims(shares={"gain_degC_per_pct": 0.06}, every_rows=10)
     ended, _ = ran(served(**FAST), words, tmp_path, Steps(steps=((0.0, 10.0), (90000.0, 20.0))), aims=aims, fit=lambda _: known)
-    assert (ended.why, ended.fitted) == ("known", known)
+    assert (ended.reason, ended.fitted_model) == ("known", known)
 
 
 @pytest.mark.parametrize(("low", "high", "reached"), [(0.85, 0.95, True), (0.8, 0.95, False), (None, 0.95, False), (0.85, None, False)])
@@ -208,7 +208,7 @@ def test_it_begins_on_no_other_words_no_hot_heater_no_stop_and_no_broken_sensor(
 
     plc = served()
     plc.release(60)
-    assert "the limit is 30 °C" in refused(plc, Limits(temperature_degC=30.0))
+    assert "the limit is 30 °C" in refused(plc, AbortLimits(temperature_degC=30.0))
     plc.plc.memory.write(DB, 2, struct.pack(">h", 1234))
     assert "holds other words: K = KF +01234, not KF +06144" in refused(plc)
     stopped = served(faults="t=0 cpu-stop")
@@ -297,7 +297,7 @@ def test_a_fit_that_takes_long_does_not_keep_the_controller_in_manual(served, wo
 
     aims = Aims(shares={"gain_degC_per_pct": 0.01}, every_rows=10)
     ended, _ = ran(plc, words, tmp_path, aims=aims, fit=fit)
-    assert (ended.why, ended.restored) == ("plan", True)
+    assert (ended.reason, ended.restored) == ("plan", True)
 
 
 @pytest.mark.long

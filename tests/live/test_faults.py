@@ -7,7 +7,7 @@ from threading import Thread
 import pytest
 from tests.live.conftest import DB, FAILED, LENGTH, PROTOCOLS, S7, client
 
-from heatertune.live.faults import Fault, fault_of, heater_events
+from heatertune.live.fault_schedule import ScheduledFault, fault_of, heater_events
 from heatertune.live.memory import DEAD_MAN, FAULTY, OWN, RUNS, Access, Refusal
 from heatertune.proof.kernel import LOAD, MAINS
 
@@ -27,7 +27,7 @@ def by_hand(words):
 def test_a_fault_of_the_heater_brings_it_to_another_rest_and_back(served, by_hand, fault, rest_degC):
     plc = served(by_hand, faults=f"t=2400 {fault} until=4800")
     assert plc.release(600).temperature_degC == pytest.approx(58.0, abs=0.5)
-    assert not plc.told.status & FAULTY
+    assert not plc.status.status & FAULTY
     told = plc.release(600)
     assert (told.temperature_degC, told.status & FAULTY) == (pytest.approx(rest_degC, abs=0.5), FAULTY)
     assert plc.release(600).temperature_degC == pytest.approx(58.0, abs=0.5)
@@ -108,7 +108,7 @@ def test_a_block_that_is_missing_or_short_stops_the_cpu(served, fault, why):
     plc = served(faults=f"t=40 {fault} until=80")
     with client(plc) as asking:
         plc.release(15)
-        assert plc.told.scans == 10
+        assert plc.status.scans == 10
         with pytest.raises(Exception, match=r"0x0a|0x05|exist|range"):
             asking.read(DB, 0, LENGTH)
         with pytest.raises(Refusal) as refused:
@@ -117,7 +117,7 @@ def test_a_block_that_is_missing_or_short_stops_the_cpu(served, fault, why):
         if fault == "db-short":
             assert len(asking.read(DB, 0, 48)) == 48
         plc.release(10)
-        assert (plc.told.scans, len(asking.read(DB, 0, LENGTH))) == (15, LENGTH)
+        assert (plc.status.scans, len(asking.read(DB, 0, LENGTH))) == (15, LENGTH)
 
 
 @pytest.mark.parametrize("protocol", ["s7", "modbus"])
@@ -222,5 +222,5 @@ def test_without_a_heartbeat_the_controller_goes_back_to_automatic(served, by_ha
 
 def test_a_fault_is_there_from_its_begin_to_before_its_end():
     fault = fault_of("t=900  mains=-10   until=1200")
-    assert fault == Fault(name="mains", begins_s=900.0, ends_s=1200.0, value=-10.0)
+    assert fault == ScheduledFault(name="mains", begins_s=900.0, ends_s=1200.0, value=-10.0)
     assert [fault.at(time) for time in (899.9, 900.0, 1199.9, 1200.0)] == [False, True, True, False]

@@ -337,7 +337,7 @@ def test_a_state_folder_that_cannot_be_read_is_told_in_one_line(tmp_path, monkey
     monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "file" / "within"))
     state = PlcState(address_of("modbus://127.0.0.1:1/1/0"))
     assert state.message() == ""
-    with pytest.raises(InputError, match="cannot be written"), state.locked("write"):
+    with pytest.raises(InputError, match="cannot be written"), state.lock("write"):
         pass
     monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / ("x" * 300)))
     assert main(["experiment", "--restore", "modbus://127.0.0.1:1/1/0"]) == 2
@@ -369,14 +369,14 @@ def test_a_link_that_stays_dead_is_said_to_be_unknown_with_the_command_that_work
 def test_a_lock_ends_with_its_process(tmp_path):
     where = "modbus://127.0.0.1:1502/1/0"
     program = (f"import time; from heatertune.live.plc_state import PlcState; from heatertune.live.client.address import address_of\n"
-               f"with PlcState(address_of({where!r})).locked('experiment'): print(1, flush=True); input()")
+               f"with PlcState(address_of({where!r})).lock('experiment'): print(1, flush=True); input()")
     state = PlcState(address_of(where))
     with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout.readline()
-        with pytest.raises(InputError, match=f"process {process.pid}: heatertune experiment, begun 20"), state.locked("write"):
+        with pytest.raises(InputError, match=f"process {process.pid}: heatertune experiment, begun 20"), state.lock("write"):
             pass
         process.kill()
-    with state.locked("write"):
+    with state.lock("write"):
         pass
 
 

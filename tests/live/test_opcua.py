@@ -15,7 +15,7 @@ from tests.live.conftest import DB, LENGTH, PROTOCOLS, words_of
 from heatertune.errors import LinkDown, PlcRefused, ReplyLost
 from heatertune.live.client.address import address_of
 from heatertune.live.client.client import connect
-from heatertune.live.memory import OWN, OWN_LENGTH, Told
+from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
 
 ua = pytest.importorskip("asyncua.ua", reason="asyncua is not installed")
 sync = pytest.importorskip("asyncua.sync")
@@ -57,7 +57,7 @@ def test_each_word_has_its_name_its_exact_type_and_its_place(served, words):
             found = client.get_node(f"{BLOCK}.{name}").read_data_value().Value
             assert found.VariantType == (Kind.Byte if name == "STEU" else Kind.Int16)  # its high byte is the system's
             assert found.Value == (1023 if name == "W" else value)  # 50 °C of 0…100 °C in 2047 units
-        own = Told(client.get_node(f"ns=2;s=DB{OWN}").read_value())
+        own = SimulatorStatus(client.get_node(f"ns=2;s=DB{OWN}").read_value())
         for name in ("intervals", "scans", "released", "heartbeat", "status", "power_pct", "reading", "shown", "interval_s"):
             assert client.get_node(f"ns=2;s=DB{OWN}.{name}").read_value() == getattr(own, name)
 
@@ -111,11 +111,11 @@ def test_a_setpoint_that_is_written_acts(served):
     ("i=2259", 1, Kind.Int32, None, "BadUserAccessDenied")])
 def test_what_is_not_to_be_written_is_refused_and_changes_nothing(one, node, value, kind, span, said):
     plc, client = one
-    before = [plc.plc.memory.read(number, 0, plc.plc.memory.found(number)) for number in (DB, OWN)]
+    before = [plc.plc.memory.read(number, 0, plc.plc.memory.block_size(number)) for number in (DB, OWN)]
     with pytest.raises(ua.UaStatusCodeError) as refused:
         put(client, node, value, kind, span)
     assert type(refused.value).__name__ == said
-    assert before == [plc.plc.memory.read(number, 0, plc.plc.memory.found(number)) for number in (DB, OWN)]
+    assert before == [plc.plc.memory.read(number, 0, plc.plc.memory.block_size(number)) for number in (DB, OWN)]
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +173,7 @@ def test_one_request_is_of_one_instant(served):
         seen = set()
         for _ in range(60):
             intervals, own, shown, temperature = client.read_values(there)
-            told = Told(own)
+            told = SimulatorStatus(own)
             assert (told.intervals, told.shown, told.temperature_degC) == (intervals, shown, temperature)
             seen.add(intervals)
         assert len(seen) > 1

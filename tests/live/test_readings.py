@@ -8,17 +8,17 @@ import pytest
 from tests.bench import sessions
 
 from heatertune.errors import InputError
-from heatertune.live.change.cells import standing
-from heatertune.live.change.peer import Look
-from heatertune.live.change.proven import read_proven
-from heatertune.live.change.record import Record
-from heatertune.live.change.watch import watched
+from heatertune.live.band_watch import BandWatch
 from heatertune.live.client.address import address_of
 from heatertune.live.experiment import Experiment
-from heatertune.live.looking import Look as Seen
-from heatertune.live.readings import StillSensor, reading_problem
-from heatertune.live.schedule import Limits, Steps
-from heatertune.live.watching import Beside
+from heatertune.live.poller import Snapshot as Seen
+from heatertune.live.reading_check import StillSensor, reading_problem
+from heatertune.live.schedule import AbortLimits, Steps
+from heatertune.live.write.block_image import block_image
+from heatertune.live.write.plc_block import BlockSnapshot
+from heatertune.live.write.proven_words import read_proven
+from heatertune.live.write.response_watch import watch_response
+from heatertune.live.write.write_record import WriteRecord
 from heatertune.model.values import Fopdt
 
 NAN, INF = math.nan, math.inf
@@ -36,7 +36,7 @@ class Loop:
     """A PLC that is looked at: `shows` gives temperature and power at each look; its time runs as fast as it is asked."""
 
     def __init__(self, proven, shows, counter=False):
-        self.standing = standing(proven.words, address_of("modbus://127.0.0.1:1/1"), proven.view.known)
+        self.standing = block_image(proven.words, address_of("modbus://127.0.0.1:1/1"), proven.view.known)
         self._shows, self._number, self._counter = shows, 0, counter
 
     def look(self):
@@ -48,7 +48,7 @@ class Loop:
             struct.pack_into(">H", content, ENO, self._number % 65536)
         self._number += 1
         read = bytes(content[self.standing.begin:])
-        return Look(read, self.standing.values(read), None, STEP_S * (self._number - 1))
+        return BlockSnapshot(read, self.standing.values(read), None, STEP_S * (self._number - 1))
 
     def pause(self):
         pass
@@ -57,8 +57,8 @@ class Loop:
 def ended(proven, tmp_path, shows, counter=False):
     """Return how a watch ends on such a loop."""
     loop = Loop(proven, shows, counter)
-    with Record(tmp_path / "record.jsonl") as record:
-        return watched(loop, record, proven, loop.look().values)
+    with WriteRecord(tmp_path / "record.jsonl") as record:
+        return watch_response(loop, record, proven, loop.look().values)
 
 
 def noisy(seed=3, at=50.0, power=31.0):
@@ -122,7 +122,7 @@ def test_a_coarse_sensor_at_rest_is_not_frozen(proven, tmp_path):
 
 
 def seen(proven, shows, seconds=3000.0):
-    beside = Beside(proven)
+    beside = BandWatch(proven)
     for number in range(round(seconds / STEP_S)):
         degC, power = shows(STEP_S * number)
         beside.see(Seen(STEP_S * number, {"temperature": degC, "power": power, "setpoint": 50.0}))
@@ -135,7 +135,7 @@ def test_a_watch_tells_readings_that_are_none(proven):
     for bad in (NAN, INF, -INF, 100.0, 200.0, -1.0):
         shown = seen(proven, lambda s, bad=bad: (bad, 31.0) if 500.0 <= s < 510.0 else good(s))
         assert not shown.well
-        assert "5 readings could not be used" in shown.told()[0]
+        assert "5 readings could not be used" in shown.notes()[0]
     assert not seen(proven, lambda _: (NAN, 31.0)).well
     assert seen(proven, lambda s: (NAN, 31.0) if s == 500.0 else good(s)).well, "one of 1,500 is a disturbed one"
     assert not seen(proven, lambda s: (NAN, 31.0) if s % 100.0 < STEP_S else good(s)).well
@@ -168,7 +168,7 @@ def closed(kp, ki, gain, lag_s, dead_s, seconds=4000.0):
 
 
 def watched_from(proven, rows, late_s):
-    beside = Beside(proven)
+    beside = BandWatch(proven)
     for at, degC, power in rows:
         if at >= late_s:
             beside.see(Seen(at, {"temperature": degC, "power": power, "setpoint": 50.0}))
@@ -181,7 +181,7 @@ def test_a_watch_that_begins_anywhere_in_a_heat_up_tells_nothing_against_a_loop_
     draw = random.Random(11)
     for late_s in (0.0, *(draw.uniform(0.0, 600.0) for _ in range(25))):
         shown = watched_from(proven, rows, late_s)
-        assert shown.well, (late_s, shown.told())
+        assert shown.well, (late_s, shown.notes())
 
 
 @pytest.mark.parametrize("wrong", [{"kp": 6.0}, {"ki": 6.0}, {"gain": 6.0}, {"gain": 0.4}], ids=str)
@@ -239,7 +239,7 @@ def test_what_is_a_reading():
 
 
 def test_an_experiment_ends_where_the_reading_is_none(proven):
-    limits = Limits(temperature_degC=90.0, rate_degC_per_min=30.0)
+    limits = AbortLimits(temperature_degC=90.0, rate_degC_per_min=30.0)
     for value in (NAN, INF, -INF, 100.0, 0.0, -5.0):
         assert limits.broken([(0.0, 40.0), (1.0, 40.1), (2.0, value)], (0.0, 100.0))[0] == "sensor"
     assert limits.broken([(0.0, 40.0), (1.0, 40.1), (2.0, 40.2)], (0.0, 100.0)) is None
@@ -247,7 +247,7 @@ def test_an_experiment_ends_where_the_reading_is_none(proven):
 
 
 def test_an_experiment_asks_for_no_more_power_than_the_words(proven):
-    where, limits = address_of("modbus://127.0.0.1:1/1"), Limits(temperature_degC=90.0)
+    where, limits = address_of("modbus://127.0.0.1:1/1"), AbortLimits(temperature_degC=90.0)
     plan = Steps(steps=((0.0, 0.0), (100.0, 60.0)))
     Experiment(plan, where, proven.words, limits)
     held = type(proven.words)(**{name: getattr(proven.words, name) for name in ("target", "sample_time_s", "scaling", "ramp", "boost")},

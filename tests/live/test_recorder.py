@@ -23,14 +23,14 @@ from tests.live.test_served import _quiet
 from heatertune import InputError, read_log
 from heatertune.cli import main
 from heatertune.errors import LinkDown, OutOfRange, PlcRefused
-from heatertune.live.cells import Signal
 from heatertune.live.client.address import address_of
-from heatertune.live.looking import Looking
 from heatertune.live.memory import OWN
-from heatertune.live.places import Counter, Places, places_of
-from heatertune.live.recorder import Recording, record
+from heatertune.live.poller import Poller
+from heatertune.live.recorder import RecordingSetup, record
+from heatertune.live.signal_map import Counter, Places, places_of
+from heatertune.live.word_codec import Signal
 from heatertune.log.cells import read_sheet
-from heatertune.log.record import TORN
+from heatertune.log.recorder_log import TORN
 
 #: those that can be read within a scan of the fast ones here
 QUICK = PROTOCOLS[:2]
@@ -82,7 +82,7 @@ def test_each_row_is_a_scan_of_the_simulation(served, heater, words, places, tmp
 @pytest.mark.parametrize("protocol", PROTOCOLS[2:])
 def test_each_row_of_a_slower_protocol_is_a_scan_of_the_simulation(served, heater, words, places, tmp_path, protocol):
     plc = served(serve=protocol, intervals=60, step=False, rate=80.0)  # a scan in 50 milliseconds
-    record(way(plc, protocol), tmp_path / "log.csv", places, Recording(timeout_s=10.0), ended=Until(plc))
+    record(way(plc, protocol), tmp_path / "log.csv", places, RecordingSetup(timeout_s=10.0), ended=Until(plc))
     rows = rows_of(tmp_path / "log.csv")
     assert len(rows) > 10
     head = (tmp_path / "log.csv").read_text().splitlines()[0]
@@ -96,7 +96,7 @@ def test_each_row_of_a_slower_protocol_is_a_scan_of_the_simulation(served, heate
 @pytest.mark.parametrize("protocol", PROTOCOLS[2:])
 def test_a_link_of_a_slower_protocol_that_is_cut_is_a_marked_gap_and_the_log_goes_on(served, places, tmp_path, protocol):
     plc = served(serve=protocol, faults="t=80 cut until=160", intervals=80, step=False, rate=80.0)
-    told = record(way(plc, protocol), tmp_path / "log.csv", places, Recording(timeout_s=1.0), ended=Until(plc))
+    told = record(way(plc, protocol), tmp_path / "log.csv", places, RecordingSetup(timeout_s=1.0), ended=Until(plc))
     rows = rows_of(tmp_path / "log.csv")
     assert told.gaps >= 1
     assert not np.any((rows[:, 0] > 90.0) & (rows[:, 0] < 150.0))
@@ -129,7 +129,7 @@ def test_without_a_number_of_a_block_it_is_asked_for(served, places, tmp_path):
 
 
 def test_places_too_far_apart_for_one_request_are_told(served, tmp_path):
-    far = Places(block=30, signals={"temperature": Signal(0, "INT"), "power": Signal(300, "INT")}, told="far.toml")
+    far = Places(block=30, signals={"temperature": Signal(0, "INT"), "power": Signal(300, "INT")}, summary="far.toml")
     plc = served()
     with pytest.raises(InputError, match=r"far.toml: 302 bytes .* one request reads 212"):
         record(way(plc, "s7"), tmp_path / "log.csv", far)
@@ -146,7 +146,7 @@ def test_this_machines_clock_where_nothing_counts(served, monkeypatch, places, t
 
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     monkeypatch.setattr("time.sleep", slept)
-    told = record(way(plc, "s7"), tmp_path / "log.csv", places, Recording(for_s=20.0))
+    told = record(way(plc, "s7"), tmp_path / "log.csv", places, RecordingSetup(for_s=20.0))
     rows = rows_of(tmp_path / "log.csv")
     assert told.interval_s is None
     assert "time: this machine's clock" in (tmp_path / "log.csv").read_text().splitlines()[0]
@@ -172,7 +172,7 @@ def test_a_counter_of_the_program_is_the_clock_and_wraps(monkeypatch, tmp_path):
         def close(self):
             pass
 
-    monkeypatch.setattr("heatertune.live.looking.connect", lambda *_: Fake())
+    monkeypatch.setattr("heatertune.live.poller.connect", lambda *_: Fake())
     record(address_of("s7://10.0.0.1/0/2/db5"), tmp_path / "log.csv", places, ended=lambda: not counts)
     text = (tmp_path / "log.csv").read_text()
     assert rows_of(tmp_path / "log.csv")[:, 0].tolist() == [0.0, 1.0, 3.0, 3.5, 4.0, 4.5]
@@ -195,9 +195,9 @@ def test_a_small_counter_that_turned_while_nobody_looked_is_as_far_as_this_machi
             pass
 
     monkeypatch.setattr("time.monotonic", lambda: now[0])
-    monkeypatch.setattr("heatertune.live.looking.connect", lambda *_: Fake())
+    monkeypatch.setattr("heatertune.live.poller.connect", lambda *_: Fake())
     places = Places(block=5, signals={"temperature": Signal(1, "INT")}, counter=Counter(signal=Signal(0, "BYTE"), interval_s=0.5))
-    looking, times = Looking(address_of("s7://10.0.0.1/0/2/db5"), places), []
+    looking, times = Poller(address_of("s7://10.0.0.1/0/2/db5"), places), []
     for at in (0.2, 0.9, 129.4):
         now[0] = at
         times.append(looking.look().time_s)
@@ -207,7 +207,7 @@ def test_a_small_counter_that_turned_while_nobody_looked_is_as_far_as_this_machi
 def test_a_simulator_that_tells_no_scans_any_more_is_a_lost_link_and_no_other_clock(served, places):
     plc = served()
     plc.release(3)
-    with Looking(way(plc, "s7"), places) as looking:
+    with Poller(way(plc, "s7"), places) as looking:
         assert looking.look().time_s == 2.0 * plc.scan_s
         plc.plc.memory.write(OWN, 48, b"NONE")
         with pytest.raises(LinkDown, match="no longer tells its scans"):
@@ -218,7 +218,7 @@ def test_a_simulator_that_tells_no_scans_any_more_is_a_lost_link_and_no_other_cl
 @pytest.mark.parametrize("fault", ["cut", "lost-reply", "black-hole"])
 def test_a_lost_link_is_a_marked_gap_and_the_log_goes_on(served, places, tmp_path, protocol, fault):
     plc = served(serve=protocol, faults=f"t=1200 {fault} until=2400", intervals=1200, **SLOW)
-    told = record(way(plc, protocol), tmp_path / "log.csv", places, Recording(timeout_s=0.6), ended=Until(plc))
+    told = record(way(plc, protocol), tmp_path / "log.csv", places, RecordingSetup(timeout_s=0.6), ended=Until(plc))
     text, rows = (tmp_path / "log.csv").read_text(), rows_of(tmp_path / "log.csv")
     gaps = re.findall(r"# gap before (\S+) s: (.*)", text)
     assert told.gaps == len(gaps) >= 1
@@ -241,7 +241,7 @@ def test_in_stop_there_are_no_rows(served, places, tmp_path):
 
 def test_every_is_the_least_time_between_rows(served, places, tmp_path):
     plc = served(intervals=900, **FAST)
-    record(way(plc, "s7"), tmp_path / "log.csv", places, Recording(every_s=60.0), ended=Until(plc))
+    record(way(plc, "s7"), tmp_path / "log.csv", places, RecordingSetup(every_s=60.0), ended=Until(plc))
     assert np.diff(rows_of(tmp_path / "log.csv")[:, 0]).min() >= 60.0 - 1e-6
 
 
@@ -251,14 +251,14 @@ def test_a_log_that_is_there_is_not_touched(served, places, tmp_path):
     with pytest.raises(InputError, match="--append continues it"):
         record(way(plc, "s7"), tmp_path / "log.csv", places)
     with pytest.raises(InputError, match="was not begun by heatertune record"):
-        record(way(plc, "s7"), tmp_path / "log.csv", places, Recording(append=True))
+        record(way(plc, "s7"), tmp_path / "log.csv", places, RecordingSetup(append=True))
     assert (tmp_path / "log.csv").read_text() == "mine"
 
 
 def test_a_torn_log_is_read_without_its_torn_line_and_continued(served, places, tmp_path):
     """Cut after each of its last bytes, as a kill does it; some of these logs are continued, too."""
     plc, path = served(intervals=1000, **FAST), tmp_path / "log.csv"
-    record(way(plc, "s7"), path, places, Recording(for_s=300.0), ended=Until(plc))
+    record(way(plc, "s7"), path, places, RecordingSetup(for_s=300.0), ended=Until(plc))
     whole = path.read_bytes()
     heads = whole.index(b"\n", whole.index(b"\n") + 1)
     for cut in [*range(min(80, len(whole) // 2)), len(whole) - heads, len(whole) - heads + 3]:
@@ -268,7 +268,7 @@ def test_a_torn_log_is_read_without_its_torn_line_and_continued(served, places, 
         begun = len(left) > heads + 1  # else there is nothing to be read yet
         assert not begun or _read(path).endswith(f"{last!r}.") == bool(last)
         if cut % 8 == 3 or not begun:
-            record(way(plc, "s7"), path, places, Recording(append=True), ended=Until(plc))
+            record(way(plc, "s7"), path, places, RecordingSetup(append=True), ended=Until(plc))
             assert path.read_bytes().startswith(left)  # appended only
             assert (last + "#torn\n" in path.read_text()) == bool(last)
             _read(path)
@@ -290,7 +290,7 @@ def test_a_log_whose_last_row_is_damaged_is_not_continued(served, places, tmp_pa
     record(way(plc, "s7"), path, places, ended=Until(plc))
     path.write_text(damaged := path.read_text() + "oh,1,2,3\n")
     with pytest.raises(InputError, match="ends in 'oh,1,2,3'; expected a row"):
-        record(way(plc, "s7"), path, places, Recording(append=True))
+        record(way(plc, "s7"), path, places, RecordingSetup(append=True))
     assert path.read_text() == damaged
 
 
@@ -298,7 +298,7 @@ def test_other_columns_are_not_mixed_in(served, places, tmp_path):
     plc = served(intervals=300, **FAST)
     record(way(plc, "s7"), tmp_path / "log.csv", places, ended=Until(plc))
     with pytest.raises(InputError, match="has the columns time_s,temperature_degC,power_pct,setpoint_degC; now they would be"):
-        record(way(plc, "s7"), tmp_path / "log.csv", None, Recording(append=True))
+        record(way(plc, "s7"), tmp_path / "log.csv", None, RecordingSetup(append=True))
 
 
 def test_a_full_disk_is_told_and_what_is_there_stays(served, places, monkeypatch, tmp_path):
@@ -392,7 +392,7 @@ def test_a_comment_that_somebody_adds_stays_and_rows_of_another_recorder_end_it(
                     file.write(text)
         return shown
 
-    recorded = record(way(plc, "s7"), path, places, Recording(for_s=300.0), shown=add("# door opened\n", 20))
+    recorded = record(way(plc, "s7"), path, places, RecordingSetup(for_s=300.0), shown=add("# door opened\n", 20))
     assert not recorded.notes
     assert "# door opened\n" in path.read_text()
     assert len(read_log(path).time_s) == recorded.rows
@@ -454,7 +454,7 @@ def test_a_disk_that_fails_at_the_end_is_told(served, places, monkeypatch, tmp_p
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
 def test_a_time_that_is_none_is_told(field, value):
     with pytest.raises(OutOfRange, match=field):
-        Recording(**{field: value})
+        RecordingSetup(**{field: value})
 
 
 def test_nobody_there_leaves_no_file(tmp_path):

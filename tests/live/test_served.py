@@ -13,14 +13,14 @@ from tests.live.conftest import CONDITIONS, DB, LENGTH, PROTOCOLS, client, stepp
 
 from heatertune import InputError, Scenario
 from heatertune import simulate as simulate_words
-from heatertune.live.faults import FAULTS
-from heatertune.live.memory import OWN, OWN_LENGTH, Told
+from heatertune.live.fault_schedule import FAULTS
+from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
 from heatertune.plc import controller_for
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.s5_ob251.image import from_image
 from heatertune.proof import replay
-from heatertune.proof.drawn import drawing_for
+from heatertune.proof.monte_carlo.run import drawing_for
 
 
 def _quiet(heater, words, scans, noise=0.0):
@@ -32,7 +32,7 @@ def _quiet(heater, words, scans, noise=0.0):
 
 def _as(rows, trace):
     """Whether the rows of a client are the scans of a trace: what the sensor saw, what was read, what was asked for."""
-    told = [Told(own) for own, _ in rows]
+    told = [SimulatorStatus(own) for own, _ in rows]
     assert [each.intervals for each in told] == list(range(1, len(rows) + 1))
     assert [each.scans for each in told] == list(range(1, len(rows) + 1))
     np.testing.assert_array_equal([each.power_pct for each in told], trace.power_asked_pct[:len(rows)])
@@ -89,7 +89,7 @@ def test_both_protocols_serve_one_memory(served):
         assert other.read(DB, 2, 2) == struct.pack(">h", 1234)
         other.write(OWN, 8, struct.pack(">I", 3))
         assert plc.wait(0.0) is False
-        while Told(one.read(OWN, 0, OWN_LENGTH)).intervals < 3:
+        while SimulatorStatus(one.read(OWN, 0, OWN_LENGTH)).intervals < 3:
             pass
         assert one.read(DB, 0, LENGTH) == other.read(DB, 0, LENGTH)
 
@@ -142,7 +142,7 @@ def test_a_setpoint_written_by_a_client_stays(served):
         asking.write(DB, 18, struct.pack(">h", 1228))
         plc.release(600)
         assert struct.unpack(">h", asking.read(DB, 18, 2))[0] == 1228
-        assert plc.told.temperature_degC == pytest.approx(60.0, abs=1.0)
+        assert plc.status.temperature_degC == pytest.approx(60.0, abs=1.0)
 
 
 def test_the_state_lives_in_the_block(served):
@@ -180,14 +180,14 @@ def test_as_fast_as_it_can_it_ends_where_it_is_told_to(served, heater, words):
     plc = served(step=False, rate=float("inf"), intervals=500)
     assert plc.wait(60.0)
     trace = _quiet(heater, words, 500)
-    assert (plc.told.intervals, plc.told.power_pct, plc.told.temperature_degC) == (
+    assert (plc.status.intervals, plc.status.power_pct, plc.status.temperature_degC) == (
         500, trace.power_asked_pct[499], trace.temperature_degC[499])
 
 
 def test_a_rate_keeps_the_clock(served):
     plc = served(step=False, rate=4000.0, intervals=300)  # a scan each millisecond
     assert plc.wait(60.0)
-    assert plc.told.intervals == 300
+    assert plc.status.intervals == 300
 
 
 def test_time_in_which_the_machine_slept_is_not_made_up_for(served, monkeypatch):
@@ -198,12 +198,12 @@ def test_time_in_which_the_machine_slept_is_not_made_up_for(served, monkeypatch)
 
     def after(intervals):
         with changed:
-            assert changed.wait_for(lambda: plc.told.intervals >= intervals, 60.0)
+            assert changed.wait_for(lambda: plc.status.intervals >= intervals, 60.0)
         return real()
 
     after(2)
     ahead_s[0] = 1000.0  # 25,000 scans
-    begun, at = real(), plc.told.intervals
+    begun, at = real(), plc.status.intervals
     assert after(at + 6) - begun > 0.1
 
 

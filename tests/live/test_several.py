@@ -16,10 +16,10 @@ from tests.live.test_recorder import rows_of
 
 from heatertune import InputError
 from heatertune.cli import main
-from heatertune.live.judged import recorded
-from heatertune.live.places import places_of
-from heatertune.live.recorder import Recording
-from heatertune.live.several import Running, record_all
+from heatertune.live.health_recording import record_addresses
+from heatertune.live.multi_recorder import RecordedLoop, record_all
+from heatertune.live.recorder import RecordingSetup
+from heatertune.live.signal_map import places_of
 
 #: so fast that 400 s pass within one
 FAST = {"step": False, "rate": 600.0}
@@ -39,11 +39,11 @@ def nobody():
 @pytest.mark.parametrize("protocol", PROTOCOLS[:2])
 def test_each_loop_has_its_own_log_and_a_dead_one_stops_no_other(served, words, tmp_path, nobody, protocol):
     plcs = [served(serve=protocol, **FAST) for _ in range(3)]
-    loops = [Running(f"{number}.csv", way(plc, protocol), places_of(words)) for number, plc in enumerate(plcs)]
-    dead = Running("dead.csv", loops[0].address.__class__(text=nobody, protocol="modbus", host="127.0.0.1", port=int(
+    loops = [RecordedLoop(f"{number}.csv", way(plc, protocol), places_of(words)) for number, plc in enumerate(plcs)]
+    dead = RecordedLoop("dead.csv", loops[0].address.__class__(text=nobody, protocol="modbus", host="127.0.0.1", port=int(
         nobody.split(":")[2].split("/")[0]), way=(1,), block=0), places_of(words))
     told = []
-    wrong = record_all([*loops, dead], tmp_path, Recording(for_s=400.0), shown=told.append)
+    wrong = record_all([*loops, dead], tmp_path, RecordingSetup(for_s=400.0), shown=told.append)
     assert list(wrong) == ["dead.csv"]
     assert not (tmp_path / "dead.csv").exists()
     for loop in loops:
@@ -55,21 +55,21 @@ def test_each_loop_has_its_own_log_and_a_dead_one_stops_no_other(served, words, 
 
 def test_when_it_is_enough_all_end(served, words, tmp_path):
     plc = served(serve="modbus", **FAST)
-    loops = [Running(f"{number}.csv", way(plc, "modbus"), places_of(words)) for number in range(2)]
-    assert set(record_all(loops, tmp_path, Recording(for_s=1e6), ended=lambda: True)) <= {"0.csv", "1.csv"}
+    loops = [RecordedLoop(f"{number}.csv", way(plc, "modbus"), places_of(words)) for number in range(2)]
+    assert set(record_all(loops, tmp_path, RecordingSetup(for_s=1e6), ended=lambda: True)) <= {"0.csv", "1.csv"}
 
 
 def test_what_cannot_be_recorded_is_told(tmp_path, nobody):
     with pytest.raises(InputError, match="no loop was recorded: "):
-        recorded([nobody], tmp_path / "new", Recording(for_s=1.0, timeout_s=0.5))
+        record_addresses([nobody], tmp_path / "new", RecordingSetup(for_s=1.0, timeout_s=0.5))
     with pytest.raises(InputError, match="is given twice"):
-        recorded([nobody, nobody], tmp_path / "other", Recording(for_s=1.0))
+        record_addresses([nobody, nobody], tmp_path / "other", RecordingSetup(for_s=1.0))
     with pytest.raises(InputError, match="cannot be made for the logs"):
-        recorded([nobody], tmp_path, Recording(for_s=1.0))
+        record_addresses([nobody], tmp_path, RecordingSetup(for_s=1.0))
     path = tmp_path / "list.csv"
     path.write_text("file,name\nmodbus://127.0.0.1/7/0,oven\n")
     with pytest.raises(InputError, match="is none of the addresses given"):
-        recorded([nobody], tmp_path / "new2", Recording(for_s=1.0), loops=path)
+        record_addresses([nobody], tmp_path / "new2", RecordingSetup(for_s=1.0), loops=path)
 
 
 @pytest.mark.parametrize(("given", "said"), [

@@ -16,8 +16,8 @@ from tests.bench import sessions
 from tests.live.modbus_device import Device
 
 from heatertune.cli import main
-from heatertune.live.change.record import read_lines
-from heatertune.proof.document import digested
+from heatertune.live.write.write_record import read_lines
+from heatertune.proof.document import with_digest
 
 #: manual, table 11-11: K DW1, TI DW5, W DW9, X DW22; words of 16 bits, the high byte first
 K, TI, W, X = 1, 5, 9, 22
@@ -33,7 +33,7 @@ def made(tmp_path_factory):
 def own_state(tmp_path, monkeypatch):
     monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
     # the device has moved at the next look: nobody waits two scans of 3 s
-    monkeypatch.setattr("heatertune.live.change.peer.time", SimpleNamespace(sleep=lambda _: None, monotonic=time.monotonic))
+    monkeypatch.setattr("heatertune.live.write.plc_block.time", SimpleNamespace(sleep=lambda _: None, monotonic=time.monotonic))
 
 
 def documents(folder):
@@ -46,7 +46,7 @@ def forged(made, tmp_path, change):
     shutil.copytree(made, folder)
     found = documents(folder)
     change(found)
-    found["proof"] = digested(found["proof"])
+    found["proof"] = with_digest(found["proof"])
     for name, document in found.items():
         (folder / "data" / f"{name}.json").write_text(json.dumps(document))
     return folder, found["proof"]["digest"].partition(":")[2][:8]

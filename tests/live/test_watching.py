@@ -17,14 +17,14 @@ from tests.live.test_client import way
 from heatertune import virtual_plc
 from heatertune.cli import main
 from heatertune.errors import InputError
-from heatertune.live.change.band import Band
-from heatertune.live.change.proven import read_proven
-from heatertune.live.looking import Look
-from heatertune.live.monitored import Monitored
-from heatertune.live.watching import Beside
+from heatertune.live.band_watch import BandWatch
+from heatertune.live.online_monitor import OnlineMonitor
+from heatertune.live.poller import Snapshot
+from heatertune.live.write.band import Band
+from heatertune.live.write.proven_words import read_proven
 from heatertune.model.intervals import Interval
 from heatertune.proof.supervision.document import read_supervision
-from heatertune.proof.supervision.supervised import Drawn, bench_of
+from heatertune.proof.supervision.supervise import SampleCounts, bench_of
 from heatertune.settings import Conditions
 
 FAST = {"step": False, "rate": 1500.0, "intervals": 4000}
@@ -87,7 +87,7 @@ def test_words_that_were_not_proven_are_not_well_though_the_loop_rests(folder, t
 
 
 def test_where_nobody_can_compare_the_words_that_is_told(folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("heatertune.live.watching.standing", partial(_unknown, "where the words stand is not known here"))
+    monkeypatch.setattr("heatertune.live.band_watch.block_image", partial(_unknown, "where the words stand is not known here"))
     with virtual_plc(folder, **FAST) as plc:
         main(["watch", way(plc, "s7").text, "--design", str(folder), "--for", "300", "-o", str(tmp_path / "log.csv"), "--quiet"])
     said = " ".join(capsys.readouterr().out.split())
@@ -101,16 +101,16 @@ def _unknown(why, *_):
 def test_the_limit_cycle_of_the_pwm_is_no_swing(folder):
     """A ripple within the PWM's own period is not one of the loop: the mean of each period is looked at."""
     proven = read_proven(folder)
-    beside, period = Beside(proven), proven.view.actuator.pwm_period_s
+    beside, period = BandWatch(proven), proven.view.actuator.pwm_period_s
     within = proven.view.criteria["limit_cycle"].limit
     for k in range(4000):
         ripple = 3.0 * within * (1.0 if k % 4 < 2 else -1.0)
-        beside.see(Look(k * period / 4.0, {"temperature": 50.0 + ripple, "power": 31.0, "setpoint": 50.0}))
+        beside.see(Snapshot(k * period / 4.0, {"temperature": 50.0 + ripple, "power": 31.0, "setpoint": 50.0}))
     assert beside.seen.swing is None
-    slow = Beside(proven)
+    slow = BandWatch(proven)
     for k in range(1000):
         swing = 3.0 * within * (1.0 if k % 40 < 20 else -1.0)
-        slow.see(Look(k * period, {"temperature": 50.0 + swing, "power": 31.0, "setpoint": 50.0}))
+        slow.see(Snapshot(k * period, {"temperature": 50.0 + swing, "power": 31.0, "setpoint": 50.0}))
     assert slow.seen.swing == pytest.approx((3.0 * within, 40.0 * period), rel=0.05)
 
 
@@ -126,7 +126,7 @@ def test_the_band_of_a_heat_up_allows_the_overshoot_that_was_proven(folder):
 
 def test_a_refit_says_which_parameter_has_moved(folder, tmp_path, capsys, monkeypatch):
     """The fit itself is tested where it is; here a heater that has lost gain, known to 0.05 °C/%, stands in for it."""
-    fitted = read_proven(folder).fitted
+    fitted = read_proven(folder).fitted_model
     lost = replace(fitted, model=replace(fitted.model, gain_degC_per_pct=0.5), ci95={"gain_degC_per_pct": Interval(low=0.45, high=0.55)})
     monkeypatch.setattr("heatertune.chain.fit", lambda _: lost)
     with virtual_plc(folder, **FAST) as plc:
@@ -177,7 +177,7 @@ def test_a_monitor_beside_the_watch_sees_a_fault_and_trips_for_nothing_else(fold
 def days(folder, monitor):
     """What two drawn heaters in order live through, with outages: looks, scan by scan."""
     proven, view = read_proven(folder), read_supervision(monitor)
-    bench = bench_of(proven.words, proven.fitted, Conditions(setpoint_degC=50.0), Drawn())
+    bench = bench_of(proven.words, proven.fitted_model, Conditions(setpoint_degC=50.0), SampleCounts())
     stories = [bench.story(bench.family.member(10**6 + number)) for number in range(2)]
     return [looked(view, story.counts, story.power) for story in stories]
 
@@ -185,7 +185,7 @@ def days(folder, monitor):
 def looked(view, counts, powers):
     """The looks that a client has of counts of the card and powers; none without supply."""
     card = view.card
-    return [Look(k * view.scan_s, {"temperature": card.zero_degC + card.step_degC * count, "power": power, "setpoint": 50.0})
+    return [Snapshot(k * view.scan_s, {"temperature": card.zero_degC + card.step_degC * count, "power": power, "setpoint": 50.0})
             for k, (count, power) in enumerate(zip(counts, powers, strict=True)) if power >= 0]
 
 
@@ -197,7 +197,7 @@ def test_looks_give_the_alarms_of_a_second_monitor_scan_by_scan(folder, monitor,
         level += chance.gauss(0.0, 20.0)
         counts.append(round(level))
         powers.append(chance.choice((0, 35, 100)))
-    second, here = Monitors(view.numbers, 1), Monitored(view, read_proven(folder).words)
+    second, here = Monitors(view.numbers, 1), OnlineMonitor(view, read_proven(folder).words)
     for look, count, power in zip(looked(view, counts, powers), counts, powers, strict=True):
         before = {name: each.scans for name, each in here.alarms.items()}
         here.see(look)
@@ -211,12 +211,12 @@ def test_scans_that_were_missed_are_no_fault_of_the_loop(folder, monitor, days, 
     """Of a loop in order, run by the proof's kernel, any looks at all give no alarm: gaps are filled or begin anew."""
     view, chance = read_supervision(monitor), random.Random(seed)
     share = chance.choice((0.02, 0.09, 0.3, 0.9))
-    here = Monitored(view, read_proven(folder).words)
+    here = OnlineMonitor(view, read_proven(folder).words)
     seen = [each for each in chance.choice(days) if chance.random() >= share]
     for each in seen:
         here.see(each)
     assert not here.alarms
-    assert not here.told() or "blind" in here.told()[0]
+    assert not here.messages() or "blind" in here.messages()[0]
     assert here.scans == len(seen)
     assert here.missed <= 0.1 * here.scans
 
@@ -229,7 +229,7 @@ def test_a_monitor_of_other_words_and_one_without_the_power_are_refused(folder, 
     assert main(["watch", "s7://127.0.0.1:1/0/2/db30", "--design", str(folder), "--monitor", str(other)]) == 2
     assert f"--monitor {other}: the monitor was made for other words" in capsys.readouterr().err
     with pytest.raises(InputError, match="which power was asked for"):
-        Monitored(read_supervision(monitor), read_proven(folder).words).see(Look(0.0, {"temperature": 20.0}))
+        OnlineMonitor(read_supervision(monitor), read_proven(folder).words).see(Snapshot(0.0, {"temperature": 20.0}))
 
 
 @pytest.mark.parametrize(("place", "value", "told"), [
@@ -252,15 +252,15 @@ def test_a_monitor_that_never_sees_enough_in_a_row_says_that_it_is_blind(folder,
     view, words = read_supervision(monitor), read_proven(folder).words
     # the windows' length, from the numbers as the table of `heatertune supervise` explains them
     needed = view.numbers["block"] * (1 + view.numbers["delay_high"] + max(view.numbers["slow_blocks"], view.numbers["fast_blocks"]))
-    short, enough = Monitored(view, words), Monitored(view, words)
+    short, enough = OnlineMonitor(view, words), OnlineMonitor(view, words)
     for at, look in enumerate(days[0][:20 * (needed + 4)]):
         if at % (needed + 4) < needed - 1:
             short.see(look)
         if at % (needed + 4) < needed:
             enough.see(look)
-    assert short.told() == (f"monitor: blind: it needs {needed} scans in a row, and they never came",)
+    assert short.messages() == (f"monitor: blind: it needs {needed} scans in a row, and they never came",)
     assert short.to_document()["blind_share"] == 1.0
-    assert enough.told() == ()
+    assert enough.messages() == ()
     assert enough.watched == enough.begun_anew + 1
     assert enough.to_document()["blind_share"] == pytest.approx(1.0 - 1.0 / (needed + 4), abs=0.01)
 
@@ -284,9 +284,9 @@ def test_a_link_that_is_lost_and_not_back_is_not_well(folder, tmp_path, capsys, 
 
 
 def test_no_number_is_no_sensor_and_a_setpoint_beyond_the_monitors_is_told(folder, monitor):
-    here = Monitored(read_supervision(monitor), read_proven(folder).words)
+    here = OnlineMonitor(read_supervision(monitor), read_proven(folder).words)
     for k, (degC, asked) in enumerate([(40.0, 50.0), (math.nan, 50.0), (40.0, 55.0)]):
         power = (30.0, math.nan, 1e300)[k]
-        here.see(Look(k * here.view.scan_s, {"temperature": degC, "power": power, "setpoint": asked}))
+        here.see(Snapshot(k * here.view.scan_s, {"temperature": degC, "power": power, "setpoint": asked}))
     assert next(iter(here.alarms)) == "sensor gone"
-    assert "monitor: made for setpoints up to 50 °C, and 55 °C was asked for" in here.told()
+    assert "monitor: made for setpoints up to 50 °C, and 55 °C was asked for" in here.messages()

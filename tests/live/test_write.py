@@ -29,17 +29,17 @@ from heatertune import virtual_plc
 from heatertune.cli import main
 from heatertune.errors import DocumentError
 from heatertune.live import plc_state
-from heatertune.live.change.band import Band, Reach, carried_s
-from heatertune.live.change.cells import Part, Standing
-from heatertune.live.change.order import NoOrder, in_order
-from heatertune.live.change.peer import Peer
-from heatertune.live.change.proven import read_proven
-from heatertune.live.change.record import Record, read_lines
-from heatertune.live.change.watch import _Watch
 from heatertune.live.client.address import address_of
 from heatertune.live.plc_state import PlcState, WayBack
 from heatertune.live.serve import read_folder
-from heatertune.proof.document import digested
+from heatertune.live.write.band import Band, Reach, carried_s
+from heatertune.live.write.block_image import BlockImage, WritePart
+from heatertune.live.write.plc_block import Peer
+from heatertune.live.write.proven_words import read_proven
+from heatertune.live.write.response_watch import _Watch
+from heatertune.live.write.write_order import NoOrder, in_order
+from heatertune.live.write.write_record import WriteRecord, read_lines
+from heatertune.proof.document import with_digest
 from heatertune.proof.repetition import repeat_proof
 
 repeated = cache(repeat_proof)
@@ -57,7 +57,7 @@ def own_state(tmp_path, monkeypatch, made):
     monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
     monkeypatch.setattr("heatertune.live.plc_state.LATE_S", 0.3)
     # proven once: a plant that runs 1,500 times as fast does not wait for it
-    monkeypatch.setattr("heatertune.live.change.proven.repeat_proof", lambda path, progress=str: (
+    monkeypatch.setattr("heatertune.live.write.proven_words.repeat_proof", lambda path, progress=str: (
         repeated(path) if made in path.parents else repeat_proof(path, progress=progress)))
     repeated(made / "data" / "words.json")
 
@@ -152,7 +152,7 @@ def test_the_loop_table_of_an_s7_200_is_written(made_200, tmp_path, capsys):
     words, model, conditions = read_folder(made_200)
     found = replace(words, values={**words.values, "KC": 2.0, "TI": 2.5})
     with virtual_plc(found, model, conditions, serve="s7", rate=1500) as plc:
-        while plc.told.intervals < 3:
+        while plc.status.intervals < 3:
             plc.plc.wait(0.001)
         address = f"s7://127.0.0.1:{plc.addresses['s7'][1]}/10.00/10.01/db1"
         assert main(["write", str(made_200), address]) == 0
@@ -198,7 +198,7 @@ def test_what_the_block_does_not_hold_has_to_be_said(plant, capsys):
 ])
 def test_a_plc_that_is_another_is_not_written_to(plant, asked, told, capsys):
     here = plant(**asked)
-    while here.served.told.intervals < 3:
+    while here.served.status.intervals < 3:
         here.served.plc.wait(0.001)
     before = here.served.plc.memory.image()[2:34]
     assert here.write() == 1
@@ -224,7 +224,7 @@ def test_another_interval_than_the_proven_one_is_seen(made, tmp_path, capsys):
 def test_a_proof_that_was_changed_or_does_not_pass_is_refused(made, tmp_path, plant, capsys):
     here, proof = plant(), json.loads((made / "data" / "proof.json").read_text())
     for name, changed in (("K", {**proof, "words": {**proof["words"], "K": 9000}}),
-                          ("pass", digested({**proof, "verdict": "FAIL"}))):
+                          ("pass", with_digest({**proof, "verdict": "FAIL"}))):
         folder = tmp_path / name
         (folder / "data").mkdir(parents=True)
         for file in ("data/words.json", "pid.json"):
@@ -242,7 +242,7 @@ def test_the_order_keeps_what_stands_in_between_stable(plant):
 
 
 def test_an_order_is_found_where_there_is_one_and_else_it_is_said_why():
-    parts = [Part((name,), 0, b"", b"") for name in "abc"]
+    parts = [WritePart((name,), 0, b"", b"") for name in "abc"]
     before, after = dict.fromkeys("abc", 0), dict.fromkeys("abc", 1)
     good = {(0, 0, 1), (1, 0, 1)}
     found = in_order(parts, before, after, lambda v: "" if (v["a"], v["b"], v["c"]) in good else "bad")
@@ -309,7 +309,7 @@ def test_a_link_that_stays_down_after_a_write_leaves_it_unknown_and_rollback_fin
 
 def test_a_response_outside_the_proven_band_is_taken_back(plant, capsys):
     here = plant(faults="t=1500 stuck-on", rate=400)  # the write has ended well before that
-    while here.served.told.intervals < 400:
+    while here.served.status.intervals < 400:
         here.served.plc.wait(0.001)
     assert here.write() == 1
     shown = " ".join(capsys.readouterr().out.split())
@@ -342,7 +342,7 @@ def _sensor_from_the_write_on(here, monkeypatch, sensed):
 def test_a_reading_that_jumps_at_the_moment_of_the_write_is_not_taken_for_the_loops_state(plant, monkeypatch, capsys, shown):
     # a heater of 0.9 °C/% and 167 s goes up by 0.9·121/167 °C/s at the very most, 2 °C in a scan of 3.1 s
     here = plant(rate=400)
-    while here.served.told.intervals < 400:
+    while here.served.status.intervals < 400:
         here.served.plc.wait(0.001)
     _sensor_from_the_write_on(here, monkeypatch, lambda *_: shown)
     assert here.write() == 1
@@ -357,17 +357,17 @@ def test_a_reading_that_jumps_at_the_moment_of_the_write_is_not_taken_for_the_lo
 
 def test_one_disturbed_reading_after_the_write_begins_no_band(plant, monkeypatch):
     here, seen = plant(rate=400), []
-    while here.served.told.intervals < 400:
+    while here.served.status.intervals < 400:
         here.served.plc.wait(0.001)
     see = _Watch.see
 
     def disturbed(watch, look):
         seen.append(look)
-        shown = Standing.shown
+        shown = BlockImage.signal
         _paced(here, 20 if len(seen) < 3 else 400)
         with monkeypatch.context() as patch:
             if len(seen) == 1:
-                patch.setattr(Standing, "shown", lambda *asked: 90.0 if asked[2] == "temperature" else shown(*asked))
+                patch.setattr(BlockImage, "signal", lambda *asked: 90.0 if asked[2] == "temperature" else shown(*asked))
             return see(watch, look)
 
     monkeypatch.setattr(_Watch, "see", disturbed)
@@ -404,7 +404,7 @@ def test_no_heater_leaves_its_reach_and_a_jump_does(made):
 def test_words_that_end_a_swing_are_not_taken_back(plant, wait):
     # before the band knew of the slope, a third of such writes were, though the loop rests under the new words
     here = plant(found={"K": 5680, "TI": 300}, rate=500)
-    while here.served.told.intervals < wait:
+    while here.served.status.intervals < wait:
         here.served.plc.wait(0.001)
     assert here.write() == 0
     watched = [line for line in here.lines if line["step"] == "watched"]
@@ -567,7 +567,7 @@ def test_a_signal_ends_a_write_like_ctrl_c(plant, asked):
     assert process.returncode == 1
     assert "ROLLED BACK: interrupted; what was written is taken back" in " ".join(said.split())
     assert here.words == {**here.words, **OLD}
-    assert read_lines(here.record).ended
+    assert read_lines(here.record).complete
 
 
 def test_a_line_that_a_kill_left_is_left_out_and_a_damaged_one_told(tmp_path, plant):
@@ -578,10 +578,10 @@ def test_a_line_that_a_kill_left_is_left_out_and_a_damaged_one_told(tmp_path, pl
     for cut in range(len(whole) - 40, len(whole)):
         here.record.write_bytes(whole[:cut])
         lines = read_lines(here.record)
-        assert (len(lines.steps) + 1, lines.torn, lines.ended) == (count - 1, cut < len(whole), False)
-    with Record(here.record, torn=True) as record:
-        record.put("end", outcome="done", told="", stands=None)
-    assert read_lines(here.record).ended
+        assert (len(lines.steps) + 1, lines.torn, lines.complete) == (count - 1, cut < len(whole), False)
+    with WriteRecord(here.record, torn=True) as record:
+        record.write_line("end", outcome="done", told="", stands=None)
+    assert read_lines(here.record).complete
     here.record.write_bytes(whole.replace(b'"step": "written"', b'"stop": "written"', 1))
     with pytest.raises(DocumentError, match="line 4"):
         read_lines(here.record)

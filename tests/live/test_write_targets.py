@@ -14,10 +14,10 @@ from tests.live.conftest import words_of
 
 from heatertune import virtual_plc
 from heatertune.errors import InputError
-from heatertune.live.change.cells import standing
 from heatertune.live.client.address import address_of
 from heatertune.live.serve import read_folder
-from heatertune.plc.single import single
+from heatertune.live.write.block_image import block_image
+from heatertune.plc.single_precision import single
 from heatertune.plc.targets import NAMES
 
 #: target and protocol → words that are found and, put back, pass as well, and where they stand: first register in the block, format
@@ -61,7 +61,7 @@ class Plant:
         self.found = {name: single(value) if isinstance(value, float) else value for name, value in found.items()}
         old = replace(self.words, values={**self.words.values, **self.found})
         self.served = virtual_plc(old, model, conditions, serve=protocol, **{"rate": 2000.0} | asked)
-        while self.served.told.intervals < 3:
+        while self.served.status.intervals < 3:
             self.served.plc.wait(0.001)
         self.record, self.written = record, []
         write = self.served.plc.memory.write
@@ -164,7 +164,7 @@ def test_where_words_cannot_be_written_one_line_says_why_and_which_to_type_in(ta
     if words is None or target == "s5-ob251":
         return
     with pytest.raises(InputError) as refused:
-        standing(words, address, {})
+        block_image(words, address, {})
     said = str(refused.value)
     assert "\n" not in said
     for name, value in words.values.items():

@@ -11,15 +11,15 @@ from tests.report.test_record import _Seen
 
 from heatertune import read_log
 from heatertune.chain import encode, prove
-from heatertune.chain.whole import redraw, write_report
+from heatertune.chain.pipeline import redraw, write_report
 from heatertune.cli import main
 from heatertune.documents import read_document
 from heatertune.errors import DocumentError
-from heatertune.live.written import written_in
+from heatertune.live.write_history import written_in
 from heatertune.pid.document import read_design
 from heatertune.proof.verdict import PROOF_SCHEMA
-from heatertune.proof.written import WRITTEN_SCHEMA
-from heatertune.report.written import plot_watch
+from heatertune.proof.write_comparison import WRITTEN_SCHEMA
+from heatertune.report.write_report_section import plot_watch
 
 
 @pytest.fixture(scope="module")

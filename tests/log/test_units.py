@@ -229,3 +229,15 @@ def test_what_is_read_is_true_or_assumed_or_refused(time_unit, temperature_unit,
     assert "time" not in known or np.allclose(np.diff(log.time_s), interval, rtol=1e-3)
     assert "temperature" not in known or np.allclose(log.temperature_degC, temperature, atol=0.1)
     assert "power" not in known or np.allclose(log.power_pct, power, atol=0.1)
+
+
+def test_a_heater_may_pass_the_value_that_an_open_sensor_gives():
+    # 1024 is what a MAX6675 gives without a sensor; a kiln in 1 °C, or an oven in 0.1 °C, passes it on its way
+    values = np.round(np.linspace(900.0, 1100.0, 101))
+    values[62] = 1024.0
+    head = "time [s],T [°C],power [%]"
+    passed = log_of(np.arange(101.0), values, np.full(101, 50.0), head=head)
+    assert np.array_equal(passed.temperature_degC, values)
+    values[20:23] = 1024.0
+    left = log_of(np.arange(101.0), values, np.full(101, 50.0), head=head)
+    assert np.array_equal(left.temperature_degC, np.delete(values, [20, 21, 22]))

@@ -8,37 +8,37 @@ import numpy as np
 import pytest
 from tests.bench.loops import drawn, traced
 
-from heatertune.batch.loops import ranked
+from heatertune.batch.loops import rank_rows
 from heatertune.cli import main
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
-from heatertune.loops.cure import cured
-from heatertune.loops.diagnosis import diagnosed
-from heatertune.loops.listed import listed, read_list
-from heatertune.loops.loads import without_loads
+from heatertune.loops.cure import cure_words
+from heatertune.loops.diagnosis import diagnose
+from heatertune.loops.inventory import list_loops, read_list
+from heatertune.loops.loop_values import Cause, LoopEntry
 from heatertune.loops.measures import (
     at_limit,
+    average_log,
     course_of,
     found_period_s,
     offset_degC,
     swings,
     switchings_per_h,
-    thinned,
 )
+from heatertune.loops.pwm_reconstruction import with_duty
 from heatertune.loops.same_day import day, ideal, times_worse
-from heatertune.loops.switch import with_duty
-from heatertune.loops.values import Cause, Loop
-from heatertune.model.by_hand import model_by_hand
+from heatertune.loops.unlogged_loads import without_loads
 from heatertune.model.fit import fit
 from heatertune.model.intervals import Interval
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.search.quick import quick_tune
 from heatertune.plc import Scaling
-from heatertune.proof.asked import Asked
+from heatertune.proof.design_request import DesignRequest
 from heatertune.report.loops import loops_lines, loops_page
 
 LOOPS = drawn(60, seed=3)
-ARDUINO = Asked(target="arduino-pid", scaling=Scaling(low_degC=0.0, high_degC=500.0))
+ARDUINO = DesignRequest(target="arduino-pid", scaling=Scaling(low_degC=0.0, high_degC=500.0))
 
 
 def of(cause, **changed):
@@ -79,7 +79,7 @@ def test_a_switch_tells_its_period_and_how_often_it_switches():
         time % 7.3 < 3.0, 100.0, 0.0), setpoint_degC=np.full(len(time), 50.0))
     assert found_period_s(log) == pytest.approx(7.3, rel=0.005)
     assert switchings_per_h(log, None) == pytest.approx(2 * 3600 / 7.3, rel=0.01)
-    thin = thinned(log, 7.3)
+    thin = average_log(log, 7.3)
     assert len(thin.time_s) < 1600
     assert thin.power_pct[10:-10] == pytest.approx(300.0 / 7.3, abs=8.0)  # a row of 0.5 s is 7 % of the period
     assert thin.power_pct.mean() == pytest.approx(300.0 / 7.3, abs=1.0)
@@ -183,7 +183,7 @@ def test_a_day_that_never_comes_to_its_setpoint_is_as_bad_as_it_is():
 def oscillating():
     """Return the log of a loop that oscillates, and what is known of it."""
     loop = of("gain too high", duty=True)
-    return log_of(loop), Loop(name=loop.name, file="loop.csv", switch=loop.switch, pwm_period_s=loop.pwm)
+    return log_of(loop), LoopEntry(name=loop.name, file="loop.csv", switch=loop.switch, pwm_period_s=loop.pwm)
 
 
 def test_a_heater_that_the_log_leaves_open_gets_no_words(monkeypatch):
@@ -191,13 +191,13 @@ def test_a_heater_that_the_log_leaves_open_gets_no_words(monkeypatch):
     opened = Interval(low=0.2, high=None)
     monkeypatch.setattr("heatertune.loops.diagnosis.fit", lambda *args, **known: replace(
         fit(*args, **known), ci95={"gain_degC_per_pct": opened, "time_constant_s": opened}))
-    told = diagnosed(log, loop)
+    told = diagnose(log, loop)
     assert told.cause is Cause.OSCILLATING
     assert told.confidence != "high"
     assert told.worse is None
-    cure = cured(told, loop, ARDUINO)
+    cure = cure_words(told, loop, ARDUINO)
     assert cure.words is None
-    assert cure.why == ("no heater to design for: the log leaves gain or time constant open: nobody knows the power that "
+    assert cure.reason == ("no heater to design for: the log leaves gain or time constant open: nobody knows the power that "
                         "holds the setpoint")
 
 
@@ -209,10 +209,10 @@ def test_words_with_which_the_logged_day_is_worse_are_not_proven():
     """
     log, loop = oscillating()
     wrong = model_by_hand(Fopdt(gain_degC_per_pct=50.0, time_constant_s=35_000.0, dead_time_s=60.0, ambient_degC=20.0))
-    cure = cured(replace(diagnosed(log, loop), fitted=wrong, why_not=""), loop, ARDUINO)
+    cure = cure_words(replace(diagnose(log, loop), fitted_model=wrong, why_not=""), loop, ARDUINO)
     assert cure.would_degC > cure.was_degC
     assert cure.verdict != "PASS"
-    assert re.search(r"the logged day lived with them is worse, mean error [\d.]+ → [\d.]+ °C", cure.why)
+    assert re.search(r"the logged day lived with them is worse, mean error [\d.]+ → [\d.]+ °C", cure.reason)
 
 
 @pytest.mark.parametrize(("cold", "known"), [(True, True), (False, False)])
@@ -256,7 +256,7 @@ def test_the_ripple_of_a_pwm_is_gone_from_readings_and_power_and_nothing_else():
         temperature = 20.0 + 0.5 * each + keep * (temperature - 20.0 - 0.5 * each)
     smooth = 20.0 + 0.5 * duty * (1.0 - np.exp(-time / 150.0))
     log = Log(name="pwm", source="test", time_s=time, temperature_degC=np.array(rows), power_pct=power)
-    thin = thinned(log, 20.0, 0.0)
+    thin = average_log(log, 20.0, 0.0)
     inside = slice(20, -20)
     assert np.ptp(np.array(rows)[3000:]) > 1.5
     assert thin.power_pct[inside] == pytest.approx(duty, abs=1e-6)
@@ -279,10 +279,10 @@ def test_a_list_says_what_is_wrong_with_it(tmp_path):
             read_list(path)
     path.write_text("file;switch\na.csv;ssr\n")
     with pytest.raises(InputError, match="which is no log of the folder"):
-        listed(["b.csv"], read_list(path))
+        list_loops(["b.csv"], read_list(path))
     toml = tmp_path / "list.toml"
     toml.write_text("[[loop]]\nfile = 'a.csv'\npwm_period_s = 10\n")
-    assert listed(["a.csv", "b.csv"], read_list(toml))[0].pwm_period_s == 10.0
+    assert list_loops(["a.csv", "b.csv"], read_list(toml))[0].pwm_period_s == 10.0
 
 
 def row(name, outcome, excess, **more):
@@ -292,7 +292,7 @@ def row(name, outcome, excess, **more):
 
 
 def test_the_worst_stands_first_and_names_are_escaped_on_the_page_and_the_terminal_has_thirty_lines():
-    rows = ranked([row(f"loop{k}", "sluggish", 1.0 + k, reason="slow " * 40) for k in range(40)] + [row("<b>", "well", 0.5)])
+    rows = rank_rows([row(f"loop{k}", "sluggish", 1.0 + k, reason="slow " * 40) for k in range(40)] + [row("<b>", "well", 0.5)])
     assert rows[0]["name"] == "loop39"
     assert rows[-1]["name"] == "<b>"
     document = {"loops": rows, "left_out": [{"name": f"x{k}", "file": f"x{k}.csv", "outcome": "no log", "reason": "torn"}
@@ -350,7 +350,7 @@ def test_a_reading_that_stands_still_is_not_judged_and_a_coarse_one_at_rest_is()
     def cause(temperature, power):
         log = Log(name="still", source="test", time_s=time, setpoint_degC=np.full(3600, 50.0), power_pct=power,
                   temperature_degC=temperature)
-        return diagnosed(log, Loop(name="still", file="")).found
+        return diagnose(log, LoopEntry(name="still", file="")).faults
 
     for power in (np.full(3600, 40.0), drawn_power):
         with pytest.raises(OutOfRange, match="varying, not constant"):  # such a file is no log, and `health` leaves it out
@@ -360,6 +360,6 @@ def test_a_reading_that_stands_still_is_not_judged_and_a_coarse_one_at_rest_is()
             (np.where(time < 1500.0, 50.0 + 0.1 * (time % 2), 49.9), np.clip(40.0 + 0.02 * (time - 1500.0), 40.0, 100.0))):
         found = cause(temperature, power)
         assert found[0].cause is Cause.UNKNOWN
-        assert found[0].told.startswith("not judged: the reading stands still at ")
+        assert found[0].message.startswith("not judged: the reading stands still at ")
     coarse = np.where(time % 900.0 < 850.0, 50.0, 50.1)  # in steps of 0.1 °C, minutes at rest
-    assert not any("stands still" in each.told for each in cause(coarse, drawn_power))
+    assert not any("stands still" in each.message for each in cause(coarse, drawn_power))

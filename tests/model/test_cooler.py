@@ -6,7 +6,7 @@ from tests.bench.identification import answer
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.model.power.explained import explained
+from heatertune.model.power.explanation import explain_log
 from heatertune.model.values import Fopdt
 
 NOISE = {150.0: 2.0, 600.0: 1.0, 3000.0: 0.3}  # time constant → deviation [°C]: the effect is seen, and little more
@@ -23,7 +23,7 @@ def _log(levels, lag, seed, *, cools):
 
 
 def _explained(log):
-    return explained(log, ambient_degC=None, power_before_pct=None)
+    return explain_log(log, ambient_degC=None, power_before_pct=None)
 
 
 CASES = [([60, 60, 80], 3000.0), ([60, 60, 80], 150.0), ([20, 20, 60], 150.0), ([20, 40, 20], 150.0),

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.signal import lsim, lti
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
 
 ONE = Fopdt(gain_degC_per_pct=0.4, time_constant_s=100.0, dead_time_s=12.3, ambient_degC=20.0)

@@ -14,7 +14,7 @@ from heatertune.model.temperature.evidence import (
     rise_bound,
     saturated_heat_up,
 )
-from heatertune.model.windows import undisturbed
+from heatertune.model.windows import undisturbed_part
 
 GAIN, LAG, AMBIENT = 0.6, 300.0, 22.0
 
@@ -37,7 +37,7 @@ TIME = np.arange(0.0, 2000.0, 10.0)
 
 
 def test_table_3_bounds_a_single_lag_as_the_identification_page_says(table3):
-    used = undisturbed(table3)[0]
+    used = undisturbed_part(table3)[0]
     assert fall_bound(used, 30.0).value > 330.0
     assert fall_bound(used, 25.5).value < 440.0
 
@@ -45,7 +45,7 @@ def test_table_3_bounds_a_single_lag_as_the_identification_page_says(table3):
 def test_noise_alone_is_no_disturbance():
     # a sensor that never answers: its spikes are taken for odd readings, and what is left must not look like jumps
     quiet = _log(TIME, np.full(len(TIME), AMBIENT), noise=0.05)
-    assert undisturbed(quiet) == (quiet, ())
+    assert undisturbed_part(quiet) == (quiet, ())
 
 
 def test_a_free_cooling_bounds_the_time_constant_by_itself():
@@ -107,7 +107,7 @@ def test_a_heat_up_and_a_cooling_that_disagree_tell_of_two_lags():
 
 
 def test_what_is_not_there_is_said(table4):
-    told = " ".join(evidence_notes(undisturbed(table4)[0], (20.0, 25.0)))
+    told = " ".join(evidence_notes(undisturbed_part(table4)[0], (20.0, 25.0)))
     assert "heater was never off for long" in told
     assert "at least" in told
 

@@ -5,7 +5,7 @@ import pytest
 from tests.bench.identification import answer
 
 from heatertune.log.values import Log
-from heatertune.model.power.explained import explained
+from heatertune.model.power.explanation import explain_log
 from heatertune.model.values import Fopdt
 
 FAST = Fopdt(gain_degC_per_pct=1.0, time_constant_s=2.0, dead_time_s=0.5, ambient_degC=20.0)
@@ -19,7 +19,7 @@ def _log(power):
 
 
 def _explained(log):
-    return explained(log, ambient_degC=None, power_before_pct=None)
+    return explain_log(log, ambient_degC=None, power_before_pct=None)
 
 
 @pytest.mark.parametrize("hold", [2, 3, 4, 6])

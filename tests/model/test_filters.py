@@ -7,9 +7,9 @@ from scipy.optimize import brentq, least_squares
 from scipy.signal import lfilter
 
 from heatertune.model.outliers import _median
-from heatertune.model.power.alias import _running_mean
+from heatertune.model.power.aliasing import _running_mean
 from heatertune.model.power.input_correlation import _coloured
-from heatertune.model.reduction import crossover_rad_s, matched
+from heatertune.model.reduction import crossover_rad_s, match_fopdt
 from heatertune.model.values import TwoLag
 from heatertune.pid.rules import ultimate_cycle
 
@@ -58,7 +58,7 @@ def test_the_match_is_the_one_that_scipy_finds():
             relative = weight * (one / response - 1.0)
             return np.concatenate([relative.real, relative.imag])
 
-        found, start = matched(heater), heater.half_rule()
+        found, start = match_fopdt(heater), heater.half_rule()
         best = least_squares(error, [np.log(start.time_constant_s), start.dead_time_s],
                              x_scale=[1.0, start.dead_time_s], xtol=1e-12, ftol=1e-12, gtol=1e-12).x
         assert found.time_constant_s == pytest.approx(np.exp(best[0]), rel=1e-5)

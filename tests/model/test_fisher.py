@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from heatertune.errors import OutOfRange
-from heatertune.model.experiment.fisher import Noise, covariance
+from heatertune.model.experiment.fisher import ReadingNoise, covariance
 
-NOISE = Noise(std_degC=0.3, correlation=0.8, resolution_degC=0.5, sample_time_s=2.0)
+NOISE = ReadingNoise(std_degC=0.3, correlation=0.8, resolution_degC=0.5, sample_time_s=2.0)
 
 
 def _dense(noise, n):
@@ -23,7 +23,7 @@ def test_the_covariance_is_that_of_least_squares_under_coloured_noise():
 
 def test_with_white_noise_it_is_the_inverse_of_the_fisher_information():
     jacobian = np.random.default_rng(1).normal(size=(1, 40, 3))
-    white = Noise(std_degC=0.3, sample_time_s=1.0)
+    white = ReadingNoise(std_degC=0.3, sample_time_s=1.0)
     information = jacobian[0].T @ jacobian[0] / 0.3**2
     assert covariance(jacobian, white)[0] == pytest.approx(np.linalg.inv(information), rel=1e-9)
 
@@ -39,8 +39,8 @@ def test_no_estimator_beats_the_fisher_information_and_least_squares_does_not_ei
 
 def test_correlated_noise_tells_less_of_what_changes_slowly():
     slow = np.ones((1, 100, 1))
-    plain = covariance(slow, Noise(std_degC=0.3, sample_time_s=1.0))[0, 0, 0]
-    coloured = covariance(slow, Noise(std_degC=0.3, correlation=0.8, sample_time_s=1.0))[0, 0, 0]
+    plain = covariance(slow, ReadingNoise(std_degC=0.3, sample_time_s=1.0))[0, 0, 0]
+    coloured = covariance(slow, ReadingNoise(std_degC=0.3, correlation=0.8, sample_time_s=1.0))[0, 0, 0]
     assert plain == pytest.approx(0.09 / 100)
     assert coloured / plain == pytest.approx((1 + 0.8) / (1 - 0.8), rel=0.1)  # long-run variance of an AR(1)
 
@@ -54,7 +54,7 @@ def test_what_is_not_identified_has_no_end():
 
 @pytest.mark.parametrize("times", [1, 3, 10])
 def test_thinned_readings_have_the_noise_of_means(times):
-    thin = NOISE.thinned(times)
+    thin = NOISE.average(times)
     mean = np.kron(np.eye(2), np.full((1, times), 1.0 / times))  # two neighbouring means
     expected = mean @ _dense(NOISE, 2 * times) @ mean.T
     variance = thin.std_degC**2 + thin.resolution_degC**2 / 12.0
@@ -64,7 +64,7 @@ def test_thinned_readings_have_the_noise_of_means(times):
 
 
 def test_an_instant_is_rounded_to_the_nearest_reading():
-    assert [NOISE.rounded(t) for t in (0.0, 2.9, 3.1, 7.0001)] == [0.0, 2.0, 4.0, 8.0]
+    assert [NOISE.nearest_reading(t) for t in (0.0, 2.9, 3.1, 7.0001)] == [0.0, 2.0, 4.0, 8.0]
 
 
 @pytest.mark.parametrize(("settings", "told"), [
@@ -74,4 +74,4 @@ def test_an_instant_is_rounded_to_the_nearest_reading():
 ])
 def test_noise_that_cannot_be_is_refused(settings, told):
     with pytest.raises(OutOfRange, match=told):
-        Noise(**({"sample_time_s": 1.0} | settings))
+        ReadingNoise(**({"sample_time_s": 1.0} | settings))

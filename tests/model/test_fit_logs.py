@@ -13,11 +13,11 @@ from heatertune.model.fit import fit_together
 from heatertune.model.intervals import RATIO, Interval
 from heatertune.model.power import fit_logs
 from heatertune.model.power.agreement import disagreements
-from heatertune.model.power.explained import explained
+from heatertune.model.power.alternative_models import Rival
+from heatertune.model.power.explanation import explain_log
 from heatertune.model.power.fit_logs import _joint, _rivals
-from heatertune.model.power.fit_power import Weighed
-from heatertune.model.power.rivals import Rival
-from heatertune.model.values import OneLog, Outcome
+from heatertune.model.power.fit_power import WeighedFit
+from heatertune.model.values import FitOutcome, OneLog
 
 TRUTH = {"gain_degC_per_pct": GAIN, "time_constant_s": LAG, "dead_time_s": DEAD}
 TIME = np.arange(0.0, 900.0, 4.0)
@@ -70,7 +70,7 @@ def by_scipy(logs):
 
 @pytest.mark.long
 def test_two_logs_give_the_true_heater_in_narrower_intervals_than_either_alone(together):
-    assert together.outcome is Outcome.IDENTIFIED
+    assert together.outcome is FitOutcome.IDENTIFIED
     for name, true in TRUTH.items():
         found = together.ci95[name]
         assert found.low <= true <= found.high
@@ -173,7 +173,7 @@ def test_pulses_in_every_log_leave_gain_and_time_constant_a_ratio():
     logs = [logged(time, power, noise=np.random.default_rng(i).normal(0.0, 0.1, len(time)), name=f"pulse{i}")
             for i in range(2)]
     found = fit_together(logs)
-    assert found.outcome is Outcome.COMBINATIONS_ONLY
+    assert found.outcome is FitOutcome.COMBINATIONS_ONLY
     value, ends = found.combinations[RATIO]
     assert ends.low < GAIN / LAG < ends.high
     assert value == pytest.approx(GAIN / LAG, rel=0.15)
@@ -182,17 +182,17 @@ def test_pulses_in_every_log_leave_gain_and_time_constant_a_ratio():
 
 @pytest.mark.long
 def test_another_way_to_read_the_logs_stays_unless_another_log_speaks_against_it():
-    logs = [explained(log, ambient_degC=None, power_before_pct=None) for log in (quiet(), noisy(drift=0.0))]
+    logs = [explain_log(log, ambient_degC=None, power_before_pct=None) for log in (quiet(), noisy(drift=0.0))]
     best = _joint([log.problems[0] for log in logs], [log.fits[0] for log in logs], "power logged")
 
     def read(log, law, ambient):
         problem = replace(log.problems[0], ambient_degC=ambient)
-        fit = problem.refined(log.fits[0].vector[None, :])
+        fit = problem.refine(log.fits[0].vector[None, :])
         return Rival(problem, fit, fit.model, law, f"told with {ambient:g}")
 
     first, second = logs
-    weights = [Weighed({}, None, (read(first, "true ambient", 20.0), read(first, "cold room", 14.0))),
-               Weighed({}, None, (read(second, "true ambient", 25.0),))]
+    weights = [WeighedFit({}, None, (read(first, "true ambient", 20.0), read(first, "cold room", 14.0))),
+               WeighedFit({}, None, (read(second, "true ambient", 25.0),))]
     # 14 °C would ask for a gain a quarter too high, which the other log rules out
     (found,) = _rivals(best, logs, weights)
     assert found.law == "true ambient (quiet, noisy)"

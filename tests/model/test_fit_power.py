@@ -7,7 +7,7 @@ from tests.conftest import tried
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
 from heatertune.model.outliers import sensor_step, without_outliers
-from heatertune.model.values import Fopdt, Outcome
+from heatertune.model.values import FitOutcome, Fopdt
 
 PLANT = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=20.0)
 
@@ -34,7 +34,7 @@ def _noted(fitted, words):
 @pytest.mark.long
 def test_a_clean_log_is_told_nothing_it_does_not_have():
     fitted = fit(_made())
-    assert fitted.outcome is Outcome.IDENTIFIED
+    assert fitted.outcome is FitOutcome.IDENTIFIED
     assert all(note.startswith("The power column may be one row") for note in fitted.notes)  # no log shows that
     assert [c.law for c in fitted.candidates] == ["power logged"] * len(fitted.candidates)
 
@@ -156,7 +156,7 @@ def test_a_truncated_test_knows_only_the_rate_and_offers_the_integrator():
     power = np.where(time < 60.0, 0.0, 50.0)
     temperature = answer(plant, time, power, 20.0) + np.random.default_rng(1).normal(0.0, 0.3, len(time))
     fitted = fit(_log(time, power, temperature))
-    assert fitted.outcome is Outcome.COMBINATIONS_ONLY
+    assert fitted.outcome is FitOutcome.COMBINATIONS_ONLY
     assert fitted.ci95["time_constant_s"].high is None
     rate, found = fitted.combinations["gain_per_time_constant_degC_per_s_pct"]
     assert found.low < 2.0 / 4000.0 < found.high

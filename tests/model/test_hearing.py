@@ -7,7 +7,7 @@ from tests.model.twins import coloured, doublet, logged
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit, fit_together
-from heatertune.model.values import Fopdt, Outcome
+from heatertune.model.values import FitOutcome, Fopdt
 
 
 def _names(fitted):
@@ -27,7 +27,7 @@ def test_a_clean_log_has_no_finding():
 def test_a_poor_fit_is_a_finding_with_its_size():
     time, power = doublet()
     fitted = fit(logged(time, power, noise=np.random.default_rng(2).normal(0.0, 12.0, len(time))))
-    assert fitted.outcome is Outcome.POOR_FIT
+    assert fitted.outcome is FitOutcome.POOR_FIT
     told = next(each.told for each in fitted.findings if each.name == "poor-fit")
     assert told.startswith(f"{fitted.fit_pct:.0f} % of twin")
 

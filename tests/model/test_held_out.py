@@ -8,14 +8,14 @@ import pytest
 from tests.model.twins import DEAD, GAIN, LAG, doublet, logged
 
 from heatertune.documents import to_json
+from heatertune.model.check_results import Half, Validation, disagreeing_parameters
 from heatertune.model.document import from_document, to_document
 from heatertune.model.fit import fit
 from heatertune.model.intervals import Interval
-from heatertune.model.judgement import Half, Validation, disagreeing
-from heatertune.model.power.held_out import halves, held_out
-from heatertune.model.power.judge import judged, judgement_remarks
+from heatertune.model.power.cross_validation import halves, held_out
+from heatertune.model.power.fit_checks import check_fit, judgement_remarks
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.readings import Readings
 
 NOISE = 0.1
 TRUE = np.array([[np.log(LAG), DEAD, 0.0]])
@@ -23,7 +23,7 @@ TRUE = np.array([[np.log(LAG), DEAD, 0.0]])
 
 def _problem(log):
     problem = PowerProblem(readings=Readings.of(log))
-    return problem, problem.refined(TRUE)
+    return problem, problem.refine(TRUE)
 
 
 def _log(**changes):
@@ -62,7 +62,7 @@ def test_the_halves_of_a_heater_that_stays_the_same_agree():
         for name, truth in (("gain_degC_per_pct", GAIN), ("time_constant_s", LAG), ("dead_time_s", DEAD)):
             assert half.values[name] == pytest.approx(truth, rel=0.1)
             assert half.ci95[name].high > half.values[name]
-    assert disagreeing((first, second)) == ()
+    assert disagreeing_parameters((first, second)) == ()
 
 
 def test_a_heater_that_changes_half_way_is_told_by_name():
@@ -71,8 +71,8 @@ def test_a_heater_that_changes_half_way_is_told_by_name():
     changed = np.where(time < 750.0, *(part.temperature_degC for part in parts))
     log = replace(parts[0], temperature_degC=changed + np.random.default_rng(3).normal(0.0, NOISE, len(time)))
     problem, fit = _problem(log)
-    found = judged(problem, fit)
-    assert "gain_degC_per_pct" in disagreeing(found.halves)
+    found = check_fit(problem, fit)
+    assert "gain_degC_per_pct" in disagreeing_parameters(found.halves)
     told = next(n.sentence for n in judgement_remarks(log, found, 99.0, None) if n.finding == "halves-disagree")
     assert "process gain 0.5 and then 0.6 °C/%" in told
 
@@ -84,14 +84,14 @@ def _half(value, reach):
 
 def test_two_values_differ_where_the_root_of_the_squared_reaches_is_passed():
     # 3-4-5: two intervals of ±3 and ±4 allow a difference of 5
-    assert disagreeing((_half(10.0, 3.0), _half(14.9, 4.0))) == ()
-    assert disagreeing((_half(10.0, 3.0), _half(15.1, 4.0))) == ("gain_degC_per_pct",)
+    assert disagreeing_parameters((_half(10.0, 3.0), _half(14.9, 4.0))) == ()
+    assert disagreeing_parameters((_half(10.0, 3.0), _half(15.1, 4.0))) == ("gain_degC_per_pct",)
 
 
 def test_what_is_foretold_worse_than_fitted_is_told_with_the_worst_window():
     log = _log()
     problem, fit = _problem(log)
-    found = judged(problem, fit)
+    found = check_fit(problem, fit)
     assert list(judgement_remarks(log, found, 99.0, None)) == []
     poor = replace(found, held_out=replace(found.held_out, fit_pct=60.0, rmses_degC=(0.1, 0.1, 2.0, 0.1, 0.1)))
     ((name, told),) = judgement_remarks(log, poor, 99.0, None)

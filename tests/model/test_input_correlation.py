@@ -8,10 +8,10 @@ from scipy.signal import lfilter
 from tests.model.twins import DEAD, GAIN, LAG, coloured, doublet, logged
 
 from heatertune.model.fit import fit
+from heatertune.model.power.fit_checks import correlation_of
 from heatertune.model.power.input_correlation import _filtered, input_correlation
-from heatertune.model.power.judge import correlation_of
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.readings import Readings
 
 TRUE = np.array([[np.log(LAG), DEAD, 0.0]])
 
@@ -23,7 +23,7 @@ def _prbs():
 
 def _found(log, start=TRUE):
     problem = PowerProblem(readings=Readings.of(log))
-    return correlation_of(problem, problem.refined(start))
+    return correlation_of(problem, problem.refine(start))
 
 
 @pytest.mark.long

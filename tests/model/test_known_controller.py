@@ -8,12 +8,12 @@ import pytest
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.log.values import Log
 from heatertune.model.fit import fit_known
-from heatertune.model.power.known_controller import records, replayed
+from heatertune.model.power.known_controller import records, replay_controller
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Actuator, Scenario, simulate
-from heatertune.proof.known import closed_again, controllers
+from heatertune.proof.known_controller_check import closed_again, controllers
 
 ONE = Fopdt(gain_degC_per_pct=0.6, time_constant_s=300.0, dead_time_s=25.0, ambient_degC=22.0)
 TWO = TwoLag(gain_degC_per_pct=0.6, time_constant_s=300.0, second_time_constant_s=60.0, dead_time_s=12.0,
@@ -42,7 +42,7 @@ def _log(trace, target):
 def test_the_power_comes_back_to_the_last_bit_where_the_log_holds_what_the_controller_saw(target):
     trace = _trace(target, TWO)
     (controller, *_) = controllers(_words(target))
-    found = replayed(_log(trace, target), controller, SETPOINT)
+    found = replay_controller(_log(trace, target), controller, SETPOINT)
     assert 0.0 < np.mean(trace.power_asked_pct) < 100.0
     assert found.power_pct == pytest.approx(trace.power_asked_pct, abs=1e-9)
 
@@ -122,26 +122,26 @@ def _ramp(setpoint=None):
 
 
 def test_a_row_has_the_mean_power_of_the_scans_up_to_the_next():
-    found = replayed(_ramp(), _Ten(), 25.0)
+    found = replay_controller(_ramp(), _Ten(), 25.0)
     # scans at 0, 1, 2, 3 s ask for 0, 49, 48, 47 %; at 4, 5, 6, 7 s for 46, 45, 44, 43 %
     assert found.power_pct[:2] == pytest.approx([36.0, 44.5])
     assert found.power_pct[-1] == 0.0
 
 
 def test_scans_slower_than_the_log_are_held():
-    found = replayed(_ramp(), _Ten(interval_s=8.0), 25.0)
+    found = replay_controller(_ramp(), _Ten(interval_s=8.0), 25.0)
     assert found.power_pct[:5] == pytest.approx([0.0, 0.0, 42.0, 42.0, 34.0])
 
 
 def test_the_logged_setpoint_is_used_where_none_is_given():
     time = _ramp().time_s
-    found = replayed(_ramp(np.where(time < 40.0, 25.0, 28.0)), _Ten(interval_s=4.0), None)
+    found = replay_controller(_ramp(np.where(time < 40.0, 25.0, 28.0)), _Ten(interval_s=4.0), None)
     assert found.power_pct[9:11] == pytest.approx([10.0 * (25.0 - 23.6), 10.0 * (28.0 - 24.0)])
-    assert replayed(_ramp(np.full(21, 99.0)), _Ten(interval_s=4.0), 25.0).power_pct[1] == pytest.approx(46.0)
+    assert replay_controller(_ramp(np.full(21, 99.0)), _Ten(interval_s=4.0), 25.0).power_pct[1] == pytest.approx(46.0)
 
 
 def test_an_offset_is_added_to_what_the_controller_sees():
-    assert replayed(_ramp(), _Ten(interval_s=4.0), 25.0, 0.5).power_pct[1] == pytest.approx(41.0)
+    assert replay_controller(_ramp(), _Ten(interval_s=4.0), 25.0, 0.5).power_pct[1] == pytest.approx(41.0)
 
 
 def test_records_that_are_the_same_come_once():
@@ -151,11 +151,11 @@ def test_records_that_are_the_same_come_once():
 
 def test_what_cannot_be_replayed_is_refused():
     with pytest.raises(InputError, match="--setpoint"):
-        replayed(_ramp(), _Ten(), None)
+        replay_controller(_ramp(), _Ten(), None)
     with pytest.raises(InputError, match="holds the power"):
-        replayed(replace(_ramp(), power_pct=np.linspace(0.0, 50.0, 21)), _Ten(), 25.0)
+        replay_controller(replace(_ramp(), power_pct=np.linspace(0.0, 50.0, 21)), _Ten(), 25.0)
     with pytest.raises(InputError, match="too many"):
-        replayed(_ramp(), _Ten(interval_s=1e-4), 25.0)
+        replay_controller(_ramp(), _Ten(interval_s=1e-4), 25.0)
     with pytest.raises(InputError, match="never changes"):
         fit_known(_ramp(), [_Ten()], setpoint_degC=-100.0)
     with pytest.raises(OutOfRange, match="power_before_pct"):

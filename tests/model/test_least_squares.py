@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from heatertune.log.given import log_of
+from heatertune.log.from_objects import log_of
 from heatertune.model.least_squares import minimise
-from heatertune.model.temperature.closed_loop import Hypothesis, Segment
+from heatertune.model.temperature.closed_loop import Hypothesis, LogSegment
 from heatertune.model.temperature.search import _able, _best_of, residuals_of
 from heatertune.plc.s7_200_paper.laws import LAWS
 
@@ -38,7 +38,7 @@ def _less_by_the_last_digit(function):
 
 def _of_a_closed_loop():
     """Return where random starts lead to whose valley has kinks: a loop whose power meets its limits."""
-    segment = Segment(log=HEATING, law=LAWS[0], event=False, ambient_degC=(15.0, 25.0))
+    segment = LogSegment(log=HEATING, law=LAWS[0], event=False, ambient_degC=(15.0, 25.0))
     hypothesis = Hypothesis(segments=(segment,), two_lags=True)
     starts = hypothesis.starts(np.random.default_rng(1), 6)
     minima = minimise(residuals_of(hypothesis, hypothesis.measured), starts, hypothesis.low, hypothesis.high)
@@ -60,7 +60,7 @@ def test_a_numpy_whose_last_digits_are_others_leads_to_the_same_heaters(monkeypa
 def test_what_lost_at_the_beginning_is_none_of_the_best(seed, n):
     rng = np.random.default_rng(seed)
     segments = tuple(
-        Segment(log=HEATING, law=LAWS[int(rng.integers(len(LAWS)))], event=bool(rng.integers(2)),
+        LogSegment(log=HEATING, law=LAWS[int(rng.integers(len(LAWS)))], event=bool(rng.integers(2)),
                 ambient_degC=(15.0, 25.0)) for _ in range(int(rng.integers(1, 3))))
     hypothesis = Hypothesis(segments=segments, two_lags=bool(rng.integers(2)))
     starts = hypothesis.starts(rng, 60)

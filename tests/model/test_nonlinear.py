@@ -8,9 +8,9 @@ import pytest
 from heatertune.log.values import Log
 from heatertune.model.fit import fit, fit_together
 from heatertune.model.power.input_curve import knots_of
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.readings import Readings
-from heatertune.model.values import Outcome
+from heatertune.model.values import FitOutcome
 
 AMBIENT, GAIN, LAG, DEAD = 32.0, 0.5, 200.0, 15.0
 STEP = 0.25
@@ -70,7 +70,7 @@ def test_a_heater_that_saturates_keeps_its_true_gain_and_no_load_is_believed(sec
     assert "to 0 °C/% at 60…80 % of power" in told
     high = found.ci95["gain_degC_per_pct"].high  # open where the ambient is that of the first rows, without power
     assert high is None or high >= 0.98 * GAIN
-    assert found.outcome is not Outcome.POOR_FIT, "it is explained, though not by one line"
+    assert found.outcome is not FitOutcome.POOR_FIT, "it is explained, though not by one line"
 
 
 @pytest.mark.long

@@ -6,9 +6,9 @@ from tests.conftest import load_csv
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.readings import Readings
-from heatertune.model.values import Fopdt, Outcome, TwoLag
+from heatertune.model.values import FitOutcome, Fopdt, TwoLag
 
 
 def _doublet(length=1500, sample=1.0):
@@ -55,7 +55,7 @@ def test_the_intervals_hold_the_truth_and_widen_with_noise():
         assert loud.ci95[name].low < truth < loud.ci95[name].high
         width = [found.ci95[name].high - found.ci95[name].low for found in (quiet, loud)]
         assert 4.0 < width[1] / width[0] < 25.0  # ten times the noise
-    assert loud.outcome is Outcome.IDENTIFIED
+    assert loud.outcome is FitOutcome.IDENTIFIED
 
 
 @pytest.mark.long

@@ -8,11 +8,11 @@ import pytest
 
 from heatertune.documents import to_json
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import from_document, to_document
 from heatertune.model.fit import fit, fit_together
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.temperature.pool import pool_candidates
-from heatertune.model.values import Fopdt, Outcome, TwoLag
+from heatertune.model.values import FitOutcome, Fopdt, TwoLag
 from heatertune.model.windows import disturbance_s
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.tune import tune
@@ -61,7 +61,7 @@ def test_the_beginning_of_table_4_is_explained_to_96_percent_by_one_lag_and_a_pi
 @pytest.mark.parametrize("name", ["fitted3", "fitted4"])
 def test_what_the_logs_cannot_tell_is_said(name, request):
     fitted = request.getfixturevalue(name)
-    assert fitted.outcome is Outcome.COMBINATIONS_ONLY
+    assert fitted.outcome is FitOutcome.COMBINATIONS_ONLY
     assert fitted.ci95["gain_degC_per_pct"] is None
     assert any("ambient" in note for note in fitted.notes)
     value, interval = fitted.combinations["gain_per_time_constant_degC_per_s_pct"]
@@ -121,7 +121,7 @@ def test_one_heater_explains_both_tables_as_well_as_the_identification_page_says
     assert 0.5 < fitted.model.gain_degC_per_pct < 0.87
     assert 320.0 < fitted.model.time_constant_s < 548.0
     assert 50.0 < fitted.model.dead_time_s < 66.0
-    assert fitted.outcome is Outcome.COMBINATIONS_ONLY, "the hold-out fails, so the intervals hold under a hypothesis"
+    assert fitted.outcome is FitOutcome.COMBINATIONS_ONLY, "the hold-out fails, so the intervals hold under a hypothesis"
     assert fitted.candidates[0].log == "table3 + table4"
     for each in fitted.candidates:
         assert min(each.fits_pct.values()) <= each.fit_pct <= max(each.fits_pct.values()), "no merit in the logs' levels"

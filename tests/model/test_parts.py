@@ -8,9 +8,9 @@ from tests.model.twins import doublet, logged
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
 from heatertune.model.intervals import RATIO
+from heatertune.model.power.half_logs import interval_widening, widening_notes
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.parts import widening, widening_notes
-from heatertune.model.power.readings import Readings
 
 GAINS = (0.4, 0.6)
 
@@ -36,7 +36,7 @@ def _restless(gains=GAINS):
 
 def _factors(log):
     problem = PowerProblem(readings=Readings.of(log))
-    return widening(problem, problem.fit())
+    return interval_widening(problem, problem.fit())
 
 
 @pytest.mark.long

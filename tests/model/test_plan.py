@@ -9,25 +9,25 @@ from scipy.signal import lfilter, lsim, lti
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.log.values import Log
 from heatertune.model.experiment.doublet import best_step, plan_doublet, within_limit
-from heatertune.model.experiment.fisher import Noise, covariance
+from heatertune.model.experiment.fisher import ReadingNoise, covariance
 from heatertune.model.experiment.plan import propose
 from heatertune.model.experiment.prior import ExperimentSetup, Prior, errors, peaks, prior_by_hand, prior_of, shares
 from heatertune.model.experiment.relay import RelayPlan, _tested, plan_relay
 from heatertune.model.fit import model_by_hand
 from heatertune.model.intervals import Interval
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.readings import Readings
 from heatertune.model.power.uncertainty import intervals
-from heatertune.model.relay.relay import Relay
+from heatertune.model.relay.relay import TwoLevelRelay
 from heatertune.model.response import Schedule, rows_of, sensitivities
-from heatertune.model.values import FittedModel, Fopdt, Outcome, TwoLag
+from heatertune.model.values import FitOutcome, FittedModel, Fopdt, TwoLag
 
 RANGES = {
     "gain_degC_per_pct": (0.3, 0.6), "time_constant_s": (100.0, 300.0), "dead_time_s": (5.0, 25.0),
     "ambient_degC": (18.0, 24.0),
 }
 PRIOR = prior_by_hand(RANGES, ambient_known=False)
-NOISE = Noise(std_degC=0.2, correlation=0.7, resolution_degC=0.1, sample_time_s=4.0)
+NOISE = ReadingNoise(std_degC=0.2, correlation=0.7, resolution_degC=0.1, sample_time_s=4.0)
 CONDITIONS = ExperimentSetup(limit_degC=60.0, noise=NOISE, longest_s=1200.0)
 
 
@@ -209,7 +209,7 @@ def test_two_lags_are_judged_by_their_sum():
 def test_the_prior_of_a_fit_holds_candidates_and_ends_of_intervals():
     model = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=10.0)
     fitted = FittedModel(
-        model=model, outcome=Outcome.IDENTIFIED, method="", candidates=model_by_hand(replace(model, dead_time_s=20.0)).candidates,
+        model=model, outcome=FitOutcome.IDENTIFIED, method="", candidates=model_by_hand(replace(model, dead_time_s=20.0)).candidates,
         ci95={"gain_degC_per_pct": Interval(low=0.4, high=None), "time_constant_s": None, "dead_time_s": Interval(low=0.0, high=30.0)},
     )
     prior = prior_of(fitted, ambient_degC=None, assumed_degC=21.0)
@@ -272,7 +272,7 @@ def test_a_relay_plan_has_what_it_needs(relay):
 def test_a_relay_that_swings_beyond_the_limit_is_left_out(limit, kept):
     # the closed form of the peak: 29 + 37·(1 − e^(−15/200)) + 0.6·e^(−15/200) = 32.23 °C
     prior = Prior(models={"centre": PRIOR.models["centre"]}, ambient_known=False)
-    relay = Relay(setpoint_degC=29.0, hysteresis_degC=0.6, high_pct=100.0)
+    relay = TwoLevelRelay(setpoint_degC=29.0, hysteresis_degC=0.6, high_pct=100.0)
     assert (_tested(prior, replace(CONDITIONS, limit_degC=limit), relay, 1200.0) is not None) == kept
 
 

@@ -7,8 +7,8 @@ from tests.bench.identification import answer
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.readings import Readings
 from heatertune.model.values import Fopdt
 
 PLANT = Fopdt(gain_degC_per_pct=0.6, time_constant_s=300.0, dead_time_s=25.03, ambient_degC=20.0)
@@ -30,7 +30,7 @@ def _power_at(log, instant):
 def test_the_model_is_averaged_over_the_same_time_as_the_readings(second):
     # expected: SciPy's quadrature of the closed form of a step's answer, over the run in which the edge acts
     log = _log()
-    readings = Readings.of(log).thinned(100)
+    readings = Readings.of(log).average(100)
     problem = PowerProblem(readings=readings, two_lags=second > 0.0)
     basis = problem.basis(np.array([np.log(300.0), 25.03, second / 300.0]))
     edge = readings.edge_s[1] + 25.03
@@ -57,7 +57,7 @@ def test_a_run_ends_at_an_edge_and_at_a_gap_and_no_reading_is_lost():
         name="gap", source="", time_s=log.time_s[keep], temperature_degC=log.temperature_degC[keep],
         power_pct=log.power_pct[keep],
     )
-    readings = Readings.of(cut).thinned(90)
+    readings = Readings.of(cut).average(90)
     low, high = readings.time_s - readings.half_s, readings.time_s + readings.half_s
     assert not np.any((low < 9100.0) & (high > 9300.0))
     interval = log.time_s[1] - log.time_s[0]
@@ -88,7 +88,7 @@ def test_a_power_that_never_rests_is_averaged_with_its_integral_and_its_large_mo
     time = np.arange(20_000.0)
     power = 50.0 + rng.normal(0.0, 0.5, len(time)) + 30.0 * (time > 7321.5)
     log = Log(name="busy", source="", time_s=time, temperature_degC=20.0 + rng.random(len(time)), power_pct=power)
-    readings = Readings.of(log).thinned(1000)
+    readings = Readings.of(log).average(1000)
     assert len(readings.edge_s) < 5000
     held = np.diff(readings.edge_s, append=time[-1])
     assert held @ readings.level_pct == pytest.approx(power[:-1].sum(), rel=1e-9)

@@ -7,12 +7,12 @@ from tests.conftest import load_csv
 from heatertune.errors import InputError
 from heatertune.log import read_log
 from heatertune.log.values import Log
+from heatertune.model.check_results import disagreeing_parameters
 from heatertune.model.fit import fit
-from heatertune.model.judgement import disagreeing
-from heatertune.model.power.explained import explained
-from heatertune.model.power.held_out import halves
+from heatertune.model.power.cross_validation import halves
+from heatertune.model.power.explanation import explain_log
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.readings import Readings
 
 
 def _open(real_logs, name):
@@ -60,9 +60,9 @@ def test_the_halves_of_a_log_agree_within_their_intervals(real_logs, name):
 def test_the_halves_that_a_fit_compares_agree_on_these_logs_and_not_on_those(real_logs, name, apart):
     # of the 16 logs that can be fitted, 12 hold gain, time constant and dead time within the halves' intervals; beside
     # the two here, dead time falls out on box_kp4_ki01 and time constant on pypidtune_prc
-    found = explained(_open(real_logs, name), ambient_degC=None, power_before_pct=None)
+    found = explain_log(_open(real_logs, name), ambient_degC=None, power_before_pct=None)
     pair = halves(found.problems[0], found.fits[0])
-    assert disagreeing(pair) == apart
+    assert disagreeing_parameters(pair) == apart
     first, second = pair
     for parameter in apart:  # closed loops both, by more than either interval
         assert abs(first.values[parameter] / second.values[parameter] - 1.0) > 0.04

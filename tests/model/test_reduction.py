@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from heatertune.model.reduction import crossover_rad_s, matched
+from heatertune.model.reduction import crossover_rad_s, match_fopdt
 from heatertune.model.values import Fopdt, TwoLag
 
 HEATER = TwoLag(gain_degC_per_pct=0.78, time_constant_s=452.0, second_time_constant_s=79.0, dead_time_s=12.9, ambient_degC=24.0)
@@ -35,18 +35,18 @@ def test_the_crossover_is_where_the_heater_lags_by_120_degrees(model):
 def test_the_match_is_nearer_than_the_half_rule_where_loops_are_cut(second):
     model = TwoLag(gain_degC_per_pct=0.78, time_constant_s=452.0, second_time_constant_s=second, dead_time_s=12.9)
     near = np.geomspace(0.5, 2.0, 50) * crossover_rad_s(model)
-    assert _distance(matched(model), model, near) < 0.7 * _distance(model.half_rule(), model, near)
-    assert matched(model).gain_degC_per_pct == 0.78
+    assert _distance(match_fopdt(model), model, near) < 0.7 * _distance(model.half_rule(), model, near)
+    assert match_fopdt(model).gain_degC_per_pct == 0.78
 
 
 def test_a_small_second_lag_is_dead_time():
     # the limit case: a lag far above the crossover delays by itself and does nothing else
     model = TwoLag(gain_degC_per_pct=0.5, time_constant_s=300.0, second_time_constant_s=0.3, dead_time_s=20.0)
-    found = matched(model)
+    found = match_fopdt(model)
     assert found.time_constant_s == pytest.approx(300.0, rel=1e-2)
     assert found.dead_time_s == pytest.approx(20.3, abs=0.1)
 
 
 def test_one_lag_is_its_own_match():
     model = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=0.0, ambient_degC=20.0)
-    assert matched(model) == model
+    assert match_fopdt(model) == model

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.relay.relay import Relay, _Course, _State, oscillation, simulate_relay
+from heatertune.model.relay.relay import TwoLevelRelay, _ConstantPowerResponse, _RelayState, oscillation, simulate_relay
 from heatertune.model.response import rise, rows_of
 from heatertune.model.temperature.kernel import simulate_many
 from heatertune.model.temperature.law import Constant
@@ -17,8 +17,8 @@ ONE = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=20.0, ambi
 TWO = TwoLag(
     gain_degC_per_pct=0.5, time_constant_s=150.0, second_time_constant_s=50.0, dead_time_s=10.0, ambient_degC=20.0
 )
-SKEW = Relay(setpoint_degC=38.0, hysteresis_degC=0.5, high_pct=80.0, low_pct=5.0)
-EVEN = Relay(setpoint_degC=45.0, hysteresis_degC=0.5, high_pct=80.0, low_pct=20.0)
+SKEW = TwoLevelRelay(setpoint_degC=38.0, hysteresis_degC=0.5, high_pct=80.0, low_pct=5.0)
+EVEN = TwoLevelRelay(setpoint_degC=45.0, hysteresis_degC=0.5, high_pct=80.0, low_pct=20.0)
 
 
 @pytest.mark.parametrize("model", [ONE, TWO], ids=["one lag", "two lags"])
@@ -57,7 +57,7 @@ def test_the_closed_form_is_the_simulated_oscillation(relay):
 def test_a_symmetric_relay_without_hysteresis_has_the_textbook_period():
     # period 2T·ln(2e^(L/T) − 1), amplitude kd(1 − e^(−L/T)): K. J. Åström, T. Hägglund, "PID Controllers: Theory,
     # Design, and Tuning", 2nd ed. (1995), relay feedback of first order with dead time
-    bare = Relay(setpoint_degC=45.0, hysteresis_degC=0.0, high_pct=80.0, low_pct=20.0)
+    bare = TwoLevelRelay(setpoint_degC=45.0, hysteresis_degC=0.0, high_pct=80.0, low_pct=20.0)
     found, ratio = oscillation(ONE, bare), math.exp(20.0 / 150.0)
     assert found.period_s == pytest.approx(2.0 * 150.0 * math.log(2.0 * ratio - 1.0))
     assert found.highest_degC - 45.0 == pytest.approx(0.5 * 30.0 * (1.0 - 1.0 / ratio))
@@ -68,7 +68,7 @@ def test_a_symmetric_relay_without_hysteresis_has_the_textbook_period():
 def test_the_describing_function_meets_its_limits(dead, quotient):
     # ultimate gain by describing function over that of the plant, by python-control, for L/T → 0 and L/T → ∞
     model = Fopdt(gain_degC_per_pct=0.5, time_constant_s=10.0, dead_time_s=dead, ambient_degC=20.0)
-    found = oscillation(model, Relay(setpoint_degC=45.0, hysteresis_degC=0.0, high_pct=80.0, low_pct=20.0))
+    found = oscillation(model, TwoLevelRelay(setpoint_degC=45.0, hysteresis_degC=0.0, high_pct=80.0, low_pct=20.0))
     told = 4.0 * 30.0 / (math.pi * (found.highest_degC - 45.0))
     w = np.geomspace(1.5, 3.5, 300) / dead  # the ultimate frequency lies between π/2L and π/L
     truth = control.margin(control.FRD(0.5 * np.exp(-1j * w * dead) / (10.0 * 1j * w + 1.0), w))[0]
@@ -111,7 +111,7 @@ def test_a_crossing_is_seen_though_the_temperature_turns_back_at_once():
 
     expected = solve_ivp(slope, (0.0, 1000.0), [36.0, 50.0], events=passed, rtol=1e-10, atol=1e-10).t_events[0]
     assert len(expected) == 2, "up and down again"
-    course = _Course(TWO, _State(36.0, 50.0), 5.0)
+    course = _ConstantPowerResponse(TWO, _RelayState(36.0, 50.0), 5.0)
     assert course.crossing(38.0, 1000.0, rising=True) == pytest.approx(expected[0], abs=1e-5)
     assert course.crossing(60.0, 1000.0, rising=True) is None
 
@@ -126,13 +126,13 @@ def test_a_heater_that_begins_above_the_threshold_begins_with_the_low_power():
 @pytest.mark.parametrize("setpoint", [22.9, 59.6, 10.0, 99.0])
 def test_a_relay_that_cannot_swing_is_refused(setpoint):
     with pytest.raises(OutOfRange, match="never swings"):
-        oscillation(ONE, Relay(setpoint_degC=setpoint, hysteresis_degC=0.5, high_pct=80.0, low_pct=5.0))
+        oscillation(ONE, TwoLevelRelay(setpoint_degC=setpoint, hysteresis_degC=0.5, high_pct=80.0, low_pct=5.0))
 
 
 def test_a_relay_that_never_rests_is_refused():
     quick = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=0.0, ambient_degC=20.0)
     with pytest.raises(InputError, match="hysteresis"):
-        simulate_relay(quick, Relay(setpoint_degC=38.0, hysteresis_degC=0.0, high_pct=80.0), 1000.0)
+        simulate_relay(quick, TwoLevelRelay(setpoint_degC=38.0, hysteresis_degC=0.0, high_pct=80.0), 1000.0)
 
 
 @pytest.mark.parametrize(("settings", "told"), [
@@ -141,7 +141,7 @@ def test_a_relay_that_never_rests_is_refused():
 ])
 def test_a_relay_that_cannot_be_is_refused(settings, told):
     with pytest.raises(OutOfRange, match=told):
-        Relay(**({"setpoint_degC": 38.0, "hysteresis_degC": 0.5, "high_pct": 80.0} | settings))
+        TwoLevelRelay(**({"setpoint_degC": 38.0, "hysteresis_degC": 0.5, "high_pct": 80.0} | settings))
 
 
 def test_what_a_relay_needs_is_asked_for():

@@ -8,13 +8,13 @@ from tests.conftest import load_csv
 
 from heatertune.log.values import Log
 from heatertune.model.document import from_document, to_document
-from heatertune.model.relay.relay import Relay, oscillation, simulate_relay
+from heatertune.model.relay.relay import TwoLevelRelay, oscillation, simulate_relay
 from heatertune.model.relay.relay_log import estimate, find_relay, oscillating_fopdt, with_relay
-from heatertune.model.values import FittedModel, Fopdt, Outcome
+from heatertune.model.values import FitOutcome, FittedModel, Fopdt
 
 TRUTH = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=20.0, ambient_degC=20.0)
-SKEW = Relay(setpoint_degC=38.0, hysteresis_degC=0.5, high_pct=80.0, low_pct=5.0)
-EVEN = Relay(setpoint_degC=45.0, hysteresis_degC=0.5, high_pct=80.0, low_pct=20.0)
+SKEW = TwoLevelRelay(setpoint_degC=38.0, hysteresis_degC=0.5, high_pct=80.0, low_pct=5.0)
+EVEN = TwoLevelRelay(setpoint_degC=45.0, hysteresis_degC=0.5, high_pct=80.0, low_pct=20.0)
 
 
 def _numbers(model):
@@ -47,7 +47,7 @@ def _logged(relay, *, sample=1.0, rest=60.0, noise=0.0, length=1500.0, seed=1):
 @pytest.mark.parametrize("relay", [SKEW, EVEN], ids=["asymmetric", "symmetric"])
 @pytest.mark.parametrize("low", [0.0, 5.0])
 def test_the_inverse_undoes_the_closed_form(relay, low):
-    relay = Relay(setpoint_degC=40.0 + low, hysteresis_degC=relay.hysteresis_degC, high_pct=80.0, low_pct=low)
+    relay = TwoLevelRelay(setpoint_degC=40.0 + low, hysteresis_degC=relay.hysteresis_degC, high_pct=80.0, low_pct=low)
     found = oscillation(TRUTH, relay)
     for gain in (0.5, None):
         back = oscillating_fopdt(
@@ -61,7 +61,7 @@ def test_the_inverse_undoes_the_closed_form(relay, low):
 
 
 def test_a_nearly_symmetric_swing_does_not_tell_the_gain():
-    relay = Relay(setpoint_degC=40.5, hysteresis_degC=0.5, high_pct=80.0, low_pct=0.0)
+    relay = TwoLevelRelay(setpoint_degC=40.5, hysteresis_degC=0.5, high_pct=80.0, low_pct=0.0)
     found = oscillation(TRUTH, relay)
     assert 0.01 < abs(found.on_s / found.off_s - 1.0) < 0.1
     told = {"on_s": found.on_s, "off_s": found.off_s, "highest_degC": found.highest_degC, "lowest_degC": found.lowest_degC}
@@ -70,9 +70,9 @@ def test_a_nearly_symmetric_swing_does_not_tell_the_gain():
 
 
 def test_a_wide_hysteresis_hides_the_ultimate_gain():
-    wide = Relay(setpoint_degC=38.0, hysteresis_degC=3.0, high_pct=80.0, low_pct=5.0)
+    wide = TwoLevelRelay(setpoint_degC=38.0, hysteresis_degC=3.0, high_pct=80.0, low_pct=5.0)
     log = _logged(wide, length=2500.0)
-    bare = FittedModel(model=TRUTH, outcome=Outcome.IDENTIFIED, method="")
+    bare = FittedModel(model=TRUTH, outcome=FitOutcome.IDENTIFIED, method="")
     told = with_relay(log, bare, ambient_degC=None)
     assert not told.combinations
     assert "too far from the limit of stability" in told.notes[-1]
@@ -139,7 +139,7 @@ def test_a_known_ambient_serves_for_a_rest():
 @pytest.mark.parametrize("setpoint", [37.0, 42.0, 48.0], ids=["short pulses", "even", "long pulses"])
 def test_the_ultimate_gain_is_that_of_the_transfer_function(hysteresis, setpoint):
     # the describing function alone gives 14 to 19 of 25.5 %/°C here
-    relay = Relay(setpoint_degC=setpoint, hysteresis_degC=hysteresis, high_pct=80.0, low_pct=10.0)
+    relay = TwoLevelRelay(setpoint_degC=setpoint, hysteresis_degC=hysteresis, high_pct=80.0, low_pct=10.0)
     found = estimate(find_relay(_logged(relay, sample=0.1)))
     gain, period = _at_the_limit(0.5, [150.0], 20.0)
     assert found.ultimate_gain[0] == pytest.approx(gain, rel=0.12)
@@ -158,7 +158,7 @@ def test_the_intervals_of_ultimate_gain_and_period_hold_those_of_one_lag_and_of_
         for truth, (_, inside) in zip(_at_the_limit(heater.gain, lags, heater.dead),
                                       (found.ultimate_gain, found.ultimate_period_s), strict=True):
             assert inside.low <= truth <= inside.high
-    with_relay(log, FittedModel(model=TRUTH, outcome=Outcome.IDENTIFIED, method=""), ambient_degC=None)
+    with_relay(log, FittedModel(model=TRUTH, outcome=FitOutcome.IDENTIFIED, method=""), ambient_degC=None)
 
 
 def _switched(heater, *, share, hysteresis, rng):
@@ -226,7 +226,7 @@ def test_a_coarse_card_that_does_not_see_the_swings_tells_no_ultimate_gain():
     reading[56] = 50.1
     log = Log(name="card", source="", time_s=time, temperature_degC=reading, power_pct=power)
     assert find_relay(log) is not None
-    told = with_relay(log, FittedModel(model=TRUTH, outcome=Outcome.IDENTIFIED, method=""), ambient_degC=None)
+    told = with_relay(log, FittedModel(model=TRUTH, outcome=FitOutcome.IDENTIFIED, method=""), ambient_degC=None)
     assert not told.combinations
     assert "too far from the limit of stability" in told.notes[-1]
     assert from_document(json.loads(json.dumps(to_document(told)))).model == TRUTH

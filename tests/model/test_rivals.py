@@ -8,9 +8,9 @@ from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.fit import fit, fit_together
 from heatertune.model.intervals import Interval
-from heatertune.model.power.rivals import widened
+from heatertune.model.power.alternative_models import widen_intervals
 from heatertune.model.power.segments import part
-from heatertune.model.values import Outcome
+from heatertune.model.values import FitOutcome
 
 
 def _told(fitted, words):
@@ -34,7 +34,7 @@ def test_a_load_in_a_closed_loop_is_found_though_the_fit_without_it_is_far_off()
 def test_a_slow_wall_that_passes_for_the_initial_state_is_a_rival_and_no_gain_is_believed():
     # 0.3 °C/% at once and 0.2 °C/% through the wall: 0.5 °C/% in the long run, from 20 °C
     fitted = fit(closed_loop(wall=True), power_before_pct=0.0)
-    assert fitted.outcome is Outcome.COMBINATIONS_ONLY
+    assert fitted.outcome is FitOutcome.COMBINATIONS_ONLY
     rival = next(c for c in fitted.candidates if "ambient at the lowest reading" in c.law)
     assert rival.model.ambient_degC == pytest.approx(20.0, abs=0.2)
     assert 0.3 < rival.model.gain_degC_per_pct < 0.5
@@ -54,7 +54,7 @@ def test_drift_that_swallows_a_slow_heater_in_a_loop_leaves_both_as_candidates(r
         found = fitted.ci95[name]
         assert found.low < getattr(fitted.model, name) < found.high
         assert found.high == pytest.approx(published, rel=0.06)
-    assert fitted.outcome is Outcome.COMBINATIONS_ONLY
+    assert fitted.outcome is FitOutcome.COMBINATIONS_ONLY
     assert "in a closed loop the power answers them" in _told(fitted, "With drift fitted")[0]
 
 
@@ -67,7 +67,7 @@ def test_a_chamber_whose_plain_fit_would_have_begun_colder_than_its_room_is_told
     rival = next(c.model for c in fitted.candidates if "without drift" in c.law)
     assert rival.gain_degC_per_pct == pytest.approx(0.0241, rel=0.03)
     assert fitted.ci95["gain_degC_per_pct"].low <= rival.gain_degC_per_pct < fitted.model.gain_degC_per_pct
-    assert fitted.outcome is Outcome.COMBINATIONS_ONLY
+    assert fitted.outcome is FitOutcome.COMBINATIONS_ONLY
 
 
 @pytest.mark.long
@@ -79,7 +79,7 @@ def test_in_an_open_loop_a_drift_or_load_that_foretells_the_rest_has_no_rival(wh
     fitted = fit(logged(time, power, noise=noise))
     assert fitted.model.gain_degC_per_pct == pytest.approx(GAIN, rel=0.01)
     assert not _told(fitted, "both are candidates")
-    assert fitted.outcome is Outcome.IDENTIFIED
+    assert fitted.outcome is FitOutcome.IDENTIFIED
 
 
 @pytest.mark.long
@@ -93,8 +93,8 @@ def test_one_step_and_a_load_are_fitted_where_two_lags_alone_would_not_need_the_
 
 def test_intervals_are_widened_to_the_rivals_and_an_open_end_stays_open():
     inside = {"a": Interval(low=1.0, high=2.0), "b": Interval(low=None, high=2.0)}
-    assert widened(inside, []) == inside
-    found = widened(inside, [{"a": 3.0, "b": 0.5}, {"a": 1.5, "b": float("nan")}])
+    assert widen_intervals(inside, []) == inside
+    found = widen_intervals(inside, [{"a": 3.0, "b": 0.5}, {"a": 1.5, "b": float("nan")}])
     assert found == {"a": Interval(low=1.0, high=3.0), "b": Interval(low=None, high=2.0)}
 
 

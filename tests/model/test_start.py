@@ -5,7 +5,7 @@ import pytest
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.power.explained import explained
+from heatertune.model.power.explanation import explain_log
 
 AMBIENT, GAIN, LAG, SECOND, DEAD = 32.0, 0.5, 300.0, 80.0, 10.0
 
@@ -31,7 +31,7 @@ def _steps(time):
 
 
 def _explained(log):
-    return explained(log, ambient_degC=None, power_before_pct=None)
+    return explain_log(log, ambient_degC=None, power_before_pct=None)
 
 
 @pytest.mark.long

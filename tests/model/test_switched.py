@@ -8,7 +8,7 @@ from tests.bench import causes, identification
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log import read_log
-from heatertune.log.record import MARK, SWITCHED
+from heatertune.log.recorder_log import MARK, SWITCHED
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
 from heatertune.model.intervals import holds

@@ -5,7 +5,7 @@ import pytest
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit, fit_together
-from heatertune.model.temperature.closed_loop import Hypothesis, Segment
+from heatertune.model.temperature.closed_loop import Hypothesis, LogSegment
 from heatertune.plc.s7_200_paper.laws import LAWS
 
 ROOM = 20.0
@@ -59,7 +59,7 @@ def test_of_several_logs_without_power_the_hot_one_is_named():
 @pytest.mark.parametrize("two_lags", [False, True])
 def test_the_response_without_power_is_that_of_small_steps(two_lags):
     log = _loop(80.0, 40.0, rows=60)
-    hypothesis = Hypothesis(segments=(Segment(log=log, law=LAWS[0], event=False, ambient_degC=(15.0, 25.0)),),
+    hypothesis = Hypothesis(segments=(LogSegment(log=log, law=LAWS[0], event=False, ambient_degC=(15.0, 25.0)),),
                             two_lags=two_lags)
     vector = hypothesis.low + 0.5 * (hypothesis.high - hypothesis.low)
     places = {name: place for place, name in enumerate(hypothesis.names)}

@@ -3,9 +3,9 @@ import pytest
 from tests.bench.identification import answer, noise
 
 from heatertune.log.values import Log
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.readings import Readings
-from heatertune.model.power.uncertainty import _profile, crossing, noise_of
+from heatertune.model.power.uncertainty import _profile, bound_crossing, noise_of
 from heatertune.model.statistics import ar1_weighted
 from heatertune.model.values import Fopdt
 
@@ -30,9 +30,9 @@ def test_the_profile_alone_widens_with_the_noise_s_colour():
 
 def test_a_profile_that_never_rises_to_the_limit_leaves_the_end_open():
     values = np.array([1.0, 2.0, 3.0, 3.0])
-    assert crossing(values, np.array([0.0, 0.5, 0.9, 0.9]), 1.0) is None
+    assert bound_crossing(values, np.array([0.0, 0.5, 0.9, 0.9]), 1.0) is None
     # a parabola rise = (x - 1)² meets 2.25 at 2.5, and its root is a straight line: exact
-    assert crossing(values, (values - 1.0) ** 2, 2.25) == pytest.approx(2.5, rel=1e-12)
+    assert bound_crossing(values, (values - 1.0) ** 2, 2.25) == pytest.approx(2.5, rel=1e-12)
 
 
 def test_coloured_noise_by_shifts_is_the_product_with_its_whole_matrix():

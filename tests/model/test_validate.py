@@ -7,7 +7,7 @@ import pytest
 from tests.model.twins import AMBIENT, DEAD, GAIN, LAG, doublet, logged
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.validate import validate
 from heatertune.model.values import Fopdt, TwoLag
 

@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import chi2
 
 from heatertune.log.values import Log
-from heatertune.model.temperature.closed_loop import Hypothesis, Segment
+from heatertune.model.temperature.closed_loop import Hypothesis, LogSegment
 from heatertune.model.temperature.search import EARLY, fit_all
 from heatertune.model.validation import LJUNG_BOX_95, constant_rmse, cross_rmse, hold_out_rmse, ljung_box
 from heatertune.plc.s7_200_paper.laws import LAWS
@@ -41,7 +41,7 @@ def _simulated(setpoint_step=0.0):
 
 
 def _hypothesis(log, law=LAWS[0]):
-    return Hypothesis(segments=(Segment(log=log, law=law, event=False, ambient_degC=(21.0, 23.0)),), two_lags=False)
+    return Hypothesis(segments=(LogSegment(log=log, law=law, event=False, ambient_degC=(21.0, 23.0)),), two_lags=False)
 
 
 @pytest.mark.long

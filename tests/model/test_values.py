@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from heatertune.errors import OutOfRange
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import from_document, to_document
 from heatertune.model.intervals import Interval
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
 
 

@@ -4,8 +4,8 @@ import math
 import pytest
 
 from heatertune.cli import main
-from heatertune.model.by_hand import model_by_hand
-from heatertune.model.values import Candidate, FittedModel, Fopdt, Outcome, TwoLag
+from heatertune.model.manual_model import model_by_hand
+from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag
 from heatertune.pid.alternatives import alternatives
 from heatertune.pid.rules import RULES, model_for
 from heatertune.pid.tune import tune
@@ -21,7 +21,7 @@ def _family():
         Candidate(model=m, log="", window_s=(0.0, 1.0), law="", fit_pct=90.0, rmse_degC=1.0, delta_bic=0.0)
         for m in (HEATER, OTHER)
     )
-    return FittedModel(model=HEATER, outcome=Outcome.COMBINATIONS_ONLY, method="", candidates=candidates)
+    return FittedModel(model=HEATER, outcome=FitOutcome.COMBINATIONS_ONLY, method="", candidates=candidates)
 
 
 @pytest.mark.parametrize(("method", "structure"), [("simc", "pi"), ("amigo", "pid"), ("ziegler-nichols", "p")])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.continuous import kernel as continuous
@@ -17,11 +17,11 @@ from heatertune.pid.continuous import optimum as continuous_optimum
 from heatertune.pid.continuous.optimum import (
     ContinuousProblem,
     global_check,
+    global_optimum,
     margins,
     optimum,
     peaks,
     response_grid,
-    unrivalled,
 )
 from heatertune.pid.loop.robustness import crossings
 from heatertune.pid.specs import Specs
@@ -37,12 +37,12 @@ LOAD = np.array([[1.0, 0.0, 0.0, 0.0]])
 
 def _price(*given):
     heaters, *_, finer, _ = given
-    return compiled(continuous.price, calls=True)(*given, continuous.space_for(0, heaters, finer).queue)
+    return compile_function(continuous.price, calls=True)(*given, continuous.space_for(0, heaters, finer).queue)
 
 
 def _pieces(*given):
     space = continuous.space_for(len(given[0]), np.empty((0, 4)), 1.0)
-    count = compiled(continuous.pieces, calls=True)(*given, space)
+    count = compile_function(continuous.pieces, calls=True)(*given, space)
     return space.ends[:, :count][:, ::-1]
 
 
@@ -247,7 +247,7 @@ def test_no_brute_force_finds_a_better_design_and_the_limit_holds(dead, ms, stru
 def test_no_feasible_neighbour_is_better_under_any_objective(structure, objective):
     plant = _heater(0.4, lag=3.0, gain=0.5)
     problem = _problem(plant, structure, objective=objective, ms=1.7, mt=1.25, mks=60.0)
-    design, _ = unrivalled(problem)
+    design, _ = global_optimum(problem)
     cost = problem.cost(design)
     found = _dense_peaks(plant, design)
     assert all(peak <= limit * 1.001 for peak, limit in zip(found, (1.7, 1.25, 60.0), strict=True))
@@ -305,7 +305,7 @@ def test_the_global_check_refutes_a_local_answer_and_agrees_with_the_global_one(
     refuted = global_check(problem, trapped)
     assert refuted is not None
     assert refuted[0] < 0.03 * problem.cost(trapped)
-    design, told = unrivalled(problem)
+    design, told = global_optimum(problem)
     assert global_check(problem, design) is None
     assert "global" in told
 
@@ -390,7 +390,7 @@ def _modal_iae(plant, gain, tn, tv):
 def test_without_dead_time_no_pi_of_a_brute_force_beats_the_optimum_under_a_noise_limit(gain, lag, ms, mks):
     plant = _heater(0.0, lag, gain)
     problem = _problem(plant, ms=ms, mks=mks)
-    design, _ = unrivalled(problem)
+    design, _ = global_optimum(problem)
     found = _plain_peaks(plant, design.gain_pct_per_degC, design.integral_time_s)
     assert found[0] <= ms * 1.001
     assert found[2] == pytest.approx(mks, rel=1e-3)
@@ -412,7 +412,7 @@ def test_without_dead_time_no_pi_of_a_brute_force_beats_the_optimum_under_a_nois
 def test_without_dead_time_no_pid_of_a_brute_force_beats_the_optimum_under_limits_of_noise_and_mt():
     plant = _heater(0.0, 100.0)
     problem = _problem(plant, "pid", ms=1.6, mt=1.3, mks=30.0)
-    design, _ = unrivalled(problem)
+    design, _ = global_optimum(problem)
     settings = design.gain_pct_per_degC, design.integral_time_s, design.derivative_time_s
     assert problem.cost(design) == pytest.approx(_modal_iae(plant, *settings), rel=1e-3)
     best = math.inf
@@ -490,6 +490,6 @@ def test_gains_beyond_all_numbers_write_nowhere_but_in_their_room(dead, steps):
     heaters, wild = np.array([[1.0, 20.0, 5.0, dead]]), (0.0, -1.0, 1e-308, 1e308, math.inf, math.nan)
     for gain, tn, tv in [(1.0, 20.0, 1.0), *product(wild, wild, (*wild, 1.0))]:
         room = np.full((40, steps), 7.0)
-        value = compiled(continuous.price, calls=True)(heaters, LOAD, gain, tn, tv, 1.0, math.inf, room[1:3])
+        value = compile_function(continuous.price, calls=True)(heaters, LOAD, gain, tn, tv, 1.0, math.inf, room[1:3])
         assert np.all(room[[0, *range(3, 40)]] == 7.0), (gain, tn, tv)
         assert not value < 0.0 or gain < 0.0 or tn < 0.0

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.cooler_mirror import cools, mirror_heater
 from heatertune.model.intervals import RATIO, Interval
-from heatertune.model.mirrored import cools, mirrored
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Candidate, Fopdt, TwoLag
 from heatertune.pid.alternatives import alternatives
 from heatertune.pid.loop.robustness import margins
@@ -39,7 +39,7 @@ def _heater():
 @pytest.mark.parametrize("asked", [
     pytest.param(asked, id=name, marks=[pytest.mark.long] if name == "continuous" else []) for name, asked in ASKED.items()])
 def test_a_cooler_is_tuned_as_its_mirror_image_to_the_last_digit(asked):
-    heating, cooling = tune(_heater(), **asked), tune(mirrored(_heater()), **asked)
+    heating, cooling = tune(_heater(), **asked), tune(mirror_heater(_heater()), **asked)
     assert cooling.gain_pct_per_degC == -heating.gain_pct_per_degC < 0.0
     assert replace(cooling, gain_pct_per_degC=heating.gain_pct_per_degC) == heating
 
@@ -57,7 +57,7 @@ def test_the_margins_of_a_cooler_are_those_of_its_mirror_image_and_the_wrong_sig
 @pytest.mark.parametrize("sample_time_s", [0.0, 8.0])
 def test_every_rule_gives_a_cooler_the_settings_of_its_mirror_image(sample_time_s):
     pairs = [alternatives(fitted, tune(fitted, sample_time_s=sample_time_s, method="simc"))
-             for fitted in (_heater(), mirrored(_heater()))]
+             for fitted in (_heater(), mirror_heater(_heater()))]
     for heating, cooling in zip(*pairs, strict=True):
         if heating["gain_pct_per_degC"] is not None:
             assert cooling.pop("gain_pct_per_degC") == pytest.approx(-heating.pop("gain_pct_per_degC"))
@@ -65,7 +65,7 @@ def test_every_rule_gives_a_cooler_the_settings_of_its_mirror_image(sample_time_
 
 
 def test_front_and_quick_gains_of_a_cooler_are_those_of_its_mirror_image():
-    heating, cooling = (front(fitted, points=2, sample_time_s=8.0)["rows"] for fitted in (_heater(), mirrored(_heater())))
+    heating, cooling = (front(fitted, points=2, sample_time_s=8.0)["rows"] for fitted in (_heater(), mirror_heater(_heater())))
     assert [row["gain_pct_per_degC"] for row in cooling] == [-row["gain_pct_per_degC"] for row in heating]
     assert [row["cost"] for row in cooling] == [row["cost"] for row in heating]
     quick = [quick_tune((plant,)) for plant in (HEATER, replace(HEATER, gain_degC_per_pct=-0.4))]
@@ -73,27 +73,27 @@ def test_front_and_quick_gains_of_a_cooler_are_those_of_its_mirror_image():
 
 
 def test_the_mirror_exchanges_the_ends_of_intervals_and_twice_is_once_too_often():
-    cooler = mirrored(_heater(), 40.0)
+    cooler = mirror_heater(_heater(), 40.0)
     assert cools(cooler)
     assert not cools(_heater())
     assert cooler.ci95["gain_degC_per_pct"] == Interval(low=-0.5, high=-0.32)
     assert cooler.ci95["ambient_degC"] == Interval(low=58.0, high=61.0)  # 2·40 − 22, 2·40 − 19
     assert cooler.combinations[RATIO] == (-0.0025, Interval(low=-0.0026, high=-0.0024))
     assert cooler.model.ambient_degC == 60.0
-    back = mirrored(cooler, 40.0)
+    back = mirror_heater(cooler, 40.0)
     assert (back.model, back.ci95, back.combinations) == (HEATER, OPEN, _heater().combinations)
 
 
 def test_heaters_are_drawn_from_a_coolers_intervals_as_from_its_mirror_image():
-    drawn = [draw_heaters(fitted, 20) for fitted in (_heater(), mirrored(_heater()))]
+    drawn = [draw_heaters(fitted, 20) for fitted in (_heater(), mirror_heater(_heater()))]
     assert [replace(plant, gain_degC_per_pct=-plant.gain_degC_per_pct) for plant in drawn[1]] == [
         replace(plant, ambient_degC=None) for plant in drawn[0]]
-    assert len(interval_ends(mirrored(_heater()))) == len(interval_ends(_heater())) == 4
+    assert len(interval_ends(mirror_heater(_heater()))) == len(interval_ends(_heater())) == 4
 
 
 def test_what_neither_heats_nor_cools_or_does_both_is_refused():
     with pytest.raises(OutOfRange, match="not zero: above for a heater, below for a cooler"):
         Fopdt(gain_degC_per_pct=0.0, time_constant_s=1.0, dead_time_s=0.1)
-    both = replace(_heater(), candidates=(*_heater().candidates, *mirrored(_heater()).candidates))
+    both = replace(_heater(), candidates=(*_heater().candidates, *mirror_heater(_heater()).candidates))
     with pytest.raises(InputError, match="some of the possible models cool and others heat"):
         tune(both)

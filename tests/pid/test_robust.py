@@ -12,8 +12,8 @@ from scipy.integrate import trapezoid
 from scipy.signal import lti, step
 
 from heatertune.errors import InputError, UnknownName
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.intervals import RATIO, Interval
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Candidate, Fopdt
 from heatertune.pid.loop.robustness import noise_gain
 from heatertune.pid.search.uncertain import draw_heaters

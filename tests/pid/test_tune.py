@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.by_hand import model_by_hand
-from heatertune.model.values import Candidate, FittedModel, Fopdt, Outcome, TwoLag
+from heatertune.model.manual_model import model_by_hand
+from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag
 from heatertune.pid.document import from_document, to_document
 from heatertune.pid.loop.response import dominant_time_s, iae_load
 from heatertune.pid.loop.robustness import margins
@@ -28,7 +28,7 @@ def _family(*models):
         for m in models
     )
     return FittedModel(
-        model=models[0].half_rule(), outcome=Outcome.COMBINATIONS_ONLY, method="", candidates=candidates
+        model=models[0].half_rule(), outcome=FitOutcome.COMBINATIONS_ONLY, method="", candidates=candidates
     )
 
 

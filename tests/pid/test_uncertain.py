@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from heatertune.errors import OutOfRange
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.intervals import Interval
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Candidate, Fopdt, TwoLag
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.uncertain import draw_heaters, ms_over

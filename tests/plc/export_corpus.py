@@ -16,7 +16,7 @@ from heatertune.plc import NAMES, Boost, Certificate, Scaling, Words, controller
 from heatertune.plc.feed_forward import feed_forward
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.supervision.loops import Card, Ran
-from heatertune.proof.supervision.text import proven
+from heatertune.proof.supervision.text import program_check
 
 PWM = Actuator(pwm_period_s=2.0, resolution_s=0.1, minimum_on_s=0.2)
 #: remarks with the signs that end or begin a comment somewhere, and letters outside ASCII
@@ -58,7 +58,7 @@ def monitors():
     found = []
     for target in NAMES:
         words = next(_words(target))[1]
-        made = proven.exported(_NUMBERS, words, Card(0.0, 0.1, 1000), list(_HEAD), [ran])
+        made = program_check.export_monitor(_NUMBERS, words, Card(0.0, 0.1, 1000), list(_HEAD), [ran])
         if made.file is not None:
             found.append(Export(f"{target}, monitor", words, None, {made.file: made.text}))
     return found
@@ -103,9 +103,9 @@ def _words(target):
         yield name, words
         if name == "PI":
             continue
-        if controller.ramped:
+        if controller.has_ramp:
             yield f"{name}, ramp", replace(words, ramp=controller.ramp(words, 60.0))
             yield f"{name}, ramp with hold", replace(words, ramp=controller.ramp(words, 6.0, 6.0))
-        if controller.boosted:
-            yield f"{name}, boost", words.boosted(Boost(within_degC=5.0, again_degC=15.0))
+        if controller.has_boost:
+            yield f"{name}, boost", words.with_boost(Boost(within_degC=5.0, again_degC=15.0))
     assert made, target

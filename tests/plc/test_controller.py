@@ -11,8 +11,19 @@ from heatertune import chain
 from heatertune.errors import InputError, NotRepresentable, OutOfRange, UnknownName
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
-from heatertune.plc import TARGETS, Controller, Core, Running, Scaling, Timing, WordField, Words, controller_for, count
-from heatertune.plc.words import kept_by, stored
+from heatertune.plc import (
+    TARGETS,
+    Controller,
+    ControllerState,
+    Scaling,
+    StepFunctions,
+    Timing,
+    WordField,
+    Words,
+    controller_for,
+    count,
+)
+from heatertune.plc.words import kept_by, round_to_word
 
 PLC = ROOT / "src" / "heatertune" / "plc"
 DESIGN = PidDesign(gain_pct_per_degC=1.45, integral_time_s=100.0, derivative_time_s=0.0, sample_time_s=2.0, structure="pi",
@@ -25,11 +36,11 @@ def _parts(**changed):
         "title": "for the test", "main_file": "k.txt", "can": (), "cannot": (), "inputs": {"SP": "INT", "PV": "INT"}, "counts": 100,
         "fields": (WordField(name="K", address="1", format="INT", low=1, high=99, comment=""),),
         "timer": Timer(shortest_s=0.5, longest_s=10.0, step_s=0.5),
-        "core": Core(step=lambda k, n, w, x, _: (n + 1, float(k * (w - x)), n, 0), measure=count, flags=()),
+        "core": StepFunctions(step=lambda k, n, w, x, _: (n + 1, float(k * (w - x)), n, 0), measure=count, flags=()),
         "values": staticmethod(lambda design, _: {"K": 10.0 * design.gain_pct_per_degC}),
         "design": staticmethod(lambda _: None),
         "export": staticmethod(lambda words, _: {"k.txt": str(words.values["K"])}),
-        "begin": lambda _self, words, _assume: Running(words.values["K"], 0),
+        "begin": lambda _self, words, _assume: ControllerState(words.values["K"], 0),
     } | changed
 
 
@@ -160,25 +171,25 @@ REAL = WordField(name="G", address="1", format="REAL", low=-3.4028234663852886e3
     (0.1, 0.100000001490116119384765625), (0.0, 0.0), (-3.4028234663852886e38, -3.4028234663852886e38),
 ])
 def test_a_real_is_rounded_once(exact, held):
-    assert stored(REAL, exact) == held
+    assert round_to_word(REAL, exact) == held
 
 
 @pytest.mark.parametrize("exact", [3.5e38, -1e39, 1e-46])
 def test_a_real_that_would_be_infinite_or_nothing_is_refused(exact):
     with pytest.raises(NotRepresentable, match=r"word G would be .* a number in single precision; a size between"):
-        stored(REAL, exact)
+        round_to_word(REAL, exact)
 
 
 @pytest.mark.parametrize(("exact", "held"), [(2.5, 3), (-2.5, -3), (2.49, 2), (98.6, 99), (0.4, 0)])
 def test_a_whole_word_is_rounded_once_halves_away_from_zero(exact, held):
-    word = stored(WHOLE, exact)
+    word = round_to_word(WHOLE, exact)
     assert (word, type(word)) == (held, int)
 
 
 @pytest.mark.parametrize("exact", [99.5, -100, float("inf")])
 def test_a_whole_word_beyond_its_range_is_refused(exact):
     with pytest.raises(NotRepresentable, match=r"word N would be .* a whole number -99…99"):
-        stored(WHOLE, exact)
+        round_to_word(WHOLE, exact)
 
 
 @pytest.mark.parametrize("target", [target for target in TARGETS if controller_for(target).most_power])
@@ -186,7 +197,7 @@ def test_a_limited_output_ends_at_that_share_of_full_power(target):
     which = controller_for(target)
     design = PidDesign(gain_pct_per_degC=1.0, integral_time_s=60.0, derivative_time_s=0.0, sample_time_s=which.timer.round(1.0),
                        structure="pi", method="")
-    words = which.limited(which.encode(design, Scaling()), 40.0)
+    words = which.with_output_limit(which.encode(design, Scaling()), 40.0)
     running, (low, high) = which.start(words, {}), which.ends(words)
     for _ in range(200):
         running, scan = which.step(running, high, low)

@@ -5,15 +5,15 @@ import math
 import pytest
 
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.plc import Ramp, Scaling, Switch, WordField, Words, controller_for
+from heatertune.plc import OpenPoint, Ramp, Scaling, WordField, Words, controller_for
 from heatertune.plc.core import Sensor, count
-from heatertune.plc.feed_forward import Feed, FeedForward, feed_forward
-from heatertune.plc.machine import _text
+from heatertune.plc.dump_reader import _text
+from heatertune.plc.feed_forward import FeedForward, FeedForwardHooks, feed_forward
+from heatertune.plc.keyed_entry import KeyedEntry, typed_table, word_text
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator, Ticks, on_time, pid_compact, pulsegen, switched_by
 from heatertune.plc.ramp import nearest
-from heatertune.plc.readback import Collected, first_unlike, lines_of, real_of, text_of, whole_of
-from heatertune.plc.typed import TypedWord, typed_table, word_text
+from heatertune.plc.readback import WordCollector, first_unlike, lines_of, real_of, text_of, whole_of
 
 
 # period 8 s in steps of 1 s: 12.5 % are a step, half a step is rounded up
@@ -65,7 +65,7 @@ def test_a_feed_forward_is_a_straight_line_cut_at_the_ends_of_its_sensor(at_low,
 
 
 def _fed(whole=True, **changed):
-    feed = Feed(word="Z", per_pct=20.0, most=600, whole=whole, listened=dict, given=lambda p, _: p, listing=lambda *_: {})
+    feed = FeedForwardHooks(word="Z", per_pct=20.0, most=600, whole=whole, listened=dict, set_disturbance=lambda p, _: p, listing=lambda *_: {})
     return feed_forward(feed, **{"column": "fan", "pct_per_unit": 1.5, "calm": 10.0, "low": 0.0, "high": 20.0} | changed)
 
 
@@ -133,14 +133,14 @@ def test_words_that_are_gathered_from_a_text_are_all_there_and_each_in_its_range
 
 
 def _gathered(put):
-    gathered = Collected("f", GATHERED)
+    gathered = WordCollector("f", GATHERED)
     for line, (name, value) in enumerate(put.items(), 1):
         gathered.put(name, value, line, str(value))
     return gathered.values()
 
 
 def test_a_word_may_stand_there_twice_with_one_value():
-    gathered = Collected("f", GATHERED)
+    gathered = WordCollector("f", GATHERED)
     for line, (name, value) in enumerate((("Ts", 1), ("K", -5), ("TI", 5), ("K", -5)), 1):
         gathered.put(name, value, line, f"KF {value}")
     assert list(gathered.values().items()) == [("K", -5), ("TI", 5), ("Ts", 1)]
@@ -159,8 +159,8 @@ def test_a_text_of_a_million_characters_in_lines_of_a_thousand_is_read_and_no_la
 
 
 def test_words_are_typed_in_one_column_or_two_where_one_of_them_changes():
-    same = TypedWord(address="DW1", name="K", format="KF", first=7, then=7, meaning="gain")
-    other = TypedWord(address="DW11", name="STEU", format="KM", first=32, then=33, meaning="mode")
+    same = KeyedEntry(address="DW1", name="K", format="KF", first=7, then=7, meaning="gain")
+    other = KeyedEntry(address="DW11", name="STEU", format="KM", first=32, then=33, meaning="mode")
     assert typed_table([same]) == (("address", "word", "value", "meaning"), (2,), [("DW1", "K", "KF +00007", "gain")])
     heads, values, cells = typed_table([same, other])
     assert (len(heads), values) == (5, (2, 3))
@@ -169,7 +169,7 @@ def test_words_are_typed_in_one_column_or_two_where_one_of_them_changes():
 
 
 def _switches(*sizes):
-    return tuple(Switch(name=f"s{k}", means={str(n): n for n in range(size)}, why="") for k, size in enumerate(sizes))
+    return tuple(OpenPoint(name=f"s{k}", means={str(n): n for n in range(size)}, reason="") for k, size in enumerate(sizes))
 
 
 @pytest.mark.parametrize(("sizes", "known", "settings"), [

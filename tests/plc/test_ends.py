@@ -13,14 +13,14 @@ from heatertune.plc.cpu.one_bit.assembler import assemble as single_bit
 from heatertune.plc.cpu.one_bit.machine import START, Wiring, scan
 from heatertune.plc.cpu.one_bit.programs import HEATER_NAMES, HEATER_PRINTED, ON_OFF_NAMES, TWO_LEVEL_NAMES
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run
-from heatertune.plc.cpu.s7_200.arithmetic import divided
+from heatertune.plc.cpu.s7_200.arithmetic import divide_integers
 from heatertune.plc.cpu.s7_200.cells import SIZE, cell
-from heatertune.plc.machine import read_machine
-from heatertune.plc.on_off.step import Memory
+from heatertune.plc.dump_reader import read_machine
+from heatertune.plc.on_off.step import OnOffState
 from heatertune.plc.on_off.step import step as direct
 from heatertune.plc.s7_200_paper.faults import faults
 from heatertune.plc.s7_200_paper.words import paper_words
-from heatertune.plc.words import stored
+from heatertune.plc.words import round_to_word
 
 
 def _design(gain=3.0, tn=200.0, tv=0.0, ta=5.0):
@@ -50,8 +50,8 @@ def test_the_upper_end_of_the_sensors_range_is_the_modules_full_scale(target, fu
 ])
 def test_half_of_the_power_is_half_of_the_word_that_limits_it(target, word, half, full):
     controller, words = controller_for(target), _words(target)
-    assert controller.limited(words, 50.0).values[word] == half
-    assert controller.limited(words, 100.0).values[word] == full
+    assert controller.with_output_limit(words, 50.0).values[word] == half
+    assert controller.with_output_limit(words, 100.0).values[word] == full
 
 
 @pytest.mark.parametrize(("sample", "fits"), [(1.0, True), (60000.0, True), (0.5, False), (60001.0, False)])
@@ -123,7 +123,7 @@ def test_the_sum_of_two_errors_that_leaves_16_bits_keeps_the_first():
     (-1, 1, -1, 0), (1, -1, -1, 0), (-1, -1, 1, 0), (0, -5, 0, 0), (-7, 2, -3, -1), (7, -2, -3, 1),
 ])
 def test_div_cuts_towards_zero_and_its_remainder_has_the_sign_of_the_dividend(dividend, divisor, quotient, remainder):
-    word, by_zero = divided(dividend, divisor)
+    word, by_zero = divide_integers(dividend, divisor)
     assert (word & 0xFFFF, word >> 16, by_zero) == (quotient & 0xFFFF, remainder, False)
 
 
@@ -157,10 +157,10 @@ def test_the_heater_program_has_the_addresses_beside_its_code_words_where_these_
 
 def test_a_whole_word_is_refused_beyond_its_ends():
     k = next(field for field in controller_for("s5-ob251").fields if field.name == "TI")
-    assert [stored(k, value) for value in (0.0, 9999.4, 0.5, -0.4)] == [0, 9999, 1, 0]
+    assert [round_to_word(k, value) for value in (0.0, 9999.4, 0.5, -0.4)] == [0, 9999, 1, 0]
     for value in (-0.5, 9999.5, math.inf):
         with pytest.raises(NotRepresentable, match="word TI"):
-            stored(k, value)
+            round_to_word(k, value)
 
 
 @pytest.mark.parametrize(("disturbance", "flags"), [(0.0, ["QLMN_LLM"]), (100.0, ["QLMN_HLM"]), (50.0, [])])
@@ -225,7 +225,7 @@ def test_the_papers_run_has_the_figures_that_are_assumed_for_it():
 @pytest.mark.parametrize(("reading", "power", "overflow"), [(1000, 100.0, False), (1950, 0.0, False), (2051, 0.0, False)])
 def test_two_level_control_in_16_bits_overflows_nowhere_near_its_words(reading, power, overflow):
     # SP = 2000, BAND = 50: on below 1950, off above 2050, between as before: off from the start
-    _, on, output, flags = direct(50, Memory(), 2000, reading, False)
+    _, on, output, flags = direct(50, OnOffState(), 2000, reading, False)
     assert (on, output, bool(flags & 1)) == (power, int(power > 0.0), overflow)
 
 

@@ -9,7 +9,7 @@ import pytest
 from heatertune.errors import HeatertuneError, NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
-from heatertune.plc.machine import read_machine
+from heatertune.plc.dump_reader import read_machine
 
 ROOM = controller_for("klipper")
 #: the lines that generic-*.cfg of Klipper's folder config has
@@ -150,7 +150,7 @@ def test_without_a_part_the_words_say_so():
 
 def test_power_is_limited_to_no_more_than_is_asked():
     words = ROOM.encode(_design(), SCALING)
-    assert [ROOM.limited(words, share).values["max_power"] for share in (57.0, 33.3333, 66.69)] == [0.57, 0.333, 0.666]
+    assert [ROOM.with_output_limit(words, share).values["max_power"] for share in (57.0, 33.3333, 66.69)] == [0.57, 0.333, 0.666]
 
 
 def test_the_files_say_what_was_proven_and_hold_no_more_than_the_printer_knows():

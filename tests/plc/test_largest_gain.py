@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
-from heatertune.plc.choose import choose_words
 from heatertune.plc.design import tune
+from heatertune.plc.word_selection import choose_words
 
 SMALL = Fopdt(gain_degC_per_pct=0.1, time_constant_s=300.0, dead_time_s=1.0)
 

@@ -14,10 +14,10 @@ from tests.witness.arduino_pid import ArduinoPid
 from heatertune.errors import HeatertuneError, InputError, NotRepresentable
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Scaling, controller_for
-from heatertune.plc.machine import read_machine
+from heatertune.plc.dump_reader import read_machine
 from heatertune.plc.parallel.words import decimal
 from heatertune.plc.pwm import Actuator
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 
 DESIGN = PidDesign(gain_pct_per_degC=2.5, integral_time_s=100.0, derivative_time_s=4.0, sample_time_s=2.0, structure="pid", method="")
 SAID = Certificate(verdict="PASS", setpoint_degC=60.0, actuator=Actuator(pwm_period_s=1.0, minimum_on_s=0.1, minimum_off_s=0.2))

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from tests.plc.export_corpus import controller_exports, every_export
 
-from heatertune.plc.cpu.iec.machine import Program
+from heatertune.plc.cpu.iec.machine import TextProgram
 from heatertune.plc.cpu.iec.text import units
 
 IEC2C = shutil.which("iec2c")
@@ -182,7 +182,7 @@ def test_what_matiec_makes_runs_as_the_machine_of_the_proof_does(tmp_path, targe
         lines = "".join(f"{on} {hand} {' '.join(struct.pack('>f', one).hex() for one in reals)}\n" for on, hand, *reals in given)
         done = subprocess.run([tmp_path / "run"], input=lines.encode(), capture_output=True, check=True, timeout=60)
         theirs = [line.split() for line in done.stdout.decode().splitlines()]
-        program = Program(units(text[:text.index("CONFIGURATION ")]), {}, lambda ms: float(np.float32(ms / 1000)))  # matiec: seconds
+        program = TextProgram(units(text[:text.index("CONFIGURATION ")]), {}, lambda ms: float(np.float32(ms / 1000)))  # matiec: seconds
         powers = set()
         for scan, ((on, hand, power, setpoint, temperature), (power_bits, pulse)) in enumerate(zip(given, theirs, strict=True)):
             program["HeaterOn"], program["ByHand"] = bool(on), bool(hand)

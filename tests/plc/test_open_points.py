@@ -11,8 +11,8 @@ import pytest
 
 from heatertune.errors import UnknownName
 from heatertune.pid.values import PidDesign
-from heatertune.plc import TARGETS, Controller, Scaling, Switch, Words, controller_for
-from heatertune.plc.open_points import NothingOpen, assumed, declared
+from heatertune.plc import TARGETS, Controller, OpenPoint, Scaling, Words, controller_for
+from heatertune.plc.open_points import NothingOpen, assumptions_from, open_points_of
 from heatertune.plc.replay import replay
 
 DESIGN = PidDesign(gain_pct_per_degC=1.0, integral_time_s=100.0, derivative_time_s=0.0, sample_time_s=1.0, structure="pi",
@@ -310,8 +310,8 @@ def test_no_room_starts_under_a_switch_or_setting_that_it_does_not_have(target):
                 door(words, given)
 
 
-ONE = Switch(name="one", means={"no": False, "yes": True}, why="for the test")
-OTHER = Switch(name="other", means={"few": 1, "many": 2}, why="for the test")
+ONE = OpenPoint(name="one", means={"no": False, "yes": True}, reason="for the test")
+OTHER = OpenPoint(name="other", means={"few": 1, "many": 2}, reason="for the test")
 
 
 class OneWay(NamedTuple):
@@ -325,11 +325,11 @@ class OtherWay(NamedTuple):
 
 
 def test_the_order_of_the_fields_does_not_matter():
-    assert [s.name for s in declared(OneWay).values()] == ["one", "other"]
+    assert [s.name for s in open_points_of(OneWay).values()] == ["one", "other"]
     for given in ({}, {"one": "yes"}, {"other": "many"}, {"one": "yes", "other": "many"}):
-        one, other = assumed(OneWay, given), assumed(OtherWay, given)
+        one, other = assumptions_from(OneWay, given), assumptions_from(OtherWay, given)
         assert one._asdict() == other._asdict() == {"one": "one" in given, "other": 1 + ("other" in given)}
-    assert assumed(NothingOpen, {}) == ()
+    assert assumptions_from(NothingOpen, {}) == ()
 
 
 class Undeclared(NamedTuple):
@@ -354,7 +354,7 @@ class OtherKind(NamedTuple):
 
 
 class Alike(NamedTuple):
-    one: Annotated[bool, Switch(name="one", means={"no": False, "yes": False}, why="for the test")] = False
+    one: Annotated[bool, OpenPoint(name="one", means={"no": False, "yes": False}, reason="for the test")] = False
 
 
 @pytest.mark.parametrize(("wrong", "named"), [
@@ -363,4 +363,4 @@ class Alike(NamedTuple):
 ])
 def test_a_declaration_that_contradicts_itself_is_refused(wrong, named):
     with pytest.raises(TypeError, match=named):
-        declared(wrong)
+        open_points_of(wrong)

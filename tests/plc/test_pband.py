@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 
 from heatertune import chain
 from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOfRange, UnknownName
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import ALIKE, COOLING, NAMES, TARGETS, Certificate, Scaling, controller_for
 from heatertune.plc.commissioning import commissioning
-from heatertune.plc.cycle import switched
-from heatertune.plc.machine import read_machine
+from heatertune.plc.cycle import with_pwm_period
+from heatertune.plc.dump_reader import read_machine
 from heatertune.plc.pband.makes import MAKES
-from heatertune.plc.pband.step import Assumptions, Block, State, step
-from heatertune.proof.closing import Asked, closed
+from heatertune.plc.pband.step import PbandAssumptions, PbandBlock, PbandState, step
 from heatertune.proof.pwm_period import with_pwm
+from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.settings import Conditions
 
 PASSED = Certificate(verdict="PASS", lines=("proven at 150 °C",))
@@ -127,20 +127,20 @@ def test_abb_writes_7201_for_no_integral_part():
 def test_a_cycle_time_is_written_as_the_make_does(name, word, periods):
     which = controller_for(name)
     for period, number in periods.items():
-        words = switched(which.cycle, _words(name), period)
+        words = with_pwm_period(which.cycle, _words(name), period)
         which.check(words)
         assert (words.values[word], which.timing(words).pwm_period_s) == (number, period)
     with pytest.raises(OutOfRange, match=r"pwm_period_s = 1\.23.*a cycle time of the instrument; the nearest is 1"):
-        switched(which.cycle, _words(name), 1.23)
-    assert switched(which.cycle, _words(name), None) == _words(name)
+        with_pwm_period(which.cycle, _words(name), 1.23)
+    assert with_pwm_period(which.cycle, _words(name), None) == _words(name)
 
 
 def test_an_instrument_without_a_cycle_time_takes_no_other():
     which = controller_for("eurotherm-3200")
     assert which.timing(_words("eurotherm-3200")).pwm_period_s == 2.0
     with pytest.raises(OutOfRange, match="this instrument has no cycle time"):
-        switched(which.cycle, _words("eurotherm-3200"), 3.0)
-    assert switched(controller_for("weg").cycle, chain.encode(_design("pband"), "weg"), 3.0) == chain.encode(_design("pband"), "weg")
+        with_pwm_period(which.cycle, _words("eurotherm-3200"), 3.0)
+    assert with_pwm_period(controller_for("weg").cycle, chain.encode(_design("pband"), "weg"), 3.0) == chain.encode(_design("pband"), "weg")
 
 
 @pytest.mark.parametrize(("kind", "least"), [("ssr", 1.0), ("relay", 20.0), ("contactor", 30.0)])
@@ -148,7 +148,7 @@ def test_a_kind_of_switch_gets_a_cycle_time_that_suits_it(kind, least):
     fitted = model_by_hand(Fopdt(gain_degC_per_pct=3.0, time_constant_s=600.0, dead_time_s=30.0, ambient_degC=20.0))
     _, conditions = with_pwm(_design("omron-e5cc"), fitted, kind, Conditions(setpoint_degC=150.0), words=_words("omron-e5cc"))
     assert conditions.pwm_period_s >= least
-    assert switched(controller_for("omron-e5cc").cycle, _words("omron-e5cc"), conditions.pwm_period_s).values["CP"] == conditions.pwm_period_s
+    assert with_pwm_period(controller_for("omron-e5cc").cycle, _words("omron-e5cc"), conditions.pwm_period_s).values["CP"] == conditions.pwm_period_s
 
 
 def test_a_cutback_that_is_not_the_band_is_refused_and_told():
@@ -169,14 +169,14 @@ def test_makes_are_targets_that_only_their_names_list():
 
 
 # by paper: 100 counts are 10 °C, PB 20 °C: 0.5 % a count; TA/TN 0.1, TV/TA 4, a quarter of the way per sample
-BLOCK = Block(gain=0.5, growth=0.1, slope=4.0, share=0.25, high=100.0, least=0.0, band=200.0, approach=math.inf, alpha=0.5, follows=0.5,
+BLOCK = PbandBlock(gain=0.5, growth=0.1, slope=4.0, share=0.25, high=100.0, least=0.0, band=200.0, approach=math.inf, alpha=0.5, follows=0.5,
               tenth=1.0)
 
 
 def _run(readings, setpoint=100, block=BLOCK, **assume):
-    state, found = State(), []
+    state, found = PbandState(), []
     for reading in readings:
-        state, power, _, _ = step((block, Assumptions(**assume)), state, setpoint, reading, False)
+        state, power, _, _ = step((block, PbandAssumptions(**assume)), state, setpoint, reading, False)
         found.append(power)
     return found
 
@@ -202,16 +202,16 @@ def test_a_row_of_samples_is_the_one_worked_out_on_paper(assume, block, powers):
 
 def test_a_step_of_the_setpoint_reaches_the_derivative_of_the_error_alone():
     for on_error, kick in ((False, 0.0), (True, 0.5 * 0.25 * 4.0 * 10)):
-        state, _, _, _ = step((BLOCK._replace(growth=0.0), Assumptions(on_error=on_error)), State(), 100, 60, False)
-        _, power, _, _ = step((BLOCK._replace(growth=0.0), Assumptions(on_error=on_error)), state, 110, 60, False)
+        state, _, _, _ = step((BLOCK._replace(growth=0.0), PbandAssumptions(on_error=on_error)), PbandState(), 100, 60, False)
+        _, power, _, _ = step((BLOCK._replace(growth=0.0), PbandAssumptions(on_error=on_error)), state, 110, 60, False)
         assert power == 25.0 + kick
 
 
 def test_whole_numbers_cut_the_integral_and_round_the_output():
     block = BLOCK._replace(slope=0.0, growth=0.001)
-    state, powers, exact = State(), [], Fraction(0)
+    state, powers, exact = PbandState(), [], Fraction(0)
     for reading in (99, 98, 99, 97):
-        state, power, _, _ = step((block, Assumptions(whole=True)), state, 100, reading, False)
+        state, power, _, _ = step((block, PbandAssumptions(whole=True)), state, 100, reading, False)
         error = 100 - reading
         exact = Fraction(int((exact + Fraction(error, 2) * Fraction(1, 1000)) * 2**24), 2**24)
         assert state.integral == pytest.approx(float(exact), abs=2.0 ** -24)
@@ -224,7 +224,7 @@ def test_whole_numbers_cut_the_integral_and_round_the_output():
        switches=st.tuples(st.integers(0, 2), *(st.booleans() for _ in range(5))))
 def test_a_sample_is_total(setpoint, readings, switches):
     for name in ("omron-e5cc", "abb-commander-300"):
-        running = controller_for(name).begin(_words(name), Assumptions(*switches))
+        running = controller_for(name).begin(_words(name), PbandAssumptions(*switches))
         for reading in readings:
             running, scan = controller_for(name).step(running, setpoint, reading)
             assert 0.0 <= scan.power_pct <= 100.0
@@ -311,6 +311,6 @@ def test_an_instrument_that_samples_at_one_interval_needs_none_told():
 @pytest.mark.parametrize("name", [name for name in MAKES if name != "pband"])
 def test_a_typical_oven_passes_on_every_make(name):
     oven = model_by_hand(Fopdt(gain_degC_per_pct=4.0, time_constant_s=600.0, dead_time_s=20.0, ambient_degC=20.0))
-    made = closed(oven, Asked(target=name, scaling=OVEN, conditions=Conditions(setpoint_degC=150.0)))
+    made = find_passing_design(oven, DesignRequest(target=name, scaling=OVEN, conditions=Conditions(setpoint_degC=150.0)))
     assert made.proof.verdict == "PASS"
     assert controller_for(name).export(made.proof.words, PASSED)

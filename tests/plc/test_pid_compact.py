@@ -11,16 +11,16 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, controller_for
 from heatertune.plc.cpu.iec.machine import Firmware
-from heatertune.plc.machine import read_machine
-from heatertune.plc.pid_compact.exported import LAW, Instruction, loaded
+from heatertune.plc.dump_reader import read_machine
+from heatertune.plc.pid_compact.exported import LAW, FirmwareInstruction, load_program
 from heatertune.plc.pid_compact.source import literal, load
-from heatertune.plc.pid_compact.step import Assumptions
+from heatertune.plc.pid_compact.step import PidCompactAssumptions
 from heatertune.plc.pid_compact.words import COMPACT, PARAMETERS, TEMP, fields_of
 from heatertune.plc.pwm import Actuator, pid_compact
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.proof import Scenario, simulate
-from heatertune.proof.exported import compared
-from heatertune.proof.fitted import actuator_for
+from heatertune.proof.prove_words import actuator_for
+from heatertune.proof.text_comparison import compare_text
 from heatertune.settings import Conditions
 
 BOTH = pytest.mark.parametrize("target", ["pid-compact", "pid-temp"])
@@ -138,9 +138,9 @@ def test_pid_temp_heats_alone_and_its_scaling_is_one_to_one():
 @BOTH
 def test_the_function_of_the_words_saves_those_of_before_once(target):
     tags, words = TAGS[target], _words(target)
-    kinds = Instruction(tags, fields_of(tags), Assumptions(), LAW).made.variables
+    kinds = FirmwareInstruction(tags, fields_of(tags), PidCompactAssumptions(), LAW).made.variables
     text = load(tags, words, OWN) + 'FUNCTION "HeaterCall" : Void\nBEGIN\nEND_FUNCTION\n'
-    program = loaded(text, tags, Firmware(kinds, lambda: lambda _given: {}))
+    program = load_program(text, tags, Firmware(kinds, lambda: lambda _given: {}))
     active, saved = ([f"PID.{tag(name).replace('.', '_')}" for name in PARAMETERS] for tag in (tags.active, tags.saved))
     before = [1.0, 20.0, 0.0, 0.2, 1.0, 1.0, 1.0]  # the block's own defaults
     for at, value in zip(active, before, strict=True):
@@ -163,12 +163,12 @@ def test_a_changed_source_is_found_by_running_it(target, find, put, said, monkey
     heater = Fopdt(gain_degC_per_pct=1.2, time_constant_s=90.0, dead_time_s=6.0, ambient_degC=20.0)
     controller, words = controller_for(target), _words(target)
     trace = simulate(controller, words, heater, Scenario(setpoint_degC=60.0, duration_s=120.0), OWN)
-    assert compared(controller, words, trace).departs is None
+    assert compare_text(controller, words, trace).departs is None
     name, files = f"{TAGS[target].files}_words.scl", _files(target)
     assert find in files[name]
     files[name] = files[name].replace(find, put)
     monkeypatch.setattr(type(controller), "export", staticmethod(lambda *_: files))
-    assert said in str(compared(controller, words, trace).departs)
+    assert said in str(compare_text(controller, words, trace).departs)
 
 
 @BOTH

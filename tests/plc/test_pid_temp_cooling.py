@@ -10,24 +10,24 @@ from heatertune.errors import InputError, NotRepresentable
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Scaling, controller_for
-from heatertune.plc.cooler import cooled
+from heatertune.plc.cooler import with_cooling
 from heatertune.plc.cpu.iec.machine import Firmware
-from heatertune.plc.machine import read_machine
-from heatertune.plc.pid_compact.exported import Instruction, loaded
+from heatertune.plc.dump_reader import read_machine
+from heatertune.plc.pid_compact.exported import FirmwareInstruction, load_program
 from heatertune.plc.pid_compact.source import load
 from heatertune.plc.pid_temp.export import cooling_exported
 from heatertune.plc.pid_temp.step import CoolingAssumptions
 from heatertune.plc.pid_temp.words import COOLING_FIELDS, TEMP_COOLING
 from heatertune.plc.pwm import Actuator, pid_compact
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.proof import Scenario, simulate
-from heatertune.proof.exported import compared
 from heatertune.proof.scenario import Load
+from heatertune.proof.text_comparison import compare_text
 
 PID_TEMP = controller_for("pid-temp-cooling")
 RANGE = Scaling(low_degC=-10.0, high_degC=240.0)
 DESIGN = PidDesign(gain_pct_per_degC=2.5, integral_time_s=80.0, derivative_time_s=6.0, sample_time_s=4.0, structure="pid", method="")
-WORDS = cooled(PID_TEMP.encode(DESIGN, RANGE), 0.4)
+WORDS = with_cooling(PID_TEMP.encode(DESIGN, RANGE), 0.4)
 TWO_SETS = replace(WORDS, values=WORDS.values | {"AdvancedCooling": 1, "CoolGain": 4.0, "CoolTi": 33.0})
 OWN = replace(pid_compact(pwm_period_s=4.0, call_interval_s=0.1, minimum_on_s=0.2), cooling_gain=0.4, cooling_minimum_on_s=0.5,
               cooling_minimum_off_s=0.3)
@@ -58,7 +58,7 @@ def test_the_words_of_a_cooler_ask_for_the_same_by_both_methods():
     assert PID_TEMP.cooling.design(TWO_SETS).integral_time_s == 33.0
     assert PID_TEMP.decode(WORDS).gain_pct_per_degC == 2.5
     with pytest.raises(NotRepresentable, match="CoolFactor"):
-        cooled(WORDS, 1e-60)
+        with_cooling(WORDS, 1e-60)
     with pytest.raises(NotRepresentable, match="pid-compact with InvertControl"):
         PID_TEMP.encode(replace(DESIGN, gain_pct_per_degC=-2.5), RANGE)
 
@@ -89,9 +89,9 @@ def test_another_switch_is_left_behind_both_outputs():
 
 
 def test_the_function_of_the_words_saves_both_sets_of_before_once():
-    kinds = Instruction(TEMP_COOLING, COOLING_FIELDS, CoolingAssumptions(), cooling_exported.args[2]).made.variables
+    kinds = FirmwareInstruction(TEMP_COOLING, COOLING_FIELDS, CoolingAssumptions(), cooling_exported.args[2]).made.variables
     text = load(TEMP_COOLING, WORDS, OWN) + 'FUNCTION "HeaterCall" : Void\nBEGIN\nEND_FUNCTION\n'
-    program = loaded(text, TEMP_COOLING, Firmware(kinds, lambda: lambda _given: {}))
+    program = load_program(text, TEMP_COOLING, Firmware(kinds, lambda: lambda _given: {}))
     names = TEMP_COOLING.parameters
     active, saved = ([f"PID.{tag(name).replace('.', '_')}" for name in names] for tag in (TEMP_COOLING.active, TEMP_COOLING.saved))
     before = [1.0, 20.0, 0.0, 0.2, 1.0, 1.0, 1.0] * 2  # the block's own defaults
@@ -110,7 +110,7 @@ def test_the_exported_text_asks_for_what_was_proven_heating_and_cooling(words, s
     scenario = Scenario(setpoint_degC=60.0, duration_s=1600.0, disturbances=(Load(time_s=800.0, power_pct=60.0),))
     trace = simulate(PID_TEMP, words, HEATER, scenario, OWN, switches)
     assert trace.power_asked_pct.min() < -20.0
-    assert compared(PID_TEMP, words, trace).departs is None
+    assert compare_text(PID_TEMP, words, trace).departs is None
 
 
 @pytest.mark.parametrize(("find", "put", "said"), [
@@ -122,7 +122,7 @@ def test_a_changed_source_is_found_by_running_it(find, put, said, monkeypatch):
     assert find in files["pid_temp_words.scl"]
     files["pid_temp_words.scl"] = files["pid_temp_words.scl"].replace(find, put)
     monkeypatch.setattr(type(PID_TEMP), "export", staticmethod(lambda *_: files))
-    departs = compared(PID_TEMP, WORDS, trace).departs
+    departs = compare_text(PID_TEMP, WORDS, trace).departs
     assert departs is None if said is None else said in departs  # both methods are made to ask for the same
 
 

@@ -7,7 +7,7 @@ import pytest
 from heatertune.errors import UnknownName
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Scan, Timing
-from heatertune.plc.open_points import Switch, settings_of
+from heatertune.plc.open_points import OpenPoint, settings_of
 from heatertune.plc.replay import powers
 from heatertune.plc.words import Scaling, Words
 
@@ -19,9 +19,9 @@ class _Counting:
     """Asks for setpoint − reading + scan number + 50 where a period begins; `sign` turns the difference round."""
 
     pwm_period_s: float | None = None
-    switches: tuple = (Switch(name="sign", means={"plus": False, "minus": True}, why="for the test"),)
+    switches: tuple = (OpenPoint(name="sign", means={"plus": False, "minus": True}, reason="for the test"),)
 
-    called = Controller.called
+    instantiate = Controller.instantiate
 
     def check(self, words):
         assert words is WORDS

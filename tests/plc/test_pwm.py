@@ -6,7 +6,7 @@ from heatertune.errors import OutOfRange, UnknownName
 from heatertune.options import options_of
 from heatertune.plc import TARGETS, controller_for
 from heatertune.plc.pwm import RULES, Actuator, on_time, pid_compact, pulse_ends, pulsegen, switched_by, tick_for
-from heatertune.proof.fitted import default_pwm_period_s
+from heatertune.proof.prove_words import default_pwm_period_s
 from heatertune.settings import Conditions
 
 powers = st.lists(st.floats(0.0, 100.0), min_size=1, max_size=40)
@@ -80,11 +80,11 @@ def test_a_rule_by_name_is_the_blocks_switch():
 
 
 def test_a_switch_is_told_in_a_few_words():
-    assert Actuator(pwm_period_s=4.0).told == "PWM period 4 s in steps of 0.01 s"
-    assert pulsegen(pwm_period_s=10.0, call_interval_s=0.5, minimum_s=1.0).told == (
+    assert Actuator(pwm_period_s=4.0).summary == "PWM period 4 s in steps of 0.01 s"
+    assert pulsegen(pwm_period_s=10.0, call_interval_s=0.5, minimum_s=1.0).summary == (
         "PWM period 10 s in steps of 0.5 s, no pulse below 1 s, no pause below 1 s, what is too short is left out, "
         "as pulsegen does it")
-    assert pid_compact(pwm_period_s=10.0, call_interval_s=0.5).told.endswith("what is left out is made up, as pid-compact does it")
+    assert pid_compact(pwm_period_s=10.0, call_interval_s=0.5).summary.endswith("what is left out is made up, as pid-compact does it")
 
 
 def test_bursts_of_whole_waves_make_up_what_is_left_in_the_next_one():

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from heatertune.errors import InputError, OutOfRange
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Ramp, Scaling, controller_for
-from heatertune.plc.ramp import course, moved, nearest
+from heatertune.plc.ramp import course, nearest, next_setpoint
 
 DESIGN = PidDesign(gain_pct_per_degC=3.0, integral_time_s=300.0, derivative_time_s=0.0, sample_time_s=4.0, structure="pi",
                    method="")
-RAMPED = [name for name in TARGETS if controller_for(name).ramped]
+RAMPED = [name for name in TARGETS if controller_for(name).has_ramp]
 words_ = st.integers(-2047, 2047)
 ramps = st.builds(Ramp, step=st.integers(1, 300), calls=st.integers(1, 7))
 singles = st.floats(0.0, 1000.0, width=32)
@@ -121,7 +121,7 @@ def test_a_ramp_of_reals_stays_in_single_precision_and_arrives(begin, asked, ste
 
 
 def test_a_setpoint_that_is_no_number_is_left_at_once():
-    assert moved(math.nan, 40.0, Ramp(step=0.5), 20.0) == 40.0
+    assert next_setpoint(math.nan, 40.0, Ramp(step=0.5), 20.0) == 40.0
 
 
 @given(st.floats(0.001, 500.0))

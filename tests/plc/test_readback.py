@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from heatertune.errors import HeatertuneError, InputError, NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import TARGETS, Certificate, Scaling, controller_for
-from heatertune.plc.machine import read_machine, realised
+from heatertune.plc.dump_reader import read_machine, realised_design
 from heatertune.plc.readback import text_of
 from heatertune.plc.words import check_fields
 
@@ -69,7 +69,7 @@ def exports(draw, target):
     controller = controller_for(target)
     try:
         words = controller.encode(design, scaling)
-        return replace(words, ramp=controller.ramp(words, 2.0)) if controller.ramped and draw(st.booleans()) else words
+        return replace(words, ramp=controller.ramp(words, 2.0)) if controller.has_ramp and draw(st.booleans()) else words
     except (NotRepresentable, OutOfRange):
         return _legal(target)
 
@@ -392,7 +392,7 @@ def test_no_text_is_read_as_words_of_another_controller(target):
 
 def test_realised_words_have_a_design_or_none():
     read, _ = _read("weg", WEG)
-    assert realised(controller_for("weg"), read).gain_pct_per_degC == 2.5
-    assert realised(controller_for("weg"), replace(read, values=dict(read.values, Kp=0.0))) is None
+    assert realised_design(controller_for("weg"), read).gain_pct_per_degC == 2.5
+    assert realised_design(controller_for("weg"), replace(read, values=dict(read.values, Kp=0.0))) is None
     with pytest.raises(OutOfRange, match="sample_time_s"):
-        realised(controller_for("weg"), replace(read, sample_time_s=3.0))
+        realised_design(controller_for("weg"), replace(read, sample_time_s=3.0))

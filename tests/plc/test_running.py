@@ -9,7 +9,7 @@ import pytest
 import heatertune as ht
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.plc import TARGETS, controller_for
-from heatertune.plc.ramp import Ramp, moved
+from heatertune.plc.ramp import Ramp, next_setpoint
 from heatertune.proof.loop import simulate
 from heatertune.proof.scenario import Mains, NewSetpoint
 
@@ -84,7 +84,7 @@ def test_a_held_ramp_is_that_of_the_proof_compiled_and_plain(target, ramp, monke
         seen, led = [], None
         rows = [round(each / unit) if unit < 1.0 else float(np.float32(each)) for each in trace.reading_degC]
         for call, (reading, end) in enumerate(zip(rows, asked, strict=True), start=1):
-            led = moved(reading if led is None else led, end, ramp, reading, due=call % ramp.calls == 0)
+            led = next_setpoint(reading if led is None else led, end, ramp, reading, due=call % ramp.calls == 0)
             seen.append(led)
         assert trace.followed_degC == pytest.approx(np.array(seen) * unit, abs=1e-9)
         # the sum is a single, whose last digit is 3.8e-6 here

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from heatertune.plc.core import Sensor
-from heatertune.plc.single import divided, exponential, is_single, narrowed, single
+from heatertune.plc.single_precision import divide_single, exponential, is_single, single, to_single
 from heatertune.plc.words import holds
 
 singles = st.floats(width=32, allow_nan=False)
@@ -24,7 +24,7 @@ def test_one_rounding_after_each_operation(a, b):
         assert _same(single(a + b), x + y)
         assert _same(single(a - b), x - y)
         assert _same(single(a * b), x * y)
-        assert _same(divided(a, b), x / y)
+        assert _same(divide_single(a, b), x / y)
 
 
 @given(power=singles | st.floats(-110.0, 95.0, width=32))
@@ -48,12 +48,12 @@ def test_a_format_holds_whole_numbers_of_its_range_or_singles():
 
 def test_narrowed_leaves_every_number_and_makes_single_precision_of_the_floats_alone():
     given_ = (Sensor(0.5, single(-1e38), 4095), (True, 2.0**-149), 16777217)
-    found = narrowed(given_)
+    found = to_single(given_)
     assert found == given_
     assert isinstance(found[0], Sensor)
     assert [type(each) for each in (*found[0], *found[1], found[2])] == [
         np.float32, np.float32, int, int, np.float32, bool, np.float32, int,
     ]
     whole = np.array([16777217])  # 2^24 + 1, which single precision does not hold
-    assert narrowed(whole).tolist() == whole.tolist()
-    assert narrowed(np.array([0.1])).dtype == np.float32
+    assert to_single(whole).tolist() == whole.tolist()
+    assert to_single(np.array([0.1])).dtype == np.float32

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.plc.st_machine import Program as Witness
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.iec.machine import Program
+from heatertune.plc.cpu.iec.machine import TextProgram
 from heatertune.plc.cpu.iec.text import units
 
 REALS, WHOLES, BOOLS = ("x", "y", "z"), ("n", "m", "k"), ("p", "q")
@@ -61,7 +61,7 @@ statements = st.lists(st.recursive(assignments | truncations, _statements, max_l
 @given(body=statements, inputs=st.lists(st.tuples(*[st.floats(width=32)] * 3), min_size=1, max_size=3))
 def test_two_machines_give_the_same_bits_for_random_programs(body, inputs):
     text = f"PROGRAM Any\n{DECLARED}\n{body}\nEND_PROGRAM\n"
-    ours, witness = Program(units(text), {}), Witness(text)
+    ours, witness = TextProgram(units(text), {}), Witness(text)
     for values in inputs:
         for name, value in zip(REALS, values, strict=True):
             ours[name] = value
@@ -83,19 +83,19 @@ def test_two_machines_give_the_same_bits_for_random_programs(body, inputs):
 ])
 def test_what_the_machine_does_not_know_is_named_with_its_line(body, told):
     with pytest.raises(InputError, match=told):
-        Program(units(f"PROGRAM Any\n{DECLARED}\n{body}\nEND_PROGRAM\n"), {})
+        TextProgram(units(f"PROGRAM Any\n{DECLARED}\n{body}\nEND_PROGRAM\n"), {})
 
 
 @pytest.mark.parametrize("statement", ["n := n / (n - n);", "n := n MOD 0;", "n := TRUNC(x / 0.0);", "n := TRUNC(3000000000.0);"])
 def test_where_a_controller_would_stop_the_line_is_named(statement):
-    program = Program(units(f"PROGRAM Any\n{DECLARED}\nx := 1.0;\n{statement}\nEND_PROGRAM\n"), {})
+    program = TextProgram(units(f"PROGRAM Any\n{DECLARED}\nx := 1.0;\n{statement}\nEND_PROGRAM\n"), {})
     with pytest.raises(InputError, match=r"line 14: .*; a controller stops here"):
         program.scan()
 
 
 def test_whole_numbers_have_the_bits_of_their_variables_and_are_cut_towards_zero():
     # IEC 61131-3, tables 10 and 24: INT 16 bits with a sign, UINT without, DINT 32; -7 / 2 = -3, and -7 MOD 2 = -1
-    program = Program(units(f"PROGRAM Any\n{DECLARED}\nm := 32767;\nm := m + 1;\nk := 0;\nk := k - 1;\nn := (0 - 7) / 2;\n"
+    program = TextProgram(units(f"PROGRAM Any\n{DECLARED}\nm := 32767;\nm := m + 1;\nk := 0;\nk := k - 1;\nn := (0 - 7) / 2;\n"
                             "IF (0 - 7) MOD 2 = -1 THEN\n  x := -0.5;\nEND_IF;\nEND_PROGRAM\n"), {})
     program.scan()
     assert [program[name] for name in ("m", "k", "n", "x")] == [-32768, 65535, -3, -0.5]
@@ -105,6 +105,6 @@ def test_a_constant_is_not_written_and_a_name_is_declared_once():
     for declared, told in (("VAR CONSTANT\n  c : REAL := 1.0;\nEND_VAR", "C is a constant"), ("VAR\n  c : REAL;\n  C : INT;\nEND_VAR", "twice"),
                            ("VAR\n  c : BOOL := 3;\nEND_VAR", "3 is no BOOL"), ("VAR\n  c : LREAL;\nEND_VAR", "LREAL is no type")):
         with pytest.raises(InputError, match=told):
-            Program(units(f"PROGRAM Any\n{declared}\nc := 2.0;\nEND_PROGRAM\n"), {})
+            TextProgram(units(f"PROGRAM Any\n{declared}\nc := 2.0;\nEND_PROGRAM\n"), {})
     with pytest.raises(InputError, match="0 programs"):
-        Program([], {})
+        TextProgram([], {})

@@ -2,21 +2,21 @@
 
 import pytest
 
-from heatertune.plc.weg.advice import ADVICE, Gains, Symptom, changed
+from heatertune.plc.weg.advice import ADVICE, AcademicGains, Symptom, apply_changes
 
-GAINS = Gains(kp=10.0, ki=0.5, kd=4.0)
+GAINS = AcademicGains(kp=10.0, ki=0.5, kd=4.0)
 
 
 @pytest.mark.parametrize(("symptom", "after"), [
-    (Symptom.OVERSHOOT, Gains(8.0, 0.4, 2.0)),  # decrease Kp 20 %, Ki 20 %, Kd 50 %
-    (Symptom.SLOW, Gains(12.0, 0.6, 6.0)),  # increase Kp 20 %, Ki 20 %, Kd 50 %
-    (Symptom.RESTLESS, Gains(8.0, 0.5, 6.0)),  # increase Kd 50 %, decrease Kp 20 %
-    (Symptom.OSCILLATING, Gains(5.0, 0.5, 4.0)),  # decrease Kp 50 %
-    (Symptom.FAR, Gains(15.0, 0.75, 6.8)),  # increase Kp 50 %, Ki 50 %, Kd 70 %
+    (Symptom.OVERSHOOT, AcademicGains(8.0, 0.4, 2.0)),  # decrease Kp 20 %, Ki 20 %, Kd 50 %
+    (Symptom.SLOW, AcademicGains(12.0, 0.6, 6.0)),  # increase Kp 20 %, Ki 20 %, Kd 50 %
+    (Symptom.RESTLESS, AcademicGains(8.0, 0.5, 6.0)),  # increase Kd 50 %, decrease Kp 20 %
+    (Symptom.OSCILLATING, AcademicGains(5.0, 0.5, 4.0)),  # decrease Kp 50 %
+    (Symptom.FAR, AcademicGains(15.0, 0.75, 6.8)),  # increase Kp 50 %, Ki 50 %, Kd 70 %
     (Symptom.NONE, GAINS),
 ])
 def test_the_whole_list_changes_the_gains_by_the_manuals_figures(symptom, after):
-    assert changed(GAINS, ADVICE[symptom]) == pytest.approx(after)
+    assert apply_changes(GAINS, ADVICE[symptom]) == pytest.approx(after)
 
 
 def test_steps_stand_in_the_manuals_order_and_say_what_they_do():

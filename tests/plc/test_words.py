@@ -11,7 +11,7 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, WordField, Words, controller_for
 from heatertune.plc.s5_ob251.image import to_image
 from heatertune.plc.s5_ob251.words import most_gain
-from heatertune.plc.words import check_fields, holds, kept_by, rounded, stored
+from heatertune.plc.words import check_fields, holds, kept_by, round_half_away, round_to_word
 
 SINGLE = (2.0 - 2.0**-23) * 2.0**127
 DAY_MS = 24 * 3600 * 1000
@@ -72,7 +72,7 @@ def test_a_word_that_is_missing_unknown_or_out_of_its_range_is_refused_by_its_na
 
 @pytest.mark.parametrize(("value", "whole"), [(0.5, 1), (-0.5, -1), (0.499, 0), (-0.499, 0), (1.5, 2), (-1.5, -2), (2.0, 2), (1.499, 1)])
 def test_halves_are_rounded_away_from_zero(value, whole):
-    assert (rounded(value), type(rounded(value))) == (whole, int)
+    assert (round_half_away(value), type(round_half_away(value))) == (whole, int)
 
 
 @pytest.mark.parametrize(("interval", "kept"), [
@@ -106,9 +106,9 @@ def test_a_real_keeps_the_range_of_its_word(exact, held):
     field = WordField(name="G", address="1", format="REAL", low=0.0, high=2.5, comment="")
     if held is None:
         with pytest.raises(NotRepresentable, match="word G would be"):
-            stored(field, exact)
+            round_to_word(field, exact)
     else:
-        assert stored(field, exact) == held
+        assert round_to_word(field, exact) == held
 
 
 def _design(gain=1.0, tn=200.0, tv=0.0, ta=10.0, past=None):

@@ -8,8 +8,8 @@ import pytest
 
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.core import Core, Running, Timing
-from heatertune.plc.open_points import Switch, settings_of
+from heatertune.plc.core import ControllerState, StepFunctions, Timing
+from heatertune.plc.open_points import OpenPoint, settings_of
 from heatertune.plc.words import Scaling, Words
 
 
@@ -68,7 +68,7 @@ class TenthsRoom:
         return None if words.ramp is None or words.ramp.hold is None else words.ramp.hold / 10.0
 
     def start(self, words, switches):
-        return Running((words, settings_of(self.switches, switches)), (0, 0.0))
+        return ControllerState((words, settings_of(self.switches, switches)), (0, 0.0))
 
     def start_directly(self, words, switches):
         return (self.direct or (lambda *_: (self.core, self.start(words, switches))))(words, switches)
@@ -81,7 +81,7 @@ class TenthsRoom:
 
     @property
     def core(self):
-        return Core(step=self._step, measure=self.measure, flags=("overflow", "running"), compiles=False)
+        return StepFunctions(step=self._step, measure=self.measure, flags=("overflow", "running"), compiles=False)
 
     def _step(self, parameters, state, setpoint, reading, cycle_start):
         words, switches = parameters
@@ -107,7 +107,7 @@ def tenths():
 def switched():
     """The same with three points that its manual leaves open."""
     two = tuple(
-        Switch(name=name, means={"off at the limit": False, "never off": True}, why="not told")
+        OpenPoint(name=name, means={"off at the limit": False, "never off": True}, reason="not told")
         for name in ("integral", "second", "third")
     )
     return replace(TenthsRoom(), switches=two)

@@ -12,7 +12,7 @@ from heatertune.codec import decode, encode
 from heatertune.documents import plain
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.proof.as_left import AsLeft, as_left

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from heatertune.errors import DocumentError, ExportRefused, HeatertuneError, InputError
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.proof.criteria import worst_of
-from heatertune.proof.document import checked, digested
-from heatertune.proof.fitted import prove
-from heatertune.proof.judging import _measured
+from heatertune.proof.criterion_table import columns_of
+from heatertune.proof.document import check_document, with_digest
 from heatertune.proof.loop import in_loop, noise_of, plant_row, scans_of
-from heatertune.proof.measured import columns_of
-from heatertune.proof.metered import metered
-from heatertune.proof.verdict import combined, derived, verdict_of_samples
+from heatertune.proof.measured_runs import measure_runs
+from heatertune.proof.prove_words import prove
+from heatertune.proof.trace_criteria import _measured
+from heatertune.proof.verdict import combined_verdict, derived_verdict, verdict_of_samples
 from heatertune.proof.words_file import certificate
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
@@ -42,7 +42,7 @@ def proof(rated_only):
 def _passes(document):
     """Return whether a document is taken for a PASS, by what reads it and by the export."""
     try:
-        certificate(checked(digested(document), "proof.json"))
+        certificate(check_document(with_digest(document), "proof.json"))
     except (DocumentError, ExportRefused):
         return False
     return True
@@ -62,7 +62,7 @@ def test_a_criterion_that_is_no_number_fails_its_run_and_the_proof_whichever_it_
         assert replace(proof, criteria=criteria).verdict == "FAIL", "its runs do not say so"
         assert worst_of([criterion, broken, replace(criterion, value=math.inf)]) is broken
         failed = replace(proof, criteria=criteria, runs=(run,)).to_document()
-        assert derived(failed) == "FAIL"
+        assert derived_verdict(failed) == "FAIL"
         assert not _passes(failed)
         assert not _passes(failed | {"verdict": "PASS"})
 
@@ -74,13 +74,13 @@ def test_nothing_proves_nothing(proof):
     with pytest.raises(InputError, match="no criteria"):
         replace(proof.runs[0], criteria=())
     with pytest.raises(InputError, match="none proves nothing"):
-        combined([])
+        combined_verdict([])
 
 
 @pytest.mark.parametrize("other", ["pass", "", None, "OK", "PASS "])
 def test_what_is_no_verdict_is_not_taken_for_one(other):
     with pytest.raises(InputError, match="expected PASS, NOT PROVEN or FAIL"):
-        combined(["PASS", other])
+        combined_verdict(["PASS", other])
 
 
 @pytest.mark.parametrize(("count", "quantile", "kept"), [
@@ -118,7 +118,7 @@ def test_a_temperature_that_is_no_number_is_seen_wherever_it_comes_in(proof):
         row = np.array([plant_row(HEATER, proof.scenario)])
         row[0, place] = math.nan
         try:
-            measured = metered(controller, row, proof.scenario, proof.actuator, proof.limits, noise, np.zeros((1, 1)))
+            measured = measure_runs(controller, row, proof.scenario, proof.actuator, proof.limits, noise, np.zeros((1, 1)))
         except (ValueError, ZeroDivisionError):  # no room for what is under way, no turn of what is no number
             continue
         assert not all(one.ok for column in columns_of(measured, proof.limits) for one in column.criteria([""])), place

@@ -6,14 +6,21 @@ import numpy as np
 import pytest
 
 from heatertune.log.values import Log
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import from_document, to_document
 from heatertune.model.findings import Finding
 from heatertune.model.fit import fit, fit_together
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling
-from heatertune.proof.fitted import every_setpoint, prove
-from heatertune.proof.heaters import beyond_log, covered_degC, holding, left_out, range_is_unknown, unreached
+from heatertune.proof.heaters import (
+    beyond_log,
+    covered_degC,
+    holding_heaters,
+    left_out,
+    range_is_unknown,
+    unreachable_findings,
+)
+from heatertune.proof.prove_words import every_setpoint, prove
 from heatertune.settings import Conditions
 
 
@@ -120,7 +127,7 @@ def test_the_verdict_is_not_proven_until_it_is_accepted(fitted):
         prove(words, fitted, setpoint_degC=setpoint, accept=accept, **asked)
         for setpoint, accept in ((60.0, ()), (100.0, ()), (100.0, ("beyond-the-log",))))
     assert (inside.verdict, beyond.verdict, accepted.verdict) == ("PASS", "NOT PROVEN", "PASS")
-    assert any(finding.name == "beyond-the-log" for finding in accepted.heard.findings)
+    assert any(finding.name == "beyond-the-log" for finding in accepted.diagnostics.findings)
 
 
 def _with_heaters(fitted, *heaters, until_s=np.inf, spike_degC=None):
@@ -147,9 +154,9 @@ WEAK = _heater(0.5)  # 70 °C at full power
                                                  (_heater(1.0, ambient=78.0), 350.0)])
 def test_a_heater_that_cannot_hold_what_the_log_shows_held_is_left_out(fitted, heater, until_s):
     other = _with_heaters(fitted, heater, until_s=until_s)
-    able = len(holding(other, 75.0))
+    able = len(holding_heaters(other, 75.0))
     assert (able, len(other.heaters)) == (1, 2)
-    assert list(unreached(other, able, 75.0)) == []
+    assert list(unreachable_findings(other, able, 75.0)) == []
     assert list(left_out(other, able, 75.0)) == [
         "1 of 2 possible heaters left out: they could not hold 75 °C, which the log shows held"]
 
@@ -162,13 +169,13 @@ def test_a_heater_that_cannot_hold_what_the_log_shows_held_is_left_out(fitted, h
     ([WEAK, _heater(0.5, lag=5000.0)], np.inf, None)])
 def test_a_heater_that_the_log_does_not_contradict_keeps_the_finding(fitted, heaters, until_s, spike_degC):
     other = _with_heaters(fitted, *heaters, until_s=until_s, spike_degC=spike_degC)
-    able = len(holding(other, 75.0))
-    (finding,) = unreached(other, able, 75.0)
+    able = len(holding_heaters(other, 75.0))
+    (finding,) = unreachable_findings(other, able, 75.0)
     assert finding.name == "setpoint-unreached"
     assert finding.told == f"{len(heaters)} of {len(heaters) + 1} possible heaters cannot hold 75 °C."
     assert list(left_out(other, able, 75.0)) == []
 
 
 def test_heaters_that_are_all_able_are_neither_left_out_nor_unreached(fitted):
-    able = len(holding(fitted, 75.0))
-    assert [*unreached(fitted, able, 75.0), *left_out(fitted, able, 75.0)] == []
+    able = len(holding_heaters(fitted, 75.0))
+    assert [*unreachable_findings(fitted, able, 75.0), *left_out(fitted, able, 75.0)] == []

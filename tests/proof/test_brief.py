@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.plc.design import encode, tune
-from heatertune.proof.brief import Cooling
-from heatertune.proof.fitted import course_for, prove
-from heatertune.proof.night import heat_up, nights_of
+from heatertune.proof.long_outage import heat_up, nights_of
+from heatertune.proof.outage_timing import OutageTiming
+from heatertune.proof.prove_words import course_for, prove
 from heatertune.proof.scenario import Mains, NewSetpoint, PlcPower, Scenario
 from heatertune.settings import Conditions
 
@@ -55,23 +55,23 @@ def _falls_s(*fallen_degC, lag=100.0, step=40.0):
 def test_it_is_about_the_time_until_all_power_is_asked_for_whatever_the_dead_time(heater):
     full = _in_steps(heater.lags_s)
     for late in (heater, replace(heater, dead_time_s=60.0)):
-        lengths = Cooling(ROOM, WORDS, REALISED, STORY, [late]).openings_s()
+        lengths = OutageTiming(ROOM, WORDS, REALISED, STORY, [late]).openings_s()
         assert _has(lengths, 0.85 * full, full, 1.7 * full)
         assert len(lengths) == 3 + 24
-    limited = ROOM.limited(WORDS, 70.0)
-    assert _has(Cooling(ROOM, limited, REALISED, STORY, [heater]).openings_s(), _in_steps(heater.lags_s, 70.0))
+    limited = ROOM.with_output_limit(WORDS, 70.0)
+    assert _has(OutageTiming(ROOM, limited, REALISED, STORY, [heater]).openings_s(), _in_steps(heater.lags_s, 70.0))
 
 
 def test_the_circuit_is_open_and_the_plc_off_for_more_lengths_until_the_heater_is_cold():
     expected = _falls_s(*np.linspace(0.05 * 38.0, 38.0, 24))
-    cooling = Cooling(ROOM, WORDS, REALISED, STORY, [ONE])
+    cooling = OutageTiming(ROOM, WORDS, REALISED, STORY, [ONE])
     assert _has(cooling.openings_s(), *expected, rel=1e-6)
     assert _has(cooling.restarts_s(), *expected, rel=1e-6)
 
 
 def test_it_is_open_for_longer_where_a_ramp_leads_the_setpoint_back():
     ramped = replace(WORDS, ramp=ROOM.ramp(WORDS, 2.0))
-    longer = set(Cooling(ROOM, ramped, REALISED, STORY, [ONE]).openings_s()) - set(Cooling(ROOM, WORDS, REALISED, STORY, [ONE]).openings_s())
+    longer = set(OutageTiming(ROOM, ramped, REALISED, STORY, [ONE]).openings_s()) - set(OutageTiming(ROOM, WORDS, REALISED, STORY, [ONE]).openings_s())
     assert list(longer) == pytest.approx([2.5 * _in_steps(ONE.lags_s)], rel=2e-3)
 
 
@@ -85,26 +85,26 @@ def test_the_more_a_scan_of_full_power_leads_on_the_closer_together_are_the_leng
     slower = replace(ONE, time_constant_s=120.0)
     # 100 °C in 100 s, of 40 °C on the way: in 1 s 2.5 %, in 2 s 5 %, in 10 s 25 %; with 8 ms the story has more than a million scans
     for scan_s, number in ((0.008, 9), (1.0, 24), (2.0, 30), (10.0, 96)):
-        words = ROOM.encode(replace(DESIGN, sample_time_s=scan_s), Scaling()).boosted(boost)
-        lengths = Cooling(ROOM, words, ROOM.decode(words), STORY, [ONE, slower]).restarts_s()
+        words = ROOM.encode(replace(DESIGN, sample_time_s=scan_s), Scaling()).with_boost(boost)
+        lengths = OutageTiming(ROOM, words, ROOM.decode(words), STORY, [ONE, slower]).restarts_s()
         assert _has(lengths, *_with_the_boost(number), rel=1e-6)
         assert number <= len(lengths) <= number + 13  # those of P, and right before the boost, too
 
 
 def test_a_first_look_has_few_places():
-    cooling = Cooling(ROOM, WORDS, REALISED, STORY, [ONE], closely=False)
+    cooling = OutageTiming(ROOM, WORDS, REALISED, STORY, [ONE], closely=False)
     assert len(cooling.openings_s()) == 3 + 12
     assert _has(cooling.restarts_s(), *_falls_s(*np.linspace(0.05 * 38.0, 38.0, 12)), rel=1e-6)
 
 
 def test_without_a_boost_there_are_no_more_where_the_story_has_many_scans():
     words = ROOM.encode(replace(DESIGN, sample_time_s=0.008), Scaling())
-    assert len(Cooling(ROOM, words, ROOM.decode(words), STORY, [ONE]).openings_s()) == 3
+    assert len(OutageTiming(ROOM, words, ROOM.decode(words), STORY, [ONE]).openings_s()) == 3
 
 
 def test_where_no_length_is_far_enough_off_for_a_boost_there_are_those_of_p_alone():
-    boosted = WORDS.boosted(Boost(within_degC=43.0, again_degC=50.0))
-    assert Cooling(ROOM, boosted, REALISED, STORY, [ONE]).restarts_s() == pytest.approx(
+    boosted = WORDS.with_boost(Boost(within_degC=43.0, again_degC=50.0))
+    assert OutageTiming(ROOM, boosted, REALISED, STORY, [ONE]).restarts_s() == pytest.approx(
         _falls_s(*(share * 100.0 / 3.0 for share in _LED_BY_P[:5]), 38.0), rel=2e-3)
 
 
@@ -118,7 +118,7 @@ _FULL_RISE = (100.0 - 40.0) / (3.0 - 1.0)  # °C: 40 % hold 60 °C, one less for
 
 
 def _lows(words, story=IN_USE):
-    return Cooling(ROOM, words, ROOM.decode(words), story, [ONE]).lows_degC()
+    return OutageTiming(ROOM, words, ROOM.decode(words), story, [ONE]).lows_degC()
 
 
 def test_the_setpoint_rises_by_parts_of_its_range_about_where_p_asks_for_all_power():
@@ -132,7 +132,7 @@ def test_the_setpoint_rises_by_parts_of_its_range_about_where_p_asks_for_all_pow
 
 @pytest.mark.parametrize(("again_degC", "led"), [(8.0, 0), (20.0, 2)])
 def test_where_a_boost_may_lead_the_whole_it_rises_from_just_before_that_too(again_degC, led):
-    lows = _lows(WORDS.boosted(Boost(within_degC=6.0, again_degC=again_degC)))
+    lows = _lows(WORDS.with_boost(Boost(within_degC=6.0, again_degC=again_degC)))
     expected = [*(60.0 - again_degC * _NOT_YET), *(60.0 - 30.0 * _LED_BY_P[:led]), *np.linspace(54.6, 30.0, 24)[:-1]]
     assert lows == pytest.approx(sorted(expected, reverse=True), rel=1e-3)
 
@@ -140,7 +140,7 @@ def test_where_a_boost_may_lead_the_whole_it_rises_from_just_before_that_too(aga
 def test_a_story_of_many_scans_leaves_room_for_few_rises():
     words = ROOM.encode(replace(DESIGN, sample_time_s=0.008), Scaling())
     assert _lows(words) == pytest.approx([60.0 - 30.0 * 0.6, 60.0 - 30.0 * 0.8], rel=1e-3)
-    assert _lows(words.boosted(Boost(within_degC=6.0, again_degC=8.0))) == pytest.approx(sorted(60.0 - 8.0 * _NOT_YET, reverse=True))
+    assert _lows(words.with_boost(Boost(within_degC=6.0, again_degC=8.0))) == pytest.approx(sorted(60.0 - 8.0 * _NOT_YET, reverse=True))
 
 
 @pytest.mark.parametrize("target", ["marlin", "esphome"])
@@ -149,9 +149,9 @@ def test_no_night_takes_more_scans_than_a_proof_can_run(target):
     slow, scaling = replace(ONE, gain_degC_per_pct=2.0, time_constant_s=8000.0, dead_time_s=160.0), Scaling(high_degC=250.0)
     room = controller_for(target)
     words = encode(tune(model_by_hand(slow), target=target, sample_time_s=None if target == "marlin" else 1.0, scaling=scaling), target, scaling=scaling)
-    words = words if target == "marlin" else words.boosted(Boost(within_degC=8.0, again_degC=12.0))
+    words = words if target == "marlin" else words.with_boost(Boost(within_degC=8.0, again_degC=12.0))
     story = course_for(words, [slow], Conditions(), 140.0).scenario
-    cooling = Cooling(room, words, room.decode(words), story, [slow])
+    cooling = OutageTiming(room, words, room.decode(words), story, [slow])
     nights = list(nights_of(story, [slow], cooling.openings_s(), cooling.restarts_s(), cooling.lows_degC()))
     assert {"briefly-open", "warm-restart", "part-change"} <= {night.name for night in nights}
     scan_s, longest_s = room.timing(words).scan_s, max(night.scenario.duration_s for night in nights)
@@ -159,11 +159,11 @@ def test_no_night_takes_more_scans_than_a_proof_can_run(target):
 
 
 def test_a_cooler_is_asked_for_less_cold_setpoints_in_between():
-    boosted = WORDS.boosted(Boost(within_degC=6.0, again_degC=8.0))
+    boosted = WORDS.with_boost(Boost(within_degC=6.0, again_degC=8.0))
     cold = replace(IN_USE, setpoint_degC=-20.0, disturbances=(*STORY.disturbances, NewSetpoint(
         time_s=4000.0, setpoint_degC=10.0), NewSetpoint(time_s=6000.0, setpoint_degC=-20.0)))
     cooler = replace(ONE, gain_degC_per_pct=-1.0)
-    lows = Cooling(ROOM, boosted, replace(REALISED, gain_pct_per_degC=-3.0), cold, [cooler]).lows_degC()
+    lows = OutageTiming(ROOM, boosted, replace(REALISED, gain_pct_per_degC=-3.0), cold, [cooler]).lows_degC()
     assert lows == pytest.approx(sorted([*(-20.0 + 8.0 * _NOT_YET), *np.linspace(-14.6, 10.0, 24)[:-1]]))
 
 
@@ -174,7 +174,7 @@ def test_the_rises_come_one_after_the_other_each_with_its_way_down():
         (550.0, 50.0), (2550.0, 60.0), (5550.0, 40.0), (7550.0, 60.0)]
     assert night.scenario.rests_s == (50.0, 0.0, 50.0, 0.0, 50.0)
     assert night.scenario.duration_s == 10550.0
-    assert night.told == "Where the setpoint changes between its highest and 40 to 50 °C"
+    assert night.summary == "Where the setpoint changes between its highest and 40 to 50 °C"
     calm = replace(IN_USE, rests_s=(500.0, 0.0, 50.0, 500.0, 50.0))  # the way down is at rest for as long as the way up
     *_, night = nights_of(calm, [ONE], lows_degC=(50.0,))
     assert [each.time_s for each in night.scenario.disturbances] == [550.0, 550.0 + 2000.0 - 450.0]
@@ -199,7 +199,7 @@ def test_shorter_ones_are_run_at_the_lower_setpoint_too_but_no_longer_ones():
     nights = {night.name: night for night in nights_of(IN_USE, [ONE], (20.0,), low_brief_s=(30.0, 5000.0))}
     _, *outages = nights["low-outage"].scenario.disturbances
     assert [closes.time_s - opens.time_s for opens, closes in zip(outages[::2], outages[1::2], strict=True)] == pytest.approx([30.0, 800.0])
-    assert nights["low-outage"].told == "After 0.5 to 13 min with an open circuit at 30 °C"
+    assert nights["low-outage"].summary == "After 0.5 to 13 min with an open circuit at 30 °C"
 
 
 def test_a_longer_open_circuit_alone_is_held_against_the_return_after_the_storys_too():
@@ -244,7 +244,7 @@ def test_an_outage_at_the_lower_setpoint_overshoots_more_than_at_the_upper_and_b
     assert 40.0 < _overshoot_after_an_outage_pct(words, heater, LOWER, 1.21) < 50.0
     proof = prove(words, fitted, setpoint_degC=(LOWER, UPPER))
     assert proof.verdict == "NOT PROVEN"
-    assert [finding.name for finding in proof.heard.findings] == ["low-outage"]
+    assert [finding.name for finding in proof.diagnostics.findings] == ["low-outage"]
     assert prove(words, fitted, setpoint_degC=(80.0, UPPER)).verdict == "PASS"  # the smaller range that the finding names
 
 
@@ -263,7 +263,7 @@ def test_an_outage_shorter_than_the_sequence_s_that_overshoots_more_at_the_lower
     assert max(overshoot(40.0, lasts) for lasts in brief) > 25.0
     limit = ("reheat-overshoot=25%",)
     proof = prove(words, fitted, setpoint_degC=(40.0, 50.0), limit=limit)
-    assert [finding.name for finding in proof.heard.findings] == ["low-outage"]
+    assert [finding.name for finding in proof.diagnostics.findings] == ["low-outage"]
     assert prove(words, fitted, setpoint_degC=(46.0, 50.0), limit=limit).verdict == "PASS"
 
 
@@ -274,18 +274,18 @@ def test_of_a_story_the_heat_up_alone_is_left_where_words_have_no_such_night():
 
 
 def test_it_ends_before_a_boost_takes_the_heater_back():
-    boosted = WORDS.boosted(Boost(within_degC=6.0, again_degC=8.0))
+    boosted = WORDS.with_boost(Boost(within_degC=6.0, again_degC=8.0))
     falls = 100.0 * math.log(40.0 / 32.0)  # 8 of the 40 °C, by itself
     full = _in_steps(ONE.lags_s)
     assert falls < 0.85 * full
     others = _with_the_boost()
     assert others[0] < 0.95 * falls
-    assert Cooling(ROOM, boosted, REALISED, STORY, [ONE]).openings_s() == pytest.approx(sorted([*others, 0.95 * falls, 0.98 * falls]))
+    assert OutageTiming(ROOM, boosted, REALISED, STORY, [ONE]).openings_s() == pytest.approx(sorted([*others, 0.95 * falls, 0.98 * falls]))
 
 
 def test_without_an_i_part_nothing_is_summed_up():
-    assert Cooling(ROOM, WORDS, replace(REALISED, integral_time_s=math.inf, structure="p"), STORY, [ONE]).openings_s() == []
-    assert Cooling(ROOM, WORDS, None, STORY, [ONE]).openings_s() == []
+    assert OutageTiming(ROOM, WORDS, replace(REALISED, integral_time_s=math.inf, structure="p"), STORY, [ONE]).openings_s() == []
+    assert OutageTiming(ROOM, WORDS, None, STORY, [ONE]).openings_s() == []
 
 
 def test_the_shorter_circuits_come_one_after_the_other_each_with_its_way_back():
@@ -301,22 +301,22 @@ def test_the_shorter_circuits_come_one_after_the_other_each_with_its_way_back():
 def test_a_warm_heater_is_restarted_where_p_is_near_to_full_power():
     # it falls from 40 °C above the ambient; P asks for full power after 33.3 of them
     near = 100.0 / 3.0 * _LED_BY_P[:5]
-    assert _has(Cooling(ROOM, WORDS, REALISED, STORY, [ONE]).restarts_s(), *_falls_s(*near))
-    limited = ROOM.limited(WORDS, 50.0)
-    assert _has(Cooling(ROOM, limited, REALISED, STORY, [ONE]).restarts_s(), *_falls_s(*(0.5 * near)))
+    assert _has(OutageTiming(ROOM, WORDS, REALISED, STORY, [ONE]).restarts_s(), *_falls_s(*near))
+    limited = ROOM.with_output_limit(WORDS, 50.0)
+    assert _has(OutageTiming(ROOM, limited, REALISED, STORY, [ONE]).restarts_s(), *_falls_s(*(0.5 * near)))
 
 
 def test_where_p_never_asks_for_full_power_the_heater_is_cold():
     calm = replace(REALISED, gain_pct_per_degC=1.0)
-    assert Cooling(ROOM, WORDS, calm, STORY, [ONE]).restarts_s() == pytest.approx(_falls_s(*np.linspace(1.9, 38.0, 24)))
+    assert OutageTiming(ROOM, WORDS, calm, STORY, [ONE]).restarts_s() == pytest.approx(_falls_s(*np.linspace(1.9, 38.0, 24)))
 
 
 def test_it_is_restarted_before_a_boost_takes_the_heater_back():
-    boosted = WORDS.boosted(Boost(within_degC=6.0, again_degC=8.0))
+    boosted = WORDS.with_boost(Boost(within_degC=6.0, again_degC=8.0))
     falls = 100.0 * math.log(40.0 / 32.0)
-    assert Cooling(ROOM, boosted, REALISED, STORY, [ONE]).restarts_s() == pytest.approx(
+    assert OutageTiming(ROOM, boosted, REALISED, STORY, [ONE]).restarts_s() == pytest.approx(
         sorted([*_with_the_boost(), 0.95 * falls, 0.98 * falls]))
-    assert Cooling(ROOM, WORDS, None, STORY, [ONE]).restarts_s() == []
+    assert OutageTiming(ROOM, WORDS, None, STORY, [ONE]).restarts_s() == []
 
 
 def test_the_restarts_come_one_after_the_other_each_with_its_way_back():
@@ -326,4 +326,4 @@ def test_the_restarts_come_one_after_the_other_each_with_its_way_back():
     assert [each.time_s for each in night.scenario.disturbances] == [550.0, 570.0, 7770.0, 7800.0]
     assert [each.on for each in night.scenario.disturbances] == [False, True, False, True]
     assert night.scenario.rests_s == (50.0, 0.0, 50.0, 0.0, 50.0)
-    assert night.told == "Where the PLC is restarted after 0.33 to 0.5 min without supply"
+    assert night.summary == "Where the PLC is restarted after 0.33 to 0.5 min without supply"

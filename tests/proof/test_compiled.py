@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heatertune import compiled as machine
-from heatertune.compiled import compiled, worth_compiling
+from heatertune.compiled import compile_function, worth_compiling
 from heatertune.compiler import object_code
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.native import kinds_of
@@ -20,14 +20,14 @@ from heatertune.pid.values import PidDesign
 from heatertune.plain import bound
 from heatertune.plc import COOLING, TARGETS, Scaling, controller_for
 from heatertune.plc.core import as_it_is
-from heatertune.plc.single import narrowed, single
-from heatertune.proof import Actuator, Limits, Load, Scenario, TemperatureStep, judge, simulate
+from heatertune.plc.single_precision import single, to_single
+from heatertune.proof import Actuator, Load, LoopLimits, Scenario, TemperatureStep, judge, simulate
+from heatertune.proof.criterion_table import columns_of
 from heatertune.proof.kernel import run
 from heatertune.proof.loop import in_loop, run_loop
-from heatertune.proof.measured import columns_of
-from heatertune.proof.metered import _medians
-from heatertune.proof.sampled import prove_samples
-from heatertune.proof.samples import Drawing, Spread, measure, replay
+from heatertune.proof.measured_runs import _medians
+from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, measure, replay
+from heatertune.proof.monte_carlo.quantiles import prove_samples
 
 LOOPS = ("weg", "s5-ob251")  # single precision and whole numbers; the other rooms differ from them in `step` alone
 HEATERS = (
@@ -101,7 +101,7 @@ def test_a_step_is_the_same_compiled_and_plain_bit_for_bit(target):
     which = controller_for(target)
     legal = which.encode(replace(PI, sample_time_s=which.timer.round(PI.sample_time_s)), Scaling())
     core, _ = which.start_directly(legal, {})
-    step, measured = compiled(core.step), compiled(core.measure)
+    step, measured = compile_function(core.step), compile_function(core.measure)
 
     @settings(max_examples=150)
     @given(running=_running(which, legal))
@@ -113,7 +113,7 @@ def test_a_step_is_the_same_compiled_and_plain_bit_for_bit(target):
             assert _bits_of((measured(controller.sensor, temperature),)) == _bits_of((reading,))
             given_ = controller.parameters, state, setpoint, reading, begins
             expected = core.step(*given_)
-            found = step(*(narrowed(given_) if core.singles else given_))
+            found = step(*(to_single(given_) if core.singles else given_))
             assert _bits_of(found) == _bits_of(expected)
             state = expected[0]
 
@@ -121,7 +121,7 @@ def test_a_step_is_the_same_compiled_and_plain_bit_for_bit(target):
     assert core.singles == (target in ("weg", "pid-compact", "pid-temp", "pid-temp-cooling", "iec-pid", "iec-pid-text"))
     if core.singles:  # in double precision the loop takes half as long again
         loop = in_loop(which, legal, [50.0], {}, direct=True)
-        given_ = narrowed((loop.parameters, loop.state, loop.asked[0], core.measure(loop.sensor, 20.0), True))
+        given_ = to_single((loop.parameters, loop.state, loop.setpoints[0], core.measure(loop.sensor, 20.0), True))
         (_, *state), *_ = object_code(core.step, given_).result[1:]
         assert "d" not in state
         assert state == list(kinds_of([given_[1]])[1:-1])
@@ -166,8 +166,8 @@ def test_a_short_loop_of_other_kinds_of_room_is_the_same_compiled_and_plain_bit_
 @pytest.mark.parametrize("period", [10.0, 1.0])  # the last scan, at 1500 s, also asks for the period from 1501 s on
 @pytest.mark.parametrize("target", LOOPS)
 def test_what_is_measured_is_what_judge_finds_on_the_trace_of_the_same_sample(target, period, at_once):
-    which, limits = controller_for(target), Limits(tolerance_degC=0.7, pwm_ripple_degC=0.3, iae_degC_s=4000.0)
-    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(heater=(0.1, 0.1, 0.2)),
+    which, limits = controller_for(target), LoopLimits(tolerance_degC=0.7, pwm_ripple_degC=0.3, iae_degC_s=4000.0)
+    drawing = SampleRequest.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, SampleSpread(heater=(0.1, 0.1, 0.2)),
                          Actuator(pwm_period_s=period))
     columns = columns_of(measure(drawing, limits, 70, seed=5, workers=2), limits)
     for seed in (5, 6, 11, 36, 37, 74):
@@ -180,9 +180,9 @@ def test_what_is_measured_is_what_judge_finds_on_the_trace_of_the_same_sample(ta
 
 @pytest.mark.long
 def test_what_is_measured_is_the_same_compiled_and_plain_bit_for_bit(monkeypatch):
-    which, limits = controller_for("weg"), Limits()
-    spread = Spread(heater=(0.1, 0.1, 0.2), jitter_s=0.05)
-    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, spread, PWM)
+    which, limits = controller_for("weg"), LoopLimits()
+    spread = SampleSpread(heater=(0.1, 0.1, 0.2), jitter_s=0.05)
+    drawing = SampleRequest.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, spread, PWM)
     parts = []
     for at_once in (False, True):
         _way(monkeypatch, at_once)
@@ -192,9 +192,9 @@ def test_what_is_measured_is_the_same_compiled_and_plain_bit_for_bit(monkeypatch
 
 
 def test_a_sample_depends_on_its_seed_alone():
-    which, limits = controller_for("s5-ob251"), Limits()
+    which, limits = controller_for("s5-ob251"), LoopLimits()
     short = replace(SCENARIO, duration_s=1200.0)
-    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], short, Spread(heater=(0.1, 0.1, 0.2)), PWM)
+    drawing = SampleRequest.of(which, which.encode(PI, Scaling()), HEATERS[:1], short, SampleSpread(heater=(0.1, 0.1, 0.2)), PWM)
     many, alone = measure(drawing, limits, 36, seed=3, workers=3), measure(drawing, limits, 1, seed=36, workers=1)
     assert np.array_equal(many.table[33], alone.table[0])
     assert np.array_equal(many.totals[33], alone.totals[0])
@@ -205,7 +205,7 @@ def test_a_sample_depends_on_its_seed_alone():
 def test_noise_and_delays_of_a_sample_are_those_of_its_seed(seed):
     which = controller_for("s5-ob251")
     noisy = replace(SCENARIO, noise_degC=0.1, disturbances=())
-    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], noisy, Spread(jitter_s=0.1), PWM)
+    drawing = SampleRequest.of(which, which.encode(PI, Scaling()), HEATERS[:1], noisy, SampleSpread(jitter_s=0.1), PWM)
     noise, late = drawing.scans_of([seed + 1, seed], 300)
     assert np.array_equal(drawing.scans_of([seed], 9)[0], noise[1:, :9])
     assert np.array_equal(drawing.scans_of([seed], 9)[1][:, :-1], late[1:, :8])
@@ -217,7 +217,7 @@ def test_noise_and_delays_of_a_sample_are_those_of_its_seed(seed):
 
 def test_a_heater_is_drawn_alike_alone_and_among_others():
     which = controller_for("s5-ob251")
-    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(heater=(0.1, 0.2, 0.3)), PWM)
+    drawing = SampleRequest.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, SampleSpread(heater=(0.1, 0.2, 0.3)), PWM)
     for first in (0, 2**32 - 5, 2**64 - 5):
         seeds = range(first, first + 37)
         rows, sizes = drawing.heaters_of(seeds)
@@ -230,7 +230,7 @@ def test_a_heater_is_drawn_alike_alone_and_among_others():
 
 def test_late_scans_read_the_temperature_of_their_own_instants():
     which = controller_for("weg")
-    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(jitter_s=0.7), PWM)
+    drawing = SampleRequest.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, SampleSpread(jitter_s=0.7), PWM)
     for seed in (4, 5):  # the heater of one lag and that of two
         trace = replay(drawing, seed)
         late = trace.time_s - np.arange(len(trace.time_s)) * 2.0
@@ -241,9 +241,9 @@ def test_late_scans_read_the_temperature_of_their_own_instants():
 
 def test_a_sample_with_late_scans_is_measured_as_it_is_replayed():
     # the story ended with its last scan, however late, and a mean at rest was taken over another time than its integral
-    which, limits = controller_for("weg"), Limits()
+    which, limits = controller_for("weg"), LoopLimits()
     calm = replace(SCENARIO, noise_degC=0.0, disturbances=(), duration_s=601.0)
-    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, calm, Spread(jitter_s=1.5), PWM)
+    drawing = SampleRequest.of(which, which.encode(PI, Scaling()), HEATERS, calm, SampleSpread(jitter_s=1.5), PWM)
     columns = columns_of(measure(drawing, limits, 4, workers=1), limits)
     for seed in range(4):
         for column, each in zip(columns, judge(replay(drawing, seed), limits), strict=True):
@@ -253,7 +253,7 @@ def test_a_sample_with_late_scans_is_measured_as_it_is_replayed():
 def test_no_heater_is_on_before_its_first_scan():
     # a first scan that was late decided on the PWM periods that had begun before it, too
     which = controller_for("iec-pid")
-    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(jitter_s=1.9), Actuator(pwm_period_s=0.5))
+    drawing = SampleRequest.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, SampleSpread(jitter_s=1.9), Actuator(pwm_period_s=0.5))
     for seed in range(4):
         trace = replay(drawing, seed)
         assert trace.edge_time_s[0] >= trace.time_s[0]
@@ -261,11 +261,11 @@ def test_no_heater_is_on_before_its_first_scan():
 
 @pytest.mark.parametrize("target", LOOPS)
 def test_a_samples_ramp_begins_at_its_own_first_reading_noise_included(target):
-    which, limits = controller_for(target), Limits()
+    which, limits = controller_for(target), LoopLimits()
     words = which.encode(PI, Scaling())
     words = replace(words, ramp=which.ramp(words, 2.0))
     noisy = replace(SCENARIO, noise_degC=2.0, duration_s=1200.0)
-    drawing = Drawing.of(which, words, HEATERS[:1], noisy, Spread(), PWM)
+    drawing = SampleRequest.of(which, words, HEATERS[:1], noisy, SampleSpread(), PWM)
     found = _values(drawing, limits, 3, "iae")
     for seed in range(3):
         trace = replay(drawing, seed)
@@ -277,15 +277,15 @@ def test_a_samples_ramp_begins_at_its_own_first_reading_noise_included(target):
 
 def test_each_sample_has_its_own_delays():
     which = controller_for("weg")
-    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, Spread(jitter_s=0.7), PWM)
-    many, alone = measure(drawing, Limits(), 3, workers=1), measure(drawing, Limits(), 1, seed=2, workers=1)
+    drawing = SampleRequest.of(which, which.encode(PI, Scaling()), HEATERS, SCENARIO, SampleSpread(jitter_s=0.7), PWM)
+    many, alone = measure(drawing, LoopLimits(), 3, workers=1), measure(drawing, LoopLimits(), 1, seed=2, workers=1)
     assert np.array_equal(many.table[2], alone.table[0])
 
 
 def test_the_draw_has_the_spread_that_it_tells():
     which = controller_for("s5-ob251")
-    spread = Spread(heater=(0.1, 0.2, 3.0), least_dead_time_s=9.0)
-    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS[:1], SCENARIO, spread, PWM)
+    spread = SampleSpread(heater=(0.1, 0.2, 3.0), least_dead_time_s=9.0)
+    drawing = SampleRequest.of(which, which.encode(PI, Scaling()), HEATERS[:1], SCENARIO, spread, PWM)
     rows, factors = drawing.heaters_of(range(4000))
     gain, lag, _, dead, ambient, start = rows.T
     assert np.std(np.log(lag)) == pytest.approx(0.2, rel=0.05)
@@ -301,10 +301,10 @@ def test_the_draw_has_the_spread_that_it_tells():
     assert ambient.max() == pytest.approx(29.0, abs=0.05)
     assert np.array_equal(start, ambient)
     assert [np.min(factors[:, 0]), np.max(factors[:, 0])] == pytest.approx([0.5, 1.5], abs=0.005)
-    rows, factors = replace(drawing, spread=Spread()).heaters_of(range(4000))  # the load is the rated one, the gain that of the mains
+    rows, factors = replace(drawing, spread=SampleSpread()).heaters_of(range(4000))  # the load is the rated one, the gain that of the mains
     loads = factors[:, 1] * rows[:, 0] / 0.41
     assert [np.min(loads), np.max(loads)] == pytest.approx([0.5, 1.5], abs=0.005)
-    calm = replace(drawing, spread=Spread(mains_pct=0.0, ambient_degC=0.0, disturbance_pct=0.0))
+    calm = replace(drawing, spread=SampleSpread(mains_pct=0.0, ambient_degC=0.0, disturbance_pct=0.0))
     assert calm.heaters_of([7])[0].tolist() == [[0.41, 166.0, 0.0, 14.3 + 0.48, 24.0, 24.0]]
 
 
@@ -313,9 +313,9 @@ def test_the_verdict_falls_where_more_than_the_share_allowed_breaks_a_limit():
     which = controller_for("s5-ob251")
     short = replace(SCENARIO, duration_s=1200.0)
     one = {switch.name: switch.default for switch in which.switches}
-    drawing = Drawing.of(which, which.encode(PI, Scaling()), HEATERS, short, Spread(), PWM, one)
-    values = _values(drawing, Limits(), 40, "iae")
-    limits = Limits(iae_degC_s=float(np.sort(values)[35]), overshoot_pct=None, recovery_overshoot_pct=None,
+    drawing = SampleRequest.of(which, which.encode(PI, Scaling()), HEATERS, short, SampleSpread(), PWM, one)
+    values = _values(drawing, LoopLimits(), 40, "iae")
+    limits = LoopLimits(iae_degC_s=float(np.sort(values)[35]), overshoot_pct=None, recovery_overshoot_pct=None,
                     tolerance_degC=30.0)
     # 36 of 40 keep it: as many or more in 4.9 % of draws where 78.5 % of all do, as few or fewer in 4.6 % where 96.6 % do
     proof = prove_samples(drawing, limits, 40, quantile=0.785)
@@ -332,7 +332,7 @@ def test_the_verdict_falls_where_more_than_the_share_allowed_breaks_a_limit():
 @pytest.mark.long
 @given(value=st.floats())
 def test_single_precision_is_the_same_compiled(value):
-    found, expected = compiled(single)(value), single(value)
+    found, expected = compile_function(single)(value), single(value)
     assert np.array_equal(found, expected, equal_nan=True)
 
 

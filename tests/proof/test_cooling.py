@@ -11,29 +11,29 @@ from tests.witness.pid_temp import HeatCool, Pulses, Set, with_factor
 from heatertune import chain
 from heatertune import compiled as machine
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
-from heatertune.plc.cooler import cooled
+from heatertune.plc.cooler import with_cooling
 from heatertune.plc.pwm import pid_compact
-from heatertune.proof import Drawing, Limits, Spread, judge, replay, simulate
-from heatertune.proof.closing import Asked, closed
-from heatertune.proof.exported import Compared, compared
-from heatertune.proof.fitted import actuator_for, course_for, prove
+from heatertune.proof import LoopLimits, SampleRequest, SampleSpread, judge, replay, simulate
+from heatertune.proof.criterion_table import columns_of
 from heatertune.proof.loop import in_loop, noise_of, plant_row, scans_of
-from heatertune.proof.measured import columns_of
-from heatertune.proof.metered import metered
-from heatertune.proof.samples import measure
+from heatertune.proof.measured_runs import measure_runs
+from heatertune.proof.monte_carlo.draw import measure
+from heatertune.proof.prove_words import actuator_for, course_for, prove
+from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.proof.scenario import Load, Mains, NewSetpoint, PlcPower, Scenario, TemperatureStep
-from heatertune.proof.switch import heat_after, period_of, switched_off, times_on
+from heatertune.proof.switch_edges import heat_after, period_of, switched_off, times_on
+from heatertune.proof.text_comparison import ComparisonResult, compare_text
 from heatertune.settings import Conditions, TuneSettings
 
 PID_TEMP = controller_for("pid-temp-cooling")
 HEATER = Fopdt(gain_degC_per_pct=0.9, time_constant_s=90.0, dead_time_s=6.0, ambient_degC=20.0)
 RANGE = Scaling(low_degC=0.0, high_degC=120.0)
 DESIGN = PidDesign(gain_pct_per_degC=5.0, integral_time_s=80.0, derivative_time_s=4.0, sample_time_s=2.0, structure="pid", method="")
-WORDS = cooled(PID_TEMP.encode(DESIGN, RANGE), 0.5)
+WORDS = with_cooling(PID_TEMP.encode(DESIGN, RANGE), 0.5)
 SWITCH = replace(pid_compact(pwm_period_s=2.0, call_interval_s=0.1, minimum_on_s=0.2, minimum_off_s=0.1), cooling_gain=0.5,
                  cooling_minimum_on_s=0.3, cooling_minimum_off_s=0.2)
 #: exothermic goods, a setpoint far down, and all that may fail; the setpoints are whole counts
@@ -108,10 +108,10 @@ def test_compiled_it_is_the_same_bit_for_bit_and_the_meter_finds_what_the_judge_
     for name in ("temperature_degC", "power_asked_pct", "edge_time_s", "edge_pct", "stretches"):
         assert np.array_equal(*(getattr(trace, name) for trace in traces)), name
     loop = in_loop(PID_TEMP, WORDS, STORY.setpoints_degC, {})
-    found = metered(loop, np.array([plant_row(model, STORY)]), STORY, SWITCH, Limits(), noise_of(STORY, scans_of(loop, STORY))[None],
+    found = measure_runs(loop, np.array([plant_row(model, STORY)]), STORY, SWITCH, LoopLimits(), noise_of(STORY, scans_of(loop, STORY))[None],
                     np.zeros((1, 1)))
-    ours = [criterion for column in columns_of(found, Limits()) for criterion in column.criteria([""])]
-    for one, other in zip(ours, judge(traces[0], Limits()), strict=True):
+    ours = [criterion for column in columns_of(found, LoopLimits()) for criterion in column.criteria([""])]
+    for one, other in zip(ours, judge(traces[0], LoopLimits()), strict=True):
         assert one.value == pytest.approx(other.value, rel=1e-6, abs=1e-6), one.name
 
 
@@ -129,7 +129,7 @@ DRAWN = Scenario(setpoint_degC=65.0, duration_s=1500.0, disturbances=(
 
 def test_the_cooler_is_as_strong_whatever_the_mains_of_a_drawn_heater():
     # once its power went with the square of the drawn mains, with the heater's: 73 % asked for at 207 V, 50 % at 253 V
-    drawing = Drawing.of(PID_TEMP, WORDS, [HEATER], DRAWN, Spread(ambient_degC=0.0, disturbance_pct=0.0), SWITCH)
+    drawing = SampleRequest.of(PID_TEMP, WORDS, [HEATER], DRAWN, SampleSpread(ambient_degC=0.0, disturbance_pct=0.0), SWITCH)
     power = drawing.heaters_of(range(40))[0][:, 0] / HEATER.gain_degC_per_pct
     for seed in (int(power.argmin()), int(power.argmax())):
         trace = replay(drawing, seed)
@@ -140,15 +140,15 @@ def test_the_cooler_is_as_strong_whatever_the_mains_of_a_drawn_heater():
 
 
 def test_a_drawn_heater_with_a_cooler_is_measured_as_it_is_replayed_and_compiled_as_plainly(monkeypatch):
-    drawing, found = Drawing.of(PID_TEMP, WORDS, [HEATER], STORY, Spread(), SWITCH), []
+    drawing, found = SampleRequest.of(PID_TEMP, WORDS, [HEATER], STORY, SampleSpread(), SWITCH), []
     for at_once in (False, True):
         monkeypatch.setattr(machine, "_PLAIN_SCANS", -1 if at_once else 10**12)
-        found.append(measure(drawing, Limits(), 3, workers=1))
+        found.append(measure(drawing, LoopLimits(), 3, workers=1))
     for name in ("rows", "table", "totals", "ripple"):
         assert np.array_equal(*(getattr(each, name) for each in found)), name
     for seed in range(3):
-        judged = judge(replay(drawing, seed), Limits())
-        for column, each in zip(columns_of(found[1], Limits()), judged, strict=True):
+        judged = judge(replay(drawing, seed), LoopLimits())
+        for column, each in zip(columns_of(found[1], LoopLimits()), judged, strict=True):
             assert column.values[seed] == pytest.approx(each.value, rel=1e-6, abs=1e-6), each.name
 
 
@@ -195,13 +195,13 @@ def test_what_is_left_of_a_coolers_pulse_is_taken_back_without_supply():
 
 
 FITTED = model_by_hand(HEATER)
-ASKED = Asked(target="pid-temp-cooling", scaling=RANGE, tuned=TuneSettings(sample_time_s=2.0),
+ASKED = DesignRequest(target="pid-temp-cooling", scaling=RANGE, tune_settings=TuneSettings(sample_time_s=2.0),
               conditions=Conditions(setpoint_degC=65.0, cooling_gain=0.5))
 
 
 @pytest.fixture(scope="module")
 def made():
-    return closed(FITTED, ASKED)
+    return find_passing_design(FITTED, ASKED)
 
 
 @pytest.mark.long
@@ -210,9 +210,9 @@ def test_a_heater_with_a_cooler_passes_and_is_exported(made):
     assert proof.verdict == "PASS"
     assert proof.words.values["CoolFactor"] == 2.0
     assert proof.words.values["CoolGain"] == 2.0 * proof.words.values["Gain"]
-    assert "the cooler was given as 0.5 times the heater's power" in proof.heard.remarks
-    assert "beside it a cooler of 0.5 times the heater's power" in proof.actuator.told
-    assert compared(PID_TEMP, proof.words, proof.worst) == Compared()
+    assert "the cooler was given as 0.5 times the heater's power" in proof.diagnostics.remarks
+    assert "beside it a cooler of 0.5 times the heater's power" in proof.actuator.summary
+    assert compare_text(PID_TEMP, proof.words, proof.worst) == ComparisonResult()
     files = chain.export(proof.words, proof)
     assert "Config.ActivateCooling := TRUE" in files["pid_temp_words.scl"]
     assert {run.switches["parameter_set"] for run in proof.runs} == {"now", "output", "both"}
@@ -253,7 +253,7 @@ def test_words_for_another_cooler_fail_by_margins_and_by_runs(made):
 
 def test_what_the_words_say_of_the_cooler_holds_where_nothing_is_told():
     assert actuator_for(Conditions(), WORDS).cooling_gain == 0.5
-    told = prove(WORDS, FITTED, Conditions(setpoint_degC=65.0), first_look=True).heard.remarks
+    told = prove(WORDS, FITTED, Conditions(setpoint_degC=65.0), first_look=True).diagnostics.remarks
     assert "the cooler was taken for 0.5 times the heater's power, as the words say" in told
     for changed in ({"AdvancedCooling": 1}, {"CoolFactor": 0.0}):
         words = replace(WORDS, values=WORDS.values | changed)

@@ -8,7 +8,7 @@ from tests.bench.documents import write_all
 
 from heatertune.cli import main
 from heatertune.proof import repetition
-from heatertune.proof.document import digested
+from heatertune.proof.document import with_digest
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ def test_a_run_that_takes_longer_on_a_way_that_has_longer_is_not_worse(folder, t
     other = next(run for run in proof["runs"] if run["criteria"]["change_time"]["value"] < worst["value"])
     other["criteria"]["change_time"]["value"] = worst["value"] + 0.5
     shutil.copytree(folder, tmp_path / "in")
-    (tmp_path / "in" / "proof.json").write_text(json.dumps(digested(proof)))
+    (tmp_path / "in" / "proof.json").write_text(json.dumps(with_digest(proof)))
     assert main(["report", str(tmp_path / "in")]) == 0
     assert capsys.readouterr().err.count("error") == 0
 
@@ -98,7 +98,7 @@ def test_what_does_not_follow_from_the_values_is_refused_even_under_a_digest_of_
     proof = json.loads((folder / "proof.json").read_text())
     change(proof)
     if "digest" in proof:
-        proof = digested(proof)
+        proof = with_digest(proof)
     assert _refusal(command, folder, tmp_path, json.dumps(proof), capsys).startswith(f"error: {tmp_path / 'in' / 'proof.json'}: {told}")
 
 
@@ -118,7 +118,7 @@ def test_a_changed_text_is_refused(old, new, told, command, folder, tmp_path, ca
     ("target", "s7-300"), ("sample_time_s", 9.0), ("scaling", {"low_degC": 0.0, "high_degC": 200.0}), ("words", {"K": 1}),
 ])
 def test_a_proof_of_other_words_is_refused(field, value, command, folder, tmp_path, capsys):
-    proof = digested(json.loads((folder / "proof.json").read_text()) | {field: value})
+    proof = with_digest(json.loads((folder / "proof.json").read_text()) | {field: value})
     assert f"the proof of other words ({field})" in _refusal(command, folder, tmp_path, json.dumps(proof), capsys, status=1)
 
 
@@ -129,7 +129,7 @@ def test_a_proof_of_some_settings_of_what_the_manual_leaves_open_is_refused(comm
     for name, criterion in proof["criteria"].items():  # the worst of what is left
         values = [run["criteria"][name]["value"] for run in proof["runs"] if name in run["criteria"]]
         criterion["value"] = min(values) if criterion["bound"] == ">=" else max(values)
-    told = _refusal(command, folder, tmp_path, json.dumps(digested(proof)), capsys)
+    told = _refusal(command, folder, tmp_path, json.dumps(with_digest(proof)), capsys)
     gone = ", ".join(f"{name} = {setting}" for name, setting in whole[-1]["switches"].items())
     assert f"proof.json: runs: none on {whole[-1]['model']} under {gone}, mains +10 %: no whole proof" in told
 
@@ -142,7 +142,7 @@ def _with_samples(folder, here, kept, monkeypatch):
     settings = [{"switches": {"sum": setting}, "kept": number} for setting, number in (("limited", 200), ("unlimited", kept))]
     proof["samples"] = {"verdict": verdict, "count": 200, "seed": 0, "quantile": 0.95, "passing": kept / 200, "settings": settings,
                         "worst_seed": 3, "spread": {}, "criteria": {}}
-    (here / "proof.json").write_text(json.dumps(digested(proof | {"verdict": verdict})))
+    (here / "proof.json").write_text(json.dumps(with_digest(proof | {"verdict": verdict})))
     # the export proves the words again: here it finds the planted samples once more
     monkeypatch.setattr(repetition, "_proof_document", lambda *_: json.loads((here / "proof.json").read_text()))
 

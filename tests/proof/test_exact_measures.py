@@ -10,8 +10,8 @@ from heatertune.model.values import Fopdt, TwoLag
 from heatertune.proof import (
     Acceptance,
     Actuator,
-    Limits,
     Load,
+    LoopLimits,
     Scenario,
     TemperatureStep,
     judge,
@@ -52,7 +52,7 @@ def stays(times, error, start, end, band):
 
 @pytest.mark.parametrize("model", [ONE_LAG, TWO_LAGS], ids=["one lag", "two lags"])
 def test_integrals_and_crossings_are_those_of_a_fine_integration(tenths, words, model):
-    limits = Limits(tolerance_degC=4.0, steady_share=0.5)
+    limits = LoopLimits(tolerance_degC=4.0, steady_share=0.5)
     trace = simulate(tenths, words(gain=2.5, tn=30), model, SCENARIO, COARSE)
     times, error = errors(trace, model)
     stops = (0.0, 150.37, 280.11, 400.0)

@@ -17,21 +17,21 @@ from tests.bench.text_faults import STORY, loops
 
 from heatertune import chain
 from heatertune.errors import InputError
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
-from heatertune.plc.cpu.s5.machine import Cpu as S5Cpu
+from heatertune.plc.cpu.s5.machine import S5Cpu
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
-from heatertune.plc.cpu.s7_300.machine import Cpu as S7Cpu
+from heatertune.plc.cpu.s7_300.machine import S7300Cpu as S7Cpu
 from heatertune.plc.cpu.s7_300.source import as_real, bits_of
-from heatertune.plc.inputs import scaled
-from heatertune.plc.open_points import assumed
+from heatertune.plc.inputs import sensor_scaling
+from heatertune.plc.open_points import assumptions_from
 from heatertune.plc.pwm import Actuator, pulsegen
 from heatertune.proof import Scenario, simulate
-from heatertune.proof import exported as of_text
-from heatertune.proof.exported import Compared, as_exported, compared
+from heatertune.proof import text_comparison as of_text
 from heatertune.proof.scenario import NewSetpoint, PlcPower
+from heatertune.proof.text_comparison import ComparisonResult, as_exported, compare_text
 from heatertune.proof.verdict import verdict_line
 from heatertune.settings import Conditions
 
@@ -64,7 +64,7 @@ def files_of(trace):
 def compared_with(trace, files, monkeypatch):
     controller = controller_for(trace.words.target)
     monkeypatch.setattr(type(controller), "export", staticmethod(lambda *_: files))
-    return compared(controller, trace.words, trace, trace.switches).departs
+    return compare_text(controller, trace.words, trace, trace.switches).departs
 
 
 GEN = pulsegen(pwm_period_s=2.0, call_interval_s=0.1, minimum_s=0.2)
@@ -76,7 +76,7 @@ GEN = pulsegen(pwm_period_s=2.0, call_interval_s=0.1, minimum_s=0.2)
 def test_a_text_follows_a_short_run(target, how):
     trace = short_run(target, **how)
     assert len(set(trace.power_asked_pct)) > 12
-    assert compared(controller_for(target), trace.words, trace) == Compared()
+    assert compare_text(controller_for(target), trace.words, trace) == ComparisonResult()
 
 
 def proven(target, *, ramp=None, tv=0.0, scaling=None, **conditions):
@@ -90,7 +90,7 @@ def proven(target, *, ramp=None, tv=0.0, scaling=None, **conditions):
 
 
 def departs(proof):
-    return compared(controller_for(proof.words.target), proof.words, proof.nominal).departs
+    return compare_text(controller_for(proof.words.target), proof.words, proof.nominal).departs
 
 
 @pytest.mark.long
@@ -105,7 +105,7 @@ def departs(proof):
 def test_the_text_does_what_was_proven(target, asked):
     proof = proven(target, **asked)
     assert len(set(proof.nominal.power_asked_pct)) > 20
-    assert compared(controller_for(target), proof.words, proof.nominal) == Compared()
+    assert compare_text(controller_for(target), proof.words, proof.nominal) == ComparisonResult()
 
 
 @pytest.mark.long
@@ -114,37 +114,37 @@ def test_the_text_does_what_was_proven(target, asked):
 def test_wegs_own_block_is_run_under_every_setting_and_ours_under_its_own(setting):
     controller, (words, actuator) = controller_for("weg"), next(loops("weg"))
     trace = simulate(controller, words, PLANT, STORY, actuator, setting)
-    assert compared(controller, words, trace) == Compared()
-    assert compared(controller, words, simulate(controller, words, PLANT, STORY, actuator)) == Compared()
+    assert compare_text(controller, words, trace) == ComparisonResult()
+    assert compare_text(controller, words, simulate(controller, words, PLANT, STORY, actuator)) == ComparisonResult()
     files = controller.export(words, Certificate(verdict=""))
-    assert list(controller.exported(files, assumed(controller.assumptions, setting))) == ["weg_pid_call.st"]
-    assert list(controller.exported(files, controller.assumptions())) == ["weg_pid_call.st", "weg_pid_block.st", "weg_pid_plcopen.xml"]
+    assert list(controller.load_exported(files, assumptions_from(controller.assumptions, setting))) == ["weg_pid_call.st"]
+    assert list(controller.load_exported(files, controller.assumptions())) == ["weg_pid_call.st", "weg_pid_block.st", "weg_pid_plcopen.xml"]
 
 
 @pytest.mark.long
 def test_a_start_up_as_chosen_is_that_of_the_text():
     proof = proven("s5-ob251", tv=6.0, switches={"start_up": "retained"})
     which = controller_for("s5-ob251")
-    assert compared(which, proof.words, proof.nominal, proof.known) == Compared()
-    assert compared(which, proof.words, proof.nominal).departs is not None  # a text that clears goes on from cold
+    assert compare_text(which, proof.words, proof.nominal, proof.known) == ComparisonResult()
+    assert compare_text(which, proof.words, proof.nominal).departs is not None  # a text that clears goes on from cold
     cleared = proven("s5-ob251", tv=6.0).nominal
     assert cleared.power_asked_pct.tolist() != proof.nominal.power_asked_pct.tolist()
-    assert compared(which, proof.words, cleared, proof.known) == Compared()  # a CPU without a battery
+    assert compare_text(which, proof.words, cleared, proof.known) == ComparisonResult()  # a CPU without a battery
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("who", ["caller", "skipped", "block"])
 def test_whoever_keeps_ts_the_text_does_what_was_proven(who):
     proof = proven("weg", switches={"sampling": who})
-    assert compared(controller_for("weg"), proof.words, proof.nominal, proof.known) == Compared()
+    assert compare_text(controller_for("weg"), proof.words, proof.nominal, proof.known) == ComparisonResult()
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(("target", "name"), [("s5-ob251", "4-20mA"), ("fb41", "thermocouple"), ("s7-300", "4-20mA")])
 def test_a_text_for_another_range_of_the_module_does_what_was_proven(target, name):
     own = controller_for(target)
-    proof = proven(target, scaling=scaled(own.ranges, name, (10.0, 110.0) if name == "4-20mA" else None))
-    assert compared(own, proof.words, proof.nominal) == Compared()
+    proof = proven(target, scaling=sensor_scaling(own.ranges, name, (10.0, 110.0) if name == "4-20mA" else None))
+    assert compare_text(own, proof.words, proof.nominal) == ComparisonResult()
 
 
 #: target → a pattern of its text, what stands there instead
@@ -176,7 +176,7 @@ def test_a_fault_in_the_text_is_noticed(target, there, instead, monkeypatch):
 
 def loaded(trace, files=None):
     controller = controller_for(trace.words.target)
-    loads = controller.exported(files or files_of(trace), assumed(controller.assumptions, trace.switches))
+    loads = controller.load_exported(files or files_of(trace), assumptions_from(controller.assumptions, trace.switches))
     return loads[FILES[trace.words.target]]()
 
 
@@ -212,7 +212,7 @@ def test_a_period_holds_the_nearest_number_of_ticks(target):
     for _ in range(300):
         output = chance.randint(0, 27648) if target == "s7-300" else as_real(bits_of(chance.uniform(0.0, 100.0)))
         text.begin(output, ticks)
-        assert text.counted() == math.floor(Fraction(output) * ticks / full + Fraction(1, 2)), output
+        assert text.tick_count() == math.floor(Fraction(output) * ticks / full + Fraction(1, 2)), output
 
 
 @pytest.mark.parametrize(("actuator", "made"), [
@@ -221,23 +221,23 @@ def test_a_period_holds_the_nearest_number_of_ticks(target):
 def test_pulses_are_made_where_they_are_whole_ticks_and_their_product_fits(actuator, made):
     trace = short_run("s7-300")
     files = controller_for("s7-300").export(trace.words, Certificate(verdict="", actuator=actuator))
-    assert (loaded(trace, files).counted() is not None) == made
+    assert (loaded(trace, files).tick_count() is not None) == made
 
 
 def test_a_short_run_restarts_from_what_the_text_leaves_and_from_cold():
     which = controller_for("s5-ob251")
     kept, cleared = short_run("s5-ob251", start_up="retained"), short_run("s5-ob251")
     assert kept.power_asked_pct.tolist() != cleared.power_asked_pct.tolist()
-    assert compared(which, kept.words, kept, {"start_up": "retained"}) == Compared()
-    assert compared(which, cleared.words, cleared, {"start_up": "retained"}) == Compared()  # a CPU without a battery
-    assert compared(which, kept.words, kept).departs is not None
+    assert compare_text(which, kept.words, kept, {"start_up": "retained"}) == ComparisonResult()
+    assert compare_text(which, cleared.words, cleared, {"start_up": "retained"}) == ComparisonResult()  # a CPU without a battery
+    assert compare_text(which, kept.words, kept).departs is not None
 
 
 @pytest.mark.long
 def test_a_proof_whose_text_does_other_is_none(monkeypatch):
     proof = proven("s7-300", ramp=(3.0, 4.0))
     assert (proof.verdict, as_exported(proof).verdict) == ("PASS", "PASS")
-    monkeypatch.setattr(of_text, "compared", lambda *_, **__: Compared("at 3 s it asks for 7 %"))
+    monkeypatch.setattr(of_text, "compare_text", lambda *_, **__: ComparisonResult("at 3 s it asks for 7 %"))
     monkeypatch.setenv("HEATERTUNE_CACHE", "")  # what was seen of the same words in the same runs is remembered
     other = as_exported(proof)
     assert other.verdict == "NOT PROVEN"
@@ -253,7 +253,7 @@ def test_the_clock_is_looked_at_in_one_run_and_each_power_in_one(monkeypatch):
         part = getattr(of_text._Comparison, name)
         monkeypatch.setattr(of_text._Comparison, name, lambda *given, name=name, part=part: (looked.append((name, *given[1:2])), part(*given))[1])
     for proof in proofs:
-        assert compared(controller_for("s7-300"), words, proof.nominal, proof.known, pulses=pulses) == Compared()
+        assert compare_text(controller_for("s7-300"), words, proof.nominal, proof.known, pulses=pulses) == ComparisonResult()
     assert [name for name, *_ in looked] == ["_of_ticks", "_periods", "_periods"]
     (_, first), (_, second) = looked[1:]
     assert min(len(first), len(second)) > 0
@@ -294,13 +294,13 @@ def test_what_is_not_run_is_bounded_and_told(monkeypatch):
     (words, _), run = next(loops("s7-300")), []
     monkeypatch.setattr(ExportedS7, "go_on", lambda machine, went=ExportedS7.go_on: run.append(machine) or went(machine))
     trace = simulate(controller_for("s7-300"), words, PLANT, STORY, Actuator(pwm_period_s=600.0))
-    assert compared(controller_for("s7-300"), words, trace) == Compared(not_run=(
+    assert compare_text(controller_for("s7-300"), words, trace) == ComparisonResult(not_run=(
         "what the exported program does after 200 calls", "the exported PWM after 1000 ticks of a period"))
     powers = len(set(trace.power_asked_pct[:200]))
     assert 1000 < len(run) <= 1000 + powers + 4  # and beside both ends
     proof = proven("s5-ob251")
-    left = as_exported(proof).heard.not_tested
-    assert left[:-2] == proof.heard.not_tested
+    left = as_exported(proof).diagnostics.not_tested
+    assert left[:-2] == proof.diagnostics.not_tested
     assert left[-2] == "what the exported program does after 200 calls"
     assert re.fullmatch(r"the exported PWM at \d+ of \d+ powers", left[-1])
 
@@ -309,7 +309,7 @@ def test_what_is_not_run_is_bounded_and_told(monkeypatch):
 def test_a_clock_that_ticks_too_often_for_a_call_is_told(monkeypatch, target):
     monkeypatch.setattr(of_text, "_MOST_TICKS", 1)
     proof = proven(target)
-    shown = compared(controller_for(target), proof.words, proof.nominal)  # and the sensor that was broken is whole when the pulses are compared
+    shown = compare_text(controller_for(target), proof.words, proof.nominal)  # and the sensor that was broken is whole when the pulses are compared
     assert shown.departs is None
     assert "an exported clock of more than 1 ticks a call" in shown.not_run
 
@@ -328,7 +328,7 @@ def test_an_analog_output_makes_no_pulses():
     controller = controller_for("fb41")
     words = proven("fb41").words
     files = controller.export(words, Certificate(verdict="", actuator=Actuator(pwm_period_s=3.0, minimum_rule="carry")))
-    assert controller.exported(files, controller.assumptions())["fb41_cont_c.awl"]().begin(50.0, 300) is None
+    assert controller.load_exported(files, controller.assumptions())["fb41_cont_c.awl"]().begin(50.0, 300) is None
 
 
 def test_a_program_with_known_faults_passes_only_where_they_are_accepted(tmp_path):
@@ -341,4 +341,4 @@ def test_a_program_with_known_faults_passes_only_where_they_are_accepted(tmp_pat
     asked = Conditions(setpoint_degC=27.0, spec=str(spec), switches={"time_unit": "s"})
     for accepted, verdict in (((), "NOT PROVEN"), (("known-faults",), "PASS")):
         proof = as_exported(chain.prove(words, fitted, replace(asked, accept=accepted)))
-        assert (proof.verdict, [finding.name for finding in proof.heard.findings]) == (verdict, ["known-faults"])
+        assert (proof.verdict, [finding.name for finding in proof.diagnostics.findings]) == (verdict, ["known-faults"])

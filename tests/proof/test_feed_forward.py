@@ -12,8 +12,8 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.feed_forward import feed_forward
 from heatertune.plc.pwm import Actuator
-from heatertune.proof.criteria import Limits
-from heatertune.proof.feed_forward import Beside, PlainLoop, prove_feed_forward
+from heatertune.proof.criteria import LoopLimits
+from heatertune.proof.feed_forward import FeedForwardComparison, PlainLoop, prove_feed_forward
 
 TA, SETPOINT = 5.0, 80.0
 #: until an input module's reading is there, S5 (AI 460) and S7-300 (SM 331 with wire-break check) [s]
@@ -140,12 +140,12 @@ def test_what_is_no_number_is_a_refusal(place):
     proof = _prove()
     numbers = [10.0, 5.0, 2.0, 1.0]
     numbers[place] = float("nan")
-    strange = Beside(label="strange", iae_degC_s=tuple(numbers[:2]), deviation_degC=tuple(numbers[2:]))
+    strange = FeedForwardComparison(label="strange", iae_degC_s=tuple(numbers[:2]), deviation_degC=tuple(numbers[2:]))
     assert "strange" in replace(proof, runs=(*proof.runs, strange)).refusal
 
 
 def test_a_heat_up_that_it_drives_beyond_the_limit_is_refused():
-    proof = _prove(limits=Limits(overshoot_pct=1e-9))
+    proof = _prove(limits=LoopLimits(overshoot_pct=1e-9))
     heated = next(run for run in proof.runs if run.allowed_degC is not None)
     assert heated.allowed_degC == pytest.approx(55.0 * 1e-11)
     assert bool(proof.refusal) == (heated.deviation_degC[1] > 1.05 * heated.deviation_degC[0])

@@ -9,14 +9,14 @@ import pytest
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.model.values import Fopdt
 from heatertune.plain import bound
-from heatertune.plc.cpu.one_bit.machine import State
+from heatertune.plc.cpu.one_bit.machine import OneBitState
 from heatertune.proof import Actuator, Interlock, Scenario, TemperatureStep, judge, prove_models, simulate
-from heatertune.proof.criteria import Limits
+from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.interlock import _BITS, INTERLOCKS, _scan
-from heatertune.proof.kernel import LOAD, Clock, Events, Record, run
+from heatertune.proof.kernel import LOAD, Events, ScanClock, TraceArrays, run
 from heatertune.proof.meter import no_meter
 from heatertune.proof.plant import plant_from
-from heatertune.proof.program import Program
+from heatertune.proof.setpoint_program import SetpointProgram
 
 HEATER = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=6.5, ambient_degC=20.0)
 PWM = Actuator(pwm_period_s=2.0)
@@ -35,7 +35,7 @@ def test_a_limit_above_the_run_changes_nothing_bit_for_bit(tenths, words, any_he
     for name in ARRAYS:
         assert np.array_equal(getattr(free, name), getattr(watched, name)), name
     assert watched.cut_s == math.inf
-    assert [c for c in judge(watched, Limits()) if c.name != "interlock_trips"] == list(judge(free, Limits()))
+    assert [c for c in judge(watched, LoopLimits()) if c.name != "interlock_trips"] == list(judge(free, LoopLimits()))
 
 
 def test_the_heater_is_cut_at_the_scan_that_sees_the_limit(constant, words):
@@ -130,7 +130,7 @@ def test_a_limit_below_the_setpoint_fails_the_proof(tenths, words, heater):
 
 @pytest.mark.parametrize(("fan", "contact", "hot", "turns"), list(product([False, True], repeat=4)))
 def test_the_program_rests_until_its_inputs_change(fan, contact, hot, turns):
-    state = State(outputs=fan << _BITS["F"] | contact << _BITS["H"])
+    state = OneBitState(outputs=fan << _BITS["F"] | contact << _BITS["H"])
     after = _scan(state, pressed=False, hot=hot, turns=turns)
     assert _scan(after, pressed=False, hot=hot, turns=turns).outputs == after.outputs
 
@@ -141,8 +141,8 @@ def test_a_cut_ends_the_pulse_that_runs_and_switches_nothing_on_afterwards():
         never = Events([math.inf], [LOAD], [0.0])
         heater = plant_from(0.5, 150.0, 0.0, 1.0, 20.0)
         half = bound(run, step=lambda *_: (None, 50.0, 50.0, 0), measure=lambda _, y: y)
-        record, program = Record(False, *9 * [[]]), Program([40.0], [1], 0.0, 0, 0.0)
-        switched, _ = half(None, None, None, Clock(1.0, 11, none, none), program, heater, 20.0, never, PWM.switches, cut, ring,
+        record, program = TraceArrays(False, *9 * [[]]), SetpointProgram([40.0], [1], 0.0, 0, 0.0)
+        switched, _ = half(None, None, None, ScanClock(1.0, 11, none, none), program, heater, 20.0, never, PWM.switches, cut, ring,
                            record, no_meter())
         return ring[:switched]
 

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from heatertune.errors import OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import Margins
-from heatertune.proof import Actuator, Criterion, Limits, Load, Scenario, TemperatureStep, Trace, judge
+from heatertune.proof import Actuator, Criterion, Load, LoopLimits, Scenario, TemperatureStep, Trace, judge
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.judging import _stays_within
-from heatertune.proof.scenario import Led, Mains, NewSetpoint, Phase, PlcPower
+from heatertune.proof.scenario import Mains, NewSetpoint, Phase, PlcPower, SetpointRampEvent
+from heatertune.proof.trace_criteria import _stays_within
 
 PERIOD = 0.05
 AMBIENT, SETPOINT = 20.0, 60.0
@@ -41,7 +41,7 @@ TWO_PERCENT = 0.02 * (SETPOINT - AMBIENT)
 
 
 def _judged(trace, margins=None, **limits):
-    return {each.name: each for each in judge(trace, Limits(**{"tolerance_degC": TWO_PERCENT} | limits), margins)}
+    return {each.name: each for each in judge(trace, LoopLimits(**{"tolerance_degC": TWO_PERCENT} | limits), margins)}
 
 
 def _first_order(t, tau=20.0):
@@ -250,7 +250,7 @@ def test_the_worst_is_the_largest_or_where_it_should_reach_something_the_smalles
     ({"soak_settling_s": 7.0, "soak_settling_pct": 10.0}, 7.0), ({"soak_settling_pct": 0.0}, 0.0), ({"soak_settling_s": 80.0}, 80.0),
 ])
 def test_a_soak_of_90_s_settles_in_the_sooner_of_what_is_given_else_in_half_of_it(given, settles_s):
-    assert Limits(**given).soak_settles_s(90.0) == settles_s
+    assert LoopLimits(**given).soak_settles_s(90.0) == settles_s
 
 
 numbers = st.one_of(st.floats(-1e3, 1e3), st.just(math.inf))
@@ -275,7 +275,7 @@ def test_the_worst_is_not_ok_where_one_is_not(values, limit, at_least):
 ])
 def test_limits_without_meaning_are_refused(field, value):
     with pytest.raises(OutOfRange, match=field):
-        Limits(**{field: value})
+        LoopLimits(**{field: value})
 
 
 def test_a_ramp_is_judged_against_the_setpoint_asked_for():
@@ -291,8 +291,8 @@ def test_a_ramp_is_judged_against_the_setpoint_asked_for():
 TAU = 10.0
 STORY = (Mains(time_s=120.0, share=0.0), Mains(time_s=150.0, share=1.0), TemperatureStep(time_s=210.0, temperature_degC=-6.0),
          NewSetpoint(time_s=260.0, setpoint_degC=70.0), PlcPower(time_s=300.0, on=False), PlcPower(time_s=320.0, on=True),
-         Led(time_s=380.0, from_degC=70.0, setpoint_degC=80.0, duration_s=10.0),
-         Led(time_s=420.0, from_degC=80.0, setpoint_degC=80.0, duration_s=60.0))
+         SetpointRampEvent(time_s=380.0, from_degC=70.0, setpoint_degC=80.0, duration_s=10.0),
+         SetpointRampEvent(time_s=420.0, from_degC=80.0, setpoint_degC=80.0, duration_s=60.0))
 #: of each phase of the story: its end, how long it rests at the end, and its setpoint
 PHASES = {"heat-up": (120, 30, 60), "open": (150, 0, 60), "reheat": (210, 25, 60), "recovery": (260, 20, 60), "change": (300, 15, 70),
           "unsupplied": (320, 0, 70), "restart": (380, 25, 70), "ramp": (420, 0, 80), "soak": (480, 20, 80)}

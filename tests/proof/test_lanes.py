@@ -9,26 +9,26 @@ import pytest
 from llvmlite.binding import get_host_cpu_features, llvm_version_info
 
 from heatertune import compiled as machine
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.compiler import overload
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plain import bound
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.plc.core import as_it_is
-from heatertune.proof import Actuator, Limits, Load, Mains, NewSetpoint, Scenario, TemperatureStep
-from heatertune.proof.drawn import drawing_for
-from heatertune.proof.events import Led, PlcPower
+from heatertune.proof import Actuator, Load, LoopLimits, Mains, NewSetpoint, Scenario, TemperatureStep
+from heatertune.proof.events import PlcPower, SetpointRampEvent
 from heatertune.proof.lanes import choice
 from heatertune.proof.lanes import passes as one
 from heatertune.proof.lanes import two_lags as two
 from heatertune.proof.lanes.choice import fits
-from heatertune.proof.lanes.parts import Held
-from heatertune.proof.lanes.rows import LANES, fixed, rows_of
-from heatertune.proof.philox import parts
-from heatertune.proof.samples import Drawing, Spread, _parts, measure
-from heatertune.proof.scan_noise import BLOCK, _all_drawn
+from heatertune.proof.lanes.parts import PhaseLimits
+from heatertune.proof.lanes.rows import LANES, constant_function, rows_of
+from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, _parts, measure
+from heatertune.proof.monte_carlo.philox import parts
+from heatertune.proof.monte_carlo.run import drawing_for
+from heatertune.proof.monte_carlo.scan_noise import BLOCK, _all_drawn
 from heatertune.settings import Conditions
 
 HEATER = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.3, ambient_degC=24.0)
@@ -41,7 +41,7 @@ SCENARIO = Scenario(
 RESTARTS = replace(SCENARIO, duration_s=2000.0, disturbances=(
     *SCENARIO.disturbances, PlcPower(time_s=1401.0, on=False), PlcPower(time_s=1409.0, on=True),  # its pulses are still under way
     Load(time_s=1500.0, power_pct=5.0), PlcPower(time_s=1600.0, on=False), PlcPower(time_s=1800.0, on=True)))
-SPREAD = Spread(heater=(0.1, 0.1, 4.0))
+SPREAD = SampleSpread(heater=(0.1, 0.1, 4.0))
 PWM = Actuator(pwm_period_s=10.0)
 PI = PidDesign(gain_pct_per_degC=1.4, integral_time_s=150.0, derivative_time_s=4.0, sample_time_s=2.0, structure="pid",
                method="")
@@ -54,13 +54,13 @@ def drawing_of(target, scenario=SCENARIO, heaters=(HEATER, TWO_LAGS), actuator=P
     words = which.encode(replace(PI, sample_time_s=which.timer.round(PI.sample_time_s)), Scaling())
     words = words if ramp is None else replace(words, ramp=which.ramp(words, ramp))
     settings = {each.name: each.default for each in which.switches}
-    return Drawing.of(which, words, heaters, scenario, SPREAD, actuator, settings)
+    return SampleRequest.of(which, words, heaters, scenario, SPREAD, actuator, settings)
 
 
 def ran(drawing, monkeypatch, *, side_by_side, compile_at_once=True, count=70):
     monkeypatch.setattr(machine, "_PLAIN_SCANS", -1 if compile_at_once else 10**12)
-    monkeypatch.setattr("heatertune.proof.samples.pays", lambda *_, **__: side_by_side)
-    return measure(drawing, Limits(), count, workers=1)
+    monkeypatch.setattr("heatertune.proof.monte_carlo.draw.pays", lambda *_, **__: side_by_side)
+    return measure(drawing, LoopLimits(), count, workers=1)
 
 
 def same(one, other, count=None):
@@ -96,7 +96,7 @@ def test_loops_that_do_not_fit_are_left_to_the_kernel():
     assert fits(controller, SCENARIO, PWM, calm)
     assert not fits(controller, SCENARIO, PWM, late)
     assert not fits(controller, SCENARIO, replace(PWM, cooling_gain=1.0), calm)
-    led = replace(SCENARIO, disturbances=(Led(time_s=9.0, from_degC=50.0, setpoint_degC=60.0, duration_s=60.0),))
+    led = replace(SCENARIO, disturbances=(SetpointRampEvent(time_s=9.0, from_degC=50.0, setpoint_degC=60.0, duration_s=60.0),))
     assert not fits(controller, led, PWM, calm)
     assert not fits(drawing_of("s7-200-paper").controllers[0], SCENARIO, PWM, calm), "its state is the PLC's memory"
 
@@ -113,7 +113,7 @@ def default_drawing(target):
 @pytest.mark.parametrize("target", TARGETS)
 def test_samples_of_a_default_proof_run_side_by_side(target, monkeypatch):
     """But for rooms whose state is a PLC's memory, or that compile not at all, and the last few of a group."""
-    monkeypatch.setattr("heatertune.proof.samples.pays", lambda *_, **__: True)
+    monkeypatch.setattr("heatertune.proof.monte_carlo.draw.pays", lambda *_, **__: True)
     drawing, count = default_drawing(target), 2000
     assert {type(event) for event in drawing.scenario.disturbances} >= {PlcPower, Mains, NewSetpoint, Load, TemperatureStep}
     seeds = range(count)
@@ -131,7 +131,7 @@ def test_samples_of_a_default_proof_run_side_by_side(target, monkeypatch):
 def test_few_loops_side_by_side_are_the_same(count, monkeypatch):
     """They are run in steps of eight, the last one again where there are fewer."""
     drawing = drawing_of("s5-ob251", replace(RESTARTS, noise_degC=0.1), (TWO_LAGS,))
-    monkeypatch.setattr("heatertune.proof.samples._LEAST", 1)
+    monkeypatch.setattr("heatertune.proof.monte_carlo.draw._LEAST", 1)
     same(*(ran(drawing, monkeypatch, side_by_side=way, count=count) for way in (True, False)))
 
 
@@ -147,12 +147,12 @@ def test_an_order_of_heaters_brings_those_together_that_are_switched_at_like_ins
     chance = np.random.default_rng(0)
     dead, gain = np.repeat([9.0, 12.0], 64), np.tile([0.5, 1.0], 64)
     rows = np.column_stack([gain, *np.ones((2, 128)), dead, np.full(128, 20.0), np.ones(128)])[chance.permutation(128)]
-    order = choice.alike(rows, 50.0, 10.0)  # on for 6 s or 3 s, at 0.5 °C/% or 1 °C/%: both instants lie 3 s apart
+    order = choice.order_by_edges(rows, 50.0, 10.0)  # on for 6 s or 3 s, at 0.5 °C/% or 1 °C/%: both instants lie 3 s apart
     assert sorted(order) == list(range(128))
     assert {len(np.unique(group[:, [0, 3]], axis=0)) for group in rows[order].reshape(4, LANES, 6)} == {1}
-    assert choice.alike(rows[:1], 50.0, 10.0).tolist() == [0]
+    assert choice.order_by_edges(rows[:1], 50.0, 10.0).tolist() == [0]
     rows[:, 0] = 1.0  # all alike but for dead times: by these alone
-    assert np.all(np.diff(rows[choice.alike(rows, 50.0, 10.0), 3]) >= 0.0)
+    assert np.all(np.diff(rows[choice.order_by_edges(rows, 50.0, 10.0), 3]) >= 0.0)
 
 
 def test_only_work_that_pays_for_the_compiler_is_done_side_by_side(monkeypatch):
@@ -190,7 +190,7 @@ def all_of_them(_rows):
 @VECTORS
 @pytest.mark.parametrize("part", [one._to_edges, two._to_edges, two._to_turns, two._searched], ids=["one lag", "edges", "turns", "search"])
 def test_what_each_heater_does_is_vector_instructions(part):
-    held = Held(50.0, 1.0, False, 0.0, 1.0, np.zeros((1, 1)), np.zeros((1, 1)), 0)
+    held = PhaseLimits(50.0, 1.0, False, 0.0, 1.0, np.zeros((1, 1)), np.zeros((1, 1)), 0)
     given = np.zeros(choice.ROWS * LANES), *{one._to_edges: (held, 1.0), two._to_turns: ()}.get(part, (1.0,))
     alone, together = operations(bound(part, lanes_of=all_of_them), *given)
     assert alone == 0 < together
@@ -214,10 +214,10 @@ def test_the_scan_of_all_controllers_is_vector_instructions(target, monkeypatch)
     choice._made(controller, two_lags=False)
     scan = bound(parts[1][0], **parts[1][1])
     state, program, parameters = (
-        choice._held(controller, each) for each in (controller.state, choice.Program(
-            np.array(controller.asked), np.ones(1, dtype=np.int64), controller.ramp_step, 0, controller.ramp_hold), controller.parameters))
-    end = rows_of((state, program.asked[0].item()), choice.ROWS).end
-    alone, together = operations(scan, np.zeros(end * LANES), parameters, controller.sensor, program, program.asked[0], 1, True, 3)
+        choice._held(controller, each) for each in (controller.state, choice.SetpointProgram(
+            np.array(controller.setpoints), np.ones(1, dtype=np.int64), controller.ramp_step, 0, controller.ramp_hold), controller.parameters))
+    end = rows_of((state, program.setpoints[0].item()), choice.ROWS).end
+    alone, together = operations(scan, np.zeros(end * LANES), parameters, controller.sensor, program, program.setpoints[0], 1, True, 3)
     assert alone <= 2 < together, "but for products of parameters, made once"
 
 
@@ -225,10 +225,10 @@ def test_a_tuple_is_held_in_rows_as_it_is():
     value = (3, (True, -2.5, np.float32(0.1)), -(2**62))
     rows = rows_of(value, first=2)
     places = np.zeros(7 * LANES)
-    compiled(rows.stored)(places, 5, value)
-    assert compiled(rows.loaded)(places, 5) == value
+    compile_function(rows.stored)(places, 5, value)
+    assert compile_function(rows.loaded)(places, 5) == value
     assert rows.end == 7
     assert np.flatnonzero(places).tolist() == [LANES * row + 5 for row in range(2, 7)]
     with pytest.raises(TypeError, match="value\\[0\\] is of type ndarray"):
         rows_of((np.zeros(2),))
-    assert fixed((1.0, (float("inf"), -np.inf)))((2.0, (3.0, 4.0))) == (2.0, (np.inf, -np.inf))
+    assert constant_function((1.0, (float("inf"), -np.inf)))((2.0, (3.0, 4.0))) == (2.0, (np.inf, -np.inf))

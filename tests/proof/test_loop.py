@@ -14,7 +14,7 @@ from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Ramp
 from heatertune.proof import Actuator, Load, Scenario, TemperatureStep, simulate, simulate_wish
-from heatertune.proof.ideal import _law_of, _State, _step
+from heatertune.proof.ideal import _IdealState, _law_of, _step
 from heatertune.proof.loop import noise_of
 
 FAST = Actuator(pwm_period_s=10.0)
@@ -142,7 +142,7 @@ def test_while_the_power_is_at_its_limit_the_wish_does_not_wind_up(heater):
 def test_the_wish_lets_the_integral_lead_back_from_a_limit():
     design = PidDesign(gain_pct_per_degC=1.0, integral_time_s=10.0, derivative_time_s=100.0, sample_time_s=1.0,
                        structure="pid", method="by hand")
-    law, state = _law_of(design), _State(0.0, 0.0, 0.0)
+    law, state = _law_of(design), _IdealState(0.0, 0.0, 0.0)
 
     def step(reading):
         nonlocal state

@@ -13,15 +13,15 @@ from tests.bench.outages import bench_of, low_overshoots
 from tests.bench.second_opinion import compiled, opinion
 
 from heatertune.errors import DocumentError
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.proof import prove
-from heatertune.proof.closing import Asked, closed
-from heatertune.proof.document import checked, digested
-from heatertune.proof.mains import MAINS_POWERS, mains_label, powered
+from heatertune.proof.document import check_document, with_digest
+from heatertune.proof.mains import MAINS_POWERS, mains_label, scale_power
+from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.settings import Conditions
 
@@ -41,7 +41,7 @@ def mild():
 def test_ten_percent_of_the_voltage_are_81_and_121_percent_of_the_power():
     assert pytest.approx((0.81, 1.21)) == MAINS_POWERS
     assert [mains_label(power) for power in MAINS_POWERS] == ["mains −10 %", "mains +10 %"]
-    assert powered(MILD, 0.81).gain_degC_per_pct == pytest.approx(0.405)
+    assert scale_power(MILD, 0.81).gain_degC_per_pct == pytest.approx(0.405)
 
 
 def test_each_heater_runs_under_each_setting_at_each_power(mild):
@@ -71,22 +71,22 @@ def test_limits_of_time_and_cost_hold_at_the_rated_power_alone():
     assert max(each.value for run in proof.runs for each in run.criteria if each.name == "settling_time") > 1.02 * rated
     assert {name for name in ("iae", "power_reserve", "ms") if any(
         each.name == name for run in proof.runs if run.mains_power for each in run.criteria)} == set()
-    checked(proof.to_document(), "proof")
+    check_document(proof.to_document(), "proof")
 
 
 def test_a_heater_without_reserve_at_the_low_voltage_is_named():
     words, fitted = _words(MILD, "fb41"), model_by_hand(MILD)
     proof = prove(words, fitted, setpoint_degC=22.0 + 0.5 * 78.0)  # 78 % of the power, 96 % of the low one
     assert {run.mains_power for run in proof.runs} == {None, MAINS_POWERS[1]}
-    assert "mains −10 % throughout (96.3 % of that power would hold the setpoint)" in proof.heard.not_tested
+    assert "mains −10 % throughout (96.3 % of that power would hold the setpoint)" in proof.diagnostics.not_tested
 
 
 def test_a_document_without_the_runs_of_a_power_is_refused(mild):
     document = mild.to_document()
-    checked(document, "proof")
+    check_document(document, "proof")
     worse = {**document, "mains": []}
     with pytest.raises(DocumentError, match="no scenario of this power"):
-        checked(digested(worse), "proof")
+        check_document(with_digest(worse), "proof")
 
 
 def test_marlin_outside_its_window_at_a_low_voltage_fails():
@@ -106,7 +106,7 @@ def test_words_that_need_the_longer_the_longer_a_circuit_was_open_do_not_pass(ra
     conditions = Conditions(setpoint_degC=(150.0, 170.0), tolerance_degC=6.5, spec=rated_only)
     proof, _ = prove_ramped(_words(WEG, "weg", 300.0), model_by_hand(WEG), "auto", conditions)
     assert all(criterion.ok for criterion in proof.criteria), "of the test sequence"
-    assert [finding.name for finding in proof.heard.findings] == ["winds-up", "low-outage"]
+    assert [finding.name for finding in proof.diagnostics.findings] == ["winds-up", "low-outage"]
     assert proof.verdict == "NOT PROVEN"
     assert all(run[1]["anti_windup"] == "none" for runs in proof.nights.values() for run in runs)
     known = replace(conditions, switches={"anti_windup": "clamp"})
@@ -119,13 +119,13 @@ def test_a_judge_of_its_own_sees_the_overshoot_after_an_outage_at_the_lower_setp
     known = {"anti_windup": "clamp", "sampling": "caller"}
     conditions = Conditions(setpoint_degC=(low_degC, 170.0), tolerance_degC=6.5, spec=rated_only, switches=known)
     proof = prove(_words(WEG, "weg", 300.0), model_by_hand(WEG), conditions)
-    assert ("low-outage" in [finding.name for finding in proof.heard.findings]) is beyond
+    assert ("low-outage" in [finding.name for finding in proof.diagnostics.findings]) is beyond
     settings = {**{switch.name: switch.default for switch in controller_for("weg").switches}, **known}
     b = bench_of(WEG, SimpleNamespace(proof=proof, conditions=conditions), settings)
     seen, _ = low_overshoots(compiled(tmp_path), b, _limits(proof.limits) | {"iae": math.inf}, low_degC)[0]
     assert (seen > 1.0) is beyond
     if beyond:
-        found = float(re.search(r"overshoots by ([\d.]+) %", proof.heard.findings[-1].told)[1])
+        found = float(re.search(r"overshoots by ([\d.]+) %", proof.diagnostics.findings[-1].told)[1])
         assert found == pytest.approx(40.0 * seen, rel=0.05), "% of the rise, of which 40 are allowed"
 
 
@@ -171,7 +171,7 @@ def test_no_small_change_is_below_two_tolerances():
     proof = prove(_words(MILD, "fb41"), fitted, setpoint_degC=40.0, tolerance_degC=1.6)
     assert 40.0 - 3.2 in proof.scenario.setpoints_degC
     wide = prove(_words(MILD, "fb41"), fitted, setpoint_degC=40.0, tolerance_degC=3.0)
-    assert "a small change of the setpoint (none from 6 °C on is within its range)" in wide.heard.not_tested
+    assert "a small change of the setpoint (none from 6 °C on is within its range)" in wide.diagnostics.not_tested
     assert "small_change_overshoot" not in {each.name for each in wide.criteria}
 
 
@@ -179,10 +179,10 @@ def test_no_small_change_is_below_two_tolerances():
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
 def test_a_judge_of_its_own_sees_what_the_words_do_all_day(tmp_path):
     heater = Fopdt(gain_degC_per_pct=1.416, time_constant_s=183.8, dead_time_s=11.2, ambient_degC=20.0)
-    asked = Asked(target="marlin", scaling=Scaling(low_degC=0.0, high_degC=150.0), as_is=True,
+    asked = DesignRequest(target="marlin", scaling=Scaling(low_degC=0.0, high_degC=150.0), as_is=True,
                   conditions=Conditions(setpoint_degC=(67.0, 105.0), tolerance_degC=2.2))
     library, fitted = compiled(tmp_path), model_by_hand(heater)
-    plain, mended = (closed(fitted, replace(asked, as_is=as_is)) for as_is in (True, False))
+    plain, mended = (find_passing_design(fitted, replace(asked, as_is=as_is)) for as_is in (True, False))
     assert (plain.proof.verdict, mended.proof.verdict) == ("FAIL", "PASS")
 
     def stays_outside(design, power):

@@ -17,8 +17,8 @@ from heatertune.proof import (
     Acceptance,
     Actuator,
     Interlock,
-    Limits,
     Load,
+    LoopLimits,
     Scenario,
     TemperatureStep,
     judge,
@@ -27,11 +27,11 @@ from heatertune.proof import (
     runs,
     simulate,
 )
+from heatertune.proof.criterion_table import CriterionColumn, CriterionTable, columns_of
 from heatertune.proof.loop import in_loop
-from heatertune.proof.measured import Column, Measured, columns_of
+from heatertune.proof.measured_runs import measure_runs
 from heatertune.proof.meter import COLUMNS, HIGHEST, LOWEST, SETTLED, TOTALS, begin, is_led, no_meter
-from heatertune.proof.metered import metered
-from heatertune.proof.scenario import Led, delayed, phases_of
+from heatertune.proof.scenario import SetpointRampEvent, delay_heater, phases_of
 
 #: between both ways: they add up in another order and take exponentials over other times
 NEAR = {"rel": 1e-9, "abs": 1e-9}
@@ -60,7 +60,7 @@ def conditions(chance):
         seed=chance.randrange(9), disturbances=tuple(each for each in shaken if chance.random() < 0.6),
         start_degC=chance.choice([None, 30.0]),
     )
-    limits = Limits(
+    limits = LoopLimits(
         tolerance_degC=chance.choice([0.3, 1.0, 5.0]), settling_s=chance.choice([None, 90.0]),
         recovery_s=chance.choice([None, 40.0]), steady_share=chance.choice([0.05, 0.2, 1.0]),
         pwm_ripple_degC=chance.choice([None, 0.2]), deviation_degC=chance.choice([None, 4.0]), switchings_per_h=300.0,
@@ -80,7 +80,7 @@ def words_of(target, chance):
             words = which.encode(design, Scaling())
         except NotRepresentable:
             continue
-        return replace(words, ramp=which.ramp(words, 20.0)) if which.ramped and chance.random() < 0.3 else words
+        return replace(words, ramp=which.ramp(words, 20.0)) if which.has_ramp and chance.random() < 0.3 else words
 
 
 def drawn(target, seed):
@@ -94,7 +94,7 @@ def drawn(target, seed):
 def test_a_run_is_judged_by_the_meter_as_by_its_trace(target, seed):
     which, words, models, scenario, actuator, limits = drawn(target, seed)
     for run in prove_models(which, words, models, scenario, actuator, Acceptance(limits=limits)).runs:
-        trace = simulate(which, words, delayed(dict(models)[run.model], which.delay_s), scenario, actuator, run.switches)
+        trace = simulate(which, words, delay_heater(dict(models)[run.model], which.delay_s), scenario, actuator, run.switches)
         own = judge(trace, limits, where=run.label)
         for measured, traced in zip(run.criteria, own, strict=False):  # the last, the step's power, is of the words alone
             assert measured.value == pytest.approx(traced.value, **NEAR), (run.label, measured.name)
@@ -137,7 +137,7 @@ def test_an_interlock_is_judged_by_traces():
     watch = Interlock(name="heater-fan", limit_degC=scenario.setpoint_degC - 5.0)
     proof = prove_models(which, words, models, scenario, actuator, Acceptance(limits=limits), interlock=watch)
     for run in proof.runs:
-        heater = delayed(dict(models)[run.model], which.delay_s)
+        heater = delay_heater(dict(models)[run.model], which.delay_s)
         trace = simulate(which, words, heater, scenario, actuator, run.switches, watch)
         assert np.isfinite(trace.cut_s)
         assert run.criteria[:-1] == judge(trace, limits, where=run.label)
@@ -149,10 +149,10 @@ def test_each_loop_is_held_against_the_disturbance_that_uses_most_of_its_time():
         TemperatureStep(time_s=100.0, temperature_degC=-5.0), TemperatureStep(time_s=160.0, temperature_degC=-5.0)))
     table = np.zeros((2, 3, COLUMNS))
     table[:, :, SETTLED] = [[0.0, 120.0, 175.0], [0.0, 150.0, 163.0]]
-    measured = Measured(
+    measured = CriterionTable(
         scenario=scenario, period_s=1.0, band_degC=1.0, phases=phases_of(scenario, 190.0, 80.0), rows=np.ones((2, 6)), table=table,
         totals=np.zeros((2, TOTALS)), ripple=np.zeros(2))
-    column = next(each for each in columns_of(measured, Limits()) if each.name == "recovery_time")
+    column = next(each for each in columns_of(measured, LoopLimits()) if each.name == "recovery_time")
     assert [(each.value, each.limit) for each in column.criteria("ab")] == [(15.0, 30.0), (50.0, 60.0)]
     assert column.strains == pytest.approx([15.0 / 30.0, 50.0 / 60.0])
 
@@ -160,13 +160,13 @@ def test_each_loop_is_held_against_the_disturbance_that_uses_most_of_its_time():
 def test_a_ramp_that_stays_below_its_end_goes_beyond_it_by_nothing():
     # up from 50 to 60 °C, then a soak; highest 1 °C and 0.5 °C below the setpoints, or 2 °C above that of the soak: 20 % of 10 °C
     scenario = Scenario(setpoint_degC=50.0, duration_s=300.0, disturbances=(
-        Led(time_s=100.0, from_degC=50.0, setpoint_degC=60.0, duration_s=10.0), Led(time_s=200.0, from_degC=60.0, setpoint_degC=60.0, duration_s=100.0)))
+        SetpointRampEvent(time_s=100.0, from_degC=50.0, setpoint_degC=60.0, duration_s=10.0), SetpointRampEvent(time_s=200.0, from_degC=60.0, setpoint_degC=60.0, duration_s=100.0)))
     table = np.zeros((2, 3, COLUMNS))
     table[:, :, HIGHEST] = [[0.0, -1.0, -0.5], [0.0, -1.0, 2.0]]
-    measured = Measured(
+    measured = CriterionTable(
         scenario=scenario, period_s=1.0, band_degC=1.0, phases=phases_of(scenario, 300.0, 80.0), rows=np.ones((2, 6)), table=table,
         totals=np.zeros((2, TOTALS)), ripple=np.zeros(2))
-    column = next(each for each in columns_of(measured, Limits()) if each.name == "ramp_overshoot")
+    column = next(each for each in columns_of(measured, LoopLimits()) if each.name == "ramp_overshoot")
     assert column.values.tolist() == [0.0, 20.0]
 
 
@@ -192,9 +192,9 @@ def test_all_that_is_switched_within_a_long_dead_time_is_under_way(ta_s, dead_s)
                                    method=""), Scaling())
     near = Fopdt(gain_degC_per_pct=0.6, time_constant_s=100.0, dead_time_s=2.0, ambient_degC=20.0)
     models = [("near", near), ("far", replace(near, dead_time_s=dead_s - which.delay_s))]
-    scenario, actuator, limits = Scenario(setpoint_degC=50.0, duration_s=400.0), Actuator(pwm_period_s=1.0), Limits()
+    scenario, actuator, limits = Scenario(setpoint_degC=50.0, duration_s=400.0), Actuator(pwm_period_s=1.0), LoopLimits()
     runs_ = {run.model: run for run in prove_models(which, words, models, scenario, actuator, Acceptance(limits=limits)).runs}
-    trace = simulate(which, words, delayed(models[1][1], which.delay_s), scenario, actuator, runs_["far"].switches)
+    trace = simulate(which, words, delay_heater(models[1][1], which.delay_s), scenario, actuator, runs_["far"].switches)
     for measured, traced in zip(runs_["far"].criteria, judge(trace, limits), strict=False):
         assert measured.value == pytest.approx(traced.value, **NEAR), measured.name
 
@@ -203,14 +203,14 @@ def test_less_power_lets_a_heater_fall_and_a_cooler_rise():
     scenario = Scenario(setpoint_degC=50.0, duration_s=200.0, disturbances=(Load(time_s=100.0, power_pct=-10.0),))
     table, rows = np.zeros((2, 2, COLUMNS)), np.ones((2, 6))
     table[:, 1, HIGHEST], table[:, 1, LOWEST], rows[1, 0] = 3.0, -4.0, -1.0
-    measured = Measured(scenario=scenario, period_s=1.0, band_degC=1.0, phases=phases_of(scenario, 200.0, 80.0), rows=rows, table=table,
+    measured = CriterionTable(scenario=scenario, period_s=1.0, band_degC=1.0, phases=phases_of(scenario, 200.0, 80.0), rows=rows, table=table,
                         totals=np.zeros((2, TOTALS)), ripple=np.zeros(2))
-    column = next(each for each in columns_of(measured, Limits()) if each.name == "deviation")
+    column = next(each for each in columns_of(measured, LoopLimits()) if each.name == "deviation")
     assert column.values.tolist() == [4.0, 3.0]
 
 
 def test_a_limit_below_1_is_used_by_its_share():
-    column = Column(name="steady_offset", unit="°C", what="", values=np.array([0.25, 0.5, 1.0, 0.0]), limits=np.full(4, 0.5))
+    column = CriterionColumn(name="steady_offset", unit="°C", what="", values=np.array([0.25, 0.5, 1.0, 0.0]), limits=np.full(4, 0.5))
     assert column.strains.tolist() == [0.5, 1.0, 2.0, 0.0]
 
 
@@ -221,6 +221,6 @@ def test_noise_of_too_few_scans_is_refused():
     scenario, actuator = Scenario(setpoint_degC=50.0, duration_s=100.5), Actuator(pwm_period_s=1.0)
     controller = in_loop(which, words, scenario.setpoints_degC, {})
     rows = np.array([[0.6, 100.0, 0.0, 2.0, 20.0, 20.0]])
-    assert metered(controller, rows, scenario, actuator, Limits(), np.zeros((1, 102)), np.zeros((1, 1))).table.shape[0] == 1
+    assert measure_runs(controller, rows, scenario, actuator, LoopLimits(), np.zeros((1, 102)), np.zeros((1, 1))).table.shape[0] == 1
     with pytest.raises(ValueError, match="of 102 scans, got 101"):
-        metered(controller, rows, scenario, actuator, Limits(), np.zeros((1, 101)), np.zeros((1, 1)))
+        measure_runs(controller, rows, scenario, actuator, LoopLimits(), np.zeros((1, 101)), np.zeros((1, 1)))

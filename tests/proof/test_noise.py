@@ -6,14 +6,14 @@ from dataclasses import replace
 import pytest
 
 from heatertune import compiled
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.proof import judge, simulate
 from heatertune.proof.criteria import Criterion
-from heatertune.proof.fitted import prove
-from heatertune.proof.noise import DRAWS, drawn, nearest
-from heatertune.proof.scenario import delayed
+from heatertune.proof.noise import DRAWS, draw_noise, nearest
+from heatertune.proof.prove_words import prove
+from heatertune.proof.scenario import delay_heater
 from heatertune.proof.verdict import verdict_line
 from heatertune.settings import Conditions
 
@@ -32,7 +32,7 @@ def _of(value, name="limit_cycle", limit=1.0):
 
 
 def _remarks(proof):
-    return [remark for remark in proof.heard.remarks if remark.startswith("noise")]
+    return [remark for remark in proof.diagnostics.remarks if remark.startswith("noise")]
 
 
 def test_so_many_draws_speak_of_95_percent_with_95_percent_confidence():
@@ -47,7 +47,7 @@ def test_words_that_pass_with_one_draw_fail_where_another_breaks_a_limit(monkeyp
     assert proof.verdict == "FAIL"
     assert _remarks(proof) == ["noise of 0.2 °C: 1 of 59 draws break a limit on the run nearest to one"]
     # draws on their own, measured on their traces and not by the meter that the proof uses
-    heater, broken = delayed(HEATER, S5.delay_s), proof.worst.scenario.seed
+    heater, broken = delay_heater(HEATER, S5.delay_s), proof.worst.scenario.seed
     assert 0 < broken < DRAWS
     for seed in (0, 1, broken, DRAWS - 1):
         trace = simulate(S5, WORDS, heater, replace(proof.scenario, seed=seed), proof.actuator, KNOWN)
@@ -77,16 +77,16 @@ def test_draws_end_with_those_that_break_a_limit_and_the_worst_of_each_criterion
         asked.extend(seeds)
         return [(_of(1.2 if seed == 9 else 0.4), _of(float(seed), "iae", None)) for seed in seeds]
 
-    draws = drawn((_of(0.5), _of(7.0, "iae", None)), again, seed=7, scans=1_000_000, noise_degC=0.3)
+    draws = draw_noise((_of(0.5), _of(7.0, "iae", None)), again, seed=7, scans=1_000_000, noise_degC=0.3)
     assert asked == [8, 9], "two at once, no more numbers fit, and none after those"
     assert [each.value for each in draws.criteria] == [1.2, 9.0]
-    assert (draws.seed, draws.told) == (9, "noise of 0.3 °C: 1 of 3 draws break a limit on the run nearest to one")
+    assert (draws.seed, draws.summary) == (9, "noise of 0.3 °C: 1 of 3 draws break a limit on the run nearest to one")
 
 
 def test_a_draw_that_is_no_number_breaks_a_limit():
-    draws = drawn((_of(0.5),), lambda seeds: [(_of(math.nan),) for _ in seeds], seed=0, scans=2_000_000, noise_degC=0.3)
+    draws = draw_noise((_of(0.5),), lambda seeds: [(_of(math.nan),) for _ in seeds], seed=0, scans=2_000_000, noise_degC=0.3)
     assert not draws.criteria[0].ok
-    assert "1 of 2 draws" in draws.told
+    assert "1 of 2 draws" in draws.summary
 
 
 def test_the_nearest_run_is_that_of_most_offset_and_swing_together_or_most_of_another_limit():

@@ -5,7 +5,7 @@ import pytest
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.proof.period import life, propose_period, ripple_degC
+from heatertune.proof.ripple_and_wear import life, propose_period, ripple_degC
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 SMOOTH = TwoLag(gain_degC_per_pct=0.37, time_constant_s=167.0, second_time_constant_s=40.0, dead_time_s=12.0)
@@ -52,8 +52,8 @@ def test_contacts_get_the_longest_period_within_the_ripple_and_whole_periods_in_
     # 20 s: 180 switchings an hour, 100,000 of them in 556 h
     calm = _propose("relay", 20.0, most=5.0)
     assert calm.period_s == 20.0
-    assert "180 switchings an hour" in calm.told
-    assert "556 h" in calm.told
+    assert "180 switchings an hour" in calm.summary
+    assert "556 h" in calm.summary
 
 
 def test_contacts_get_no_shorter_period_than_suits_them_whatever_the_interval():
@@ -75,15 +75,15 @@ def test_a_solid_state_relay_gets_the_shortest_period_of_a_second_or_more():
     assert _propose("ssr", 30.0).period_s == 1.0
     assert _propose("ssr", 4.5).period_s == pytest.approx(1.125)
     assert _propose("ssr", 0.4).period_s == 0.4
-    assert "contacts" not in _propose("ssr", 30.0).told
+    assert "contacts" not in _propose("ssr", 30.0).summary
 
 
 def test_the_worst_heater_decides_and_a_ripple_that_cannot_be_had_is_told():
     fast = Fopdt(gain_degC_per_pct=0.37, time_constant_s=20.0, dead_time_s=1.0, ambient_degC=22.0)
     both = _propose("relay", 100.0, most=2.0, models=(HEATER, fast))
     assert both.period_s < _propose("relay", 100.0, most=2.0).period_s
-    assert "above the 2 °C wanted" in both.told
-    assert "above" not in _propose("relay", 100.0, most=2.0).told
+    assert "above the 2 °C wanted" in both.summary
+    assert "above" not in _propose("relay", 100.0, most=2.0).summary
 
 
 def test_what_makes_no_sense_is_refused():

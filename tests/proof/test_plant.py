@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from heatertune.heater import exact
 from heatertune.heater.exact import turning_times
-from heatertune.proof.plant import Flow, factors, moved, plant_from, turn
+from heatertune.proof.plant import Flow, advance_heater, factors, plant_from, turn
 
 lags = st.floats(1.0, 1e4)
 degrees = st.floats(-50.0, 300.0)
@@ -18,7 +18,7 @@ seconds = st.floats(0.0, 1e4)
 def advance(y, x, target, t, first, second):
     """(y, x) after t seconds, by the kernel's own functions."""
     heater = plant_from(1.0, first, second, 0.0, 0.0)
-    after = moved(Flow(0.0, y, x, target, 0.0, 0.0), t, factors(t, heater))
+    after = advance_heater(Flow(0.0, y, x, target, 0.0, 0.0), t, factors(t, heater))
     return after.y, after.x
 
 
@@ -85,7 +85,7 @@ def test_the_turn_between_two_instants_is_the_one_of_the_whole_stretch(second):
     heater = plant_from(1.0, 100.0, second, 0.0, 0.0)
     begin = Flow(7.0, 50.0, 60.0, 20.0, 0.0, 0.0)
     expected = 7.0 + turning_times(np.array([50.0]), np.array([60.0]), np.array([20.0]), 100.0, second)[0]
-    early, late = (moved(begin, t, factors(t - 7.0, heater)) for t in (expected - 1.0, expected + 1.0))
+    early, late = (advance_heater(begin, t, factors(t - 7.0, heater)) for t in (expected - 1.0, expected + 1.0))
     assert turn(early, late, heater) == pytest.approx(expected, abs=1e-9)
     assert turn(begin, early, heater) == math.inf
     assert turn(early, late, heater._replace(second=0.0)) == math.inf

@@ -9,7 +9,7 @@ import pytest
 from tests.proof.ways import assert_same_compiled_and_plain
 
 from heatertune.errors import DocumentError, InputError
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, controller_for
@@ -17,25 +17,25 @@ from heatertune.proof import (
     Acceptance,
     Actuator,
     Coverage,
-    Limits,
-    Story,
+    LoopLimits,
+    TestSequence,
     judge,
     prove,
     prove_models,
     simulate,
     story_for,
 )
-from heatertune.proof.course import Loop
-from heatertune.proof.document import checked
+from heatertune.proof.document import check_document
 from heatertune.proof.profile import Profile, Segment
 from heatertune.proof.profile_file import read_profile
-from heatertune.proof.scenario import Led, PlcPower, Scenario, delayed, kinds_of, phases_of
+from heatertune.proof.scenario import PlcPower, Scenario, SetpointRampEvent, delay_heater, kinds_of, phases_of
+from heatertune.proof.sequence_plan import LoopTiming
 from heatertune.proof.spec_file import in_force, read_spec, spec_text
 from heatertune.proof.verdict import told_of, verdict_line
 
 #: 100 s of lag; at full power it can go up to 120 °C
 HEATER = Fopdt(gain_degC_per_pct=1.0, time_constant_s=100.0, dead_time_s=2.0, ambient_degC=20.0)
-LOOP = Loop(scan_s=1.0, pwm_period_s=1.0, sample_time_s=1.0, integral_time_s=80.0)
+LOOP = LoopTiming(scan_s=1.0, pwm_period_s=1.0, sample_time_s=1.0, integral_time_s=80.0)
 PWM = Actuator(pwm_period_s=1.0)
 #: nothing but a heat-up before the profile
 ALONE = {"step_share": 0.0, "load_pct": 0.0, "opens": False, "changes": False, "mains": False, "restarts": False}
@@ -142,7 +142,7 @@ def test_legs_follow_each_other_and_a_last_ramp_is_watched():
 ])
 def test_a_ramp_that_no_power_can_follow_is_refused_with_the_fastest_it_can(segment, says):
     with pytest.raises(InputError) as refused:
-        story_for([HEATER], LOOP, Story(profile=Profile(name="firing.csv", segments=(segment,)), **ALONE), setpoint_degC=60.0)
+        story_for([HEATER], LOOP, TestSequence(profile=Profile(name="firing.csv", segments=(segment,)), **ALONE), setpoint_degC=60.0)
     assert "firing.csv, segment 1" in str(refused.value)
     assert says in str(refused.value)
 
@@ -150,9 +150,9 @@ def test_a_ramp_that_no_power_can_follow_is_refused_with_the_fastest_it_can(segm
 def test_a_heater_falls_no_faster_than_by_itself():
     fast = replace(FIRING, segments=(*FIRING.segments[:2], Segment(target_degC=70.0, rate_degC_per_s=0.51)))
     with pytest.raises(InputError, match=r"segment 3: 30.6 °C/min to 70 °C is faster .* without power there; expected at most 30 °C/min"):
-        story_for([HEATER], LOOP, Story(profile=fast, **ALONE), setpoint_degC=60.0)
+        story_for([HEATER], LOOP, TestSequence(profile=fast, **ALONE), setpoint_degC=60.0)
     just = replace(FIRING, segments=(*FIRING.segments[:2], Segment(target_degC=70.0, rate_degC_per_s=0.5)))
-    assert story_for([HEATER], LOOP, Story(profile=just, **ALONE), setpoint_degC=60.0).scenario.setpoints_degC[-1] == 70.0
+    assert story_for([HEATER], LOOP, TestSequence(profile=just, **ALONE), setpoint_degC=60.0).scenario.setpoints_degC[-1] == 70.0
 
 
 def test_the_weakest_and_the_slowest_heater_bound_a_ramp_and_coolers_go_down():
@@ -174,7 +174,7 @@ def test_the_weakest_and_the_slowest_heater_bound_a_ramp_and_coolers_go_down():
 
 
 def test_the_story_ends_with_the_profile_from_cold():
-    scenario = story_for([HEATER], replace(LOOP, cold_degC=0.5), Story(profile=FIRING, **ALONE), setpoint_degC=60.0).scenario
+    scenario = story_for([HEATER], replace(LOOP, cold_degC=0.5), TestSequence(profile=FIRING, **ALONE), setpoint_degC=60.0).scenario
     off, *led = scenario.disturbances
     # from 60 °C down to half a degree above the ambient, after the dead time
     begin = off.time_s + math.ceil(2.0 + 100.0 * math.log(40.0 / 0.5))
@@ -191,8 +191,8 @@ def test_a_scan_at_the_begin_of_a_part_of_a_profile_belongs_to_it():
         loop, scans = replace(LOOP, scan_s=scan_s, pwm_period_s=scan_s, sample_time_s=scan_s), range(1, 60)
         firing = Profile(name="", segments=tuple(
             Segment(target_degC=60.0 + k % 2, ramp_s=200 * scan_s * k, soak_s=scan_s * k) for k in scans))
-        scenario = story_for([HEATER], loop, Story(profile=firing), setpoint_degC=60.0).scenario
-        times = [event.time_s for event in scenario.disturbances if isinstance(event, Led)]
+        scenario = story_for([HEATER], loop, TestSequence(profile=firing), setpoint_degC=60.0).scenario
+        times = [event.time_s for event in scenario.disturbances if isinstance(event, SetpointRampEvent)]
         assert len(times) == 2 * len(scans)
         for each in (*times, scenario.duration_s):
             assert each == round(each / scan_s) * scan_s
@@ -200,8 +200,8 @@ def test_a_scan_at_the_begin_of_a_part_of_a_profile_belongs_to_it():
 
 def test_what_a_soak_may_settle_in_is_the_users():
     def rests(**limits):
-        course = story_for([HEATER], replace(LOOP, soak_settles_s=Limits(**limits).soak_settles_s),
-                           Story(profile=FIRING, **ALONE), setpoint_degC=60.0)
+        course = story_for([HEATER], replace(LOOP, soak_settles_s=LoopLimits(**limits).soak_settles_s),
+                           TestSequence(profile=FIRING, **ALONE), setpoint_degC=60.0)
         return [rest for rest in course.scenario.rests_s[2:] if rest > 0.0], course.not_tested[-1]
 
     assert rests(soak_settling_s=20.0)[0] == pytest.approx([80.0, 40.0])
@@ -210,14 +210,14 @@ def test_what_a_soak_may_settle_in_is_the_users():
     judged, untold = rests(soak_settling_s=60.0)
     assert judged == pytest.approx([40.0])
     assert "segment 3" in untold, "the last ramp has none"
-    course = story_for([HEATER], replace(LOOP, soak_settles_s=lambda _: 60.0), Story(profile=FIRING, **ALONE), setpoint_degC=60.0)
+    course = story_for([HEATER], replace(LOOP, soak_settles_s=lambda _: 60.0), TestSequence(profile=FIRING, **ALONE), setpoint_degC=60.0)
     assert course.not_tested[-2:] == tuple(
         f"whether segment {number} of the profile arrives (no soak longer than what it may settle in)" for number in (2, 3))
 
 
 def test_the_papers_record_has_no_profile():
     with pytest.raises(InputError, match="leave one of them out"):
-        Story(profile=FIRING, paper_times=True)
+        TestSequence(profile=FIRING, paper_times=True)
 
 
 def _fired(begin_s, temperature):
@@ -248,7 +248,7 @@ def test_a_firing_agrees_with_a_program_that_steps_by_the_millisecond():
     which = controller_for("on-off")
     words = which.encode(PidDesign(gain_pct_per_degC=1.0, integral_time_s=99.0, derivative_time_s=0.0, sample_time_s=1.0,
                                    structure="pi", method=""), Scaling())
-    scenario = story_for([HEATER], LOOP, Story(profile=FIRING, **ALONE), setpoint_degC=60.0).scenario
+    scenario = story_for([HEATER], LOOP, TestSequence(profile=FIRING, **ALONE), setpoint_degC=60.0).scenario
     begin = round(scenario.disturbances[1].time_s)
     trace = simulate(which, words, HEATER, scenario, PWM)
     time, temperature, asked = _fired(begin, float(trace.temperature_at(begin)))
@@ -265,14 +265,14 @@ def test_a_firing_agrees_with_a_program_that_steps_by_the_millisecond():
     beyond = [(up.max() - 60.0) / 40.0, (higher.max() - 80.0) / 20.0, (70.0 - down.min()) / 10.0]
     expected = {"soak_deviation": max(soaks), "ramp_overshoot": 100.0 * max(beyond), "ramp_deviation": max(ramps),
                 "peak": higher.max()}
-    limits = Limits(tolerance_degC=0.2, soak_band_degC=3.0, overshoot_degC=1.5)
+    limits = LoopLimits(tolerance_degC=0.2, soak_band_degC=3.0, overshoot_degC=1.5)
     own = {one.name: one for one in judge(trace, limits)}
     assert {name: own[name].value for name in expected} == pytest.approx(expected, abs=2e-3)
     assert (own["soak_deviation"].limit, own["ramp_overshoot"].limit, own["ramp_overshoot_degC"].limit) == (3.0, 20.0, 1.5)
     assert own["ramp_overshoot_degC"].value == pytest.approx(max(up.max() - 60.0, higher.max() - 80.0, 70.0 - down.min()), abs=2e-3)
 
 
-SCENARIO = story_for([HEATER], replace(LOOP, scan_s=2.0, pwm_period_s=2.0), Story(profile=FIRING, **ALONE), setpoint_degC=60.0).scenario
+SCENARIO = story_for([HEATER], replace(LOOP, scan_s=2.0, pwm_period_s=2.0), TestSequence(profile=FIRING, **ALONE), setpoint_degC=60.0).scenario
 
 
 def _words(target):
@@ -287,9 +287,9 @@ def test_a_firing_is_judged_by_the_meter_as_by_its_trace(target):
     which, words = _words(target)
     models = [("one", HEATER), ("two", TwoLag(gain_degC_per_pct=0.9, time_constant_s=40.0, second_time_constant_s=20.0,
                                               dead_time_s=3.0, ambient_degC=20.0))]
-    limits, switch = Limits(tolerance_degC=2.0), Actuator(pwm_period_s=2.0)
+    limits, switch = LoopLimits(tolerance_degC=2.0), Actuator(pwm_period_s=2.0)
     for run in prove_models(which, words, models, SCENARIO, switch, Acceptance(limits=limits), Coverage(open_points=False)).runs:
-        heater = delayed(dict(models)[run.model], which.delay_s)
+        heater = delay_heater(dict(models)[run.model], which.delay_s)
         trace = simulate(which, words, heater, SCENARIO, switch, run.switches)
         own = judge(trace, limits, where=run.label)
         assert {"soak_deviation", "ramp_overshoot", "ramp_deviation", "peak"} <= {one.name for one in own}
@@ -306,7 +306,7 @@ def test_a_firing_is_judged_by_the_meter_as_by_its_trace(target):
 def test_a_led_setpoint_stays_at_its_end_and_supplies_the_plc():
     which, words = _words("s7-300")
     scenario = Scenario(setpoint_degC=40.0, duration_s=400.0, disturbances=(
-        PlcPower(time_s=60.0, on=False), Led(time_s=100.0, from_degC=20.0, setpoint_degC=50.0, duration_s=150.0)))
+        PlcPower(time_s=60.0, on=False), SetpointRampEvent(time_s=100.0, from_degC=20.0, setpoint_degC=50.0, duration_s=150.0)))
     trace = simulate(which, words, HEATER, scenario, PWM)
     assert trace.followed_degC[-1] == pytest.approx(50.0, abs=0.01)
     assert trace.followed_degC[trace.time_s == 200.0] == pytest.approx(40.0, abs=0.01)
@@ -314,7 +314,7 @@ def test_a_led_setpoint_stays_at_its_end_and_supplies_the_plc():
     assert trace.temperature_degC[-1] == pytest.approx(50.0, abs=1.0)
     ways = np.interp(trace.time_s, [100.0, 250.0], [20.0, 50.0])
     late = np.abs(trace.temperature_degC - ways)[trace.time_s >= 100.0].max()
-    own = {one.name: one.value for one in judge(trace, Limits())}
+    own = {one.name: one.value for one in judge(trace, LoopLimits())}
     assert own["ramp_deviation"] == pytest.approx(late, rel=0.05)
 
 
@@ -326,10 +326,10 @@ def test_a_cooler_is_led_down_as_a_heater_is_led_up():
                                        sample_time_s=2.0, structure="pi", method=""), Scaling(low_degC=-80.0, high_degC=120.0))
         profile = replace(FIRING, segments=tuple(
             replace(one, target_degC=20.0 + sign * (one.target_degC - 20.0)) for one in FIRING.segments))
-        course = story_for([model], replace(LOOP, scan_s=2.0, pwm_period_s=2.0), Story(profile=profile, **ALONE),
+        course = story_for([model], replace(LOOP, scan_s=2.0, pwm_period_s=2.0), TestSequence(profile=profile, **ALONE),
                            setpoint_degC=20.0 + sign * 40.0)
         trace = simulate(which, words, model, course.scenario, Actuator(pwm_period_s=2.0))
-        return {one.name: one.value for one in judge(trace, Limits())}
+        return {one.name: one.value for one in judge(trace, LoopLimits())}
 
     up, down = measured(HEATER, 1.0), measured(replace(HEATER, gain_degC_per_pct=-1.0), -1.0)
     for name in ("soak_deviation", "ramp_overshoot", "ramp_deviation"):
@@ -355,7 +355,7 @@ def test_a_proof_is_made_where_the_profile_leads_and_says_so(proven):
     proof, *_ = proven
     document = json.loads(json.dumps(proof.to_document()))
     assert proof.scenario.setpoint_degC == 80.0, "the highest target, where the user tells no setpoint"
-    assert checked(document, "proof.json")["specification"]["profile"]["name"] == "firing.csv"
+    assert check_document(document, "proof.json")["specification"]["profile"]["name"] == "firing.csv"
     along = "along the profile firing.csv (2 segments, sha256 "
     assert along in verdict_line(document)
     assert any(line.startswith(along) for line in told_of(document)), "what the head of an export says"
@@ -371,7 +371,7 @@ def test_a_document_that_forgives_a_profile_is_refused(name, changes, proven):
     else:
         document["criteria"][name] |= changes
     with pytest.raises(DocumentError, match=rf"criteria.{name}"):
-        checked(document, "proof.json")
+        check_document(document, "proof.json")
 
 
 def test_limits_of_a_profile_are_heard(proven):

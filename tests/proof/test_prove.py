@@ -11,12 +11,12 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
-from heatertune.plc.open_points import Switch, settings_to_prove
+from heatertune.plc.open_points import OpenPoint, settings_to_prove
 from heatertune.proof import (
     Acceptance,
     Actuator,
     Coverage,
-    Limits,
+    LoopLimits,
     Scenario,
     judge,
     paper_scenario,
@@ -24,7 +24,7 @@ from heatertune.proof import (
     runs,
     simulate,
 )
-from heatertune.proof.metered import metered
+from heatertune.proof.measured_runs import measure_runs
 
 PWM = Actuator(pwm_period_s=10.0)
 PAPER = paper_scenario(duration_s=3000.0)
@@ -33,7 +33,7 @@ JUDGED = Acceptance(margins_of=margins)
 
 def _switches(*sizes):
     return tuple(
-        Switch(name=f"s{i}", means={name: k for k, name in enumerate("bacd"[:size])}, why="not told") for i, size in enumerate(sizes)
+        OpenPoint(name=f"s{i}", means={name: k for k, name in enumerate("bacd"[:size])}, reason="not told") for i, size in enumerate(sizes)
     )
 
 
@@ -80,7 +80,7 @@ def test_every_model_runs_under_every_setting(switched, words, heater, slower):
 
 def test_the_worst_setting_counts(switched, words, heater):
     alone = {
-        setting: judge(simulate(switched, words(tn=60), heater, PAPER, PWM, {"integral": setting}), Limits())
+        setting: judge(simulate(switched, words(tn=60), heater, PAPER, PWM, {"integral": setting}), LoopLimits())
         for setting in ("off at the limit", "never off")
     }
     proof = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM)
@@ -126,7 +126,7 @@ def test_runs_that_processors_share_are_those_of_one(heater, slower, monkeypatch
     threads = set()
     monkeypatch.setattr(runs, "_SHARED", 0)
     monkeypatch.setattr(runs, "processors", lambda: workers)
-    monkeypatch.setattr(runs, "metered", lambda *given, **named: threads.add(get_ident()) or metered(*given, **named))
+    monkeypatch.setattr(runs, "measure_runs", lambda *given, **named: threads.add(get_ident()) or measure_runs(*given, **named))
     shared, told_by_them = proven()
     assert shared == alone
     assert told_by_them[-1] == told[-1] == f"{len(alone)} of {len(alone)} runs"
@@ -177,7 +177,7 @@ def test_what_shows_in_manual_alone_is_not_run_but_told(tenths, words, heater):
                            coverage=Coverage(known=known, open_points=open_points))
               for known, open_points in (({}, True), ({"manual_way": "whole"}, True), ({}, False))]
     assert [len(proof.runs) for proof in proofs] == [6, 6, 1]
-    told = [[name for name in which if any(name in part for part in proof.heard.not_tested)] for proof in proofs]
+    told = [[name for name in which if any(name in part for part in proof.diagnostics.not_tested)] for proof in proofs]
     assert told == [which, [name for name in which if name != "manual_way"], []]
 
 
@@ -212,7 +212,7 @@ def test_pwm_ripple_and_mean_are_the_closed_form(constant, words, heater):
     period, duty, full, lag = 40.0, 0.3, 41.0, 166.0
     trace = simulate(constant(100.0 * duty), words(), heater, Scenario(setpoint_degC=50.0, duration_s=4000.0),
                      Actuator(pwm_period_s=period))
-    found = {each.name: each.value for each in judge(trace, Limits())}
+    found = {each.name: each.value for each in judge(trace, LoopLimits())}
     up, down, both = (1.0 - math.exp(-share * period / lag) for share in (duty, 1.0 - duty, 1.0))
     assert found["pwm_ripple"] == pytest.approx(full * up * down / both, rel=1e-9)
     assert found["limit_cycle"] == pytest.approx(full * up * down / both / 2.0, rel=1e-6)
@@ -223,8 +223,8 @@ def test_pwm_ripple_and_mean_are_the_closed_form(constant, words, heater):
 def test_settings_that_no_run_tells_apart_are_not_tested(switched, words, heater):
     # the tenths room knows what "integral" does; "second" and "third" do nothing
     proof = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM)
-    assert proof.heard.not_tested == ("settings of second, third (they change no run)",)
+    assert proof.diagnostics.not_tested == ("settings of second, third (they change no run)",)
     known = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM, coverage=Coverage(known={"second": "never off"}))
-    assert known.heard.not_tested == ("settings of third (they change no run)",)
+    assert known.diagnostics.not_tested == ("settings of third (they change no run)",)
     defaults = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM, coverage=Coverage(open_points=False))
-    assert defaults.heard.not_tested == ()
+    assert defaults.diagnostics.not_tested == ()

@@ -7,40 +7,51 @@ import pytest
 
 from heatertune.codec import decode, encode
 from heatertune.errors import DocumentError, InputError
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Candidate, Fopdt
 from heatertune.plc import controller_for
-from heatertune.plc.choose import choose_words
 from heatertune.plc.design import tune
-from heatertune.proof import Actuator, Drawing, Limits, Load, Mains, Scenario, Spread, judge, prove_samples, replay
+from heatertune.plc.word_selection import choose_words
+from heatertune.proof import (
+    Actuator,
+    Load,
+    LoopLimits,
+    Mains,
+    SampleRequest,
+    SampleSpread,
+    Scenario,
+    judge,
+    prove_samples,
+    replay,
+)
+from heatertune.proof.criterion_table import columns_of
 from heatertune.proof.document import SamplesView
-from heatertune.proof.drawn import sample_document
 from heatertune.proof.events import PlcPower
-from heatertune.proof.fitted import prove
-from heatertune.proof.measured import columns_of
-from heatertune.proof.sampled import hardest_setting
-from heatertune.proof.samples import measure
+from heatertune.proof.monte_carlo.draw import measure
+from heatertune.proof.monte_carlo.quantiles import hardest_setting
+from heatertune.proof.monte_carlo.run import sample_document
+from heatertune.proof.prove_words import prove
 from heatertune.report.text import samples_rows
 from heatertune.settings import Conditions
 
 PWM = Actuator(pwm_period_s=10.0)
 SCENARIO = Scenario(setpoint_degC=45.0, duration_s=900.0)
-NONE = Spread(mains_pct=0.0, ambient_degC=0.0, disturbance_pct=0.0)
+NONE = SampleSpread(mains_pct=0.0, ambient_degC=0.0, disturbance_pct=0.0)
 #: an integral that is never taken out at the limit overshoots beyond it, one that is does not
-LIMITS = Limits(overshoot_pct=10.0, tolerance_degC=4.0)
+LIMITS = LoopLimits(overshoot_pct=10.0, tolerance_degC=4.0)
 
 
 @pytest.fixture
 def drawing(switched, words, heater):
     def drawing(spread=NONE, scenario=SCENARIO, **known):
-        return Drawing.of(switched, words(gain=8.0, tn=60), [heater, replace(heater, time_constant_s=180.0)], scenario, spread, PWM,
+        return SampleRequest.of(switched, words(gain=8.0, tn=60), [heater, replace(heater, time_constant_s=180.0)], scenario, spread, PWM,
                           known)
 
     return drawing
 
 
 def test_settings_are_drawn_too_and_the_one_that_passes_least_counts(drawing):
-    drawn = drawing(Spread(heater=(0.02, 0.02, 0.5)), second="off at the limit", third="off at the limit")
+    drawn = drawing(SampleSpread(heater=(0.02, 0.02, 0.5)), second="off at the limit", third="off at the limit")
     proof = prove_samples(drawn, LIMITS, 59)
     kept = {setting.switches["integral"]: setting.kept for setting in proof.settings}
     assert kept == {"off at the limit": 59, "never off": 0}
@@ -51,12 +62,12 @@ def test_settings_are_drawn_too_and_the_one_that_passes_least_counts(drawing):
 
 
 def test_how_many_share_the_samples_decides_nothing(drawing):
-    drawn = drawing(Spread(heater=(0.02, 0.02, 0.5)))
+    drawn = drawing(SampleSpread(heater=(0.02, 0.02, 0.5)))
     assert prove_samples(drawn, LIMITS, 24, workers=1) == prove_samples(drawn, LIMITS, 24, workers=3)
 
 
 def test_those_that_break_a_limit_are_named_the_worst_first(drawing, monkeypatch):
-    drawn = drawing(Spread(heater=(0.1, 0.1, 0.5)), second="off at the limit", third="off at the limit")
+    drawn = drawing(SampleSpread(heater=(0.1, 0.1, 0.5)), second="off at the limit", third="off at the limit")
     count, values = 40, measure(drawn, LIMITS, 40, seed=7)
     overshoots = next(column.values for column in columns_of(values, LIMITS) if column.name == "overshoot")
     asked = replace(LIMITS, overshoot_pct=float(np.quantile(overshoots, 0.75)))
@@ -70,20 +81,20 @@ def test_those_that_break_a_limit_are_named_the_worst_first(drawing, monkeypatch
     assert [max(run.count(False) for run in alone[seed]) for seed in proof.broken] == sorted(
         (max(run.count(False) for run in alone[seed]) for seed in breaks), reverse=True)
     assert "broken" not in proof.to_document()
-    monkeypatch.setattr("heatertune.proof.sampled._NAMED", 3)
+    monkeypatch.setattr("heatertune.proof.monte_carlo.quantiles._NAMED", 3)
     assert set(prove_samples(drawn, asked, count, seed=7).broken) <= set(proof.broken[:3])
 
 
 def test_how_many_are_measured_at_once_decides_nothing(drawing, monkeypatch):
-    drawn, asked = drawing(Spread(heater=(0.02, 0.02, 0.5))), replace(LIMITS, power_reserve_pct=10.0, iae_degC_s=3000.0)
+    drawn, asked = drawing(SampleSpread(heater=(0.02, 0.02, 0.5))), replace(LIMITS, power_reserve_pct=10.0, iae_degC_s=3000.0)
     whole = prove_samples(drawn, asked, 24, seed=3)
     assert whole.passing < 1.0
-    monkeypatch.setattr("heatertune.proof.sampled._AT_ONCE", 7)
+    monkeypatch.setattr("heatertune.proof.monte_carlo.quantiles._AT_ONCE", 7)
     assert prove_samples(drawn, asked, 24, seed=3) == whole
 
 
 def test_each_sample_is_run_under_every_setting_and_again_under_its_worst(drawing):
-    drawn = drawing(Spread(heater=(0.02, 0.02, 0.5)), second="off at the limit", third="off at the limit")
+    drawn = drawing(SampleSpread(heater=(0.02, 0.02, 0.5)), second="off at the limit", third="off at the limit")
     proof = prove_samples(drawn, LIMITS, 8, seed=4)
     overshoot = next(spot for spot in proof.criteria if spot.name == "overshoot")
     traces = [[replay(drawn, seed, setting) for seed in range(4, 12)] for setting in (0, 1)]
@@ -140,7 +151,7 @@ def test_a_load_is_the_same_whatever_the_mains(drawing):
 
 def test_a_limit_that_has_to_be_reached_is_told_as_such(drawing):
     asked = replace(LIMITS, power_reserve_pct=10.0)
-    proof = prove_samples(drawing(Spread(heater=(0.02, 0.02, 0.5))), asked, 8)
+    proof = prove_samples(drawing(SampleSpread(heater=(0.02, 0.02, 0.5))), asked, 8)
     bounds = {spot.name: spot.bound for spot in proof.criteria}
     assert {name for name, bound in bounds.items() if bound == ">="} == {"power_reserve"}
     told = {row[0]: row[5] for row in samples_rows(proof.to_document())}
@@ -164,7 +175,7 @@ def test_a_document_of_samples_is_checked_and_not_believed(drawing):
 
 def test_samples_need_a_heater(switched, words):
     with pytest.raises(InputError, match="at least one model"):
-        Drawing.of(switched, words(), [], SCENARIO, NONE, PWM)
+        SampleRequest.of(switched, words(), [], SCENARIO, NONE, PWM)
 
 
 @pytest.mark.long

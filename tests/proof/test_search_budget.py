@@ -2,18 +2,18 @@
 
 import pytest
 
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling
 from heatertune.proof import prove, search_budget
-from heatertune.proof.closing import Asked, closed
+from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.proof.runs import judged_once
 from heatertune.proof.search_budget import SearchBudget, count_scans
 from heatertune.settings import Conditions, TuneSettings
 
 #: the plain optimum at Ms 2 overshoots; other gains and a setpoint ramp mend it
 HEATER = model_by_hand(Fopdt(gain_degC_per_pct=0.9, time_constant_s=120.0, dead_time_s=18.0, ambient_degC=28.0))
-ASKED = Asked(target="fb41", conditions=Conditions(setpoint_degC=40.0), tuned=TuneSettings(ms=2.0))
+ASKED = DesignRequest(target="fb41", conditions=Conditions(setpoint_degC=40.0), tune_settings=TuneSettings(ms=2.0))
 
 
 def test_a_block_ends_beyond_its_budget_and_the_program_goes_on():
@@ -47,7 +47,7 @@ def test_other_errors_leave_a_budget_as_they_are():
 
 
 def test_what_was_simulated_earlier_counts_as_well():
-    words = closed(HEATER, Asked(target="fb41", conditions=ASKED.conditions, as_is=True)).proof.words
+    words = find_passing_design(HEATER, DesignRequest(target="fb41", conditions=ASKED.conditions, as_is=True)).proof.words
     used = []
     with judged_once():
         for _ in range(2):
@@ -58,19 +58,19 @@ def test_what_was_simulated_earlier_counts_as_well():
 
 
 def _signature(found):
-    return found.proof.words, found.proof.verdict, found.proof.heard.remarks, found.notes, found.passes_with
+    return found.proof.words, found.proof.verdict, found.proof.diagnostics.remarks, found.notes, found.passes_with
 
 
 @pytest.mark.long
 def test_a_search_without_time_ends_with_the_plain_design_and_says_so(monkeypatch):
-    plain = closed(HEATER, Asked(target="fb41", conditions=ASKED.conditions, tuned=ASKED.tuned, as_is=True))
-    whole = closed(HEATER, ASKED)
+    plain = find_passing_design(HEATER, DesignRequest(target="fb41", conditions=ASKED.conditions, tune_settings=ASKED.tune_settings, as_is=True))
+    whole = find_passing_design(HEATER, ASKED)
     assert (plain.proof.verdict, whole.proof.verdict) == ("FAIL", "PASS")
-    assert not any("its budget" in remark for remark in whole.proof.heard.remarks)
+    assert not any("its budget" in remark for remark in whole.proof.diagnostics.remarks)
     monkeypatch.setattr(search_budget, "MOST_SCANS", 1e3)
-    ended = closed(HEATER, ASKED)
+    ended = find_passing_design(HEATER, ASKED)
     assert (ended.proof.verdict, ended.proof.words) == ("FAIL", plain.proof.words)
-    assert "the search ended after 0.001 million simulated scans, its budget" in ended.proof.heard.remarks[-1]
+    assert "the search ended after 0.001 million simulated scans, its budget" in ended.proof.diagnostics.remarks[-1]
     assert "the search ended" in ended.notes[-1]
 
 
@@ -79,14 +79,14 @@ def test_of_what_winds_up_the_best_so_far_is_returned_and_the_same_request_ends_
     # with a dead time of two thirds of the lag nothing tried keeps the limit after an outage at the lower setpoint
     plant = Fopdt(gain_degC_per_pct=0.53, time_constant_s=320.0, dead_time_s=209.0, ambient_degC=20.0)
     conditions = Conditions(setpoint_degC=40.0, tolerance_degC=0.45, switches={"anti_windup": "clamp", "sampling": "caller"})
-    asked = Asked(target="weg", scaling=Scaling(low_degC=0.0, high_degC=50.0), conditions=conditions)
+    asked = DesignRequest(target="weg", scaling=Scaling(low_degC=0.0, high_degC=50.0), conditions=conditions)
     monkeypatch.setattr(search_budget, "MOST_SCANS", 8e6)
-    first = closed(model_by_hand(plant), asked)
+    first = find_passing_design(model_by_hand(plant), asked)
     assert first.proof.verdict == "NOT PROVEN"
     told = "the search ended after 8 million simulated scans, its budget; this is the best so far"
-    assert told in first.proof.heard.remarks
+    assert told in first.proof.diagnostics.remarks
     assert any(told[1:] in note for note in first.notes)
     with judged_once():
         prove(first.proof.words, model_by_hand(plant), first.conditions)
-        again = closed(model_by_hand(plant), asked)
+        again = find_passing_design(model_by_hand(plant), asked)
     assert _signature(again) == _signature(first)

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from heatertune.errors import DocumentError, HeatertuneError, InputError, OutOfRange, UnknownName
-from heatertune.proof.criteria import Limits
-from heatertune.proof.fitted import aimed, told_of_aim
+from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.presets import PRESETS, preset
-from heatertune.proof.spec_file import in_force, read_spec, spec_text, specified
+from heatertune.proof.prove_words import told_of_aim, tune_settings_for
+from heatertune.proof.spec_file import in_force, read_spec, spec_text, specification_of
 from heatertune.proof.specification import LIMITS, limits_from
-from heatertune.proof.story import Story
+from heatertune.proof.test_sequence import TestSequence
 from heatertune.settings import Conditions, TuneSettings
 
 pytestmark = pytest.mark.fast
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.fast
 
 def test_what_nobody_specified_is_the_limits_defaults():
     # that of small changes is of the specification alone: proofs of earlier versions had none, and are still read
-    assert in_force().limits_for(300.0) == Limits(small_change_overshoot_pct=65.0)
+    assert in_force().limits_for(300.0) == LoopLimits(small_change_overshoot_pct=65.0)
 
 
 @pytest.mark.parametrize(("text", "field", "value"), [
@@ -133,22 +133,22 @@ def test_a_story_of_ones_own_is_what_words_live_through(tmp_path):
     story = read_spec(file).story_at(30.0)
     assert (story.step_share, story.load_pct, story.opens, story.mains, story.setpoint_low_degC) == (
         0.5, 0.0, False, True, 30.0)
-    assert in_force().story_at(None) == Story()
+    assert in_force().story_at(None) == TestSequence()
     assert in_force("paper").story_at(None).paper_times
 
 
 def test_a_limit_by_its_own_option_is_any_number_and_an_infinite_one_asks_for_nothing():
     conditions = Conditions(tolerance_degC=np.float64(0.5), step_power_pct=math.inf)
-    kept = specified(conditions).limits_for(1.0)
+    kept = specification_of(conditions).limits_for(1.0)
     assert (kept.tolerance_degC, kept.step_power_pct) == (0.5, None)
-    assert specified(Conditions(tolerance_degC=1e-5)).tolerance_degC == 1e-5
+    assert specification_of(Conditions(tolerance_degC=1e-5)).tolerance_degC == 1e-5
 
 
 def test_a_design_aims_at_what_the_user_specified_and_says_where_that_is_less_than_was_asked():
     asked = TuneSettings(ms=2.5)
-    general = aimed(asked, Conditions())  # the proof judges by these limits in any case
+    general = tune_settings_for(asked, Conditions())  # the proof judges by these limits in any case
     assert (general.ms, general.step_power_pct) == (2.0, 10.0)
-    tuned = aimed(asked, Conditions(limit=("ms=1.7",)))
+    tuned = tune_settings_for(asked, Conditions(limit=("ms=1.7",)))
     assert tuned.ms == 1.7
     assert told_of_aim(asked, tuned) == ("Ms <= 1.7 in place of 2.5: the specification asks for it.",)
     assert told_of_aim(asked, asked) == ()

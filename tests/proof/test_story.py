@@ -17,31 +17,31 @@ from heatertune.proof import (
     Acceptance,
     Actuator,
     Coverage,
-    Limits,
     Load,
+    LoopLimits,
     Mains,
     NewSetpoint,
     PlcPower,
     Scenario,
-    Story,
     TemperatureStep,
+    TestSequence,
     judge,
     prove_models,
     simulate,
     story_for,
 )
-from heatertune.proof.course import Loop
-from heatertune.proof.night import nights_of
-from heatertune.proof.scenario import delayed, kinds_of, phases_of
+from heatertune.proof.long_outage import nights_of
+from heatertune.proof.scenario import delay_heater, kinds_of, phases_of
+from heatertune.proof.sequence_plan import LoopTiming
 
 #: 100 s of lag and 10 s of dead time; 40 % of the power hold 60 °C
 HEATER = Fopdt(gain_degC_per_pct=1.0, time_constant_s=100.0, dead_time_s=10.0, ambient_degC=20.0)
-LOOP = Loop(scan_s=5.0, pwm_period_s=5.0, sample_time_s=5.0, integral_time_s=80.0)
+LOOP = LoopTiming(scan_s=5.0, pwm_period_s=5.0, sample_time_s=5.0, integral_time_s=80.0)
 PWM = Actuator(pwm_period_s=5.0)
 
 
 def _story(*models, loop=LOOP, setpoint=60.0, **parts):
-    return story_for(models or [HEATER], loop, Story(**parts), setpoint_degC=setpoint)
+    return story_for(models or [HEATER], loop, TestSequence(**parts), setpoint_degC=setpoint)
 
 
 def _part(course, number):
@@ -65,7 +65,7 @@ def test_everything_that_goes_wrong_is_told_in_order():
     assert (at_night.share, by_day.share) == (0.0, 1.0)
     assert [each.share for each in mains] == pytest.approx([0.81, 1.21, 1.0])
     assert [each.on for each in (off, on, cold, again)] == [False, True, False, True]
-    assert (course.not_tested, course.told) == ((), ())
+    assert (course.not_tested, course.notes) == ((), ())
     assert [kind for kind, *_ in kinds_of(course.scenario)] == [
         "heat-up", *3 * ["recovery"], "off", "reheat", "off", "reheat", "change", "change", *3 * ["recovery"], "off", "restart", "off", "restart"]
 
@@ -162,7 +162,7 @@ def test_a_ramp_and_a_slow_switch_get_their_time():
     assert _part(ramped, 0)[0] - _part(plain, 0)[0] == pytest.approx(600.0, abs=5.0)  # 40 °C
     assert _story(loop=replace(LOOP, pwm_period_s=900.0)).scenario.rests_s[0] == 9000.0
     # PWM of 3 s under scans of 10 s: a third of a period is missed each time, so they meet again after 30 s
-    beating = Loop(scan_s=10.0, pwm_period_s=3.0, sample_time_s=10.0, integral_time_s=1.0)
+    beating = LoopTiming(scan_s=10.0, pwm_period_s=3.0, sample_time_s=10.0, integral_time_s=1.0)
     assert _story(loop=beating).scenario.rests_s[0] == pytest.approx(300.0)
 
 
@@ -181,7 +181,7 @@ def test_without_tn_the_heater_itself_tells_how_slow_a_hunt_may_be(tn):
 def test_what_a_heater_has_no_power_for_is_told_and_not_tested():
     course = _story(setpoint=108.0)  # 88 % of the power hold it
     assert [each.power_pct for each in course.scenario.disturbances if isinstance(each, Load)] == pytest.approx([-7.0, 7.0])
-    assert course.told == ("load of 7 % in place of 10 %: no more power is left over",)
+    assert course.notes == ("load of 7 % in place of 10 %: no more power is left over",)
     assert course.not_tested == ("mains voltage (at −10 % a heater has -8.64 % of power left over)",)
     assert _story(setpoint=117.0).not_tested[0] == "a load (a heater has 3 % of power left over)"
 
@@ -199,7 +199,7 @@ def test_a_story_that_makes_no_sense_is_refused():
         story_for([], LOOP, setpoint_degC=60.0)
     for field, value in (("step_share", -0.1), ("load_pct", 100.0), ("setpoint_low_degC", math.nan)):
         with pytest.raises(OutOfRange, match=field):
-            Story(**{field: value})
+            TestSequence(**{field: value})
     with pytest.raises(OutOfRange, match="rests_s"):
         Scenario(setpoint_degC=60.0, duration_s=100.0, rests_s=(60.0, 10.0))
     with pytest.raises(OutOfRange, match="rests_s"):
@@ -260,7 +260,7 @@ def test_what_a_plc_retains_is_there_after_a_restart(tenths, words, any_heater):
     class Retaining(type(tenths)):
         @property
         def core(self):
-            return replace(super().core, restarted=lambda _parameters, _cold, state: state)
+            return replace(super().core, warm_start=lambda _parameters, _cold, state: state)
 
     ran = [simulate(room, words(gain=6.0, ta=4.0), any_heater, SCENARIO, PWM) for room in (tenths, Retaining())]
     cold, kept = (trace.power_asked_pct for trace in ran)
@@ -301,13 +301,13 @@ def test_a_run_is_judged_by_the_meter_as_by_its_trace_through_all_of_it(target):
     which = controller_for(target)
     words = which.encode(PidDesign(gain_pct_per_degC=3.0, integral_time_s=60.0, derivative_time_s=0.0,
                                    sample_time_s=which.timer.round(2.0), structure="pi", method=""), Scaling())
-    words = replace(words, ramp=which.ramp(words, 20.0)) if which.ramped else words
+    words = replace(words, ramp=which.ramp(words, 20.0)) if which.has_ramp else words
     models = [("one", HEATER), ("two", TwoLag(gain_degC_per_pct=0.5, time_constant_s=40.0, second_time_constant_s=20.0,
                                               dead_time_s=3.0, ambient_degC=20.0))]
-    limits = Limits(tolerance_degC=2.0)
+    limits = LoopLimits(tolerance_degC=2.0)
     for run in prove_models(which, words, models, SCENARIO, Actuator(pwm_period_s=2.0), Acceptance(limits=limits),
                             Coverage(open_points=False)).runs:
-        heater = delayed(dict(models)[run.model], which.delay_s)
+        heater = delay_heater(dict(models)[run.model], which.delay_s)
         own = judge(simulate(which, words, heater, SCENARIO, Actuator(pwm_period_s=2.0), run.switches), limits, where=run.label)
         assert {"reheat_overshoot", "change_time", "restart_overshoot", "power_reserve"} <= {each.name for each in own}
         for metered, traced in zip(run.criteria, own, strict=False):

@@ -11,8 +11,8 @@ from tests.bench.second_monitor import Monitors
 from heatertune.errors import OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.proof.supervision.envelope import plane_of
-from heatertune.proof.supervision.family import Family
 from heatertune.proof.supervision.monitor import ALARMS, STATE, Numbers, cold, scan, watch
+from heatertune.proof.supervision.sample_heaters import HeaterFamily
 
 OFF = Numbers(block=2, low=-10**6, high=10**6, jump=10**6, still=0, still_moved=0, moved=20, delay_low=0, delay_high=1,
               slow_blocks=0, slow_scale=1, slow_gain=0, slow_loss=0, slow_rest=0, fast_blocks=0, fast_scale=1, fast_gain=0,
@@ -127,7 +127,7 @@ def test_no_movement_that_was_seen_crosses_the_plane_that_was_made_of_it(seed, l
 
 
 def test_every_heater_that_is_drawn_can_hold_its_setpoint_and_is_the_same_again():
-    family = Family(heaters=[HEATER], setpoint_degC=95.0, scan_s=1.0)
+    family = HeaterFamily(heaters=[HEATER], setpoint_degC=95.0, scan_s=1.0)
     members = [family.member(corner, corner=corner) for corner in family.corners()] + [family.member(seed) for seed in range(50)]
     assert all(0.0 < member.needs_pct <= 98.0 for member in members)
     assert {round(member.row[1]) for member in members[:32]} == {80, 120}
@@ -141,4 +141,4 @@ def test_every_heater_that_is_drawn_can_hold_its_setpoint_and_is_the_same_again(
 @pytest.mark.parametrize(("setpoint", "spread"), [(119.0, 0.2), (20.0, 0.2), (60.0, 0.7), (60.0, -0.1)])
 def test_a_family_without_a_heater_is_refused(setpoint, spread):
     with pytest.raises(OutOfRange):
-        Family(heaters=[HEATER], setpoint_degC=setpoint, scan_s=1.0, spread=spread)
+        HeaterFamily(heaters=[HEATER], setpoint_degC=setpoint, scan_s=1.0, spread=spread)

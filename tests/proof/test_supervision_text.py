@@ -10,9 +10,9 @@ from heatertune.errors import InputError
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof.supervision.loops import Card, Ran
-from heatertune.proof.supervision.text import one_bit, proven, s5, s7_300
+from heatertune.proof.supervision.text import one_bit, program_check, s5, s7_300
+from heatertune.proof.supervision.text.statement_walk import check_reach
 from heatertune.proof.supervision.text.statements import statements_of
-from heatertune.proof.supervision.text.walk import check_reach
 
 CARD = Card(0.0, 0.1, 1000)
 NUMBERS = OFF._replace(low=5, high=900, jump=50, still=9, full=20, growths=2, slow_blocks=2, slow_scale=64, slow_gain=3, slow_rest=-900)
@@ -35,7 +35,7 @@ def run(seed=1, calls=600):
 @pytest.mark.long(seconds=10)
 @pytest.mark.parametrize("target", ["s5-ob251", "s7-300", "fb41", "s7-200", "s7-200-pid", "weg", "iec-pid"])
 def test_every_target_s_text_is_run_beside_the_monitor(target):
-    made = proven.exported(NUMBERS, words_of(target), CARD, ["head"], [run(1), run(2)])
+    made = program_check.export_monitor(NUMBERS, words_of(target), CARD, ["head"], [run(1), run(2)])
     assert made.why is None
     assert made.runs == 3  # one goes to the limits
     assert made.calls > 1200
@@ -58,7 +58,7 @@ def test_a_text_that_says_other_is_told_and_is_not_exported(monkeypatch, old, ne
         return text.replace(old, new)
 
     monkeypatch.setattr(s7_300, "written", damaged)
-    made = proven.exported(NUMBERS, words_of("s7-300"), CARD, [], [run(seed) for seed in range(4)])
+    made = program_check.export_monitor(NUMBERS, words_of("s7-300"), CARD, [], [run(seed) for seed in range(4)])
     assert (made.file, made.text) == (None, "")
     assert said in made.why
 
@@ -73,11 +73,11 @@ def test_what_does_not_fit_into_words_is_refused_with_the_number():
         check_reach(NUMBERS._replace(slow_gain=40000), 1 << 26, 32)
     with pytest.raises(InputError, match="words; a data block has 256"):
         s5.written(statements_of(NUMBERS._replace(delay_high=240)), [])
-    assert proven.exported(NUMBERS._replace(still=40000), words_of("s5-ob251"), CARD, [], []).why.startswith("no program: still")
+    assert program_check.export_monitor(NUMBERS._replace(still=40000), words_of("s5-ob251"), CARD, [], []).why.startswith("no program: still")
 
 
 def test_a_target_without_a_program_of_its_own_is_told():
-    assert proven.exported(NUMBERS, words_of("pid-compact"), CARD, [], []).why == "no program is written for pid-compact"
+    assert program_check.export_monitor(NUMBERS, words_of("pid-compact"), CARD, [], []).why == "no program is written for pid-compact"
 
 
 def test_the_one_bit_plc_s_listing_trips_as_what_is_left_of_the_monitor_does():

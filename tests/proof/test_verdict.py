@@ -14,18 +14,18 @@ from heatertune.model.findings import KINDS, Finding, remedy_of
 from heatertune.pid.loop.robustness import margins
 from heatertune.plc import Certificate, Ramp, controller_for
 from heatertune.plc.open_points import settings_to_prove
-from heatertune.proof import Acceptance, Actuator, Criterion, Limits, paper_scenario, prove_models
+from heatertune.proof import Acceptance, Actuator, Criterion, LoopLimits, paper_scenario, prove_models
 from heatertune.proof.criteria import worst_of
-from heatertune.proof.measured import Column
-from heatertune.proof.period import life
+from heatertune.proof.criterion_table import CriterionColumn
 from heatertune.proof.presets import PRESETS, preset, relaxed_limits
+from heatertune.proof.ripple_and_wear import life
 from heatertune.proof.spec_file import in_force
 from heatertune.proof.specification import GENERAL
 from heatertune.proof.verdict import (
-    Heard,
-    HeardView,
-    combined,
-    derived,
+    FitDiagnostics,
+    FitDiagnosticsView,
+    combined_verdict,
+    derived_verdict,
     told_of,
     verdict_first,
     verdict_line,
@@ -43,7 +43,7 @@ OTHERS = [name for name, kind in KINDS.items() if kind.effect != "blocks"]
 def proven(tenths, words, heater):
     def proven(*, gain=4.0, **heard):
         return prove_models(tenths, words(gain=gain), [("best", heater)], PAPER, PWM,
-                            Acceptance(margins_of=margins, heard=Heard(**heard)))
+                            Acceptance(margins_of=margins, diagnostics=FitDiagnostics(**heard)))
 
     return proven
 
@@ -81,7 +81,7 @@ def test_a_finding_that_does_not_block_is_told_on_the_line_and_in_the_certificat
     assert KINDS[name].short in verdict_line(proof.to_document())
     assert KINDS[name].short in certificate(proof.to_document()).lines
     with pytest.raises(UnknownName, match=name):
-        Heard(accepted=(name,))
+        FitDiagnostics(accepted=(name,))
 
 
 def test_a_document_that_calls_a_finding_harmless_is_not_believed(proven):
@@ -107,19 +107,19 @@ def test_what_the_user_knows_stands_in_the_certificate(proven):
     assert head[:2] == ("verdict of the proof: PASS", "proven at 53.3 °C in 1 run on 1 possible heater")
     assert "taken as known: dead time at most 8 s" in head
     # issue: under which conditions a PASS holds
-    assert head[-3:] == ("proven setpoint: 53.3 °C", f"proven switch: {certificate(document).actuator.told}",
+    assert head[-3:] == ("proven setpoint: 53.3 °C", f"proven switch: {certificate(document).actuator.summary}",
                          f"digest of the proof: {document['digest']}")
 
 
 def test_the_worst_of_several_verdicts_is_theirs():
-    assert combined(["PASS", "PASS"]) == "PASS"
-    assert combined(["PASS", "NOT PROVEN"]) == "NOT PROVEN"
-    assert combined(["NOT PROVEN", "FAIL", "PASS"]) == "FAIL"
+    assert combined_verdict(["PASS", "PASS"]) == "PASS"
+    assert combined_verdict(["PASS", "NOT PROVEN"]) == "NOT PROVEN"
+    assert combined_verdict(["NOT PROVEN", "FAIL", "PASS"]) == "FAIL"
 
 
 def test_nothing_that_was_run_is_no_pass(proven):
     with pytest.raises(InputError, match="at least one run"):
-        combined([])
+        combined_verdict([])
     proof = proven()
     for nothing in ({"runs": ()}, {"criteria": ()}):
         with pytest.raises(InputError, match="without a run"):
@@ -132,7 +132,7 @@ def test_what_is_no_number_keeps_no_limit(limit, at_least):
     nowhere = Criterion(name="x", value=math.nan, limit=limit, unit="1", what="", at_least=at_least)
     assert (nowhere.ok, nowhere.strain) == (False, math.inf)
     assert worst_of([replace(nowhere, value=1e9), nowhere, replace(nowhere, value=0.0)]).value is nowhere.value
-    column = Column(name="x", unit="1", what="", values=np.array([1.0, math.nan]),
+    column = CriterionColumn(name="x", unit="1", what="", values=np.array([1.0, math.nan]),
                     limits=None if limit is None else np.full(2, limit))
     assert column.strains[1] == math.inf
 
@@ -162,8 +162,8 @@ def test_a_sensor_that_widens_the_tolerance_is_no_pass_of_what_was_asked(tenths,
     coarse = words(gain=4.0, high=900.0)
 
     def proof(tolerance, accepted=()):
-        acceptance = Acceptance(limits=Limits(tolerance_degC=tolerance, step_power_pct=None),
-                                heard=Heard(accepted=accepted, remarks=("by hand",)))
+        acceptance = Acceptance(limits=LoopLimits(tolerance_degC=tolerance, step_power_pct=None),
+                                diagnostics=FitDiagnostics(accepted=accepted, remarks=("by hand",)))
         return prove_models(tenths, coarse, [("best", heater)], PAPER, PWM, acceptance).to_document()
 
     asked = proof(1.0)
@@ -182,7 +182,7 @@ def test_a_sensor_that_widens_the_tolerance_is_no_pass_of_what_was_asked(tenths,
 
 def test_the_limits_that_hold_unless_others_are_asked_for_are_those_of_the_manual():
     # docs/explain/proof.md; Ms = 2 by itself means a phase margin of 2·asin(1/4) = 28.96° (Åström, Hägglund)
-    asked = {limit.name: value for limit in fields(Limits) if (value := getattr(Limits(), limit.name)) is not None}
+    asked = {limit.name: value for limit in fields(LoopLimits) if (value := getattr(LoopLimits(), limit.name)) is not None}
     assert asked == {
         "overshoot_pct": 20.0, "reheat_overshoot_pct": 40.0, "recovery_overshoot_pct": 20.0, "tolerance_degC": 1.0,
         "tolerance_resolutions": 2.0, "steady_share": 0.2, "overflows": 0.0, "overflow_flags": ("SM1.1", "SM1.3", "overflow"),
@@ -256,8 +256,8 @@ def test_findings_are_accepted_by_their_names_beside_those_that_were():
     made = [Finding(name=finding["name"], told="") for finding in findings]
 
     def accepted(*names):
-        heard = Heard(findings=tuple(made), accepted=names).to_document()
-        return derived(_document(**heard)), [finding["accepted"] for finding in heard["findings"]]
+        heard = FitDiagnostics(findings=tuple(made), accepted=names).to_document()
+        return derived_verdict(_document(**heard)), [finding["accepted"] for finding in heard["findings"]]
 
     assert accepted("alias", "coarse-sensor") == ("NOT PROVEN", [False, True, True])
     assert accepted("alias", "poor-fit", "coarse-sensor") == ("PASS", [True, True, True])
@@ -288,7 +288,7 @@ BROKEN = {"ms": {"ok": False}, "gain_margin": {"ok": True}, "phase_margin": {"ok
     ({"samples": _samples(200), "findings": [POOR]}, "NOT PROVEN"), ({"samples": _samples(200), "criteria": BROKEN}, "FAIL"),
 ])
 def test_the_verdict_follows_from_limits_findings_and_samples_whatever_the_document_calls_it(changed, verdict):
-    assert derived(_document(**changed)) == verdict
+    assert derived_verdict(_document(**changed)) == verdict
 
 
 @pytest.mark.parametrize(("changed", "line"), [
@@ -367,10 +367,10 @@ def test_a_file_that_begins_from_a_preset_is_held_against_that_one(tmp_path):
 ])
 def test_a_finding_read_from_a_document_has_the_effect_of_its_name_and_is_accepted_where_it_blocks(name, effect, accepted, refused):
     if refused is None:
-        assert HeardView(name=name, effect=effect, told="", accepted=accepted).accepted is accepted
+        assert FitDiagnosticsView(name=name, effect=effect, told="", accepted=accepted).accepted is accepted
         return
     with pytest.raises(DocumentError, match=refused):
-        HeardView(name=name, effect=effect, told="", accepted=accepted)
+        FitDiagnosticsView(name=name, effect=effect, told="", accepted=accepted)
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -386,6 +386,6 @@ def test_no_remedy_names_what_the_log_is_already(name):
     (["PASS"], "PASS"), (["PASS", "NOT PROVEN"], "NOT PROVEN"), (["FAIL", "NOT PROVEN"], "FAIL"), (["PASS", "FAIL"], "FAIL"),
 ])
 def test_of_several_verdicts_the_worst_counts_and_nothing_else_is_one(verdicts, one):
-    assert combined(verdicts) == one
+    assert combined_verdict(verdicts) == one
     with pytest.raises(InputError, match="expected PASS, NOT PROVEN or FAIL, got 'maybe'"):
-        combined([*verdicts, "maybe"])
+        combined_verdict([*verdicts, "maybe"])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from heatertune import chain
-from heatertune.chain.whole import dossier
+from heatertune.chain.pipeline import dossier
 from heatertune.log.values import Log
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.report import render

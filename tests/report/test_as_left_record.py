@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from tests.report.test_record import _Seen
 
-from heatertune.chain.as_left import as_left_in, beside, files_of
+from heatertune.chain.as_left import as_left_in, files_of, related_documents
 from heatertune.cli import main
 from heatertune.codec import encode
-from heatertune.documents import data_folder, found, plain, to_json
+from heatertune.documents import data_folder, existing_path, plain, to_json
 from heatertune.log import read_log
 
 
@@ -62,8 +62,8 @@ def test_a_trace_of_another_proof_is_not_shown(tmp_path, documents, trace):
     held = {"as_left": plain(encode(as_left_in(tmp_path, documents, read_log(trace))))}
     assert files_of(tmp_path, held) == {"data/as_left.json": to_json(held["as_left"])}
     _write(tmp_path / "data", held)
-    assert beside(tmp_path, documents["proof"]) == held
-    assert beside(tmp_path, documents["proof"] | {"digest": "sha256:0"}) == {}
+    assert related_documents(tmp_path, documents["proof"]) == held
+    assert related_documents(tmp_path, documents["proof"] | {"digest": "sha256:0"}) == {}
 
 
 @pytest.mark.parametrize(("options", "told"), [
@@ -87,6 +87,6 @@ def test_documents_are_found_where_they_lie(tmp_path):
     assert data_folder(tmp_path) == tmp_path, "a folder of that name with other things in it"
     (tmp_path / "data" / "words.json").write_text("{}")
     assert data_folder(tmp_path) == tmp_path / "data"
-    assert found(tmp_path / "words.json") == tmp_path / "data" / "words.json"
+    assert existing_path(tmp_path / "words.json") == tmp_path / "data" / "words.json"
     (tmp_path / "words.json").write_text("{}")
-    assert found(tmp_path / "words.json") == tmp_path / "words.json"
+    assert existing_path(tmp_path / "words.json") == tmp_path / "words.json"

@@ -14,14 +14,14 @@ from heatertune.codec import encode as as_json
 from heatertune.model.findings import KINDS
 from heatertune.plc import TARGETS, Certificate, controller_for
 from heatertune.plc.design import encode
-from heatertune.plc.typed import as_typed
+from heatertune.plc.keyed_entry import as_typed
 from heatertune.proof.criteria import Criterion
-from heatertune.proof.nearest import limits_that_pass
+from heatertune.proof.nearest_specification import limits_that_pass
 from heatertune.proof.presets import preset
-from heatertune.report.brief import design_brief, verify_brief
-from heatertune.report.layout import LINES, WIDTH, command, labelled, notes_within, wrapped
+from heatertune.report.layout import LINES, WIDTH, command, labelled_lines, notes_within, wrap_text
 from heatertune.report.targets import targets_brief
-from heatertune.report.text import typed
+from heatertune.report.text import keyed_entries
+from heatertune.report.verdict_summary import design_brief, verify_brief
 
 BLOCKING = [name for name, kind in KINDS.items() if kind.effect == "blocks"]
 TOLD = [name for name, kind in KINDS.items() if kind.effect != "blocks"]
@@ -50,7 +50,7 @@ def test_every_verdict_of_every_controller_is_one_screen(target, verdict):
     assert "3 points that the manual leaves open" in whole
     assert "out/report.html" in whole
     if verdict == "PASS":
-        for word in typed(documents_of(target, verdict)["words"]):
+        for word in keyed_entries(documents_of(target, verdict)["words"]):
             assert re.search(rf"^  .*\b{re.escape(word.name)} +{re.escape(word.first_text)}(  |$)", screen, re.MULTILINE)
             assert not word.changes or f"then {word.then_text}:" in screen
     else:
@@ -128,7 +128,7 @@ WORDS = st.text(st.characters(codec="utf-8", categories=["L", "N"]), min_size=1,
 @settings(max_examples=20)
 @given(parts=st.dictionaries(WORDS, st.lists(WORDS, max_size=8), max_size=8), most=st.integers(1, 9))
 def test_parts_behind_labels_are_shown_or_counted(parts, most):
-    lines = labelled(parts, most)
+    lines = labelled_lines(parts, most)
     assert len(lines) <= most
     assert all(len(line) <= WIDTH for line in lines)
     filled = {label: of for label, of in parts.items() if of}
@@ -154,7 +154,7 @@ def test_notes_take_no_more_than_their_room():
 
 
 def test_a_paragraph_hangs_under_its_first_words():
-    assert wrapped("x " * 60, "label  ") == [f"label  {'x ' * 36}x", f"       {'x ' * 22}x"]
+    assert wrap_text("x " * 60, "label  ") == [f"label  {'x ' * 36}x", f"       {'x ' * 22}x"]
 
 
 def test_a_real_has_its_decimal_point():

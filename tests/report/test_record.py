@@ -10,21 +10,21 @@ import pytest
 from tests.report.conftest import DESIGN, HEATER
 
 from heatertune import chain
-from heatertune.chain.whole import dossier
+from heatertune.chain.pipeline import dossier
 from heatertune.codec import encode
 from heatertune.errors import UnknownName
 from heatertune.log.values import Log
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.plc import TARGETS, controller_for
 from heatertune.plc.commissioning import SECTIONS, commissioning
 from heatertune.proof.spec_file import in_force
 from heatertune.report import render
-from heatertune.report.brief import design_brief
+from heatertune.report.commissioning_record import head, record
 from heatertune.report.conditions import specification
-from heatertune.report.html import coded, table, text_of, tick
+from heatertune.report.html import table, text_of, tick, with_code
 from heatertune.report.live import panels, panels_json
 from heatertune.report.plots import plot_fit, plot_loop, plot_pwm, plot_robustness, plot_wish
-from heatertune.report.record import head, record
+from heatertune.report.verdict_summary import design_brief
 
 VOID = {"meta", "input", "br", "path", "use", "line"}
 
@@ -246,7 +246,7 @@ def test_data_cannot_end_their_script_and_text_cannot_be_markup():
     assert json.loads(panels_json(ax.figure))[0]["lines"][0]["label"] == "</script><b>"
     assert "&lt;/script&gt;" in table(["a"], [["</script>"]], source="x & y")
     assert text_of(tick("a", "b")).startswith("<input")
-    assert coded("`<a>` & b") == "<code>&lt;a&gt;</code> &amp; b"
+    assert with_code("`<a>` & b") == "<code>&lt;a&gt;</code> &amp; b"
 
 
 @pytest.mark.parametrize("target", TARGETS)

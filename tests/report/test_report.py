@@ -7,7 +7,7 @@ import pytest
 from heatertune import chain
 from heatertune.chain.documents import without_curves
 from heatertune.documents import plain
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Ramp
 from heatertune.proof.pictures import pictures

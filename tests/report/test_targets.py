@@ -5,7 +5,7 @@ import pytest
 
 from heatertune.chain import compare, prove
 from heatertune.documents import plain
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import TARGETS

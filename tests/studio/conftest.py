@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.studio import work as work_module
 from heatertune.studio.session import Session
-from heatertune.studio.sheet import Dropped
+from heatertune.studio.sheet import DroppedFile
 from heatertune.studio.work import Work
 
 
@@ -31,7 +31,7 @@ def work(heater, step_log, monkeypatch):
     monkeypatch.setattr(work_module, "_REST_S", 0.0)
     monkeypatch.setattr(work_module, "_TICK_S", 0.01)
     session = Session()
-    session.fit_done(session.begin(Dropped.of("step.csv", step_log).log), heater)
+    session.fit_done(session.begin(DroppedFile.of("step.csv", step_log).log), heater)
     return Work(session)
 
 

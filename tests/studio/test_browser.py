@@ -23,7 +23,7 @@ from heatertune.plc import TARGETS
 from heatertune.report.html import text_of
 from heatertune.studio import views
 from heatertune.studio.loop import _quick, first_look
-from heatertune.studio.settings import Settings
+from heatertune.studio.settings import StudioSettings
 
 FACTS = {"sample_time_s": "21", "pwm_period_s": "7", "setpoint_degC": "51,5", "low_degC": "-50", "high_degC": "150",
          "noise_degC": "0,1"}
@@ -357,10 +357,10 @@ def test_a_running_loop_is_recorded_read_and_left_whole_by_a_server_that_ends(br
 def test_every_word_of_every_controller_stands_whole_in_its_cell(browser, heater):
     """The panels as the page has them, without a server."""
     style = Path(views.__file__).with_name("look.css").read_text(encoding="utf-8")
-    look = first_look(heater, Settings())
+    look = first_look(heater, StudioSettings())
     panels = []
     for target in TARGETS:
-        held = replace(look, gains=_quick(heater, Settings(target=target)))
+        held = replace(look, gains=_quick(heater, StudioSettings(target=target)))
         panels.append(f'<section class="card wide"><h2>{text_of(target)}</h2>{views.words(held)}</section>')
     with browser.new_context() as context:
         page = context.new_page()

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from heatertune.studio.gate import Gate, address, new_token
+from heatertune.studio.access import Gate, address, new_token
 
 TOKEN, PORT = "secret-token", 4242
 HERE = (b"host", b"127.0.0.1:4242")

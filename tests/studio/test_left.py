@@ -9,8 +9,8 @@ from heatertune import report
 from heatertune.commissioned import AsLeftSettings
 from heatertune.log.values import Log
 from heatertune.studio import downloads
-from heatertune.studio.left import figures, left_chart, left_sentence
-from heatertune.studio.sheet import Dropped, changed
+from heatertune.studio.as_left_session import figures, left_chart, left_sentence
+from heatertune.studio.sheet import DroppedFile, change_sheet
 from heatertune.studio.sheet_view import sheet
 from heatertune.studio.wording import for_page
 
@@ -40,7 +40,7 @@ def test_a_trace_stands_beside_the_very_design_it_was_held_against(work, monkeyp
     asyncio.run(work.look())
     log, number = trace_of(session.proof), session.number
     hold(work, log, number)
-    left = session.left
+    left = session.as_left
     assert left.verdict == "AS PROVEN", "it is one of the proven runs"
     assert left_sentence(left, "PASS").startswith("AS PROVEN: the curve is inside of what the proven runs do, and each of the")
     assert left_sentence(left, "FAIL").endswith("The proof of these words is itself FAIL.")
@@ -57,23 +57,23 @@ def test_a_trace_stands_beside_the_very_design_it_was_held_against(work, monkeyp
     assert drawn[0]["as_left"]["verdict"] == "AS PROVEN"
 
     work.move(ms=1.4)
-    assert session.left is None, "another design is on its way"
+    assert session.as_left is None, "another design is on its way"
     asyncio.run(work.look())
     assert session.verdict == "PASS"
-    assert session.left is None
+    assert session.as_left is None
     asyncio.run(work.report(session.number, force=True))
     assert "as_left" not in drawn[1]
     work.move(ms=1.6)
-    assert session.left is left
+    assert session.as_left is left
     work.put_trace_away()
-    assert session.left is None
+    assert session.as_left is None
 
 
 def test_a_trace_of_another_heater_is_not_as_proven(work):
     asyncio.run(work.look())
     session = work.session
     hold(work, trace_of(session.proof, degC=5.0), session.number)
-    assert left_sentence(session.left, "PASS").startswith("NOT AS PROVEN: ")
+    assert left_sentence(session.as_left, "PASS").startswith("NOT AS PROVEN: ")
 
 
 @pytest.mark.parametrize(("number", "about", "told"), [
@@ -84,14 +84,14 @@ def test_a_trace_that_cannot_be_held_is_told_in_place(work, number, about, told)
     session = work.session
     hold(work, trace_of(session.proof), session.number + number, **about)
     assert told in for_page(session.file_error)
-    assert session.left is None
+    assert session.as_left is None
     assert not work.busy
 
 
 def test_what_is_known_beside_a_trace_is_typed_on_the_sheet(step_log):
-    found = Dropped.of("after.csv", step_log)
+    found = DroppedFile.of("after.csv", step_log)
     for change, value in (("setpoint_degC", "40"), ("load_at_s", "700,5"), ("begins_s", "60"), ("ambient_degC", "21")):
-        found = changed(found, change, 0, value)
-    assert found.assumed.about == AsLeftSettings(setpoint_degC=40.0, ambient_degC=21.0, begins_s=60.0, load_at_s=700.5)
+        found = change_sheet(found, change, 0, value)
+    assert found.assumptions.about == AsLeftSettings(setpoint_degC=40.0, ambient_degC=21.0, begins_s=60.0, load_at_s=700.5)
     assert 'value="700.5" aria-label="load came, in s"' in sheet(found)
-    assert "no number" in changed(found, "load_at_s", 0, "soon").problem
+    assert "no number" in change_sheet(found, "load_at_s", 0, "soon").problem

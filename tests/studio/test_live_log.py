@@ -12,12 +12,12 @@ import pytest
 from tests.live.conftest import CONDITIONS, words_of, write_design
 
 from heatertune import read_log, virtual_plc
-from heatertune.live.looking import Look
-from heatertune.live.recorder import Recorded
+from heatertune.live.poller import Snapshot
+from heatertune.live.recorder import RecordingState
 from heatertune.studio import live_log
 from heatertune.studio import work as module
 from heatertune.studio.charts import live_charts
-from heatertune.studio.live_log import Asked, LiveLog
+from heatertune.studio.live_log import LiveLog, RecordingRequest
 from heatertune.studio.wording import for_page
 
 
@@ -75,7 +75,7 @@ def test_the_picture_shows_what_the_file_holds_and_nothing_is_left_open(work, pl
     here, address = plc()
     threads, files = set(threading.enumerate()), open_files()
     window = Window(work, lambda live: live.rows >= 40)
-    asyncio.run(work.record(Asked(address=f" {address} ", where=str(folder), log=str(tmp_path / "oven.csv"))))
+    asyncio.run(work.record(RecordingRequest(address=f" {address} ", where=str(folder), log=str(tmp_path / "oven.csv"))))
     live, rows = work.live, rows_of(tmp_path / "oven.csv")
     assert live.is_over
     assert live.state == f"Ended: {len(rows)} rows{f', {live.so_far.gaps} gap' if live.so_far.gaps else ''}" + (
@@ -96,7 +96,7 @@ def test_the_picture_shows_what_the_file_holds_and_nothing_is_left_open(work, pl
 def test_a_link_that_is_lost_is_told_and_is_a_gap_in_the_picture(work, plc, folder, tmp_path):
     _, address = plc(rate=500.0, faults=["t=400 cut until=1200"])
     window = Window(work, lambda live: live.rows and live.so_far.last.time_s > 1400.0)
-    asyncio.run(work.record(Asked(address=address, where=str(folder), log=str(tmp_path / "oven.csv"))))
+    asyncio.run(work.record(RecordingRequest(address=address, where=str(folder), log=str(tmp_path / "oven.csv"))))
     [lost, *_] = [state for state in window.states if state.startswith("No answer, trying again: ")]
     assert f"What was read before stands in {tmp_path / 'oven.csv'}." in lost
     [line] = live_charts(work.live.trace)[0]["series"][:1]
@@ -110,7 +110,7 @@ def test_a_link_that_is_lost_is_told_and_is_a_gap_in_the_picture(work, plc, fold
 def test_a_plc_that_is_gone_for_good_keeps_nothing_from_its_end(work, plc, folder, tmp_path):
     here, address = plc()
     window = Window(work, lambda live: live.rows >= 10 and (here.close() or live.so_far.trouble))
-    asyncio.run(work.record(Asked(address=address, where=str(folder), log=str(tmp_path / "oven.csv"))))
+    asyncio.run(work.record(RecordingRequest(address=address, where=str(folder), log=str(tmp_path / "oven.csv"))))
     assert work.live.is_over
     assert (work.live_error, window.states[-1][:6]) == ("", "Ended:")
     assert (tmp_path / "oven.csv").read_text().endswith("\n")
@@ -130,7 +130,7 @@ def test_what_cannot_be_recorded_is_told_and_nothing_is_lost(work, plc, folder, 
     (tmp_path / "there.csv").write_text("mine")
     _, address = plc()
     Window(work, lambda live: live.rows >= 2)
-    asyncio.run(work.record(Asked(**{"address": address, "where": str(folder), "log": "log.csv"} | asked)))
+    asyncio.run(work.record(RecordingRequest(**{"address": address, "where": str(folder), "log": "log.csv"} | asked)))
     shown = for_page(work.live_error)
     assert told in shown
     assert "--" not in shown
@@ -146,7 +146,7 @@ def test_a_real_plc_without_places_and_a_missing_library_are_told(work, plc, mon
     here, address = plc()
     monkeypatch.setattr(here.plc.memory, "tell", lambda *_: None)
     here.plc.memory.write(1000, 48, b"NONE")
-    asked = Asked(address=address, log=str(tmp_path / "log.csv"))
+    asked = RecordingRequest(address=address, log=str(tmp_path / "log.csv"))
     asyncio.run(work.record(asked))
     assert "Type the folder of its design, or the map that says it" in for_page(work.live_error)
     monkeypatch.setattr("heatertune.live.client.client.find_spec", lambda _: None)
@@ -162,7 +162,7 @@ def test_a_fault_inside_is_told_as_one_and_the_file_stays_whole(work, plc, folde
             raise ZeroDivisionError
 
     monkeypatch.setattr(LiveLog, "_shown", broken)
-    asyncio.run(work.record(Asked(address=address, where=str(folder), log=str(tmp_path / "log.csv"))))
+    asyncio.run(work.record(RecordingRequest(address=address, where=str(folder), log=str(tmp_path / "log.csv"))))
     assert work.live_error.startswith("Something went wrong inside heatertune (ZeroDivisionError)")
     assert "unexpected fault" in caplog.text
     assert len(rows_of(tmp_path / "log.csv")) == 3
@@ -172,10 +172,10 @@ def test_another_window_neither_begins_a_second_one_nor_puts_it_away(work, plc, 
     _, address = plc()
 
     async def story():
-        first = asyncio.create_task(work.record(Asked(address=address, where=str(folder), log=str(tmp_path / "one.csv"))))
+        first = asyncio.create_task(work.record(RecordingRequest(address=address, where=str(folder), log=str(tmp_path / "one.csv"))))
         while work.live is None or work.live.rows < 3:
             await asyncio.sleep(0.01)
-        await work.record(Asked(address=address, where=str(folder), log=str(tmp_path / "two.csv")))
+        await work.record(RecordingRequest(address=address, where=str(folder), log=str(tmp_path / "two.csv")))
         work.put_recording_away()
         live = work.live
         await work.end_recording()
@@ -194,9 +194,9 @@ def test_a_log_is_continued_where_that_is_ticked(work, plc, folder, tmp_path):
     _, address = plc()
     Window(work, lambda live: live.rows >= 3)
     asked = {"address": address, "where": str(folder), "log": str(tmp_path / "log.csv"), "every": "8,5"}
-    asyncio.run(work.record(Asked(**asked)))
+    asyncio.run(work.record(RecordingRequest(**asked)))
     before = (tmp_path / "log.csv").read_text()
-    asyncio.run(work.record(Asked(**asked, append=True)))
+    asyncio.run(work.record(RecordingRequest(**asked, append=True)))
     after = (tmp_path / "log.csv").read_text()
     assert after.startswith(before + "# continued ")
     assert np.all(np.diff(rows_of(tmp_path / "log.csv")[:, 0]) >= 8.5 - 1e-6)
@@ -204,11 +204,11 @@ def test_a_log_is_continued_where_that_is_ticked(work, plc, folder, tmp_path):
 
 def test_a_long_recording_keeps_its_ends_and_peaks_in_the_picture(folder, monkeypatch):
     monkeypatch.setattr(live_log, "_MOST_ROWS", 4000)
-    live = LiveLog(Asked(address="s7://127.0.0.1/0/2/db30", where=str(folder), log="log.csv"))
+    live = LiveLog(RecordingRequest(address="s7://127.0.0.1/0/2/db30", where=str(folder), log="log.csv"))
     for number in range(1, 30_001):
         seen = {"temperature": 99.0 if number == 5_432 else 20.0 + 0.001 * number, "power": 50.0}
-        look = Look(float(number), seen)
-        live._shown(Recorded(rows=number, last=look))
+        look = Snapshot(float(number), seen)
+        live._shown(RecordingState(rows=number, last=look))
     assert len(live._rows) <= 4000
     trace = live.trace
     assert (trace.time_s[0], trace.time_s[-1], trace.temperature_degC.max()) == (1.0, 30_000.0, 99.0)
@@ -216,4 +216,4 @@ def test_a_long_recording_keeps_its_ends_and_peaks_in_the_picture(folder, monkey
     assert [line["name"] for line in temperature["series"]] == ["temperature"]
     assert power is not None
     assert len(temperature["series"][0]["data"]) < 4000
-    assert live.now == "30000 s: 50.00 °C, 50.0 %; 30000 rows"
+    assert live.latest == "30000 s: 50.00 °C, 50.0 %; 30000 rows"

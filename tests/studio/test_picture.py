@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from heatertune.studio.downsample import downsample, step_corners, straight
 from heatertune.studio.loop import first_look, full_proof
 from heatertune.studio.picture import course_of, picture_of, walls_of
-from heatertune.studio.settings import Settings
-from heatertune.studio.thinned import stepped, straight, thinned
+from heatertune.studio.settings import StudioSettings
 
 #: judged by margins or by counting, which no line of the temperature shows
 UNSEEN = {"steady_offset", "limit_cycle", "pwm_ripple", "ms", "gain_margin", "phase_margin", "stability", "step_power",
@@ -15,7 +15,7 @@ UNSEEN = {"steady_offset", "limit_cycle", "pwm_ripple", "ms", "gain_margin", "ph
 
 def hits(proof, run):
     """Whether the line of a run is in a wall anywhere, by the exact temperature at many instants."""
-    trace, found = proof.traced(run), False
+    trace, found = proof.trace(run), False
     for wall in walls_of(proof, run):
         _, temperature = trace.course(wall.begin_s, wall.end_s)
         found |= bool(np.any((temperature > wall.low_degC + 1e-6) & (temperature < wall.high_degC - 1e-6)))
@@ -23,8 +23,8 @@ def hits(proof, run):
 
 
 @pytest.mark.parametrize(("settings", "breaks"), [
-    (Settings(), set()), (Settings(structure="p", setpoint_degC=60.0), {"settling_time"}),
-    (Settings(ms=2.0, spec="bath"), {"overshoot_degC"})])
+    (StudioSettings(), set()), (StudioSettings(structure="p", setpoint_degC=60.0), {"settling_time"}),
+    (StudioSettings(ms=2.0, spec="bath"), {"overshoot_degC"})])
 @pytest.mark.long
 def test_a_run_is_in_a_wall_where_the_proof_says_that_it_broke_a_limit_and_nowhere_else(heater, settings, breaks):
     proof, seen = full_proof(heater, first_look(heater, settings)), set()
@@ -37,7 +37,7 @@ def test_a_run_is_in_a_wall_where_the_proof_says_that_it_broke_a_limit_and_nowhe
 
 @pytest.fixture(scope="module")
 def proof(heater):
-    return full_proof(heater, first_look(heater, Settings()))
+    return full_proof(heater, first_look(heater, StudioSettings()))
 
 
 @pytest.mark.long
@@ -46,7 +46,7 @@ def test_every_run_of_the_proof_is_drawn(proof):
     assert picture.runs == len(proof.runs) > 5
     lines = [(picture.place(time), values) for time, values in picture.crowd]
     for run in range(len(proof.runs)):
-        time, temperature = course_of(proof.traced(run), proof)
+        time, temperature = course_of(proof.trace(run), proof)
         span, across = np.ptp(temperature), picture.place(time)
         off = min(np.quantile(np.abs(np.interp(across, *line) - temperature), 0.99) for line in lines)
         assert off < 0.03 * span  # eight pixels of 250: one for the line, the others where it is steep
@@ -76,7 +76,7 @@ def test_what_is_torn_out_has_no_width_and_all_else_its_own(proof):
 
 def test_of_each_pixel_the_least_and_the_most_are_drawn():
     time, values = np.arange(10_000.0), np.cumsum(np.random.default_rng(3).normal(size=10_000))
-    kept = thinned(time, values, 50)
+    kept = downsample(time, values, 50)
     assert len(kept) <= 200
     for pixel in range(50):  # of 200 instants each; the last instant is the end of the last one
         inside = (time * 50 / time[-1]).astype(int) == pixel
@@ -94,7 +94,7 @@ def test_a_line_without_its_straight_parts_lies_where_it_was():
 
 
 def test_a_value_that_holds_makes_steps():
-    time, values = stepped(np.array([0.0, 1.0, 2.0, 3.0]), np.array([5.0, 5.0, 7.0, 7.0]))
+    time, values = step_corners(np.array([0.0, 1.0, 2.0, 3.0]), np.array([5.0, 5.0, 7.0, 7.0]))
     assert time.tolist() == [0.0, 2.0, 2.0, 3.0]
     assert values.tolist() == [5.0, 5.0, 7.0, 7.0]
 

@@ -6,20 +6,20 @@ import pytest
 from tests.bench.documents import DESIGN, HEATER, own_log, write_all
 
 from heatertune import chain
-from heatertune.chain.whole import dossier
+from heatertune.chain.pipeline import dossier
 from heatertune.documents import to_json
 from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOfRange
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Candidate
-from heatertune.pid.recipe import Recipe
+from heatertune.pid.design_provenance import DesignProvenance
 from heatertune.plc import controller_for
-from heatertune.proof.drawn import with_samples
-from heatertune.proof.recipes import made_again
+from heatertune.proof.monte_carlo.run import with_samples
+from heatertune.proof.rebuild_words import made_again
 from heatertune.settings import Conditions, SampleSettings
-from heatertune.studio.loop import designed, first_look, full_proof
+from heatertune.studio.loop import find_design, first_look, full_proof
 from heatertune.studio.session import MOST_PINNED, Session
-from heatertune.studio.settings import Settings
-from heatertune.studio.sheet import Dropped
+from heatertune.studio.settings import StudioSettings
+from heatertune.studio.sheet import DroppedFile
 from heatertune.studio.sources import read_source
 from heatertune.writing import write_files
 
@@ -27,7 +27,7 @@ from heatertune.writing import write_files
 @pytest.fixture
 def session(heater, step_log):
     found = Session()
-    assert found.fit_done(found.begin(Dropped.of("step.csv", step_log).log), heater)
+    assert found.fit_done(found.begin(DroppedFile.of("step.csv", step_log).log), heater)
     return found
 
 
@@ -57,12 +57,12 @@ def test_a_first_look_runs_the_first_heater_alone_and_tells_the_margins_on_all(h
     both = replace(heater, candidates=tuple(
         Candidate(model=model, log="x", window_s=(0.0, 1.0), law=f"law {i}", fit_pct=90.0 - i, rmse_degC=0.1, delta_bic=0.0)
         for i, model in enumerate(models)))
-    found = first_look(both, Settings(), first_look(heater, Settings()).gains)
+    found = first_look(both, StudioSettings(), first_look(heater, StudioSettings()).gains)
     assert len(found.proof.runs) == 1
     late = heater.model.dead_time_s + controller_for(found.settings.target).delay_s  # of its input module
     assert found.proof.nominal.model == replace(heater.model, dead_time_s=late)
     # more dead time, less margin (any textbook): the worst is the second heater's
-    assert found.margins.ms > first_look(heater, Settings()).margins.ms
+    assert found.margins.ms > first_look(heater, StudioSettings()).margins.ms
     assert {run.model for run in full_proof(both, found).runs} == {candidate.label for candidate in both.candidates}
 
 
@@ -118,7 +118,7 @@ def test_settings_that_were_seen_before_are_never_beside_the_words_of_others(ses
     session.change(ms=1.6)  # proven already: its verdict is known at once, so its words are
     assert session.verdict == "PASS"
     assert session.look is session.front is first
-    assert session.standing(session.number).look is first
+    assert session.front_design(session.number).look is first
 
 
 def test_nothing_is_done_with_a_loop_that_no_longer_belongs_to_the_settings(session):
@@ -135,7 +135,7 @@ def test_nothing_is_done_with_a_loop_that_no_longer_belongs_to_the_settings(sess
 
 def test_a_late_fit_does_not_replace_a_newer_log(session, heater, step_log):
     before = session.log
-    old, new = (session.begin(Dropped.of(name, step_log).log) for name in ("old.csv", "new.csv"))
+    old, new = (session.begin(DroppedFile.of(name, step_log).log) for name in ("old.csv", "new.csv"))
     assert not session.fit_done(old, heater)
     assert session.log is before
     assert session.fit_done(new, heater)
@@ -146,10 +146,10 @@ def test_designs_of_the_last_heater_are_not_shown_for_the_next(session, heater, 
     look(session)
     prove(session)
     session.pin()
-    ticket = session.begin(Dropped.of("next.csv", step_log).log)
+    ticket = session.begin(DroppedFile.of("next.csv", step_log).log)
     assert session.verdict == "PASS"  # until the next heater is known, the last one stays
     session.fit_done(ticket, heater)
-    assert (session.look, session.pinned, session.verdict) == (None, (), "no design")
+    assert (session.look, session.pinned_designs, session.verdict) == (None, (), "no design")
     assert not session.known_look()
 
 
@@ -167,20 +167,20 @@ def test_a_refused_setting_changes_nothing_and_tells_why(session):
 def test_a_file_that_is_refused_takes_nothing_away(session, malformed):
     found = look(session)
     prove(session)
-    session.refuse_file(InputError(Dropped.of("bad.csv", malformed).problem))
+    session.refuse_file(InputError(DroppedFile.of("bad.csv", malformed).problem))
     assert session.file_error.startswith("bad.csv, line 3, column temperature_degC: no number: 'warm'; expected a number")
     assert (session.look, session.verdict) == (found, "PASS")
 
 
 @pytest.mark.parametrize("name", ["../../etc/bad.csv", "C:\\logs\\bad.csv", "bad.csv"])
 def test_a_dropped_file_is_known_by_its_plain_name(name, malformed, step_log):
-    assert Dropped.of(name, malformed).problem.startswith("bad.csv, line 3")
-    assert Dropped.of(name, step_log).log.source == "bad.csv"
+    assert DroppedFile.of(name, malformed).problem.startswith("bad.csv, line 3")
+    assert DroppedFile.of(name, step_log).log.source == "bad.csv"
 
 
 @pytest.mark.parametrize("content", [b"", b"\x00\xff" * 400, b"time_s,temperature_degC\n", b"hello"])
 def test_whatever_is_dropped_is_a_log_or_an_error_of_one_line(content):
-    problem = Dropped.of("x.csv", content).problem
+    problem = DroppedFile.of("x.csv", content).problem
     assert "\n" not in problem
     assert problem.startswith("x.csv")
 
@@ -210,8 +210,8 @@ def test_four_designs_stand_side_by_side_and_a_fifth_does_not(session):
         session.pin()
     with pytest.raises(InputError, match="kept already"):
         session.pin()
-    assert [(each.name, each.look.settings.ms) for each in session.pinned] == [("A", 1.3), ("B", 1.4), ("C", 1.5), ("D", 1.6)]
-    assert {each.verdict for each in session.pinned} == {"proving…"}
+    assert [(each.name, each.look.settings.ms) for each in session.pinned_designs] == [("A", 1.3), ("B", 1.4), ("C", 1.5), ("D", 1.6)]
+    assert {each.verdict for each in session.pinned_designs} == {"proving…"}
     assert len(session.unproven()) == MOST_PINNED
     session.change(ms=1.7)
     look(session)
@@ -219,7 +219,7 @@ def test_four_designs_stand_side_by_side_and_a_fifth_does_not(session):
         session.pin()
     session.unpin("B")
     session.pin()
-    assert [(each.name, each.look.settings.ms) for each in session.pinned] == [("A", 1.3), ("C", 1.5), ("D", 1.6), ("B", 1.7)]
+    assert [(each.name, each.look.settings.ms) for each in session.pinned_designs] == [("A", 1.3), ("C", 1.5), ("D", 1.6), ("B", 1.7)]
 
 
 def test_the_newest_design_is_proven_before_those_set_aside(session):
@@ -234,7 +234,7 @@ def test_the_newest_design_is_proven_before_those_set_aside(session):
 def test_a_searched_optimum_is_what_the_command_line_takes_and_serves_all_settings_of_the_proof(session):
     look(session)
     session.take()
-    session.found(session.key, designed(session.fitted, session.settings))
+    session.take_design(session.key, find_design(session.fitted, session.settings))
     found = look(session)
     assert session.proof is found.gains.proof, "as it was found"
     wished = chain.tune(session.fitted, target="s5-ob251", structure="pi", ms=1.6, sample_time_s=None)
@@ -283,12 +283,12 @@ def _written(folder, design, recipe, drawn=None):
 
 @pytest.mark.long
 def test_a_folder_whose_verdict_its_runs_alone_do_not_make_is_not_shown_with_another_verdict(tmp_path):
-    recipe = Recipe(target="s5-ob251", conditions=Conditions(setpoint_degC=45.0))
+    recipe = DesignProvenance(target="s5-ob251", conditions=Conditions(setpoint_degC=45.0))
     proof = _written(tmp_path, DESIGN, recipe, SampleSettings(samples=2))
     assert replace(proof, samples=None).verdict != proof.verdict, "two samples show nothing"
     source = read_source(str(tmp_path))
-    assert source.found is None
-    assert f"its {proof.verdict} is of other words or runs than its pid.json makes" in source.left
+    assert source.outcome is None
+    assert f"its {proof.verdict} is of other words or runs than its pid.json makes" in source.as_left
 
 
 @pytest.mark.long
@@ -297,11 +297,11 @@ def test_a_folder_is_opened_with_its_very_design_and_what_moving_a_setting_would
     asked = Conditions(setpoint_degC=45.0, limit=("overshoot=24%",), tolerance_degC=2.0, noise_degC=0.1, spec="paper",
                        switches={"sum": "limited"}, accept=("winds-up",), pwm_period_s=4.0, minimum_on_s=0.5)
     design = replace(DESIGN, method="optimum (Ms <= 1.5 on 2 models)")
-    recipe = Recipe(target="s5-ob251", range_degC=(0.0, 150.0), conditions=asked, way_on="would pass at --tolerance 3")
+    recipe = DesignProvenance(target="s5-ob251", range_degC=(0.0, 150.0), conditions=asked, way_on="would pass at --tolerance 3")
     proof = _written(tmp_path, design, recipe)
     found = Session()
     found.load(read_source(str(tmp_path)))
-    assert found.settings == Settings(
+    assert found.settings == StudioSettings(
         target="s5-ob251", structure="pi", ms=1.5, sample_time_s=design.sample_time_s, pwm_period_s=4.0, setpoint_degC=45.0,
         low_degC=0.0, high_degC=150.0, noise_degC=0.1, tolerance_degC=2.0, limits=("overshoot=24%",),
         assumptions=(("sum", "limited"),), spec="paper")
@@ -309,16 +309,16 @@ def test_a_folder_is_opened_with_its_very_design_and_what_moving_a_setting_would
     seen = look(found)
     assert (seen.gains.design, seen.gains.words, seen.conditions) == (design, proof.words, asked)
     assert found.proof.to_document() == proof.to_document()
-    assert found.mend.told == f"This is the design of {tmp_path}: would pass at a tolerance of 3 °C."
+    assert found.suggestion.message == f"This is the design of {tmp_path}: would pass at a tolerance of 3 °C."
     found.change(noise_degC=0.2)
     assert found.gains() is None, "quick ones for other settings"
 
 
 def test_a_range_of_setpoints_has_no_place_on_the_page_and_that_is_told(tmp_path):
-    _written(tmp_path, DESIGN, Recipe(target="s5-ob251", conditions=Conditions(setpoint_degC=(40.0, 50.0))))
+    _written(tmp_path, DESIGN, DesignProvenance(target="s5-ob251", conditions=Conditions(setpoint_degC=(40.0, 50.0))))
     source = read_source(str(tmp_path))
     assert source.settings.setpoint_degC is None
-    assert source.left.endswith("has no place for --setpoint; moving a setting leaves that out")
+    assert source.as_left.endswith("has no place for --setpoint; moving a setting leaves that out")
 
 
 def test_a_built_in_table_is_read_with_its_misprints_corrected():

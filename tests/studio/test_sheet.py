@@ -10,7 +10,7 @@ from tests.studio.conftest import MALFORMED
 
 from heatertune.log import read_log
 from heatertune.settings import FitSettings
-from heatertune.studio.sheet import IGNORED, Dropped, changed
+from heatertune.studio.sheet import IGNORED, DroppedFile, change_sheet
 from heatertune.studio.sheet_view import preview, sheet
 from heatertune.studio.wording import for_page
 
@@ -19,7 +19,7 @@ CSV = "time [s];T [°C];power [%];room\n" + "".join(
 
 
 def dropped(text=CSV):
-    return Dropped.of("log.csv", text.encode())
+    return DroppedFile.of("log.csv", text.encode())
 
 
 def place(found, role):
@@ -30,7 +30,7 @@ def place(found, role):
 def test_every_messy_export_opens_and_what_was_guessed_can_be_said_word_for_word():
     told = Counter()
     for made in messy.files(len(messy.WRITERS), 3):
-        found = Dropped.of("log.csv", made.text.encode(made.encoding))
+        found = DroppedFile.of("log.csv", made.text.encode(made.encoding))
         sheet(found)
         assert "--" not in for_page(found.problem).replace("---", "")
         if made.options or made.truth is None:
@@ -48,46 +48,46 @@ def test_what_only_the_user_can_know_is_chosen_on_the_sheet():
     counts = messy.counts(random.Random(1))
     found = dropped(counts.text)
     assert "reading at full power" in for_page(found.problem)
-    assert messy.differs(changed(found, "power_full_scale", 0, "255").log, counts.truth) == ""
+    assert messy.differs(change_sheet(found, "power_full_scale", 0, "255").log, counts.truth) == ""
     ovens = messy.two_ovens(random.Random(1))
     found = dropped(ovens.text)
     names = [tag.name for tag in found.tags]
     assert {"Ofen1.Temperatur", "Ofen2.Temperatur"} <= set(names)
-    assert changed(found, "tag", names.index("Ofen2.Temperatur"), "temperature").log is not None
+    assert change_sheet(found, "tag", names.index("Ofen2.Temperatur"), "temperature").log is not None
     zones = "time [s],zone,T [°C]\n" + "".join(f"{k},{z},{20 + k + (z == 'B')}\n" for k in range(30) for z in "AB")
     found = dropped(zones)
     assert found.log is None
-    found = changed(found, "column", 1, "zone")
+    found = change_sheet(found, "column", 1, "zone")
     assert (found.zones, found.zone) == (("A", "B"), "A")
-    assert changed(found, "zone", 0, "B").log.temperature_degC[0] == found.log.temperature_degC[0] + 1.0
-    assert changed(dropped(messy.minutes(random.Random(1)).text), "time_unit", 0, "min").settings.time_unit == "min"
+    assert change_sheet(found, "zone", 0, "B").log.temperature_degC[0] == found.log.temperature_degC[0] + 1.0
+    assert change_sheet(dropped(messy.minutes(random.Random(1)).text), "time_unit", 0, "min").settings.time_unit == "min"
 
 
 def test_a_role_that_is_given_away_is_taken_from_who_had_it():
     found = dropped()
     assert [column.role for column in found.columns] == ["time", "temperature", "power", IGNORED]
     assert [column.unit for column in found.columns] == ["s", "degC", "100", ""]
-    moved = changed(found, "column", 3, "disturbance")
+    moved = change_sheet(found, "column", 3, "disturbance")
     assert moved.log.disturbance.tolist() == [k % 3 for k in range(40)]
-    swapped = changed(moved, "column", 2, IGNORED)
+    swapped = change_sheet(moved, "column", 2, IGNORED)
     assert swapped.log.power_pct is None
-    other = changed(found, "column", 3, "temperature")
+    other = change_sheet(found, "column", 3, "temperature")
     assert other.columns[1].role == IGNORED
     assert other.log.temperature_degC.tolist() == [k % 3 for k in range(40)]
-    kelvin = changed(found, "temperature_unit", 1, "K")
+    kelvin = change_sheet(found, "temperature_unit", 1, "K")
     assert kelvin.problem  # 20 K is no heater's
     assert kelvin.columns[1].unit == "K"
 
 
 def test_what_the_file_does_not_say_is_assumed_in_sight_and_told():
-    found = changed(changed(dropped(), "column", 2, IGNORED), "power_pct", 0, "37,5")
+    found = change_sheet(change_sheet(dropped(), "column", 2, IGNORED), "power_pct", 0, "37,5")
     assert set(found.log.power_pct) == {37.5}
     assert "taken as 37.5 % throughout, as you say" in found.log.repairs[-1]
     assert "as you say" in sheet(found)
-    assert found.taken()[1] == FitSettings(power_before_pct=0.0)
-    found = changed(found, "ambient_degC", 0, "21")
-    assert found.taken()[1] == FitSettings(power_before_pct=0.0, ambient_degC=21.0)
-    assert changed(dropped(), "power_pct", 0, "40").log.power_pct[0] == 0.0  # a logged power is believed
+    assert found.to_log()[1] == FitSettings(power_before_pct=0.0)
+    found = change_sheet(found, "ambient_degC", 0, "21")
+    assert found.to_log()[1] == FitSettings(power_before_pct=0.0, ambient_degC=21.0)
+    assert change_sheet(dropped(), "power_pct", 0, "40").log.power_pct[0] == 0.0  # a logged power is believed
 
 
 @pytest.mark.parametrize(("change", "value", "told"), [
@@ -95,18 +95,18 @@ def test_what_the_file_does_not_say_is_assumed_in_sight_and_told():
     ("skip_rows", "1.5", "no whole number"), ("skip_rows", "-1", "must be >= 0"), ("power_full_scale", "0", "must be > 0"),
 ])
 def test_a_value_without_meaning_is_told_and_the_file_stays(change, value, told):
-    found = changed(dropped(), change, 0, value)
+    found = change_sheet(dropped(), change, 0, value)
     assert told in found.problem
     assert found.log is None
     assert len(found.columns) == 4
-    assert changed(found, "ambient_degC", 0, "").log is not None
+    assert change_sheet(found, "ambient_degC", 0, "").log is not None
 
 
 def test_what_is_no_table_is_shown_as_it_is():
-    assert "save the sheet as CSV" in Dropped.of("log.xlsx", b"PK\x03\x04\x00").problem
-    assert Dropped.of("x.csv", b"").problem.startswith("x.csv: the file is empty")
-    assert Dropped.of("C:\\logs\\..\\x.csv", MALFORMED).problem.startswith("x.csv, line 3, column temperature_degC")
-    evil = Dropped.of("x.csv", b"<script>,b\n1,2\n1,2,3\n")
+    assert "save the sheet as CSV" in DroppedFile.of("log.xlsx", b"PK\x03\x04\x00").problem
+    assert DroppedFile.of("x.csv", b"").problem.startswith("x.csv: the file is empty")
+    assert DroppedFile.of("C:\\logs\\..\\x.csv", MALFORMED).problem.startswith("x.csv, line 3, column temperature_degC")
+    evil = DroppedFile.of("x.csv", b"<script>,b\n1,2\n1,2,3\n")
     assert "<script>" not in sheet(evil)
     assert "&lt;script&gt;" in sheet(evil)
 

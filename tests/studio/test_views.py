@@ -13,23 +13,23 @@ import numpy as np
 import pytest
 
 from heatertune import chain
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.intervals import Interval
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.plc.typed import typed_words
+from heatertune.plc.keyed_entry import typed_words
 from heatertune.report.style import LOOK
 from heatertune.studio import charts, views
 from heatertune.studio.downloads import export_zip, report_page
 from heatertune.studio.loop import first_look, full_proof
 from heatertune.studio.picture import picture_of
-from heatertune.studio.session import Pinned, Standing
-from heatertune.studio.settings import Settings
-from heatertune.studio.sheet import Dropped
+from heatertune.studio.session import FrontDesign, PinnedDesign
+from heatertune.studio.settings import StudioSettings
+from heatertune.studio.sheet import DroppedFile
 
 
 @pytest.fixture(scope="module")
 def look(heater):
-    return first_look(heater, Settings())
+    return first_look(heater, StudioSettings())
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,7 @@ def test_rounding_is_told_as_what_became_of_each_part(look):
 
 
 def test_a_controller_that_is_no_pid_has_no_gains_to_compare(heater):
-    found = first_look(heater, Settings(target="on-off"))
+    found = first_look(heater, StudioSettings(target="on-off"))
     assert "no PID" in views.rounding(found)
     assert (found.margins, found.wish) == (None, None)
     lines = charts.loop_chart(found, picture_of(found.proof))["series"]
@@ -109,29 +109,29 @@ def test_a_first_look_bears_no_verdict(look, proof):
 
 @pytest.mark.long
 def test_a_fail_names_what_was_not_kept(heater):
-    settings = Settings(structure="p", setpoint_degC=60.0)
+    settings = StudioSettings(structure="p", setpoint_degC=60.0)
     failed = full_proof(heater, first_look(heater, settings))
     assert "steady offset" in views.verdict_text("FAIL", failed)
     assert "FAIL" in Cells(views.criteria(failed)).cells
 
 
 def test_what_a_file_calls_itself_is_text_and_never_a_tag(heater, step_log):
-    log = Dropped.of("x.csv", step_log.replace(b"power_pct", b"power_pct", 1)).log
+    log = DroppedFile.of("x.csv", step_log.replace(b"power_pct", b"power_pct", 1)).log
     evil = replace(log, repairs=("<script>alert(1)</script>",), doubts=("<b>",), name="<i>/..")
     text = views.diagnosis(evil, heater)
     assert "<script>" not in text
     assert "&lt;script&gt;" in text
-    look = first_look(heater, Settings())
+    look = first_look(heater, StudioSettings())
     assert views.export_name(evil, look) == "-i-----s5-ob251"
 
 
 def test_designs_stand_side_by_side_column_by_column(heater, look):
-    other = first_look(heater, Settings(ms=1.3))
-    cells = Cells(views.compared([Pinned(name="A", look=look, verdict="PASS"), Pinned(name="B", look=other, verdict="proving…")])).cells
+    other = first_look(heater, StudioSettings(ms=1.3))
+    cells = Cells(views.comparison_html([PinnedDesign(name="A", look=look, verdict="PASS"), PinnedDesign(name="B", look=other, verdict="proving…")])).cells
     assert cells[:3] == ["", "design A", "design B"]
     assert cells[cells.index("Ms wished"):][:3] == ["Ms wished", "1.6", "1.3"]
     assert cells[-3:] == ["verdict", "PASS", "proving…"]
-    assert "four can stand" in views.compared([])
+    assert "four can stand" in views.comparison_html([])
 
 
 def every_chart(heater, look, log):
@@ -139,7 +139,7 @@ def every_chart(heater, look, log):
 
 
 def test_every_axis_has_its_unit_and_every_line_its_name(heater, look, step_log):
-    *plain, loop = every_chart(heater, look, Dropped.of("x.csv", step_log).log)
+    *plain, loop = every_chart(heater, look, DroppedFile.of("x.csv", step_log).log)
     for options in plain:
         assert options["xAxis"]["name"] == "time [s]"
         assert re.search(r"\[(°C|%)\]$", options["yAxis"]["name"])
@@ -215,9 +215,9 @@ def contrast(one, other):
 
 def test_every_letter_has_the_contrast_of_wcag_aa(heater, look, step_log):
     assert contrast("#777777", "#ffffff") == pytest.approx(4.48, abs=0.01)  # WebAIM's well-known near miss
-    pins = [Pinned(name=name, look=look, verdict="PASS") for name in "ABCD"]
+    pins = [PinnedDesign(name=name, look=look, verdict="PASS") for name in "ABCD"]
     loop = charts.loop_chart(look, picture_of(look.proof), pins)
-    for options in every_chart(heater, look, Dropped.of("x.csv", step_log).log)[:2]:
+    for options in every_chart(heater, look, DroppedFile.of("x.csv", step_log).log)[:2]:
         colors = [line["endLabel"]["color"] for line in options["series"] if "endLabel" in line]
         colors += [options[axis]["axisLabel"]["color"] for axis in ("xAxis", "yAxis")]
         assert min(contrast(color, "#ffffff") for color in colors) >= 4.5
@@ -246,7 +246,7 @@ def page_colors(*, light):
 
 def test_the_zip_holds_what_export_db_writes_and_is_always_the_same(heater, look, proof):
     files = chain.export(look.gains.words, proof)
-    standing = Standing(log=None, fitted=heater, look=look, proof=proof)
+    standing = FrontDesign(log=None, fitted=heater, look=look, proof=proof)
     packed = export_zip(standing, force=False)
     assert packed == export_zip(standing, force=False)
     with zipfile.ZipFile(io.BytesIO(packed)) as archive:
@@ -260,8 +260,8 @@ def test_the_zip_holds_what_export_db_writes_and_is_always_the_same(heater, look
 @pytest.mark.long
 def test_the_report_names_the_words_and_the_files_that_were_downloaded(heater, look, proof, step_log):
     files = chain.export(look.gains.words, proof)
-    log = Dropped.of("step.csv", step_log).log
-    page = report_page(Standing(log=log, fitted=heater, look=look, proof=proof), files)
+    log = DroppedFile.of("step.csv", step_log).log
+    page = report_page(FrontDesign(log=log, fitted=heater, look=look, proof=proof), files)
     assert '<p class="verdict pass">PASS at 50 °C</p>' in page
     assert f"<td class=\"value\">KF {look.gains.words.values['K']:+06d}</td>" in page
     assert all(f"<code>{name}</code>" in page for name in files)
@@ -270,7 +270,7 @@ def test_the_report_names_the_words_and_the_files_that_were_downloaded(heater, l
 
 @pytest.mark.parametrize(("seconds", "said"), [(95.0, "95 s"), (1380.0, "23 min"), (8280.0, "2.3 h")])
 def test_a_time_is_told_as_people_say_it(seconds, said):
-    assert views.lasting(seconds) == said
+    assert views.duration_text(seconds) == said
 
 
 def test_one_sentence_says_what_the_loop_does(look, proof):
@@ -283,7 +283,7 @@ def test_one_sentence_says_what_the_loop_does(look, proof):
 
 
 def test_what_differs_from_the_first_design_is_marked(heater, look):
-    other = first_look(heater, Settings(ms=1.3))
-    text = views.compared([Pinned(name="A", look=look, verdict="PASS"), Pinned(name="B", look=other, verdict="PASS")])
+    other = first_look(heater, StudioSettings(ms=1.3))
+    text = views.comparison_html([PinnedDesign(name="A", look=look, verdict="PASS"), PinnedDesign(name="B", look=other, verdict="PASS")])
     assert "<td>1.6</td><td><mark>1.3</mark></td>" in text
     assert "<td>PI</td><td>PI</td>" in text

@@ -10,9 +10,9 @@ from heatertune import compiled
 from heatertune.compiled import decide, worth_compiling
 from heatertune.errors import InputError
 from heatertune.proof import loop
-from heatertune.studio import warm
+from heatertune.studio import warm_up
 from heatertune.studio.loop import first_look, full_proof
-from heatertune.studio.settings import Settings
+from heatertune.studio.settings import StudioSettings
 
 MOST = 10**15
 
@@ -36,14 +36,14 @@ def beside(monkeypatch, program):
 
 def test_loops_run_plainly_while_the_compiler_works_and_compiled_when_it_is_done(monkeypatch):
     seen = beside(monkeypatch, "")
-    asyncio.run(warm.warm(("weg", "on-off")))
-    assert seen == [(False, (sys.executable, "-m", "heatertune.studio.warm", "weg", "on-off"))]
+    asyncio.run(warm_up.warm(("weg", "on-off")))
+    assert seen == [(False, (sys.executable, "-m", "heatertune.studio.warm_up", "weg", "on-off"))]
     assert worth_compiling(0)
 
 
 def test_where_the_compiler_fails_each_loop_is_compiled_where_it_pays(monkeypatch, capfd):
     beside(monkeypatch, "print('told'); raise KeyboardInterrupt")
-    asyncio.run(warm.warm())
+    asyncio.run(warm_up.warm())
     assert capfd.readouterr() == ("", ""), "what it says is no news to the user"
     monkeypatch.setattr(compiled, "_scans_asked", Counter())
     monkeypatch.setattr(compiled, "_PLAIN_SCANS", 50_000)
@@ -55,14 +55,14 @@ def test_where_no_program_can_be_started_nothing_is_decided(monkeypatch):
         raise OSError("no more processes")
 
     monkeypatch.setattr(asyncio, "create_subprocess_exec", refuse)
-    asyncio.run(warm.warm())
+    asyncio.run(warm_up.warm())
     assert compiled._decided == [None]
 
 
 def test_without_a_folder_to_keep_it_in_no_compiler_is_started(monkeypatch):
     seen = beside(monkeypatch, "")
-    monkeypatch.setattr(warm, "folder", lambda: None)
-    asyncio.run(warm.warm())
+    monkeypatch.setattr(warm_up, "folder", lambda: None)
+    asyncio.run(warm_up.warm())
     assert seen == []
     assert compiled._decided == [None]
 
@@ -78,7 +78,7 @@ def test_a_studio_that_ends_ends_the_compiler(monkeypatch):
             return running[0]
 
         monkeypatch.setattr(asyncio, "create_subprocess_exec", start)
-        task = asyncio.create_task(warm.warm())
+        task = asyncio.create_task(warm_up.warm())
         while not running:
             await asyncio.sleep(0)
         await asyncio.sleep(0)
@@ -98,14 +98,14 @@ def test_what_it_compiles_is_all_that_a_look_and_a_proof_run_and_it_gives_the_sa
         return run(core, given)
 
     monkeypatch.setattr(loop, "run_compiled", spied)
-    warm.compile_all(["s5-ob251", "s7-200-paper"])
-    machine_code = {core: loop.compiled(loop.run_of(core)) for core in cores}
+    warm_up.compile_all(["s5-ob251", "s7-200-paper"])
+    machine_code = {core: loop.compile_function(loop.run_of(core)) for core in cores}
     before = {core: (made.found, made.made) for core, made in machine_code.items()}
     assert len(before) == 3, "the words' loop, the wish's, and the paper's program without its listing, for the proof"
     looked = []
     for way in (True, False):
         decide(way)
-        looked.append(first_look(heater, Settings(noise_degC=0.2)))
+        looked.append(first_look(heater, StudioSettings(noise_degC=0.2)))
     machine, plain = looked
     full_proof(heater, machine)
     assert {core: (made.found, made.made) for core, made in machine_code.items()} == before, "nothing compiles later"
@@ -121,6 +121,6 @@ def test_a_controller_that_cannot_hold_an_ordinary_heater_keeps_no_other_from_be
         if settings.target == "weg":
             raise InputError("too slow")
 
-    monkeypatch.setattr(warm, "first_look", look)
-    warm.compile_all(["weg", "fb41"])
+    monkeypatch.setattr(warm_up, "first_look", look)
+    warm_up.compile_all(["weg", "fb41"])
     assert looked == ["weg", "fb41"]

@@ -6,10 +6,10 @@ import threading
 import pytest
 
 from heatertune.errors import ExportRefused, InputError
-from heatertune.proof.drawn import sample_document
+from heatertune.proof.monte_carlo.run import sample_document
 from heatertune.studio import loop
 from heatertune.studio import work as module
-from heatertune.studio.sheet import Dropped
+from heatertune.studio.sheet import DroppedFile
 
 
 class Window:
@@ -21,7 +21,7 @@ class Window:
 
     def show(self):
         session = self.work.session
-        self.seen.append((session.settings.ms, session.verdict, session.computing, session.number))
+        self.seen.append((session.settings.ms, session.verdict, session.is_computing, session.number))
 
     def show_progress(self):
         self.progress.append(self.work.proving)
@@ -55,7 +55,7 @@ def test_no_verdict_is_shown_beside_settings_it_was_not_found_for(work):
             await asyncio.sleep(0)
             background = asyncio.ensure_future(work.look())
         await background
-        while work.session.computing:
+        while work.session.is_computing:
             await asyncio.sleep(0.01)
         return window
 
@@ -87,19 +87,19 @@ def test_drawn_heaters_are_those_of_the_command_line_and_stay_with_their_design(
 
     async def story():
         await work.draw()
-        assert work.session.drawn is None, "nothing is proven yet"
+        assert work.session.samples is None, "nothing is proven yet"
         await work.look()
         window = Window(work)
         await asyncio.gather(work.draw(), work.draw())
         assert len(window.seen) == 2, "begun and done once"
-        seen = work.session.drawn
+        seen = work.session.samples
         work.move(ms=1.4)
-        assert (work.session.drawn, work.can_draw) == (None, False), "before anything was computed"
+        assert (work.session.samples, work.can_draw) == (None, False), "before anything was computed"
         await work.look()
-        assert (work.session.drawn, work.can_draw) == (None, True)
+        assert (work.session.samples, work.can_draw) == (None, True)
         work.move(ms=1.6)
         await work.look()
-        assert work.session.drawn is seen
+        assert work.session.samples is seen
         return seen
 
     seen = asyncio.run(story())
@@ -118,7 +118,7 @@ def test_a_fault_while_heaters_are_drawn_is_told_and_can_be_tried_again(work, mo
 
     asyncio.run(story())
     assert work.session.fault == "samples are run without an interlock"
-    assert (work.session.drawn, work.can_draw, work.session.verdict) == (None, True, "PASS")
+    assert (work.session.samples, work.can_draw, work.session.verdict) == (None, True, "PASS")
 
 
 def test_a_window_that_is_opened_in_the_middle_of_a_fit_sees_how_far_it_is_and_begins_none(work, heater, step_log, monkeypatch):
@@ -134,7 +134,7 @@ def test_a_window_that_is_opened_in_the_middle_of_a_fit_sees_how_far_it_is_and_b
     work.session.fitted = None
 
     async def story():
-        fitting = asyncio.ensure_future(work.take(Dropped.of("new.csv", step_log).log, None))
+        fitting = asyncio.ensure_future(work.take(DroppedFile.of("new.csv", step_log).log, None))
         while not work.busy:
             await asyncio.sleep(0.01)
         window = Window(work)  # the page is loaded again
@@ -161,7 +161,7 @@ def test_a_fault_inside_is_told_in_one_sentence_and_logged_and_ends_no_window(wo
 
     async def story():
         window = Window(work)
-        await work.take(Dropped.of("new.csv", step_log).log, None) if broken == "fit_log" else await work.look()
+        await work.take(DroppedFile.of("new.csv", step_log).log, None) if broken == "fit_log" else await work.look()
         return window
 
     window = asyncio.run(story())
@@ -199,11 +199,11 @@ def test_a_design_that_fails_offers_the_nearest_that_passes_and_goes_back(work, 
         work.move(target=target)
         await work.look()
         assert session.verdict == "FAIL"
-        mend, failed = session.mend, session.number
+        mend, failed = session.suggestion, session.number
         assert mend.button == button
-        assert price in mend.told
-        assert "--" not in mend.told
-        await work.mend()
+        assert price in mend.message
+        assert "--" not in mend.message
+        await work.suggestion()
         assert session.verdict == "PASS"
         assert session.number != failed
         await work.take_back()
@@ -221,9 +221,9 @@ def test_where_no_limit_within_twice_its_default_would_do_what_helps_at_the_heat
         await work.look()
 
     asyncio.run(story())
-    mend = work.session.mend
-    assert (work.session.verdict, mend.button, mend.moved) == ("FAIL", "", {})
-    assert "nothing tried mends it, nor a limit of up to twice its default; at the heater itself would help" in mend.told
+    mend = work.session.suggestion
+    assert (work.session.verdict, mend.button, mend.changes) == ("FAIL", "", {})
+    assert "nothing tried mends it, nor a limit of up to twice its default; at the heater itself would help" in mend.message
 
 
 def test_what_cannot_be_designed_is_told_and_can_be_tried_again(work, monkeypatch):
@@ -233,13 +233,13 @@ def test_what_cannot_be_designed_is_told_and_can_be_tried_again(work, monkeypatc
         tried.append(1)
         raise InputError("no gain keeps the limits")
 
-    monkeypatch.setattr(module, "designed", designed)
+    monkeypatch.setattr(module, "find_design", designed)
 
     async def story():
         await work.look()
         await work.design()
         assert work.session.fault == "no gain keeps the limits"
-        assert not work.session.computing
+        assert not work.session.is_computing
         await work.design()
 
     asyncio.run(story())

@@ -6,6 +6,7 @@ The table depends on the cases alone: not on the number of workers, nor on what 
 from heatertune.batch.cluster import on_dask
 from heatertune.batch.engine import run
 from heatertune.batch.processes import in_processes
-from heatertune.batch.values import Batch, Chunk, Column, Progress, Row, Workers, silent
+from heatertune.batch.values import CaseBatch, Chunk, Progress, Row, TableColumn, Workers, silent
 
-__all__ = ["Batch", "Chunk", "Column", "Progress", "Row", "Workers", "in_processes", "on_dask", "run", "silent"]
+__all__ = ["CaseBatch", "Chunk", "Progress", "Row", "TableColumn", "Workers", "in_processes", "on_dask", "run",
+           "silent"]

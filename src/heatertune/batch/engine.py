@@ -13,10 +13,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.batch.lock import locked
+from heatertune.batch.lock import hold_lock
 from heatertune.batch.parts import Parts
 from heatertune.batch.table import demand_parquet, read_note, write_table
-from heatertune.batch.values import Batch, Chunk, Progress, Row, Task, Workers, silent
+from heatertune.batch.values import CaseBatch, Chunk, Progress, Row, Task, Workers, silent
 from heatertune.cache import source_digest
 from heatertune.errors import InputError
 
@@ -33,7 +33,7 @@ _ONE_AT_A_TIME: Final = threading.Lock()
 
 
 def run(
-    batch: Batch, out: str | Path, *, workers: Workers, resume: bool = False, progress: Progress = silent
+    batch: CaseBatch, out: str | Path, *, workers: Workers, resume: bool = False, progress: Progress = silent
 ) -> dict[str, Any]:
     """Do every case and write the table; return what became of them.
 
@@ -55,11 +55,11 @@ def run(
     demand_parquet()
     if not batch.cases:
         raise InputError(f"{out}: no case to do")
-    with locked(Path(out)):
+    with hold_lock(Path(out)):
         return {"table": str(out), **_run(batch, Path(out), workers, progress, resume=resume)}
 
 
-def _run(batch: Batch, table: Path, workers: Workers, progress: Progress, *, resume: bool) -> dict[str, Any]:
+def _run(batch: CaseBatch, table: Path, workers: Workers, progress: Progress, *, resume: bool) -> dict[str, Any]:
     identity = {**batch.identity, "program": _program()}
     parts = Parts(table, len(batch.cases))
 
@@ -76,17 +76,18 @@ def _run(batch: Batch, table: Path, workers: Workers, progress: Progress, *, res
             return dict(note["summary"])
     parts.open(identity, resume=resume)
     progress(done := parts.total - sum(map(parts.length, missing)), parts.total)
-    task = partial(_task, batch.do, batch.shared, _program())
+    task = partial(_task, batch.do, batch.common, _program())
     for finished, rows in workers(map(chunk, missing), task) if missing else ():
         parts.write(finished, _one_by_one(batch, finished, workers, task) if rows is None else rows)
         progress(done := done + len(finished.cases), parts.total)
     summary = _Summary()
-    write_table(table, batch.columns, summary.watch(parts.rows()), lambda: {"mark": mark(), "summary": summary.told()})
+    write_table(table, batch.columns, summary.watch(parts.rows()),
+                lambda: {"mark": mark(), "summary": summary.as_dict()})
     parts.remove()
-    return summary.told() | ({"done_again": parts.outdated} if parts.outdated else {})
+    return summary.as_dict() | ({"done_again": parts.outdated} if parts.outdated else {})
 
 
-def _one_by_one(batch: Batch, chunk: Chunk, workers: Workers, task: Task) -> list[Row]:
+def _one_by_one(batch: CaseBatch, chunk: Chunk, workers: Workers, task: Task) -> list[Row]:
     """Return the rows of a chunk that took its processes along: a case that does so again is lost, the others not."""
     first = chunk.start
     rows: dict[int, list[Row] | None] = {first: None}
@@ -139,7 +140,7 @@ class _Summary:
                 self._examples.setdefault(outcome, []).append({"name": row["name"], "reason": row["reason"]})
             yield row
 
-    def told(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         return {
             "rows": self._outcomes.total(), "outcomes": dict(sorted(self._outcomes.items())),
             "examples": dict(sorted(self._examples.items())),

@@ -13,7 +13,7 @@ from pathlib import Path, PurePath
 from typing import Any, Final, NamedTuple
 
 from heatertune import cache
-from heatertune.batch import Batch, Column, Progress, Row, Workers, run, silent
+from heatertune.batch import CaseBatch, Progress, Row, TableColumn, Workers, run, silent
 from heatertune.batch.zone import HEAD, RESULT, lost_row, word_columns, zone_row
 from heatertune.chain.stages import fit
 from heatertune.errors import InputError, LogError
@@ -21,8 +21,8 @@ from heatertune.files import read_bytes, read_text
 from heatertune.log import read_log
 from heatertune.model.values import FittedModel
 from heatertune.plc import controller_for
-from heatertune.proof.closing import Asked
-from heatertune.proof.spec_file import specified
+from heatertune.proof.redesign import DesignRequest
+from heatertune.proof.spec_file import specification_of
 from heatertune.settings import FitSettings, ReadSettings
 
 __all__ = ["SCHEMA", "ZoneSettings", "find_logs", "fleet"]
@@ -32,7 +32,8 @@ SCHEMA: Final = "heatertune/fleet/1"
 #: files of a folder that are taken for logs
 _ENDINGS: Final = (".csv", ".tsv", ".txt", ".log", ".dat")
 _COLUMNS: Final = (
-    Column(name="name", kind="text", what="the log's file, without the part of its path that all logs share"),
+    TableColumn(name="name", kind="text",
+                description="the log's file, without the part of its path that all logs share"),
     *HEAD, *RESULT,
 )
 
@@ -55,7 +56,7 @@ class ZoneSettings:
         fitted_with: what is known beside them.
     """
 
-    asked: Asked
+    request: DesignRequest
     read: ReadSettings = field(default_factory=ReadSettings)
     fitted_with: FitSettings = field(default_factory=FitSettings)
 
@@ -81,13 +82,14 @@ def fleet(
         UnknownName: no such target.
         InputError: no log found, or as `in_force`; as `heatertune.batch.engine`.
     """
-    controller_for(settings.asked.target)  # an unknown one is refused before the long part
-    specification = specified(settings.asked.conditions)  # likewise, and a file may change before the fleet is resumed
+    controller_for(settings.request.target)  # an unknown one is refused before the long part
+    # likewise, and a file may change before the fleet is resumed
+    specification = specification_of(settings.request.conditions)
     folder, names = find_logs(logs)
     listed = hashlib.sha256(json.dumps(names).encode()).hexdigest()
-    batch = Batch(
-        do=_zone, shared=settings, cases=names, sent=partial(_sent, folder), lost=lost_row,
-        columns=(*_COLUMNS, *word_columns([settings.asked.target])),
+    batch = CaseBatch(
+        do=_zone, common=settings, cases=names, sent=partial(_sent, folder), lost=lost_row,
+        columns=(*_COLUMNS, *word_columns([settings.request.target])),
         identity={one.name: repr(getattr(settings, one.name)) for one in fields(settings)} | {
             "logs": listed, "specification": repr(specification)},
     )
@@ -145,12 +147,12 @@ def _sent(folder: str, name: str) -> Zone:
 
 def _zone(settings: ZoneSettings, zone: Zone) -> Row:
     """Return the row of one log; this runs on the worker."""
-    return zone_row(zone.name, partial(_fitted, settings, zone), settings.asked)
+    return zone_row(zone.name, partial(_fitted, settings, zone), settings.request)
 
 
 def _fitted(settings: ZoneSettings, zone: Zone) -> FittedModel:
     if zone.content is None:
         raise LogError(str(zone.problem), file=zone.name)
     log = read_log(zone.name, settings.read, content=zone.content)
-    with cache.unused():
+    with cache.cache_disabled():
         return fit(log, settings.fitted_with)

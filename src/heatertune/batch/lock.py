@@ -11,7 +11,7 @@ from typing import IO
 
 from heatertune.errors import InputError
 
-__all__ = ["locked"]
+__all__ = ["hold_lock"]
 
 if sys.platform == "win32":
     import msvcrt
@@ -26,7 +26,7 @@ else:
 
 
 @contextmanager
-def locked(
+def hold_lock(
     table: Path, instead: str = ", or give another table", *, what: str | None = None, holder: str = ""
 ) -> Iterator[None]:
     """Hold the lock of a table, or of another file, within the block.

@@ -9,7 +9,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
-from heatertune.batch import Batch, Column, Progress, Row, Workers, run, silent
+from heatertune.batch import CaseBatch, Progress, Row, TableColumn, Workers, run, silent
 from heatertune.batch.study_file import KEYS, Study, read_study, scaling_of
 from heatertune.batch.zone import HEAD, RESULT, lost_row, word_columns, zone_row
 from heatertune.chain.stages import fit
@@ -18,13 +18,13 @@ from heatertune.errors import DocumentError
 from heatertune.files import read_bytes
 from heatertune.log import read_log
 from heatertune.log.tables import BUILT_IN
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.document import from_document
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import FittedModel, Fopdt, TwoLag
 from heatertune.options import options_of
-from heatertune.proof.closing import Asked
 from heatertune.proof.profile_file import read_profile
+from heatertune.proof.redesign import DesignRequest
 from heatertune.proof.spec_file import in_force
 from heatertune.settings import Conditions, FitSettings, SampleSettings, TuneSettings
 
@@ -79,8 +79,8 @@ def study(
         case = sent(number)
         return _labelled(case, lost_row(case.name, why))
 
-    batch = Batch(
-        do=_row, shared=folder, cases=range(len(cases)), sent=sent, lost=lost, columns=_columns(cases),
+    batch = CaseBatch(
+        do=_row, common=folder, cases=range(len(cases)), sent=sent, lost=lost, columns=_columns(cases),
         identity={"fixed": cases.fixed, "grid": cases.grid, "case": cases.listed, "specifications": specifications,
                   **({"profiles": profiles} if profiles else {})},
     )
@@ -102,12 +102,13 @@ def _files(path: Path, cases: Study) -> dict[str, Any]:
     return content
 
 
-def _columns(cases: Study) -> tuple[Column, ...]:
+def _columns(cases: Study) -> tuple[TableColumn, ...]:
     kinds = {str: "text", float: "float", int: "int", bool: "bool", dict: "text"}
     return (
-        Column(name="case", kind="int", what="number of the case, from 1"),
-        Column(name="name", kind="text", what="what tells the case from the others"),
-        *(Column(name=f"case_{key}", kind=kinds[KEYS[key].kind], what=f"as asked for: {KEYS[key].meaning}")
+        TableColumn(name="case", kind="int", description="number of the case, from 1"),
+        TableColumn(name="name", kind="text", description="what tells the case from the others"),
+        *(TableColumn(name=f"case_{key}", kind=kinds[KEYS[key].kind],
+                      description=f"as asked for: {KEYS[key].quantity_with_unit}")
           for key in cases.keys),
         *HEAD, *RESULT, *word_columns(cases.settings_of("target")),
     )
@@ -135,10 +136,10 @@ def _row(folder: Path, case: Case) -> Row:
         conditions = replace(conditions, spec=_beside(folder, conditions.spec))
     if conditions.profile is not None:
         conditions = replace(conditions, profile=str(folder / conditions.profile))
-    asked = Asked(
-        target=settings["target"], scaling=scaling_of(settings), tuned=_of(TuneSettings, settings),
+    asked = DesignRequest(
+        target=settings["target"], scaling=scaling_of(settings), tune_settings=_of(TuneSettings, settings),
         conditions=conditions, words_by=settings.get("words", "auto"), as_is=settings.get("as_is", False),
-        drawn=SampleSettings(samples=settings.get("samples") or None))
+        sample_settings=SampleSettings(samples=settings.get("samples") or None))
     return _labelled(case, zone_row(case.name, partial(_heater, case), asked))
 
 

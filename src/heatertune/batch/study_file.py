@@ -22,7 +22,7 @@ __all__ = ["KEYS", "Study", "read_study", "scaling_of"]
 
 
 def _key(kind: type, what: str, **more: Any) -> Option:
-    return Option(kind=kind, default=None, what=what, **more)
+    return Option(kind=kind, default=None, quantity=what, **more)
 
 
 def _keys(kind: type) -> dict[str, Option]:
@@ -216,7 +216,7 @@ def _check(where: str, case: Mapping[str, Any]) -> None:
 
 
 def scaling_of(case: Mapping[str, Any]) -> Scaling:
-    """Return the sensor's range of a case; errors as `heatertune.plc.inputs.scaled`."""
+    """Return the sensor's range of a case; errors as `heatertune.plc.inputs.sensor_scaling`."""
     low, high = _RANGE
     plain = options_of(SensorSettings)["range_degC"].default
     return controller_for(case["target"]).scaled(case.get("input"), (case.get(low, plain[0]), case.get(high, plain[1])))

@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.batch.values import Column, Row
+from heatertune.batch.values import Row, TableColumn
 from heatertune.errors import InputError
 
 __all__ = ["demand_parquet", "read_note", "read_rows", "write_table"]
@@ -33,7 +33,7 @@ def demand_parquet() -> Any:
 
 
 def write_table(
-    path: Path, columns: Sequence[Column], rows: Iterable[Row], note: Callable[[], Mapping[str, Any]]
+    path: Path, columns: Sequence[TableColumn], rows: Iterable[Row], note: Callable[[], Mapping[str, Any]]
 ) -> None:
     """Write a table; same rows, same bytes.
 
@@ -48,7 +48,7 @@ def write_table(
     """
     arrow = demand_parquet()
     kinds = {"text": arrow.string(), "float": arrow.float64(), "int": arrow.int64(), "bool": arrow.bool_()}
-    schema = arrow.schema([arrow.field(c.name, kinds[c.kind], metadata={"what": c.what}) for c in columns])
+    schema = arrow.schema([arrow.field(c.name, kinds[c.kind], metadata={"what": c.description}) for c in columns])
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         # opened here: pyarrow takes no name that is not UTF-8

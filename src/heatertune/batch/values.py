@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-__all__ = ["Batch", "Chunk", "Column", "Progress", "Row", "Task", "Workers", "silent"]
+__all__ = ["CaseBatch", "Chunk", "Progress", "Row", "TableColumn", "Task", "Workers", "silent"]
 
 Row = dict[str, Any]
 
@@ -22,7 +22,7 @@ def silent(done: int, total: int) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
+class TableColumn:
     """One column of the table.
 
     Attributes:
@@ -33,7 +33,7 @@ class Column:
 
     name: str
     kind: str
-    what: str
+    description: str
 
 
 class Chunk(NamedTuple):
@@ -48,7 +48,7 @@ Workers = Callable[[Iterator[Chunk], Task], Iterator[tuple[Chunk, list[Row] | No
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Batch:
+class CaseBatch:
     """Cases, and what is done with each.
 
     Attributes:
@@ -64,9 +64,9 @@ class Batch:
     """
 
     do: Callable[[Any, Any], Row]
-    shared: Any
+    common: Any
     cases: Sequence[Any]
     sent: Callable[[Any], Any]
     lost: Callable[[Any, str], Row]
-    columns: tuple[Column, ...]
+    columns: tuple[TableColumn, ...]
     identity: Mapping[str, Any]

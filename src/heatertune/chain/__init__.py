@@ -12,7 +12,7 @@ There is no algorithm here: each function asks the stage that knows. `design` do
 
 from typing import TYPE_CHECKING
 
-from heatertune.lazy import offered
+from heatertune.lazy import lazy_attributes
 
 __all__ = [
     "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "read_log",
@@ -21,22 +21,22 @@ __all__ = [
 
 if TYPE_CHECKING:
     from heatertune.chain.experiment import plan
+    from heatertune.chain.pipeline import design, write_report
     from heatertune.chain.stages import encode, export, fit, fit_known, fit_together
     from heatertune.chain.supervision import supervise
     from heatertune.chain.validation import validate
-    from heatertune.chain.whole import design, write_report
     from heatertune.log import read_log
     from heatertune.plc.design import tune
     from heatertune.proof import prove
     from heatertune.proof.targets import compare
 
 # imported when it is first used: an export needs no fit, and a worker no report
-__getattr__, __dir__ = offered(__name__, {
+__getattr__, __dir__ = lazy_attributes(__name__, {
     "chain.experiment": ("plan",),
     "chain.stages": ("encode", "export", "fit", "fit_known", "fit_together"),
     "chain.supervision": ("supervise",),
     "chain.validation": ("validate",),
-    "chain.whole": ("design", "write_report"),
+    "chain.pipeline": ("design", "write_report"),
     "log": ("read_log",),
     "plc.design": ("tune",),
     "proof": ("prove",),

@@ -11,17 +11,17 @@ from heatertune.commissioned import RECORD_SCHEMA, AsLeftSettings, RecordSetting
 from heatertune.documents import data_folder, read_document, to_json
 from heatertune.log.values import Log
 from heatertune.model.document import from_document
-from heatertune.progress import Told
+from heatertune.progress import ProgressCallback
 from heatertune.proof.as_left import AS_LEFT_SCHEMA, AsLeft, as_left
 from heatertune.proof.document import ProofView
 from heatertune.proof.words_file import words_of
-from heatertune.proof.written import WRITTEN_SCHEMA, Written
+from heatertune.proof.write_comparison import WRITTEN_SCHEMA, WriteHistory
 
-__all__ = ["as_left_in", "beside", "files_of"]
+__all__ = ["as_left_in", "files_of", "related_documents"]
 
 def as_left_in(
     directory: str | Path, documents: Mapping[str, Mapping[str, Any]], log: Log,
-    settings: AsLeftSettings | None = None, progress: Told = str,
+    settings: AsLeftSettings | None = None, progress: ProgressCallback = str,
 ) -> AsLeft:
     """Return a trace beside the proof of a design.
 
@@ -42,14 +42,14 @@ def as_left_in(
     return as_left(log, words, from_document(documents["model"]), proof, settings, progress=progress)
 
 
-def beside(directory: str | Path, proof: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def related_documents(directory: str | Path, proof: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return what lies beside the documents of a design: "as_left" and "written" of this proof, and "record".
 
     Raises:
         DocumentError: one of them is not whole.
     """
     folder, found = data_folder(directory), {}
-    for name, schema, kind in (("as_left", AS_LEFT_SCHEMA, AsLeft), ("written", WRITTEN_SCHEMA, Written),
+    for name, schema, kind in (("as_left", AS_LEFT_SCHEMA, AsLeft), ("written", WRITTEN_SCHEMA, WriteHistory),
                                ("record", RECORD_SCHEMA, RecordSettings)):
         path = folder / f"{name}.json"
         if path.exists():

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.codec import built, decode, encode, schema_of
+from heatertune.codec import construct_from, decode, encode, schema_of
 from heatertune.documents import data_folder, plain, read_document
 from heatertune.errors import DocumentError
 from heatertune.log.values import Log
@@ -15,10 +15,10 @@ from heatertune.pid import document as pid_document
 from heatertune.pid.document import PidView
 from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof
-from heatertune.proof.document import ProofView, checked
+from heatertune.proof.document import ProofView, check_document
+from heatertune.proof.document_views import ComparisonView, LogView, PicturesView, TakenView
 from heatertune.proof.repetition import demand_consistent
 from heatertune.proof.verdict import FIRST, verdict_first
-from heatertune.proof.views import ComparisonView, LogView, PicturesView, TakenView
 from heatertune.proof.words_file import FieldView, WholeWordsView, demand_same_words
 
 __all__ = ["log_document", "read_documents", "without_curves", "words_document"]
@@ -32,7 +32,7 @@ _VIEWS: Final[Mapping[str, type]] = {
 def log_document(log: Log) -> dict[str, Any]:
     """Return the JSON document of a log as it was understood."""
     taken = None if log.taken is None else decode(TakenView, plain(log.taken.document()), log.name)
-    document: dict[str, Any] = encode(built(LogView, log, taken=taken))
+    document: dict[str, Any] = encode(construct_from(LogView, log, taken=taken))
     return document
 
 
@@ -41,8 +41,8 @@ def words_document(
 ) -> dict[str, Any]:
     """Return the JSON document of words, in the order in which they are typed in, and how they were found."""
     target, setpoint = controller_for(words.target), proof.scenario.setpoint_degC
-    fields = tuple(built(FieldView, field) for field in target.fields)
-    document: dict[str, Any] = encode(built(
+    fields = tuple(construct_from(FieldView, field) for field in target.fields)
+    document: dict[str, Any] = encode(construct_from(
         WholeWordsView, words, proof, words=words.values, fields=fields, setpoint_degC=setpoint,
         setpoint_units=target.measure(words, setpoint),
         realised=None if proof.design is None else pid_document.to_document(proof.design), files=tuple(sorted(files)),
@@ -79,7 +79,7 @@ def read_documents(folder: str | Path) -> dict[str, dict[str, Any]]:
     for name, view in _VIEWS.items():
         path = directory / f"{name}.json"
         document = read_document(path, str(schema_of(view)))
-        value: object = decode(view, checked(document, path) if name == "proof" else document, path)
+        value: object = decode(view, check_document(document, path) if name == "proof" else document, path)
         documents[name] = _completed(document, encode(value))
     if (realised := documents["words"]["realised"]) is not None:
         complete = encode(decode(PidView, realised, directory / "words.json", "realised"))

@@ -6,22 +6,22 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from heatertune.cache import cached
+from heatertune.cache import load_or_compute
 from heatertune.model.experiment.document import to_document
-from heatertune.model.experiment.fisher import Noise
+from heatertune.model.experiment.fisher import ReadingNoise
 from heatertune.model.experiment.plan import propose
 from heatertune.model.experiment.prior import ExperimentSetup, prior_by_hand, prior_of
 from heatertune.model.values import FittedModel
-from heatertune.progress import Told
+from heatertune.progress import ProgressCallback
 from heatertune.proof.heaters import ROOM_DEGC
 
 __all__ = ["plan"]
 
 
 def plan(
-    believed: FittedModel | Mapping[str, tuple[float, float]], *, limit_degC: float, noise: Noise,
+    believed: FittedModel | Mapping[str, tuple[float, float]], *, limit_degC: float, noise: ReadingNoise,
     ambient_degC: float | None = None, longest_s: float | None = None, kind: str = "best",
-    progress: Told = str, **settings: float,
+    progress: ProgressCallback = str, **settings: float,
 ) -> dict[str, Any]:
     """Return the experiment that makes a heater known best, and what it would make known, as a document.
 
@@ -55,4 +55,4 @@ def plan(
     def run() -> dict[str, Any]:
         return to_document(prior, setup, propose(prior, setup, kind=kind, progress=progress))
 
-    return cached("plan", inputs, run, dict, progress=progress)
+    return load_or_compute("plan", inputs, run, dict, progress=progress)

@@ -11,12 +11,12 @@ from heatertune.documents import DATA, data_folder, read_document, to_json
 from heatertune.errors import ExportRefused, InputError
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.document import read_model
-from heatertune.options import merged
+from heatertune.options import merge_options
 from heatertune.plc import Words, controller_for
 from heatertune.plc.feed_forward import feed_forward as line_for
-from heatertune.proof.document import ProofView, checked
+from heatertune.proof.document import ProofView, check_document
 from heatertune.proof.feed_forward import FeedForwardProof, PlainLoop, prove_feed_forward
-from heatertune.proof.heaters import holding
+from heatertune.proof.heaters import holding_heaters
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA, certificate, demand_same_words, read_words
 from heatertune.settings import FeedForwardSettings
@@ -54,9 +54,9 @@ def feed_forward(
         ExportRefused: the words themselves are not proven, and nothing is forced.
         NotRepresentable, OutOfRange: the input cannot hold the line.
     """
-    asked, folder = merged(FeedForwardSettings, settings, {}), data_folder(directory)
+    asked, folder = merge_options(FeedForwardSettings, settings, {}), data_folder(directory)
     effect = _effect(folder)
-    document = checked(read_document(folder / "proof.json", PROOF_SCHEMA), folder / "proof.json")
+    document = check_document(read_document(folder / "proof.json", PROOF_SCHEMA), folder / "proof.json")
     demand_same_words(read_document(folder / "words.json", WORDS_SCHEMA), document, folder / "proof.json")
     plain = decode(ProofView, document, folder / "proof.json")
     words = _words(folder, plain.target)
@@ -69,7 +69,7 @@ def feed_forward(
                     switched=asked.contact)
     loop = PlainLoop(setpoint_degC=plain.scenario.setpoint_degC, actuator=plain.actuator, limits=plain.limits,
                      noise_degC=plain.scenario.noise_degC, known=plain.known)
-    models = holding(read_model(folder / "model.json"), loop.setpoint_degC)
+    models = holding_heaters(read_model(folder / "model.json"), loop.setpoint_degC)
     proof = prove_feed_forward(words, line, effect, models, loop)
     files = {f"{DATA}/feed_forward.json": to_json(proof.to_document())}
     if force or not proof.refusal:

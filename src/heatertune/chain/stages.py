@@ -10,19 +10,19 @@ from typing import IO, TYPE_CHECKING, Any
 from heatertune import cache
 from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
-from heatertune.log.given import log_of
+from heatertune.log.from_objects import log_of
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.temperature.pool import pool_candidates
 from heatertune.model.values import FittedModel
-from heatertune.options import merged
+from heatertune.options import merge_options
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
-from heatertune.plc.choose import choose_words
 from heatertune.plc.design import encode as round_words
-from heatertune.progress import Told
+from heatertune.plc.word_selection import choose_words
+from heatertune.progress import ProgressCallback
 from heatertune.proof import Proof
-from heatertune.proof.known import closed_again, controllers
+from heatertune.proof.known_controller_check import closed_again, controllers
 from heatertune.proof.words_file import certificate
 from heatertune.settings import FitSettings
 
@@ -37,12 +37,13 @@ __all__ = [
 
 def fit(
     data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...], settings: FitSettings | None = None, *,
-    thorough: bool = False, companions: bool = True, progress: Told = str, **changed: Any,
+    thorough: bool = False, companions: bool = True, progress: ProgressCallback = str, **changed: Any,
 ) -> FittedModel:
     """Identify the heater behind a log; the paper's controller laws run inside the fit where no power was logged.
 
     Args:
-        data: a log, or what `heatertune.log.given.log_of` makes one of: a path or built-in name, an open file, a table
+        data: a log, or what `heatertune.log.from_objects.log_of` makes one of: a path or built-in name, an open file, a
+            table
             of pandas, arrays (time_s, temperature_degC, power_pct), all of shape (n,).
         settings: what is known beside the log; None: nothing.
         thorough: carry every controller hypothesis to the end, however far behind it is.
@@ -53,7 +54,7 @@ def fit(
     Raises:
         InputError, OutOfRange: as `heatertune.model.fit.fit` and `log_of`.
     """
-    asked, log = merged(FitSettings, settings, changed), log_of(data)
+    asked, log = merge_options(FitSettings, settings, changed), log_of(data)
     fitted = _fit_one(log, asked, progress, thorough=thorough)
     if not companions:
         return fitted
@@ -62,7 +63,7 @@ def fit(
 
 
 def fit_together(
-    logs: Sequence[Log], settings: FitSettings | None = None, *, progress: Told = str, **changed: Any
+    logs: Sequence[Log], settings: FitSettings | None = None, *, progress: ProgressCallback = str, **changed: Any
 ) -> FittedModel:
     """Identify the one heater behind several logs, all with power or all without; arguments as in `fit`.
 
@@ -73,7 +74,7 @@ def fit_together(
 
     if isinstance(logs, Log | str) or not logs:
         raise InputError("no logs: expected a list of one log or more")
-    given = merged(FitSettings, settings, changed)
+    given = merge_options(FitSettings, settings, changed)
     laws = () if any(log.power_pct is not None for log in logs) else _laws()
     return _kept(
         "fit-together", {"logs": [_columns(log) for log in logs], **asdict(given)},
@@ -83,7 +84,7 @@ def fit_together(
 
 def fit_known(
     log: Log, words: Words, settings: FitSettings | None = None, *, setpoint_degC: float | None = None,
-    known: Mapping[str, str] | None = None, progress: Told = str, **changed: Any,
+    known: Mapping[str, str] | None = None, progress: ProgressCallback = str, **changed: Any,
 ) -> FittedModel:
     """Identify the heater behind a log without power whose controller is known.
 
@@ -105,7 +106,7 @@ def fit_known(
     from heatertune.model.fit import fit_known as fit_log_known  # noqa: PLC0415 - compiles; a proof needs no fit
 
     tried = controllers(words, known)
-    given = merged(FitSettings, settings, changed)
+    given = merge_options(FitSettings, settings, changed)
     inputs = _columns(log) | asdict(given) | {
         "setpoint_degC": setpoint_degC,
         "target": words.target, "words": dict(words.values), "sample_time_s": words.sample_time_s,
@@ -120,7 +121,7 @@ def fit_known(
     return _kept("fit-known", inputs, run, progress)
 
 
-def _fit_one(log: Log, given: FitSettings, progress: Told, *, thorough: bool = False) -> FittedModel:
+def _fit_one(log: Log, given: FitSettings, progress: ProgressCallback, *, thorough: bool = False) -> FittedModel:
     def run() -> FittedModel:
         from heatertune.model.fit import fit as fit_log  # noqa: PLC0415 - compiles; what is kept needs no fit
 
@@ -137,9 +138,10 @@ def _columns(log: Log) -> dict[str, Any]:
     return {name: getattr(log, name) for name in names} | {"taken": taken}
 
 
-def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel], progress: Told) -> FittedModel:
+def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel],
+          progress: ProgressCallback) -> FittedModel:
     """Return what was found before for the same inputs, else what `run` finds."""
-    return cache.cached(stage, inputs, lambda: model_document.to_document(run()), model_document.from_document,
+    return cache.load_or_compute(stage, inputs, lambda: model_document.to_document(run()), model_document.from_document,
                         progress=progress)
 
 

@@ -6,16 +6,17 @@ from typing import Any
 
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words
-from heatertune.progress import Told
-from heatertune.proof.supervision.supervised import Drawn
-from heatertune.proof.supervision.supervised import supervise as supervise_words
+from heatertune.progress import ProgressCallback
+from heatertune.proof.supervision.supervise import SampleCounts
+from heatertune.proof.supervision.supervise import supervise as supervise_words
 from heatertune.settings import Conditions
 
 __all__ = ["supervise"]
 
 
 def supervise(
-    words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, progress: Told = str, **drawn: Any,
+    words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, progress: ProgressCallback = str,
+    **drawn: Any,
 ) -> dict[str, Any]:
     """Return the monitor of a loop and what it sees, as a JSON object.
 
@@ -24,9 +25,9 @@ def supervise(
         fitted: the heater and its candidates.
         conditions: as of the proof; None: the defaults.
         progress: told what begins.
-        drawn: fields of `heatertune.proof.supervision.supervised.Drawn`.
+        drawn: fields of `heatertune.proof.supervision.supervise.Drawn`.
 
     Raises:
-        InputError, OutOfRange, UnknownName: as `heatertune.proof.supervision.supervised.supervise`.
+        InputError, OutOfRange, UnknownName: as `heatertune.proof.supervision.supervise.supervise`.
     """
-    return supervise_words(words, fitted, conditions, Drawn(**drawn), progress=progress)
+    return supervise_words(words, fitted, conditions, SampleCounts(**drawn), progress=progress)

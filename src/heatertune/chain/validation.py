@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 from heatertune.log.values import Log
-from heatertune.model.power.known_controller import replayed
+from heatertune.model.power.known_controller import replay_controller
 from heatertune.model.validate import Verdict
 from heatertune.model.validate import validate as judge
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words
-from heatertune.proof.known import controllers
+from heatertune.proof.known_controller_check import controllers
 from heatertune.settings import ValidateSettings
 
 __all__ = ["validate"]
@@ -40,6 +40,6 @@ def validate(
     if words is None:
         return judge(fitted, log, settings, **changed)
     controller = controllers(words, known)[0]
-    verdict = judge(fitted, replayed(log, controller, setpoint_degC), settings, **changed)
+    verdict = judge(fitted, replay_controller(log, controller, setpoint_degC), settings, **changed)
     note = f"The power was not logged; {controller.name} was run on the readings, from a cold start at the first one."
     return replace(verdict, notes=(note, *verdict.notes))

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune import __version__
-from heatertune.cli.line import LINE, to_nobody
-from heatertune.cli.parsing import CommandParser, Named
-from heatertune.cli.terminal import painted
-from heatertune.errors import ExportRefused, HeatertuneError, InputError, one_line, suggested
+from heatertune.cli.parsing import CommandParser, CommandStub
+from heatertune.cli.progress_line import LINE, to_nobody
+from heatertune.cli.terminal import colourise
+from heatertune.errors import ExportRefused, HeatertuneError, InputError, did_you_mean, one_line
 
 __all__ = ["main"]
 
@@ -92,7 +92,7 @@ def parser(only: str | None = None) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     top.add_argument("--version", action="version", version=f"heatertune {__version__}")
-    made: Any = Named if only in _BEFORE else CommandParser
+    made: Any = CommandStub if only in _BEFORE else CommandParser
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=made)
     for name in [only] if only in _NAMES else _NAMES:
         _command(name).add_to(commands)
@@ -144,7 +144,7 @@ def _run(given: tuple[str, ...]) -> int:
         print(_welcome())
         return 0
     if not given[0].startswith("-") and given[0] not in _NAMES:
-        raise InputError(f"unknown command {given[0]!r}{suggested(given[0], _NAMES)} (see: heatertune --help)")
+        raise InputError(f"unknown command {given[0]!r}{did_you_mean(given[0], _NAMES)} (see: heatertune --help)")
     settings = parser(given[0]).parse_args(given)
     settings.given = given
     return int(settings.run(settings))
@@ -153,7 +153,7 @@ def _run(given: tuple[str, ...]) -> int:
 def _complain(text: str) -> None:
     LINE.end()
     with suppress(OSError):  # nobody is there to read it
-        print(painted(f"error: {text}", sys.stderr), file=sys.stderr)
+        print(colourise(f"error: {text}", sys.stderr), file=sys.stderr)
 
 
 def _fault(problem: Exception) -> str:

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from heatertune.cli import common, printing
-from heatertune.cli.recorded import in_force
+from heatertune.cli.saved_design import in_force
 from heatertune.errors import InputError
 
 __all__ = ["add_to"]

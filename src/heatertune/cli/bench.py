@@ -10,7 +10,7 @@ from heatertune.options import one_of
 from heatertune.plc import NAMES
 
 if TYPE_CHECKING:
-    from heatertune.bench import Speed, Times
+    from heatertune.bench import Throughput, Times
 
 __all__ = ["add_to"]
 
@@ -43,7 +43,7 @@ def _run(settings: argparse.Namespace) -> int:
     return 0
 
 
-def _told(speed: Speed) -> str:
+def _told(speed: Throughput) -> str:
     from heatertune.report.layout import table  # noqa: PLC0415
 
     def row(what: str, times: Times, form: str, meaning: str) -> tuple[str, ...]:

@@ -21,16 +21,32 @@ from heatertune.settings import (
 
 if TYPE_CHECKING:
     from heatertune.model.values import FittedModel
-    from heatertune.pid.recipe import Recipe
+    from heatertune.pid.design_provenance import DesignProvenance
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling
-    from heatertune.plc.machine import Machine
-    from heatertune.proof.closing import Asked
+    from heatertune.plc.dump_reader import Machine
+    from heatertune.proof.redesign import DesignRequest
 
 __all__ = [
-    "add_condition_options", "add_log_options", "add_model_options", "add_proof_options", "add_reading_options",
-    "add_tuning_options", "add_word_options", "asked", "by_hand", "conditions", "design_and_model", "interval_by_words",
-    "model_from", "proof_asked", "reading", "sample_time", "scaling", "target", "words_of_machine",
+    "add_condition_options",
+    "add_log_options",
+    "add_model_options",
+    "add_proof_options",
+    "add_reading_options",
+    "add_tuning_options",
+    "add_word_options",
+    "by_hand",
+    "conditions",
+    "design_and_model",
+    "design_request",
+    "interval_by_words",
+    "model_from",
+    "proof_asked",
+    "reading",
+    "sample_time",
+    "scaling",
+    "target",
+    "words_of_machine",
 ]
 
 
@@ -123,30 +139,30 @@ def target(settings: argparse.Namespace) -> str:
     from heatertune.errors import UnknownName  # noqa: PLC0415
 
     if not settings.faithful:
-        cools = options.given(Conditions, settings).get("cooling_gain") is not None
+        cools = options.provided_options(Conditions, settings).get("cooling_gain") is not None
         return COOLING.get(settings.target, settings.target) if cools else str(settings.target)
     if settings.target not in FAITHFUL:
         raise UnknownName("target with --faithful", settings.target, FAITHFUL)
     return FAITHFUL[settings.target]
 
 
-def asked(settings: argparse.Namespace) -> Asked:
+def design_request(settings: argparse.Namespace) -> DesignRequest:
     """Return what a design is asked for; errors as `heatertune.options.of`."""
-    from heatertune.proof.asked import Asked  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.design_request import DesignRequest  # noqa: PLC0415 - the help must not wait for it
 
     by = options.of(WordSettings, settings)
-    return Asked(
-        target=target(settings), scaling=scaling(settings), tuned=options.of(TuneSettings, settings),
+    return DesignRequest(
+        target=target(settings), scaling=scaling(settings), tune_settings=options.of(TuneSettings, settings),
         conditions=conditions(settings), interval_by_words=interval_by_words(settings), words_by=by.words_by,
         refined=by.refined, setpoint_ramp=by.setpoint_ramp, boost=by.boost, switch_kind=by.switch_kind,
-        as_is=by.as_is, drawn=options.of(SampleSettings, settings))
+        as_is=by.as_is, sample_settings=options.of(SampleSettings, settings))
 
 
 def scaling(settings: argparse.Namespace) -> Scaling:
     """Return the sensor range as its module gives it.
 
     Raises:
-        InputError: a module's range without a target; else as `heatertune.plc.inputs.scaled`.
+        InputError: a module's range without a target; else as `heatertune.plc.inputs.sensor_scaling`.
     """
     from heatertune.plc import Scaling, controller_for  # noqa: PLC0415
 
@@ -159,7 +175,7 @@ def scaling(settings: argparse.Namespace) -> Scaling:
     return controller_for(target(settings)).scaled(sensor.input, sensor.range_degC)
 
 
-def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedModel, Recipe | None]:
+def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedModel, DesignProvenance | None]:
     """Return the design of a file, the model to prove it on, given by hand or else the file's, and its words' recipe.
 
     Raises:
@@ -172,13 +188,13 @@ def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedMod
 
 
 def words_of_machine(settings: argparse.Namespace, path: str) -> Machine:
-    """Return what a dump or text of a controller holds; errors as `heatertune.plc.machine.read_machine`.
+    """Return what a dump or text of a controller holds; errors as `heatertune.plc.dump_reader.read_machine`.
 
     Raises:
         InputError: the file cannot be read.
     """
     from heatertune.plc import controller_for  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc.machine import content_of, read_machine  # noqa: PLC0415
+    from heatertune.plc.dump_reader import content_of, read_machine  # noqa: PLC0415
     from heatertune.units import check  # noqa: PLC0415
 
     if settings.called_every is not None:
@@ -190,7 +206,7 @@ def words_of_machine(settings: argparse.Namespace, path: str) -> Machine:
 def proof_asked(settings: argparse.Namespace) -> bool:
     """Return whether an option asks for a proof of its own: a heater by hand, another condition, a ramp, no boost."""
     heard = {"accept"}  # an export hears these without another proof
-    other = options.given(Conditions, settings).keys() - heard
+    other = options.provided_options(Conditions, settings).keys() - heard
     by = options.of(WordSettings, settings)
     return bool(other) or by.setpoint_ramp is not None or by.boost == "none" or by.refined or by_hand(settings)
 
@@ -224,8 +240,8 @@ def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
     Raises:
         InputError: both or neither are given, or a number of the hand-given model is missing.
     """
-    from heatertune.model.by_hand import model_by_hand  # noqa: PLC0415
     from heatertune.model.document import read_model  # noqa: PLC0415 - the help must not wait for numpy
+    from heatertune.model.manual_model import model_by_hand  # noqa: PLC0415
     from heatertune.model.values import Fopdt, TwoLag  # noqa: PLC0415
 
     names = ("gain", "time_constant", "dead_time")

@@ -9,7 +9,7 @@ from typing import Any
 
 from heatertune import options
 from heatertune.cli import common, printing
-from heatertune.cli.recorded import in_force
+from heatertune.cli.saved_design import in_force
 from heatertune.errors import InputError
 from heatertune.settings import SensorSettings
 
@@ -36,7 +36,7 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.documents import DATA, plain, to_json  # noqa: PLC0415
-    from heatertune.proof.recipes import scaling_of  # noqa: PLC0415
+    from heatertune.proof.rebuild_words import scaling_of  # noqa: PLC0415
     from heatertune.report.targets import render_targets, targets_brief, targets_table  # noqa: PLC0415
     from heatertune.writing import write_files  # noqa: PLC0415
 
@@ -45,7 +45,7 @@ def _run(settings: argparse.Namespace) -> int:
     for note in notes:
         progress.note(note)
     if recipe.input is not None:
-        if "range_degC" not in options.given(SensorSettings, settings):
+        if "range_degC" not in options.provided_options(SensorSettings, settings):
             raise InputError(f"{settings.pid} is for --input {recipe.input} of {recipe.target}, which others have not: "
                              "say a --range")
         recipe = replace(recipe, input=None)

@@ -36,12 +36,12 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.pid.document import to_document  # noqa: PLC0415
     from heatertune.plc import controller_for  # noqa: PLC0415
-    from heatertune.plc.machine import realised  # noqa: PLC0415
+    from heatertune.plc.dump_reader import realised_design  # noqa: PLC0415
     from heatertune.report.text import criteria_table, design_lines  # noqa: PLC0415
 
     controller = controller_for(common.target(settings))
     words, passed_over, unlike = common.words_of_machine(settings, settings.dump)
-    design = realised(controller, words)
+    design = realised_design(controller, words)
     odd = [] if controller.oddities is None else list(controller.oddities(words))
     odd += () if unlike is None else unlike(words)
     document: dict[str, Any] = {

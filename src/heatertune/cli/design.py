@@ -11,7 +11,7 @@ from heatertune.cli.parsing import again
 from heatertune.settings import FitSettings, SampleSettings, WordSettings
 
 if TYPE_CHECKING:
-    from heatertune.chain.ahead import Beside
+    from heatertune.chain.precompile import Worker
 
 __all__ = ["add_to"]
 
@@ -37,36 +37,36 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.chain.ahead import beside  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.chain.precompile import work_alongside  # noqa: PLC0415 - the help must not wait for it
 
-    with beside(settings.target) as second:  # which begins before the rest is imported
+    with work_alongside(settings.target) as second:  # which begins before the rest is imported
         return _designed(settings, second)
 
 
-def _designed(settings: argparse.Namespace, second: Beside) -> int:
+def _designed(settings: argparse.Namespace, second: Worker) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.chain.documents import without_curves  # noqa: PLC0415
-    from heatertune.chain.whole import TYPICAL_S  # noqa: PLC0415
+    from heatertune.chain.pipeline import TYPICAL_S  # noqa: PLC0415
     from heatertune.plc import controller_for  # noqa: PLC0415
-    from heatertune.report.brief import design_brief  # noqa: PLC0415
     from heatertune.report.text import summary  # noqa: PLC0415
+    from heatertune.report.verdict_summary import design_brief  # noqa: PLC0415
 
     progress = printing.Progress(settings, TYPICAL_S)
     progress("reading")
-    asked, beside = common.asked(settings), options.of(FitSettings, settings)  # refused before the log is read
+    asked, beside = common.design_request(settings), options.of(FitSettings, settings)  # refused before the log is read
     controller_for(asked.target)
     log = chain.read_log(settings.log, common.reading(settings), errata=True)
     printing.tell_taken(settings, [log], progress)
     result = chain.design(
         log, asked, out=settings.out, fitted_with=beside, force=settings.force,
         progress=progress, begun=second)
-    effect, feed = result.fitted.disturbance, controller_for(asked.target).feed
+    effect, feed = result.fitted_model.disturbance, controller_for(asked.target).feed
     fed = "" if effect is None or not effect.acts or feed is None else (
         f"feed it forward: heatertune feed-forward {settings.out}")
-    nearest = again(settings.given, result.closed.passes_with)
+    nearest = again(settings.given, result.outcome.passes_with)
     printing.output(
         settings, result.documents,
         lambda: "\n".join(filter(None, (summary(result.documents), f"written to {settings.out}", fed))),
         brief=lambda: design_brief(result.documents, settings.out, nearest, fed),
         short=lambda: without_curves(result.documents, nearest))
-    return 0 if result.closed.proof.verdict == "PASS" else 1
+    return 0 if result.outcome.proof.verdict == "PASS" else 1

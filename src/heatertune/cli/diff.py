@@ -43,14 +43,15 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.proof.difference import Given, difference, read_sides  # noqa: PLC0415 - the help must not wait
+    from heatertune.proof.difference import DeclaredWords, difference, read_sides  # noqa: PLC0415 - the help must not wait
     from heatertune.report.difference import difference_lines  # noqa: PLC0415
     from heatertune.units import check  # noqa: PLC0415
 
     if settings.called_every is not None:
         check("--called-every", settings.called_every, above=0.0)
-    sensor = options.given(SensorSettings, settings)
-    given = Given(target=settings.target, sample_time_s=settings.called_every, sensor_degC=sensor.get("range_degC"),
+    sensor = options.provided_options(SensorSettings, settings)
+    given = DeclaredWords(target=settings.target, sample_time_s=settings.called_every,
+                          sensor_degC=sensor.get("range_degC"),
                   input=sensor.get("input"), switches=options.of(Conditions, settings).switches)
     document = difference(*read_sides(settings.before, settings.after, given))
     printing.output(settings, document, lambda: difference_lines(document))

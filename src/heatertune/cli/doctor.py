@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from heatertune.cli import printing
 
 if TYPE_CHECKING:
-    from heatertune.doctor import Finding
+    from heatertune.doctor import InstallationCheck
 
 __all__ = ["add_to"]
 
@@ -33,7 +33,7 @@ def _run(settings: argparse.Namespace) -> int:
     findings = examine()
 
     def lines() -> str:
-        rows = [(_mark(finding), finding.name, finding.found) for finding in findings]
+        rows = [(_mark(finding), finding.name, finding.value) for finding in findings]
         remedies = [f"{finding.name}: {finding.remedy}" for finding in findings if not finding.ok]
         return "\n".join([table(rows), *remedies, "all that is needed works" if works(findings) else "FAIL: see above"])
 
@@ -41,5 +41,5 @@ def _run(settings: argparse.Namespace) -> int:
     return 0 if works(findings) else 1
 
 
-def _mark(finding: Finding) -> str:
-    return "ok" if finding.ok else "FAIL" if finding.needed else "-"
+def _mark(finding: InstallationCheck) -> str:
+    return "ok" if finding.ok else "FAIL" if finding.required else "-"

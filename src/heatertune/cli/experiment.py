@@ -11,13 +11,13 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
-from heatertune.cli.line import LINE
+from heatertune.cli.progress_line import LINE
 from heatertune.cli.record import ALL_SIGNALS, asked_to_end, live_line, tell
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
-    from heatertune.live.experiment import Ended, Experiment
-    from heatertune.live.recorder import Recorded
+    from heatertune.live.experiment import Experiment, ExperimentResult
+    from heatertune.live.recorder import RecordingState
     from heatertune.live.schedule import Aims
     from heatertune.model.values import HeaterModel
 
@@ -67,24 +67,24 @@ def _run(settings: argparse.Namespace) -> int:
     if None in (settings.plan, settings.address, settings.out, settings.limit_temperature):
         raise InputError("experiment needs PLAN, ADDRESS, -o FILE and --limit-temperature")
     from heatertune.live.client.address import address_of  # noqa: PLC0415
-    from heatertune.live.experiment import Experiment, Watching  # noqa: PLC0415
-    from heatertune.live.schedule import Limits, read_plan  # noqa: PLC0415
+    from heatertune.live.experiment import Experiment, ExperimentObserver  # noqa: PLC0415
+    from heatertune.live.schedule import AbortLimits, read_plan  # noqa: PLC0415
 
     plan, address, aims = read_plan(settings.plan), address_of(settings.address), _aims(settings.until)
-    limits = Limits(temperature_degC=settings.limit_temperature, rate_degC_per_min=settings.limit_rate)
+    limits = AbortLimits(temperature_degC=settings.limit_temperature, rate_degC_per_min=settings.limit_rate)
     whole = Experiment(plan, address, words, limits, pwm_period_s=pwm_period_in(settings.design),
                        heaters=_heaters(settings.design), in_manual=settings.in_manual)
     blind = () if whole.heaters else (f"no heater in {settings.design}: a frozen sensor is not noticed",)
     found = (*whole.check(), *blind)
     _agree(settings, whole, found)
     with asked_to_end(ALL_SIGNALS) as asked:
-        ended = whole.run(settings.out, aims, Watching(
-            shown=_shown(settings, whole), key=lambda: bool(asked), fit=_fit if aims.shares else None,
+        ended = whole.run(settings.out, aims, ExperimentObserver(
+            on_row=_shown(settings, whole), key=lambda: bool(asked), fit=_fit if aims.shares else None,
             progress=_to_terminal, enough=lambda: asked.count(signal.SIGINT) > 1))
     LINE.end()
     document = _document(settings, ended)
     printing.output(settings, document, lambda: _lines(document))
-    return 0 if ended.why in ("plan", "known") and ended.restored else 1
+    return 0 if ended.reason in ("plan", "known") and ended.restored else 1
 
 
 def _heaters(folder: str) -> tuple[HeaterModel, ...]:
@@ -93,10 +93,10 @@ def _heaters(folder: str) -> tuple[HeaterModel, ...]:
 
     from heatertune.errors import HeatertuneError  # noqa: PLC0415
     from heatertune.live.serve import read_folder  # noqa: PLC0415
-    from heatertune.proof.heaters import labelled  # noqa: PLC0415
+    from heatertune.proof.heaters import labelled_heaters  # noqa: PLC0415
 
     with suppress(HeatertuneError):
-        return tuple(model for _, model in labelled(read_folder(folder)[1]))
+        return tuple(model for _, model in labelled_heaters(read_folder(folder)[1]))
     return ()
 
 
@@ -133,11 +133,11 @@ def _agree(settings: argparse.Namespace, whole: Experiment, found: tuple[str, ..
         raise InputError("not begun: nothing has been changed")
 
 
-def _shown(settings: argparse.Namespace, whole: Experiment) -> Callable[[Recorded, str], object]:
+def _shown(settings: argparse.Namespace, whole: Experiment) -> Callable[[RecordingState, str], object]:
     begun = time.monotonic()
     first: list[float] = []
 
-    def shown(so_far: Recorded, hand: str) -> None:
+    def shown(so_far: RecordingState, hand: str) -> None:
         if settings.quiet:
             return
         if so_far.last is not None and not first:
@@ -182,13 +182,13 @@ def _of_restored(restored: bool | None, address: str, power_pct: float | None = 
             "somebody else has changed mode or manual value since: they were left alone")
 
 
-def _document(settings: argparse.Namespace, ended: Ended) -> dict[str, Any]:
-    fitted = ended.fitted
+def _document(settings: argparse.Namespace, ended: ExperimentResult) -> dict[str, Any]:
+    fitted = ended.fitted_model
     return {
-        "schema": "heatertune/experiment/1", "address": settings.address, "log": settings.out, "ended": ended.why,
-        "told": ended.told, "restored": ended.restored, "power_pct": ended.power_pct,
-        "rows": ended.recorded.rows if ended.recorded else 0,
-        "gaps": ended.recorded.gaps if ended.recorded else 0,
+        "schema": "heatertune/experiment/1", "address": settings.address, "log": settings.out, "ended": ended.reason,
+        "told": ended.message, "restored": ended.restored, "power_pct": ended.power_pct,
+        "rows": ended.recording.rows if ended.recording else 0,
+        "gaps": ended.recording.gaps if ended.recording else 0,
         "model": None if fitted is None else {name: getattr(fitted.model, field) for name, field in _FIELDS.items()},
     }
 

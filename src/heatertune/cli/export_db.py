@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from heatertune.cli import common, printing
-from heatertune.cli.recorded import Proving, proving
+from heatertune.cli.saved_design import ProofSource, proof_source
 
 __all__ = ["add_to"]
 
@@ -86,18 +86,19 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     """
     from dataclasses import asdict  # noqa: PLC0415 - the help must not wait for it
 
-    from heatertune.cache import cached, release  # noqa: PLC0415
+    from heatertune.cache import load_or_compute, release  # noqa: PLC0415
     from heatertune.model import document as model_document  # noqa: PLC0415
-    from heatertune.proof.spec_file import specified  # noqa: PLC0415
+    from heatertune.proof.spec_file import specification_of  # noqa: PLC0415
 
     progress = printing.Progress(settings)
-    asked = proving(settings)
+    asked = proof_source(settings)
     inputs = {
-        "words": repr(asked.words), "choice": repr(asked.choice), "model": model_document.to_document(asked.fitted),
+        "words": repr(asked.words), "choice": repr(asked.choice),
+        "model": model_document.to_document(asked.fitted_model),
         "ramp": asked.ramp, "conditions": asdict(asked.conditions), "notes": asked.notes, "force": settings.force,
-        "specification": repr(specified(asked.conditions)),  # of files that may change
+        "specification": repr(specification_of(asked.conditions)),  # of files that may change
         "libraries": [release(name) for name in ("numpy", "scipy", "numba")]}
-    kept = cached("export", inputs, lambda: _prove(asked, progress, force=settings.force),
+    kept = load_or_compute("export", inputs, lambda: _prove(asked, progress, force=settings.force),
                   lambda document: _demand_export(document, asked, force=settings.force), progress=progress)
     for note in kept["notes"]:
         progress.note(note)
@@ -105,17 +106,17 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     return kept | {"files": files}
 
 
-def _prove(asked: Proving, progress: Any, *, force: bool) -> dict[str, Any]:
+def _prove(asked: ProofSource, progress: Any, *, force: bool) -> dict[str, Any]:
     from heatertune import chain  # noqa: PLC0415 - words that are proven already need none of it
     from heatertune.chain.documents import words_document  # noqa: PLC0415
     from heatertune.errors import ExportRefused  # noqa: PLC0415
-    from heatertune.plc.choose import search_document  # noqa: PLC0415
+    from heatertune.plc.word_selection import search_document  # noqa: PLC0415
     from heatertune.proof.repetition import design_document  # noqa: PLC0415
     from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415
 
-    proof, told = prove_ramped(asked.words, asked.fitted, asked.ramp, asked.conditions, progress=progress)
+    proof, told = prove_ramped(asked.words, asked.fitted_model, asked.ramp, asked.conditions, progress=progress)
     notes = [*asked.notes, *told]
-    search = None if asked.choice is None else search_document(asked.choice, asked.fitted, notes)
+    search = None if asked.choice is None else search_document(asked.choice, asked.fitted_model, notes)
     try:
         files = chain.export(proof.words, proof, force=force)
     except ExportRefused:  # nothing is kept; the way on is among the notes
@@ -123,12 +124,12 @@ def _prove(asked: Proving, progress: Any, *, force: bool) -> dict[str, Any]:
             progress.note(note)
         raise
     document = words_document(proof.words, proof, files, search)
-    design = design_document(proof, asked.design, asked.fitted, asked.recipe, asked.conditions)
+    design = design_document(proof, asked.design, asked.fitted_model, asked.recipe, asked.conditions)
     return {"words": document, "pid": design, "proof": proof.to_document(), "notes": notes,
             "files": {name: text if isinstance(text, str) else list(text) for name, text in files.items()}}
 
 
-def _demand_export(document: dict[str, Any], asked: Proving, *, force: bool) -> dict[str, Any]:
+def _demand_export(document: dict[str, Any], asked: ProofSource, *, force: bool) -> dict[str, Any]:
     """Return the document of an export, checked as one that was read from a folder.
 
     Raises:
@@ -136,7 +137,7 @@ def _demand_export(document: dict[str, Any], asked: Proving, *, force: bool) -> 
     """
     from heatertune.errors import DocumentError  # noqa: PLC0415 - the help must not wait for it
     from heatertune.plc import controller_for  # noqa: PLC0415
-    from heatertune.proof.document import checked  # noqa: PLC0415
+    from heatertune.proof.document import check_document  # noqa: PLC0415
     from heatertune.proof.words_file import certificate, demand_same_words, words_of  # noqa: PLC0415
 
     where = "the cache"
@@ -144,7 +145,7 @@ def _demand_export(document: dict[str, Any], asked: Proving, *, force: bool) -> 
             isinstance(document[name], kind) for name, kind in (("words", dict), ("proof", dict), ("notes", list),
                                                                 ("files", dict))):
         raise DocumentError(f"{where}: no export")
-    proof = checked(document["proof"], where)
+    proof = check_document(document["proof"], where)
     demand_same_words(document["words"], proof, where)
     words = words_of(document["words"], asked.words.target, where)
     if asked.ramp is None and words != asked.words:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.cli import common, printing
-from heatertune.cli.known import add_known_options, known_words
+from heatertune.cli.known_controller_options import add_known_options, known_words
 from heatertune.settings import FitSettings
 
 if TYPE_CHECKING:
@@ -41,8 +41,8 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
     from heatertune.model.document import to_document  # noqa: PLC0415
-    from heatertune.report.brief import model_brief  # noqa: PLC0415
     from heatertune.report.text import hypothesis_table, model_lines  # noqa: PLC0415
+    from heatertune.report.verdict_summary import model_brief  # noqa: PLC0415
 
     progress = printing.Progress(settings)
     progress("reading")

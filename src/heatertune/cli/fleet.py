@@ -38,7 +38,7 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.batch.fleets import ZoneSettings, fleet  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import outcome_lines  # noqa: PLC0415
 
-    zones = ZoneSettings(asked=common.asked(settings), read=common.reading(settings),
+    zones = ZoneSettings(request=common.design_request(settings), read=common.reading(settings),
                          fitted_with=options.of(FitSettings, settings))
     document = fleet(settings.logs, zones, out=settings.out, workers=batch.workers(settings), resume=settings.resume,
                      progress=batch.Bar(settings, "zones"))

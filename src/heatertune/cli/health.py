@@ -9,7 +9,7 @@ from typing import Any
 
 from heatertune import options
 from heatertune.cli import batch, common, printing
-from heatertune.cli.line import LINE
+from heatertune.cli.progress_line import LINE
 from heatertune.cli.record import asked_to_end
 from heatertune.errors import InputError
 from heatertune.settings import ReadSettings, WordSettings
@@ -55,7 +55,7 @@ def _run(settings: argparse.Namespace) -> int:
         raise InputError(f"--out {page}: expected the name of a page, .html; its table lies beside it")
     table = page.with_suffix(".parquet")
     since = None if settings.since is None else last_table(table if settings.since == "last" else settings.since)
-    asked = HealthSettings(asked=common.asked(settings), read=common.reading(settings))
+    asked = HealthSettings(request=common.design_request(settings), read=common.reading(settings))
     logs, loops, left_out = _logs(settings, page)
     document = health(
         logs, asked, out=table, workers=batch.workers(settings), loops=loops, since=since, resume=settings.resume,
@@ -68,8 +68,8 @@ def _run(settings: argparse.Namespace) -> int:
 
 def _logs(settings: argparse.Namespace, page: Path) -> tuple[str | Path, Any, list[dict[str, Any]]]:
     """Return where the logs are, what is known of their loops, and which loops have none; running ones are recorded."""
-    from heatertune.live.judged import is_address, recorded  # noqa: PLC0415 - needs no protocol's library where none is read
-    from heatertune.live.recorder import Recording  # noqa: PLC0415
+    from heatertune.live.health_recording import is_address, record_addresses  # noqa: PLC0415 - needs no protocol's library where none is read
+    from heatertune.live.recorder import RecordingSetup  # noqa: PLC0415
 
     addresses = [text for text in settings.logs if is_address(text)]
     if not addresses:
@@ -88,8 +88,8 @@ def _logs(settings: argparse.Namespace, page: Path) -> tuple[str | Path, Any, li
         raise InputError(f"--resume goes on with logs that are there: give their folder in {page.stem}_logs")
     folder = page.with_name(f"{page.stem}_logs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
     with asked_to_end() as asked:
-        loops, left_out = recorded(
-            addresses, folder, Recording(for_s=settings.for_s, every_s=settings.every), loops=settings.loops,
+        loops, left_out = record_addresses(
+            addresses, folder, RecordingSetup(for_s=settings.for_s, every_s=settings.every), loops=settings.loops,
             ended=lambda: bool(asked), shown=lambda rows: None if settings.quiet else LINE.show(
                 lambda: f"{len(addresses)} loops, {rows} rows; Ctrl-C ends it"))
     LINE.end()

@@ -9,7 +9,7 @@ from typing import Any, Final, NoReturn
 
 from heatertune.errors import InputError
 
-__all__ = ["FULL", "CommandParser", "Named", "again"]
+__all__ = ["FULL", "CommandParser", "CommandStub", "again"]
 
 #: what --json=full is to argparse, whose options with a value that may be missing would take the next word for it
 FULL: Final = "--json-full"
@@ -77,7 +77,7 @@ def _is_number(word: str) -> bool:
     return True
 
 
-class Named:
+class CommandStub:
     """In place of a command's parser where the command is only named: what is added to it is forgotten."""
 
     def __init__(self, **_: Any) -> None: ...

@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from heatertune.cli.line import LINE, to_nobody
 from heatertune.cli.parsing import FULL, again
-from heatertune.cli.terminal import painted
+from heatertune.cli.progress_line import LINE, to_nobody
+from heatertune.cli.terminal import colourise
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
-    from heatertune.log.taken import Taken
+    from heatertune.log.read_summary import ReadSummary
     from heatertune.log.values import Log
 
 __all__ = ["Progress", "add_output_options", "output", "save", "tell_taken", "time_left"]
@@ -124,7 +124,7 @@ def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Prog
             progress.note(f"[log] {log.name}: {' and '.join(told)} (heatertune read tells which)")
 
 
-def _unit_lines(settings: argparse.Namespace, taken: Taken) -> list[str]:
+def _unit_lines(settings: argparse.Namespace, taken: ReadSummary) -> list[str]:
     """Return the command that states the units which a log does not show, to be checked; nothing where it shows all."""
     options = " ".join(taken.assumed.values()).split()
     if not options or "unit-assumed" in getattr(settings, "accept", ()):
@@ -162,7 +162,7 @@ def output(
         _print_result(to_json(document if settings.json_full or short is None else short()))
         return
     _print_lines(getattr(settings, "taken", ()))
-    _print_result(painted((summary if brief is None or settings.verbose else brief)(), sys.stdout) + "\n")
+    _print_result(colourise((summary if brief is None or settings.verbose else brief)(), sys.stdout) + "\n")
     if brief is not None and settings.verbose and not settings.quiet:
         print(_TERMS, file=sys.stderr)
 

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
-from heatertune.cli.line import LINE, can_take
+from heatertune.cli.progress_line import LINE, can_take
 
 if TYPE_CHECKING:
-    from heatertune.live.recorder import Recorded
+    from heatertune.live.recorder import RecordingState
 
 __all__ = ["ALL_SIGNALS", "add_to", "asked_to_end", "live_line", "show_notes", "signals_as_ctrl_c", "tell"]
 
@@ -49,16 +49,17 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.live.client.address import address_of  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.live.places import places_given  # noqa: PLC0415
-    from heatertune.live.recorder import Recording, record  # noqa: PLC0415
+    from heatertune.live.recorder import RecordingSetup, record  # noqa: PLC0415
+    from heatertune.live.signal_map import places_given  # noqa: PLC0415
 
     address = address_of(settings.address)
-    how = Recording(every_s=settings.every, for_s=settings.for_s, append=settings.append, timeout_s=settings.timeout,
+    how = RecordingSetup(every_s=settings.every, for_s=settings.for_s, append=settings.append,
+                         timeout_s=settings.timeout,
                     pwm_period_s=_pwm_period_s(settings.design))
     places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
     shown_notes: list[str] = []
     with asked_to_end() as asked:
-        def shown(so_far: Recorded) -> None:
+        def shown(so_far: RecordingState) -> None:
             show_notes(so_far, shown_notes)
             if not settings.quiet:
                 LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}; Ctrl-C ends it")
@@ -70,7 +71,7 @@ def _run(settings: argparse.Namespace) -> int:
     return 1 if so_far.notes else 0
 
 
-def show_notes(so_far: Recorded, shown: list[str]) -> None:
+def show_notes(so_far: RecordingState, shown: list[str]) -> None:
     """Show on stderr, once, what others have done to the log."""
     for note in so_far.notes[len(shown):]:
         tell(note)
@@ -148,7 +149,7 @@ def signals_as_ctrl_c() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def live_line(so_far: Recorded, wall_s: float, hand: str = "") -> str:
+def live_line(so_far: RecordingState, wall_s: float, hand: str = "") -> str:
     """Return what is recorded just now, on one line of a terminal.
 
     Args:
@@ -160,20 +161,20 @@ def live_line(so_far: Recorded, wall_s: float, hand: str = "") -> str:
         return f"{so_far.rows} rows; no answer, trying again: {so_far.trouble}"[:60]
     if so_far.last is None:
         return f"waiting for the first scan, {wall_s:.0f} s"
-    seen = so_far.last.seen
+    seen = so_far.last.signals
     parts = [f"{so_far.last.time_s:.0f} s", f"{seen['temperature']:.2f} °C"]
     parts += [f"{seen['power']:.1f} %"] if "power" in seen else []
     parts += [hand] if hand else [f"setpoint {seen['setpoint']:.1f} °C"] if "setpoint" in seen else []
     return f"{so_far.rows} rows: {', '.join(parts)}"[:60]
 
 
-def _document(settings: argparse.Namespace, so_far: Recorded) -> dict[str, Any]:
+def _document(settings: argparse.Namespace, so_far: RecordingState) -> dict[str, Any]:
     return {
         "schema": "heatertune/record/1", "address": settings.address, "log": settings.out, "rows": so_far.rows,
         "until_s": None if so_far.last is None else so_far.last.time_s,
         "clock": "this machine" if so_far.interval_s is None else "scans of the PLC", "interval_s": so_far.interval_s,
         "gaps": so_far.gaps, "notes": so_far.notes, "torn_looks": so_far.torn,
-        "last": None if so_far.last is None else dict(so_far.last.seen),
+        "last": None if so_far.last is None else dict(so_far.last.signals),
     }
 
 

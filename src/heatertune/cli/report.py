@@ -13,7 +13,7 @@ from heatertune.errors import InputError
 from heatertune.settings import ReadSettings
 
 if TYPE_CHECKING:
-    from heatertune.proof.written import Written
+    from heatertune.proof.write_comparison import WriteHistory
 
 __all__ = ["add_to"]
 
@@ -45,11 +45,11 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.chain.documents import without_curves  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.chain.whole import redraw  # noqa: PLC0415
+    from heatertune.chain.pipeline import redraw  # noqa: PLC0415
     from heatertune.log import read_log  # noqa: PLC0415
     from heatertune.report.as_left import CURVES, as_left_brief  # noqa: PLC0415
-    from heatertune.report.brief import design_brief  # noqa: PLC0415
     from heatertune.report.text import summary  # noqa: PLC0415
+    from heatertune.report.verdict_summary import design_brief  # noqa: PLC0415
 
     about, progress = options.of(AsLeftSettings, settings), printing.Progress(settings)
     if settings.as_left is None and about != AsLeftSettings():
@@ -68,7 +68,7 @@ def _run(settings: argparse.Namespace) -> int:
                         short=lambda: {name: part for name, part in left.items() if name not in CURVES})
         return 0 if left["verdict"] == "AS PROVEN" and is_done else 1
     if written is not None:
-        from heatertune.report.written import written_brief  # noqa: PLC0415
+        from heatertune.report.write_report_section import written_brief  # noqa: PLC0415
 
         printing.output(settings, documents["written"], lambda: written_brief(documents["written"], str(page)))
         return 0 if is_done else 1
@@ -77,9 +77,9 @@ def _run(settings: argparse.Namespace) -> int:
     return 0 if documents["proof"]["verdict"] == "PASS" else 1
 
 
-def _written(settings: argparse.Namespace) -> Written | None:
+def _written(settings: argparse.Namespace) -> WriteHistory | None:
     if settings.record is None:
         return None
-    from heatertune.live.written import written_in  # noqa: PLC0415
+    from heatertune.live.write_history import written_in  # noqa: PLC0415
 
     return written_in(settings.record, settings.directory)

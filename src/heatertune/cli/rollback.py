@@ -12,8 +12,8 @@ from heatertune.cli.write import add_guard, ended_lines, link_of, not_read
 from heatertune.errors import LinkError
 
 if TYPE_CHECKING:
-    from heatertune.live.change.rollback import Before
-    from heatertune.live.change.writer import Ended
+    from heatertune.live.write.rollback import Before
+    from heatertune.live.write.writer import WriteEnd
 
 __all__ = ["add_to"]
 
@@ -36,8 +36,8 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.live.change.rollback import before_of, looked, rolled_back  # noqa: PLC0415 - as in write
     from heatertune.live.plc_state import PlcState  # noqa: PLC0415
+    from heatertune.live.write.rollback import before_of, inspect_write, rolled_back  # noqa: PLC0415 - as in write
 
     before, link = before_of(settings.record), link_of(settings)
     document: dict[str, Any] = {
@@ -48,7 +48,7 @@ def _run(settings: argparse.Namespace) -> int:
             ended = rolled_back(before, settings.yes, link, settings.most_writes, unproven=settings.unproven)
     else:
         try:
-            ended = looked(before, link)
+            ended = inspect_write(before, link)
         except LinkError as problem:
             return not_read(settings, document, problem)
     open_experiment = PlcState(before.address).message()
@@ -57,20 +57,20 @@ def _run(settings: argparse.Namespace) -> int:
     return 0 if not settings.apply or ended.is_done else 1
 
 
-def _lines(settings: argparse.Namespace, before: Before, ended: Ended, open_experiment: str) -> Iterator[str]:
-    from heatertune.live.change.rollback import not_proven  # noqa: PLC0415
-    from heatertune.report.layout import wrapped  # noqa: PLC0415
+def _lines(settings: argparse.Namespace, before: Before, ended: WriteEnd, open_experiment: str) -> Iterator[str]:
+    from heatertune.live.write.rollback import not_proven  # noqa: PLC0415
+    from heatertune.report.layout import wrap_text  # noqa: PLC0415
 
     if open_experiment:
-        yield from wrapped(open_experiment, "- ")
+        yield from wrap_text(open_experiment, "- ")
     if settings.apply:
         yield from ended_lines(ended)
     else:
-        yield from wrapped(f"{before.address.text}: {ended.told}")
+        yield from wrap_text(f"{before.address.text}: {ended.message}")
         back = [name for part in before.parts for name in part.names
                 if (ended.stands or {}).get(name) == before.after[name]]
         was = ", ".join(f"{name} = {before.before[name]:g}" for name in back)
         why = not_proven(before, ended.stands) if back and ended.stands is not None else ""
-        yield from wrapped(f"what would be put back is not proven: {why}", "- ") if why else ()
+        yield from wrap_text(f"what would be put back is not proven: {why}", "- ") if why else ()
         again = f"heatertune rollback {settings.record} --apply --yes {before.yes}{' --unproven' if why else ''}"
-        yield from wrapped(f"to put back {was}: {again}" if back else "nothing to put back")
+        yield from wrap_text(f"to put back {was}: {again}" if back else "nothing to put back")

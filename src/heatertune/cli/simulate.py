@@ -58,7 +58,7 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     if settings.faults:
-        from heatertune.live.faults import FAULTS  # noqa: PLC0415 - the help must not wait for it
+        from heatertune.live.fault_schedule import FAULTS  # noqa: PLC0415 - the help must not wait for it
 
         width = max(map(len, FAULTS))
         printing.output(settings, {"schema": "heatertune/faults/1", "faults": dict(FAULTS)},
@@ -73,14 +73,14 @@ def _run(settings: argparse.Namespace) -> int:
         step=settings.step, intervals=settings.scans, sample=settings.sample, story=settings.story,
         faults=tuple(settings.fault), dead_man=settings.dead_man)
     words, model, conditions = read_folder(settings.directory)
-    own = replace(conditions, **options.given(Conditions, settings))
+    own = replace(conditions, **options.provided_options(Conditions, settings))
     with virtual_plc(words, model, own, simulation) as served:
         with suppress(KeyboardInterrupt):  # as it is meant to be ended, as soon as its addresses are told
             document = _document(settings, served, simulation)
             printing.output(settings, document, lambda: _lines(document))
             sys.stdout.flush()
             served.wait()
-        told = served.told
+        told = served.status
     if not settings.quiet:
         print(f"ended after {told.intervals} scans: {told.temperature_degC:.2f} °C, {told.power_pct:.1f} % power",
               file=sys.stderr)

@@ -38,8 +38,9 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.writing import write_files  # noqa: PLC0415
 
     if settings.list:
-        document = {"schema": "heatertune/presets/1", "presets": {name: one.what for name, one in PRESETS.items()}}
-        printing.output(settings, document, lambda: table([(name, one.what) for name, one in PRESETS.items()]))
+        document = {"schema": "heatertune/presets/1",
+                    "presets": {name: one.description for name, one in PRESETS.items()}}
+        printing.output(settings, document, lambda: table([(name, one.description) for name, one in PRESETS.items()]))
         return 0
     specification = in_force(settings.spec, settings.limit, settings.profile)
     document = {"schema": "heatertune/specification/1", **encode(specification)}

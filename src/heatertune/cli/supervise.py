@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from heatertune.cli import common, printing
-from heatertune.cli.recorded import proving
+from heatertune.cli.saved_design import proof_source
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
@@ -81,12 +81,12 @@ def _asked(
 
     schema = None if settings.pid is None else peek_schema(settings.pid)
     if settings.pid is not None and not (schema or "").startswith("heatertune/model/"):
-        asked = proving(settings)
-        return asked.words, asked.fitted, asked.conditions, asked.notes
-    from heatertune.proof.asked import Asked, plainly  # noqa: PLC0415
+        asked = proof_source(settings)
+        return asked.words, asked.fitted_model, asked.conditions, asked.notes
+    from heatertune.proof.design_request import DesignRequest, plainly  # noqa: PLC0415
 
     fitted = common.model_from(settings, settings.pid)
-    closed = plainly(fitted, Asked(target=common.target(settings), scaling=common.scaling(settings),
+    closed = plainly(fitted, DesignRequest(target=common.target(settings), scaling=common.scaling(settings),
                                    conditions=common.conditions(settings)), progress=progress)
     if closed.proof.verdict == "FAIL":
         raise InputError("the words that are designed for this model FAIL their proof; `heatertune design` says why "

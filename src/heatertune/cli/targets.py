@@ -41,7 +41,7 @@ def _run(settings: argparse.Namespace) -> int:
                 "words": [{"name": f.name, "address": f.address, "low": f.low, "high": f.high, "format": f.format}
                           for f in controller.fields],
                 "inputs": dict(controller.inputs),
-                "switches": [{"name": s.name, "settings": s.settings, "why": s.why, "chosen": s.chosen}
+                "switches": [{"name": s.name, "settings": s.settings, "why": s.reason, "chosen": s.chosen}
                              for s in controller.switches],
             }
             for group, names in GROUPS.items() for controller in map(controller_for, names)

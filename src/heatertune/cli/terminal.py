@@ -6,7 +6,7 @@ import os
 import re
 from typing import Final, TextIO
 
-__all__ = ["has_colour", "painted"]
+__all__ = ["colourise", "has_colour"]
 
 #: what is painted → its attributes: bold, and one of the eight colours that every terminal has
 _PAINT: Final = {"PASS": "1;32", "FAIL": "1;31", "NOT PROVEN": "1;33", "error:": "1;31"}
@@ -21,7 +21,7 @@ def has_colour(stream: TextIO) -> bool:
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
-def painted(text: str, stream: TextIO) -> str:
+def colourise(text: str, stream: TextIO) -> str:
     """Return the text as the stream is to have it: verdicts and the word `error:` in colour, or as it is.
 
     A colour takes no room, so columns stay aligned.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 from heatertune.cli import printing
 
 if TYPE_CHECKING:
-    from heatertune.terms import Term
+    from heatertune.terms import GlossaryTerm
 
 __all__ = ["add_to"]
 
@@ -39,7 +39,7 @@ def _run(settings: argparse.Namespace) -> int:
     return 0
 
 
-def _told(term: Term) -> str:
+def _told(term: GlossaryTerm) -> str:
     name, *others = term.names
     unit = f" [{term.unit}]" if term.unit not in ("", "1") else ""
     meaning = f"{', '.join(others)}{unit}: {term.meaning}" if others else term.meaning

@@ -16,7 +16,7 @@ from heatertune.settings import Conditions, TuneSettings, WordSettings
 if TYPE_CHECKING:
     from heatertune.model.values import FittedModel
     from heatertune.pid.values import PidDesign
-    from heatertune.proof.closing import Closed
+    from heatertune.proof.redesign import DesignResult
 
 __all__ = ["add_to"]
 
@@ -52,13 +52,13 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.pid.forms import other_forms  # noqa: PLC0415
     from heatertune.plc.design import loop_fit  # noqa: PLC0415
     from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
-    from heatertune.report.brief import tune_brief  # noqa: PLC0415
     from heatertune.report.text import alternatives_table, design_lines, forms_lines  # noqa: PLC0415
+    from heatertune.report.verdict_summary import tune_brief  # noqa: PLC0415
 
     fitted, progress = common.model_from(settings, settings.model), printing.Progress(settings)
     proven = _closed(settings, fitted, progress)
     design = _plain(settings, fitted, progress) if proven is None else replace(
-        proven.wished, notes=(*proven.wished.notes, *proven.notes))
+        proven.ideal, notes=(*proven.ideal.notes, *proven.notes))
     loop = fitted if settings.target is None else loop_fit(fitted, common.target(settings), common.scaling(settings))
     if settings.second_opinion:
         from heatertune.pid.loop.linear import second_opinion  # noqa: PLC0415 - loads python-control
@@ -80,26 +80,27 @@ def _run(settings: argparse.Namespace) -> int:
     return 0 if proven is None or proven.proof.verdict == "PASS" else 1
 
 
-def _closed(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> Closed | None:
+def _closed(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> DesignResult | None:
     """Return the design closed on the verdict of its words, None where no proof is asked for or can be made."""
-    from heatertune.proof.closing import closed  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.redesign import find_passing_design  # noqa: PLC0415 - the help must not wait for it
 
     if settings.target is None or not _proof_asked(settings):
         return None
-    return closed(fitted, common.asked(settings), progress=progress)
+    return find_passing_design(fitted, common.design_request(settings), progress=progress)
 
 
 def _proof_asked(settings: argparse.Namespace) -> bool:
     """Return whether there is an option that only a proof hears."""
     beside = {"step_power_pct", "switch_kind", "as_is"}  # a design hears these, too
-    return bool({*options.given(Conditions, settings), *options.given(WordSettings, settings)} - beside)
+    return bool({*options.provided_options(Conditions, settings),
+                 *options.provided_options(WordSettings, settings)} - beside)
 
 
 def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> PidDesign:
     """Return the design as asked for; of the conditions of a proof it hears those that it can aim at."""
     from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc.choose import tune_for_words  # noqa: PLC0415
-    from heatertune.proof.fitted import aimed, told_of_aim  # noqa: PLC0415
+    from heatertune.plc.word_selection import tune_for_words  # noqa: PLC0415
+    from heatertune.proof.prove_words import told_of_aim, tune_settings_for  # noqa: PLC0415
     from heatertune.proof.pwm_period import with_pwm  # noqa: PLC0415
 
     by_words = common.interval_by_words(settings)
@@ -107,7 +108,7 @@ def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing
         raise InputError("--sample-time words needs --target: the words are its own")
     asked = options.of(TuneSettings, settings)
     proven_later = settings.target is not None or _proof_asked(settings)
-    tuned = aimed(asked, common.conditions(settings)) if proven_later else asked
+    tuned = tune_settings_for(asked, common.conditions(settings)) if proven_later else asked
     find = partial(tune_for_words if by_words else chain.tune, target=settings.target, progress=progress)
     design = find(fitted, tuned, scaling=common.scaling(settings))
     notes = [*told_of_aim(asked, tuned), *([_UNPROVEN] if _proof_asked(settings) else [])]

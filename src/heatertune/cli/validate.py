@@ -7,7 +7,7 @@ from typing import Any
 
 from heatertune import options
 from heatertune.cli import common, printing
-from heatertune.cli.known import add_known_options, known_words
+from heatertune.cli.known_controller_options import add_known_options, known_words
 from heatertune.settings import ValidateSettings
 
 __all__ = ["add_to"]

@@ -7,7 +7,7 @@ from typing import Any
 
 from heatertune import options
 from heatertune.cli import common, printing
-from heatertune.cli.recorded import proving, redesign_command
+from heatertune.cli.saved_design import proof_source, redesign_command
 from heatertune.errors import InputError
 from heatertune.settings import SampleSettings
 
@@ -34,14 +34,14 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.verdict import verdict_first, verdict_line  # noqa: PLC0415
-    from heatertune.report.brief import verify_brief  # noqa: PLC0415
     from heatertune.report.text import criteria_table, ramp_note, samples_table  # noqa: PLC0415
+    from heatertune.report.verdict_summary import verify_brief  # noqa: PLC0415
 
     progress = printing.Progress(settings)
-    asked, drawn = proving(settings), options.of(SampleSettings, settings)
-    fitted, conditions = asked.fitted, asked.conditions
+    asked, drawn = proof_source(settings), options.of(SampleSettings, settings)
+    fitted, conditions = asked.fitted_model, asked.conditions
     if drawn.replay is not None:
-        from heatertune.proof.drawn import replay_document  # noqa: PLC0415 - as below
+        from heatertune.proof.monte_carlo.run import replay_document  # noqa: PLC0415 - as below
 
         if asked.ramp is not None:
             raise InputError("--replay runs the words with the ramp they have; --setpoint-ramp would be another proof")
@@ -53,7 +53,7 @@ def _run(settings: argparse.Namespace) -> int:
     progress("proving the words")
     proof, notes = prove_ramped(asked.words, fitted, asked.ramp, conditions, progress=progress)
     if drawn.samples is not None:
-        from heatertune.proof.drawn import with_samples  # noqa: PLC0415 - who asks for none must not wait for it
+        from heatertune.proof.monte_carlo.run import with_samples  # noqa: PLC0415 - who asks for none must not wait for it
 
         progress(f"proving them on {drawn.samples} samples")
         proof = with_samples(proof, fitted, drawn, conditions)

@@ -10,15 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
-from heatertune.cli.line import LINE
+from heatertune.cli.progress_line import LINE
 from heatertune.cli.record import asked_to_end, live_line, show_notes
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:
-    from heatertune.live.change.proven import Proven
-    from heatertune.live.monitored import Monitored
-    from heatertune.live.recorder import Recorded
-    from heatertune.live.watching import Beside
+    from heatertune.live.band_watch import BandWatch
+    from heatertune.live.online_monitor import OnlineMonitor
+    from heatertune.live.recorder import RecordingState
+    from heatertune.live.write.proven_words import ProvenWords
 
 __all__ = ["add_to"]
 
@@ -47,23 +47,23 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.live.change.proven import read_proven  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.live.band_watch import BandWatch, others_there  # noqa: PLC0415
     from heatertune.live.client.address import address_of  # noqa: PLC0415
-    from heatertune.live.places import places_of  # noqa: PLC0415
     from heatertune.live.plc_state import PlcState  # noqa: PLC0415
-    from heatertune.live.recorder import Recording, record  # noqa: PLC0415
-    from heatertune.live.watching import Beside, others_there  # noqa: PLC0415
+    from heatertune.live.recorder import RecordingSetup, record  # noqa: PLC0415
+    from heatertune.live.signal_map import places_of  # noqa: PLC0415
+    from heatertune.live.write.proven_words import read_proven  # noqa: PLC0415 - the help must not wait for it
 
     address, proven = address_of(settings.address), read_proven(settings.design, printing.Progress(settings))
     places = places_of(proven.words)
     if places is None:
         raise InputError(f"{settings.design}: where {proven.words.target} shows its temperature is not known here")
     log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
-    beside, monitored = Beside(proven), _monitored(settings.monitor, proven)
+    beside, monitored = BandWatch(proven), _monitored(settings.monitor, proven)
     others, unknown = others_there(proven, address)
     open_experiment = PlcState(address).message()
     with asked_to_end() as asked:
-        so_far = record(address, log, places, Recording(
+        so_far = record(address, log, places, RecordingSetup(
             every_s=None if monitored is None else min(1.0, 0.5 * monitored.view.scan_s), for_s=settings.for_s,
             append=settings.append, pwm_period_s=proven.view.actuator.pwm_period_s),
             shown=_shown(settings, beside, monitored), ended=lambda: bool(asked))
@@ -73,7 +73,7 @@ def _run(settings: argparse.Namespace) -> int:
     unmoved = _unmoved(beside, so_far)
     well = beside.seen.readings > 0 and beside.seen.well and not unmoved  # who has seen nothing knows nothing
     open_experiment = open_experiment or PlcState(address).message()  # one may have begun meanwhile
-    well = well and not others and (monitored is None or not monitored.told()) and not so_far.trouble
+    well = well and not others and (monitored is None or not monitored.messages()) and not so_far.trouble
     well = well and not open_experiment
     seen = beside.seen.to_document()
     seen["told"] = [*(line for line in (open_experiment, others, unmoved) if line), *seen["told"]]
@@ -86,7 +86,7 @@ def _run(settings: argparse.Namespace) -> int:
     return 0 if well else 1
 
 
-def _unmoved(beside: Beside, so_far: Recorded) -> str:
+def _unmoved(beside: BandWatch, so_far: RecordingState) -> str:
     """Return that nothing is known, for nothing that was read has changed and no counter says that it is new."""
     seen = beside.seen
     if so_far.interval_s is not None or seen.readings == 0 or seen.still_s < min(seen.seconds, beside.window_s):
@@ -95,26 +95,26 @@ def _unmoved(beside: Beside, so_far: Recorded) -> str:
             "that stands, a frozen sensor and a loop at rest look the same. Watch for longer")
 
 
-def _monitored(path: str | None, proven: Proven) -> Monitored | None:
-    from heatertune.live.monitored import Monitored  # noqa: PLC0415 - only where it is asked for
+def _monitored(path: str | None, proven: ProvenWords) -> OnlineMonitor | None:
+    from heatertune.live.online_monitor import OnlineMonitor  # noqa: PLC0415 - only where it is asked for
     from heatertune.proof.supervision.document import read_supervision  # noqa: PLC0415
 
     if path is None:
         return None
     view = read_supervision(path)
     try:
-        return Monitored(view, proven.words)
+        return OnlineMonitor(view, proven.words)
     except InputError as problem:
         raise InputError(f"--monitor {path}: {problem}") from None
 
 
 def _shown(
-    settings: argparse.Namespace, beside: Beside, monitored: Monitored | None
-) -> Callable[[Recorded], object]:
+    settings: argparse.Namespace, beside: BandWatch, monitored: OnlineMonitor | None
+) -> Callable[[RecordingState], object]:
     begun, last = time.monotonic(), [0]
     shown_notes: list[str] = []
 
-    def shown(so_far: Recorded) -> None:
+    def shown(so_far: RecordingState) -> None:
         show_notes(so_far, shown_notes)
         if so_far.last is not None and so_far.rows > last[0]:
             last[0] = so_far.rows
@@ -124,14 +124,14 @@ def _shown(
         if not settings.quiet:
             seen = beside.seen
             band = "" if seen.band is None else f"; proven {seen.band[0]:.4g}…{seen.band[1]:.4g} °C"
-            told = (*seen.told(), *(() if monitored is None else monitored.told()))
+            told = (*seen.notes(), *(() if monitored is None else monitored.messages()))
             found = f" NOT WELL: {told[-1]}" if told else ""
             LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}{band}{found}"[:118])
 
     return shown
 
 
-def _refitted(log: Path, proven: Proven) -> dict[str, Any]:
+def _refitted(log: Path, proven: ProvenWords) -> dict[str, Any]:
     """Return each parameter as it is now, beside what the proof was made on."""
     from heatertune import chain  # noqa: PLC0415 - only where it is asked for
     from heatertune.errors import HeatertuneError  # noqa: PLC0415
@@ -143,7 +143,7 @@ def _refitted(log: Path, proven: Proven) -> dict[str, Any]:
     found = {}
     for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"):
         now, interval = getattr(fitted.model, name), fitted.ci95.get(name)
-        was = getattr(proven.fitted.model, name)
+        was = getattr(proven.fitted_model.model, name)
         apart = interval is not None and (
             (interval.low is not None and was < interval.low) or (interval.high is not None and was > interval.high))
         found[name] = {"was": was, "now": now, "low": interval and interval.low, "high": interval and interval.high,

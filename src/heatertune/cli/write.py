@@ -14,10 +14,10 @@ from heatertune.errors import LinkError
 from heatertune.settings import SensorSettings
 
 if TYPE_CHECKING:
-    from heatertune.live.change.apply import Applied
-    from heatertune.live.change.peer import Link
-    from heatertune.live.change.plan import Planned, Wanted
-    from heatertune.live.change.writer import Ended
+    from heatertune.live.write.apply import WriteResult
+    from heatertune.live.write.plc_block import LinkSettings
+    from heatertune.live.write.write_plan import WritePlan, WriteRequest
+    from heatertune.live.write.writer import WriteEnd
 
 __all__ = ["add_guard", "add_to", "ended_lines", "link_of", "not_read"]
 
@@ -63,48 +63,49 @@ def add_guard(command: argparse.ArgumentParser, of_what: str) -> None:
                       help="writes of one word from here, as its memory wears out (default: 1000)")
 
 
-def link_of(settings: argparse.Namespace) -> Link:
+def link_of(settings: argparse.Namespace) -> LinkSettings:
     """Return how the link is held, as the options say; raise OutOfRange where that makes no sense."""
-    from heatertune.live.change.peer import Link  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.live.write.plc_block import LinkSettings  # noqa: PLC0415 - the help must not wait for it
     from heatertune.units import check  # noqa: PLC0415
 
     check("--reconnect", settings.reconnect, least=1)
     check("--timeout", settings.timeout, above=0.0)
     check("--most-writes", settings.most_writes, least=1)
-    return Link(tries=settings.reconnect, timeout_s=settings.timeout)
+    return LinkSettings(tries=settings.reconnect, timeout_s=settings.timeout)
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.live.change.apply import applied  # noqa: PLC0415
-    from heatertune.live.change.guard import Said  # noqa: PLC0415
-    from heatertune.live.change.plan import PLAN_SCHEMA, Wanted, peer_of, planned  # noqa: PLC0415
-    from heatertune.live.change.proven import read_proven  # noqa: PLC0415
-    from heatertune.live.change.rollback import unended  # noqa: PLC0415
     from heatertune.live.client.address import address_of  # noqa: PLC0415
     from heatertune.live.plc_state import PlcState  # noqa: PLC0415
+    from heatertune.live.write.apply import apply_write  # noqa: PLC0415
+    from heatertune.live.write.identity_check import Declared  # noqa: PLC0415
+    from heatertune.live.write.proven_words import read_proven  # noqa: PLC0415
+    from heatertune.live.write.rollback import unfinished_records  # noqa: PLC0415
+    from heatertune.live.write.write_plan import PLAN_SCHEMA, WriteRequest, peer_of, plan_write  # noqa: PLC0415
 
-    sensor = options.given(SensorSettings, settings)
-    said = Said(called_every_s=settings.called_every, range_degC=sensor.get("range_degC"),
+    sensor = options.provided_options(SensorSettings, settings)
+    said = Declared(called_every_s=settings.called_every, range_degC=sensor.get("range_degC"),
                 as_exported=settings.as_exported, in_manual=settings.in_manual)
     address, link = address_of(settings.address), link_of(settings)
     progress = printing.Progress(settings)
-    wanted = Wanted(proven=read_proven(settings.directory, progress), address=address, said=said, link=link,
+    wanted = WriteRequest(proven_words=read_proven(settings.directory, progress), address=address, declared=said,
+                          link=link,
                     most_writes=settings.most_writes, watch=not settings.no_watch,
                     record=None if settings.record is None else Path(settings.record))
     document = {"schema": PLAN_SCHEMA, "directory": settings.directory, "address": address.text,
-                "digest": wanted.proven.view.digest, "yes": wanted.proven.yes, "applied": settings.apply}
+                "digest": wanted.proven_words.view.digest, "yes": wanted.proven_words.yes, "applied": settings.apply}
     if settings.apply:
         with signals_as_ctrl_c():
-            done = applied(wanted, settings.yes, progress)
+            done = apply_write(wanted, settings.yes, progress)
         document |= done.to_document()
         printing.output(settings, document, lambda: "\n".join(_of_applied(done)))
-        return 0 if done.ended.is_done else 1
+        return 0 if done.end.is_done else 1
     with peer_of(wanted) as peer:
         try:
-            plan = planned(wanted, peer)
+            plan = plan_write(wanted, peer)
         except LinkError as problem:
             return not_read(settings, document, problem)
-    open_ = [str(lines.path) for lines in unended(Path(settings.directory), address)]
+    open_ = [str(lines.path) for lines in unfinished_records(Path(settings.directory), address)]
     open_experiment = PlcState(address).message()
     printing.output(settings, document | plan.to_document() | {
         "unended": open_, "open_experiment": open_experiment or None},
@@ -119,34 +120,34 @@ def not_read(settings: argparse.Namespace, document: dict[str, Any], problem: Li
     return 1
 
 
-def _of_plan(settings: argparse.Namespace, wanted: Wanted, plan: Planned, open_: list[str],
+def _of_plan(settings: argparse.Namespace, wanted: WriteRequest, plan: WritePlan, open_: list[str],
              open_experiment: str) -> Iterator[str]:
     from heatertune.report.difference import difference_lines  # noqa: PLC0415
-    from heatertune.report.layout import table, wrapped  # noqa: PLC0415
+    from heatertune.report.layout import table, wrap_text  # noqa: PLC0415
 
     if plan.difference is not None:
         yield from difference_lines(_of_block(plan.difference)).splitlines()
     marks = {True: "ok", False: "NO", None: "say it"}
-    yield table([(marks[check.ok] if check.ok is not None or check.option else "-", check.name, check.told)
+    yield table([(marks[check.ok] if check.ok is not None or check.option else "-", check.name, check.message)
                  for check in plan.checks])
     for number, part in enumerate(plan.parts, start=1):
         yield f"{number}. {', '.join(part.names)}: {part.before.hex(' ')} -> {part.after.hex(' ')}"
     if plan.no_order:
-        yield from wrapped(plan.no_order, "- ")
+        yield from wrap_text(plan.no_order, "- ")
     if plan.undone_by:
-        yield from wrapped(f"{plan.undone_by}: load the exported one, too", "- ")
+        yield from wrap_text(f"{plan.undone_by}: load the exported one, too", "- ")
     if open_experiment:
-        yield from wrapped(open_experiment, "- ")
+        yield from wrap_text(open_experiment, "- ")
     yield from (f"- a write that never ended: heatertune rollback {path}" for path in open_)
     if all(check.ok is not False for check in plan.checks) and plan.parts and not plan.no_order:
         said = [check.option for check in plan.checks if check.ok is None and check.option]
-        again = " ".join([*settings.given, *said, "--apply", "--yes", wanted.proven.yes])
-        yield from wrapped(f"heatertune {again}", "to write: ")
+        again = " ".join([*settings.given, *said, "--apply", "--yes", wanted.proven_words.yes])
+        yield from wrap_text(f"heatertune {again}", "to write: ")
 
 
 def _of_block(difference: Mapping[str, Any]) -> dict[str, Any]:
     """Return what differs without what no block tells, or the program around writes."""
-    from heatertune.proof.written import IN_BLOCK  # noqa: PLC0415
+    from heatertune.proof.write_comparison import IN_BLOCK  # noqa: PLC0415
 
     terms = [term for term in difference["terms"] if term["name"] in IN_BLOCK]
     words = [word for word in difference["words"] if not word["written"]]
@@ -154,20 +155,20 @@ def _of_block(difference: Mapping[str, Any]) -> dict[str, Any]:
     return {**difference, "a": a, "b": b, "terms": terms, "words": words, "proofs": []}
 
 
-def _of_applied(done: Applied) -> Iterator[str]:
-    from heatertune.report.layout import wrapped  # noqa: PLC0415
+def _of_applied(done: WriteResult) -> Iterator[str]:
+    from heatertune.report.layout import wrap_text  # noqa: PLC0415
 
     for told in done.earlier:
-        yield from wrapped(told, "- ")
-    yield from ended_lines(done.ended)
+        yield from wrap_text(told, "- ")
+    yield from ended_lines(done.end)
     if done.record is not None:
         yield f"record {done.record}; back again: heatertune rollback {done.record}"
 
 
-def ended_lines(ended: Ended) -> Iterator[str]:
+def ended_lines(ended: WriteEnd) -> Iterator[str]:
     """Yield the end of a write, and what stands in the PLC, as a terminal shows it."""
-    from heatertune.report.layout import wrapped  # noqa: PLC0415
+    from heatertune.report.layout import wrap_text  # noqa: PLC0415
 
-    yield from wrapped(f"{ended.outcome.upper()}: {ended.told}")
+    yield from wrap_text(f"{ended.outcome.upper()}: {ended.message}")
     if ended.stands is not None:
-        yield from wrapped(", ".join(f"{name} = {value:g}" for name, value in ended.stands.items()), "in the PLC: ")
+        yield from wrap_text(", ".join(f"{name} = {value:g}" for name, value in ended.stands.items()), "in the PLC: ")

@@ -17,7 +17,7 @@ import numpy as np
 
 from heatertune.plain import runs_compiled_as
 
-__all__ = ["decay", "decayed", "logarithm", "logarithm_beside_1"]
+__all__ = ["decay", "expm1_negative", "logarithm", "logarithm_beside_1"]
 
 _LEAST: Final = -700.0  # below, e^x is nothing beside any temperature
 _NEAR: Final = -0.34  # above −½·ln 2
@@ -37,7 +37,7 @@ def decay(power: float) -> float:
     return scale + scale * rest
 
 
-def decayed(power: float) -> float:
+def expm1_negative(power: float) -> float:
     """Return e^power − 1 of a power that is not above 0."""
     scale, rest = _split(power)
     return (scale - 1.0) + scale * rest

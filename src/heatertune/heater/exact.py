@@ -25,8 +25,18 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
-    "Factors", "advance", "advanced", "answered", "apart", "area", "factors", "since_step", "slopes_by_lag",
-    "time_to", "turning_time", "turning_times",
+    "Factors",
+    "advance",
+    "advance_step",
+    "apart",
+    "area",
+    "factors",
+    "since_step",
+    "slopes_by_lag",
+    "time_to",
+    "turning_time",
+    "turning_times",
+    "unit_step_response",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -57,13 +67,13 @@ def factors(t: float, outer: float, inner: float) -> Factors:
     return Factors(left, slow * stretch / outer, other)
 
 
-def advanced(y: float, x: float, target: float, f: Factors) -> tuple[float, float]:
+def advance_step(y: float, x: float, target: float, f: Factors) -> tuple[float, float]:
     """Return y and x after a time of constant power whose factors are given."""
     above, inner = y - target, x - target
     return target + f.outer * above + f.coupling * inner, target + f.inner * inner
 
 
-def answered(t: float, outer: float, inner: float) -> float:
+def unit_step_response(t: float, outer: float, inner: float) -> float:
     """Return the answer to a unit step `t` seconds ago, not negative; `since_step` does it for arrays."""
     left = factors(t, outer, inner)
     return 1.0 - left.outer - left.coupling
@@ -202,7 +212,7 @@ def _two_lags_to(share: float, first_s: float, second_s: float) -> float:
     low, high = 0.0, (first_s + second_s) * (1.0 - math.log1p(-share))  # no two lags take longer
     for _ in range(60):
         middle = 0.5 * (low + high)
-        if answered(middle, first_s, second_s) < share:
+        if unit_step_response(middle, first_s, second_s) < share:
             low = middle
         else:
             high = middle

@@ -39,7 +39,7 @@ class _Silence(Exception):
     """Raised when the other side says nothing, or what is not due: the function is over."""
 
 
-class _Ended(Exception):
+class _ServerStopped(Exception):
     """Raised when nobody wants the server any more."""
 
 
@@ -87,7 +87,7 @@ class As511Server:
                     self._function()
             except _Silence:
                 self._heard.clear()
-            except _Ended:
+            except _ServerStopped:
                 return
 
     def _function(self) -> None:
@@ -133,7 +133,7 @@ class As511Server:
         while not self._heard:
             ready, _, _ = select([self._line, self._woken], [], [], None if patient else SILENCE_S)
             if self._woken in ready:
-                raise _Ended
+                raise _ServerStopped
             if not ready:
                 raise _Silence
             content = os.read(self._line, 4096)
@@ -173,7 +173,7 @@ class As511Server:
         for number, held in self._numbers.items():
             address += _HEADER
             if not (held == self._memory.main and self._memory.missing):
-                yield number, address, self._memory.found(held)
+                yield number, address, self._memory.block_size(held)
             address += self._memory.size(held)
 
     def _info(self, body: bytes) -> bytes:

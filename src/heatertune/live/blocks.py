@@ -6,17 +6,17 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any, Final, Protocol
 
-from heatertune.live.cells import Signal
-from heatertune.live.layout import Run
+from heatertune.live.layout import RegisterRange
+from heatertune.live.word_codec import Signal
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
-from heatertune.plc.open_points import assumed
+from heatertune.plc.open_points import assumptions_from
 from heatertune.plc.ramp import Number
 
-__all__ = ["SERVED", "Block", "block_for"]
+__all__ = ["SERVED", "ServedBlock", "block_for"]
 
 
-class Block(Protocol):
+class ServedBlock(Protocol):
     """A controller's block in a PLC.
 
     Attributes:
@@ -36,7 +36,7 @@ class Block(Protocol):
     number: int
     told: str
     speaks: tuple[str, ...]
-    registers: Sequence[Run]
+    registers: Sequence[RegisterRange]
     manual: bool
     signals: Mapping[str, Signal]
     words: Mapping[str, Signal]
@@ -63,7 +63,7 @@ class Block(Protocol):
             reading: of the input module.
 
         Returns:
-            State, power 0…100 %, output and flags, as `heatertune.plc.core.Core.step` gives them.
+            State, power 0…100 %, output and flags, as `heatertune.plc.core.StepFunctions.step` gives them.
         """
 
     def restarted(self, state: Any) -> Any:
@@ -107,7 +107,7 @@ SERVED: Final[Mapping[str, tuple[str, str]]] = {
 }
 
 
-def block_for(controller: Controller, words: Words, switches: Mapping[str, str]) -> Block:
+def block_for(controller: Controller, words: Words, switches: Mapping[str, str]) -> ServedBlock:
     """Return what a virtual PLC serves of a controller that runs words.
 
     Raises:
@@ -115,5 +115,5 @@ def block_for(controller: Controller, words: Words, switches: Mapping[str, str])
         UnknownName: no such switch or setting.
     """
     module, name = SERVED[controller.name]
-    made: Callable[[Controller, Words, Any], Block] = getattr(import_module(f"heatertune.live.{module}"), name)
-    return made(controller, words, assumed(controller.assumptions, switches))
+    made: Callable[[Controller, Words, Any], ServedBlock] = getattr(import_module(f"heatertune.live.{module}"), name)
+    return made(controller, words, assumptions_from(controller.assumptions, switches))

@@ -20,23 +20,23 @@ from threading import Thread
 from typing import Final
 
 from heatertune.errors import HeatertuneError, InputError, LinkDown, LinkError, PlcRefused
-from heatertune.live.change.cells import standing
 from heatertune.live.client.address import Address, address_of
 from heatertune.live.client.client import Client
 from heatertune.live.client.simulator import told_by
-from heatertune.live.looking import Look
 from heatertune.live.manual import ManualMode, give_back
 from heatertune.live.memory import GUARDED, OWN, OWN_CELLS, RUNS
-from heatertune.live.places import places_of
 from heatertune.live.plc_state import PlcState, WayBack, utc_now
-from heatertune.live.readings import StillSensor
-from heatertune.live.recorder import Recorded, Recording, record
-from heatertune.live.schedule import RATE_ROWS, Aims, Limits, Relay, Steps
+from heatertune.live.poller import Snapshot
+from heatertune.live.reading_check import StillSensor
+from heatertune.live.recorder import RecordingSetup, RecordingState, record
+from heatertune.live.schedule import RATE_ROWS, AbortLimits, Aims, RelaySchedule, Steps
+from heatertune.live.signal_map import places_of
+from heatertune.live.write.block_image import block_image
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.plc import Words, controller_for
-from heatertune.plc.typed import value_texts
+from heatertune.plc.keyed_entry import value_texts
 
-__all__ = ["Ended", "Experiment", "Watching", "restore"]
+__all__ = ["Experiment", "ExperimentObserver", "ExperimentResult", "restore"]
 
 _SAME_PCT: Final = 1e-6
 #: by how much every plausible heater must have moved before a reading that stands still is frozen
@@ -44,7 +44,7 @@ _FROZEN_DEGC: Final = 3.0
 
 
 @dataclass(slots=True, kw_only=True)
-class Ended:
+class ExperimentResult:
     """How an experiment ended.
 
     Attributes:
@@ -56,16 +56,16 @@ class Ended:
         power_pct: the latest power that was sent [%]; None: none was.
     """
 
-    why: str
-    told: str
+    reason: str
+    message: str
     restored: bool | None = None
-    recorded: Recorded | None = None
-    fitted: FittedModel | None = None
+    recording: RecordingState | None = None
+    fitted_model: FittedModel | None = None
     power_pct: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Watching:
+class ExperimentObserver:
     """Who watches an experiment.
 
     Attributes:
@@ -76,7 +76,7 @@ class Watching:
         enough: asked meanwhile whether somebody wants to wait no longer.
     """
 
-    shown: Callable[[Recorded, str], object] = lambda *_: None
+    on_row: Callable[[RecordingState, str], object] = lambda *_: None
     key: Callable[[], bool] = lambda: False
     fit: Callable[[Path], FittedModel] | None = None
     progress: Callable[[str], object] = str
@@ -95,7 +95,7 @@ class Experiment:
         heaters: that are plausible; none: a frozen sensor is not told.
     """
 
-    def __init__(self, plan: Steps | Relay, address: Address, words: Words, limits: Limits, *,
+    def __init__(self, plan: Steps | RelaySchedule, address: Address, words: Words, limits: AbortLimits, *,
                  timeout_s: float = 1.0, pwm_period_s: float | None = None, in_manual: bool = False,
                  heaters: Sequence[HeaterModel] = ()) -> None:
         """Prepare; nothing is asked of the PLC yet.
@@ -116,9 +116,9 @@ class Experiment:
         """
         _demand_proven_power(plan, words)
         self.heaters = tuple(heaters)
-        self.mode, self._standing = ManualMode(address, words, timeout_s), standing(words, address, {})
+        self.mode, self._standing = ManualMode(address, words, timeout_s), block_image(words, address, {})
         self.plan, self._words, self.limits = plan, words, limits
-        self._recording = Recording(timeout_s=timeout_s, pwm_period_s=pwm_period_s)
+        self._recording = RecordingSetup(timeout_s=timeout_s, pwm_period_s=pwm_period_s)
         self.sensor_degC, self.has_dead_man = words.scaling.sensor_degC, False
         self._in_manual, self._state = in_manual, PlcState(address)
 
@@ -132,10 +132,10 @@ class Experiment:
             LinkError: nobody is there.
         """
         where = self.mode.address.text
-        with self._state.locked("experiment"):
+        with self._state.lock("experiment"):
             self._state.demand_no_way_back()
             self._state.demand_nothing_late()
-        with self.mode.connected() as client:
+        with self.mode.open_client() as client:
             self._demand_words(client)
             image, own = self.mode.image(client), told_by(client)
         self._demand_mode(image)
@@ -172,7 +172,8 @@ class Experiment:
             raise InputError(f"{self.mode.address.text} holds other words: {', '.join(other[:3])}; give the folder of "
                              "the controller that runs there")
 
-    def run(self, log: str | Path, aims: Aims | None = None, watching: Watching | None = None) -> Ended:
+    def run(self, log: str | Path, aims: Aims | None = None,
+            watching: ExperimentObserver | None = None) -> ExperimentResult:
         """Run it; the log is written as `heatertune.live.recorder.record` writes one.
 
         Args:
@@ -186,15 +187,15 @@ class Experiment:
         """
         if Path(log).exists():
             raise InputError(f"{log}: is there already; take another name")
-        with self._state.locked("experiment"):
+        with self._state.lock("experiment"):
             self._state.demand_no_way_back()
-            with self.mode.connected() as client:
+            with self.mode.open_client() as client:
                 image = self.mode.image(client)
             self._demand_mode(image)
             _, start, count = self.mode.place
             way_back = self._way_back(image[start : start + count], log)
             self._state.keep(way_back)
-            hand = _Hand(self, way_back, Path(log), aims or Aims(), watching or Watching())
+            hand = _Hand(self, way_back, Path(log), aims or Aims(), watching or ExperimentObserver())
             restored = None
             try:
                 recorded = self._recorded(hand, log)
@@ -202,11 +203,11 @@ class Experiment:
                 restored = hand.give_back()
                 hand.join()
         assert hand.ended is not None
-        hand.ended.restored, hand.ended.recorded, hand.ended.fitted = restored, recorded, hand.fitted
+        hand.ended.restored, hand.ended.recording, hand.ended.fitted_model = restored, recorded, hand.fitted
         hand.ended.power_pct = hand.sent_pct
         return hand.ended
 
-    def _recorded(self, hand: _Hand, log: str | Path) -> Recorded:
+    def _recorded(self, hand: _Hand, log: str | Path) -> RecordingState:
         """Record, with the hand on the controller, until that has ended; raise what stops it before the first put."""
         try:
             return record(self.mode.address, log, places_of(self._words), self._recording,
@@ -236,23 +237,24 @@ class Experiment:
 class _Hand:
     """The hand on the controller while the recorder looks; it has a connection of its own."""
 
-    def __init__(self, whole: Experiment, way_back: WayBack, log: Path, aims: Aims, watching: Watching) -> None:
+    def __init__(self, whole: Experiment, way_back: WayBack, log: Path, aims: Aims,
+                 watching: ExperimentObserver) -> None:
         self._whole, self._way_back, self._log, self._aims, self._watching = whole, way_back, log, aims, watching
         self._client: Client | None = None
         self._put = way_back.before
         self._power: float | None = None
         self.sent_pct: float | None = None
-        self.so_far = Recorded()
+        self.so_far = RecordingState()
         self._rows = self._fitted_at = self._beats = 0
         self._first_s: float | None = None
         self._latest = list[tuple[float, float]]()
         self._new_at = time.monotonic()
         self._still = StillSensor(whole.heaters, _FROZEN_DEGC) if whole.heaters else None
         self._fitting: Thread | None = None
-        self.ended: Ended | None = None
+        self.ended: ExperimentResult | None = None
         self.fitted: FittedModel | None = None
 
-    def looked(self, so_far: Recorded) -> None:
+    def looked(self, so_far: RecordingState) -> None:
         """Act on a look: end it, or go on by the plan."""
         self.so_far = so_far
         if self.ended is None:
@@ -260,13 +262,13 @@ class _Hand:
                 self._act(so_far)
             except LinkError as problem:
                 self.end("link", str(problem))
-        self._watching.shown(so_far, "" if self._power is None else f"{self._power:g} % by hand")
+        self._watching.on_row(so_far, "" if self._power is None else f"{self._power:g} % by hand")
 
     def end(self, why: str, told: str) -> None:
         """End it; `why` as in `Ended`."""
-        self.ended = Ended(why=why, told=told)
+        self.ended = ExperimentResult(reason=why, message=told)
 
-    def _act(self, so_far: Recorded) -> None:
+    def _act(self, so_far: RecordingState) -> None:
         if so_far.trouble:
             self.end("link", so_far.trouble)
         elif so_far.notes:
@@ -284,10 +286,10 @@ class _Hand:
             self._beats = (self._beats + 1) % 65536
             self._asked().write(OWN, OWN_CELLS["heartbeat"][0], self._beats.to_bytes(2, "big"))
 
-    def _new(self, look: Look) -> None:
+    def _new(self, look: Snapshot) -> None:
         """Act on a new reading."""
         self._first_s = look.time_s if self._first_s is None else self._first_s
-        after_s, degC = look.time_s - self._first_s, look.seen["temperature"]
+        after_s, degC = look.time_s - self._first_s, look.signals["temperature"]
         self._latest = [*self._latest[1 - RATE_ROWS :], (look.time_s, degC)]
         broken = self._whole.limits.broken(self._latest, self._whole.sensor_degC)
         if broken is not None:
@@ -310,7 +312,7 @@ class _Hand:
 
     def _asked(self) -> Client:
         if self._client is None:
-            self._client = self._whole.mode.connected()
+            self._client = self._whole.mode.open_client()
         return self._client
 
     def _set(self, power: float) -> None:
@@ -335,7 +337,7 @@ class _Hand:
             return
         self.sent_pct = power
         try:
-            self._whole.mode.put(client, self._put)
+            self._whole.mode.write_cells(client, self._put)
         except (PlcRefused, LinkDown):  # nothing has changed
             self._way_back = answered
             raise
@@ -376,7 +378,7 @@ class _Hand:
             self._fitting.join()
 
 
-def _demand_proven_power(plan: Steps | Relay, words: Words) -> None:
+def _demand_proven_power(plan: Steps | RelaySchedule, words: Words) -> None:
     """Refuse a plan with more power than the words ever ask for: nothing was proven of it."""
     largest = controller_for(words.target).most_power_pct(words)
     highest = max(plan.powers)
@@ -401,7 +403,7 @@ def restore(address: Address, timeout_s: float = 1.0, progress: Callable[[str], 
         InputError: there is none, or the experiment still runs.
     """
     state = PlcState(address)
-    with state.locked("experiment --restore"):
+    with state.lock("experiment --restore"):
         way_back = state.way_back()
         if way_back is None:
             raise InputError(f"{address.text}: no experiment from here is open on this PLC: nothing to bring back")

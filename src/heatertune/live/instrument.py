@@ -20,11 +20,11 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, Final, NamedTuple
 
-from heatertune.live.cells import Signal
-from heatertune.live.layout import MODBUS, Laid, Layout, Place, registers
+from heatertune.live.layout import MODBUS, CellAddress, Laid, Layout, registers
+from heatertune.live.word_codec import Signal
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Running
+from heatertune.plc.core import ControllerState
 from heatertune.plc.pband.makes import MAKES, Make
 from heatertune.plc.pband.readback import number_of
 from heatertune.plc.pband.words import COUNTS
@@ -103,7 +103,7 @@ class InstrumentBlock(Laid):
                   "setpoint": self._working or self.layout.setpoint}
         return {name: self._signal(place, (0.0, self._digits)) for name, place in places.items()}
 
-    def ask(self, cells: bytearray, _running: Running, setpoint: Number) -> None:
+    def ask(self, cells: bytearray, _running: ControllerState, setpoint: Number) -> None:
         """Write the setpoint's temperature; until somebody writes another, it is the number of counts itself."""
         self._counts = int(setpoint)
         self._show(cells, self.layout.setpoint, self._degC(setpoint))
@@ -114,7 +114,7 @@ class InstrumentBlock(Laid):
         self._show(cells, self.layout.reading, self._degC(reading))
 
     def run(
-        self, cells: bytearray, running: Running, state: Any, reading: Number
+        self, cells: bytearray, running: ControllerState, state: Any, reading: Number
     ) -> tuple[Any, float, Number, int]:
         """Return what a sample gives."""
         if bytes(cells[self.layout.setpoint.part]) != self._written:
@@ -123,7 +123,7 @@ class InstrumentBlock(Laid):
             self._working.write(cells, self.layout.setpoint.read(cells))
         return self._controller.core.step(running.parameters, state, self._counts, int(reading), True)
 
-    def tell(self, cells: bytearray, _running: Running, _after: Any, output: Number) -> None:
+    def tell(self, cells: bytearray, _running: ControllerState, _after: Any, output: Number) -> None:
         """Write the output."""
         self._show(cells, self.layout.power, output)
 
@@ -136,7 +136,7 @@ class InstrumentBlock(Laid):
         else:
             cells[self.layout.setpoint.part] = self._written
 
-    def _taken(self, cells: bytearray) -> Running:
+    def _taken(self, cells: bytearray) -> ControllerState:
         for name, place in self.layout.words.items():
             value = place.read(cells)
             if self._fields[name].takes(value):
@@ -149,7 +149,7 @@ class InstrumentBlock(Laid):
         scaling = self._words.scaling
         return scaling.low_degC + scaling.span_degC * counts / COUNTS
 
-    def _show(self, cells: bytearray, place: Place, value: float) -> None:
+    def _show(self, cells: bytearray, place: CellAddress, value: float) -> None:
         """Write a number in the digits of its register."""
         digits = value * self._digits
         place.write(cells, digits if place.format == "REAL" else min(max(round(digits), _LEAST), _MOST))

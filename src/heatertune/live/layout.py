@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.live.cells import STRUCTS, Signal, checked, field_of
+from heatertune.live.word_codec import STRUCTS, Signal, field_of, to_word_format
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Running
+from heatertune.plc.core import ControllerState
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 
-__all__ = ["ALL", "BLOCKS", "MODBUS", "WORDS", "Laid", "Layout", "Place", "Run", "members", "registers"]
+__all__ = ["ALL", "BLOCKS", "MODBUS", "WORDS", "CellAddress", "Laid", "Layout", "RegisterRange", "members", "registers"]
 
 #: protocols of a PLC whose block is a data block; Modbus has it word by word, as gateways give it
 BLOCKS: Final = ("s7", "modbus", "opcua")
@@ -29,12 +29,12 @@ ALL: Final = "all"
 _STRUCTS: Final = {format_: struct.Struct(code) for format_, code in STRUCTS.items()}
 
 
-class Place(NamedTuple):
+class CellAddress(NamedTuple):
     """Where a number stands in a block.
 
     Attributes:
         byte: its first.
-        format: BOOL, or of `heatertune.live.cells.STRUCTS`.
+        format: BOOL, or of `heatertune.live.word_codec.STRUCTS`.
         bit: of that byte, for a BOOL.
         turned: whether the two words of a REAL stand with the low one first.
     """
@@ -67,7 +67,7 @@ class Place(NamedTuple):
         return content[2:] + content[:2] if self.turned else content
 
 
-class Run(NamedTuple):
+class RegisterRange(NamedTuple):
     """Modbus registers that stand one after the other.
 
     Attributes:
@@ -81,39 +81,40 @@ class Run(NamedTuple):
     size: int
 
 
-def members(named: Sequence[tuple[str, str]]) -> dict[str, Place]:
+def members(named: Sequence[tuple[str, str]]) -> dict[str, CellAddress]:
     """Return name → place for names and formats in the order of a data block of standard access.
 
     Bits stand one after the other, all else from an even byte on.
     """
-    found, byte, bit = dict[str, Place](), 0, 0
+    found, byte, bit = dict[str, CellAddress](), 0, 0
     for name, format_ in named:
         if format_ == "BOOL":
             byte, bit = (byte + 1, 0) if bit > 7 else (byte, bit)
-            found[name] = Place(byte, format_, bit)
+            found[name] = CellAddress(byte, format_, bit)
             bit += 1
             continue
         byte, bit = byte + bool(bit), 0
-        found[name] = place = Place(byte + byte % 2, format_)
+        found[name] = place = CellAddress(byte + byte % 2, format_)
         byte = place.part.stop
     return found
 
 
-def registers(wanted: Mapping[str, tuple[int, str]], *, turned: bool = False) -> tuple[dict[str, Place], list[Run]]:
+def registers(wanted: Mapping[str, tuple[int, str]], *, turned: bool = False) -> tuple[dict[str, CellAddress],
+                                                                                       list[RegisterRange]]:
     """Return name → place, and the runs, of registers that are anywhere; the block has them without gaps.
 
     Args:
         wanted: name → register and format.
         turned: whether a REAL has its low word first.
     """
-    found, runs, byte = dict[str, Place](), list[Run](), 0
+    found, runs, byte = dict[str, CellAddress](), list[RegisterRange](), 0
     for name, (register, format_) in sorted(wanted.items(), key=lambda each: each[1][0]):
-        found[name] = place = Place(byte, format_, turned=turned and format_ == "REAL")
+        found[name] = place = CellAddress(byte, format_, turned=turned and format_ == "REAL")
         size = (place.part.stop - byte) // 2
         if runs and runs[-1].first + runs[-1].size == register:
             runs[-1] = runs[-1]._replace(size=runs[-1].size + size)
         else:
-            runs.append(Run(register, byte, size))
+            runs.append(RegisterRange(register, byte, size))
         byte = place.part.stop
     return found, runs
 
@@ -123,7 +124,7 @@ class Layout:
     """Where the cells of a block stand.
 
     Attributes:
-        number, told, speaks, registers: see `heatertune.live.blocks.Block`.
+        number, told, speaks, registers: see `heatertune.live.blocks.ServedBlock`.
         length: of the block [bytes].
         setpoint, reading, power: places of setpoint, reading and output.
         mode: place of what tells manual from automatic; None: it has none.
@@ -139,23 +140,23 @@ class Layout:
     number: int = 1
     told: str
     speaks: tuple[str, ...] = BLOCKS
-    registers: Sequence[Run] = ()
+    registers: Sequence[RegisterRange] = ()
     length: int
-    setpoint: Place
-    reading: Place
-    power: Place
-    mode: Place | None = None
+    setpoint: CellAddress
+    reading: CellAddress
+    power: CellAddress
+    mode: CellAddress | None = None
     manual_is: int = 0
-    hand: Place | None = None
-    words: Mapping[str, Place]
-    inputs: Mapping[str, Place] = field(default_factory=dict)
-    state: Mapping[str, Place] = field(default_factory=dict)
-    first: Mapping[Place, Number] = field(default_factory=dict)
+    hand: CellAddress | None = None
+    words: Mapping[str, CellAddress]
+    inputs: Mapping[str, CellAddress] = field(default_factory=dict)
+    state: Mapping[str, CellAddress] = field(default_factory=dict)
+    first: Mapping[CellAddress, Number] = field(default_factory=dict)
     anew: str = ""
 
 
 class Laid:
-    """A controller's block, cell by cell; see `heatertune.live.blocks.Block`.
+    """A controller's block, cell by cell; see `heatertune.live.blocks.ServedBlock`.
 
     Attributes:
         layout: where its cells stand.
@@ -203,7 +204,7 @@ class Laid:
     def scan(
         self, cells: bytearray, state: Any, setpoint: Number, reading: Number
     ) -> tuple[Any, float, Number, int]:
-        """Run one scan; see `heatertune.live.blocks.Block`."""
+        """Run one scan; see `heatertune.live.blocks.ServedBlock`."""
         if self._anew == ALL:
             cells[:] = self._image
         elif self._anew == WORDS:
@@ -227,7 +228,7 @@ class Laid:
         return {"temperature": self._signal(at.reading), "power": self._signal(at.power),
                 "setpoint": self._signal(at.setpoint)}
 
-    def _signal(self, place: Place, raw: tuple[float, float] = (0.0, 1.0),
+    def _signal(self, place: CellAddress, raw: tuple[float, float] = (0.0, 1.0),
                 shown: tuple[float, float] = (0.0, 1.0)) -> Signal:
         """Return what stands at a place; of registers that are not in a row, register r is at byte 2·r."""
         start = place.byte if len(self.registers) < 2 else next(
@@ -235,7 +236,7 @@ class Laid:
             if run.byte <= place.byte < run.byte + 2 * run.size)
         return Signal(start, place.format, raw, shown, place.turned)
 
-    def ask(self, cells: bytearray, running: Running, setpoint: Number) -> None:  # noqa: ARG002 - some need them
+    def ask(self, cells: bytearray, running: ControllerState, setpoint: Number) -> None:  # noqa: ARG002 - some need them
         """Write another setpoint than at the scan before."""
         self.layout.setpoint.write(cells, setpoint)
 
@@ -244,14 +245,14 @@ class Laid:
         self.layout.reading.write(cells, reading)
 
     def run(
-        self, cells: bytearray, running: Running, state: Any, reading: Number  # noqa: ARG002 - some need it
+        self, cells: bytearray, running: ControllerState, state: Any, reading: Number  # noqa: ARG002 - some need it
     ) -> tuple[Any, float, Number, int]:
         """Return what the controller's own step gives for the inputs as they stand there."""
         assert self._controller.scan_all is not None
         inputs = {name: place.read(cells) for name, place in self.layout.inputs.items()}
         return self._controller.scan_all(running.parameters, state, inputs)
 
-    def tell(self, cells: bytearray, running: Running, after: Any, output: Number) -> None:  # noqa: ARG002 - some tell
+    def tell(self, cells: bytearray, running: ControllerState, after: Any, output: Number) -> None:  # noqa: ARG002 - some tell
         """Write what the block shows of a scan."""
         self.layout.power.write(cells, output)
 
@@ -259,7 +260,7 @@ class Laid:
         for name, place in self.layout.words.items():
             place.write(cells, self._words.values[name])
 
-    def _taken(self, cells: bytearray) -> Running:
+    def _taken(self, cells: bytearray) -> ControllerState:
         """Return the controller with the words that stand there, in the cold state."""
         held = _parts(cells, self.layout.words)
         if held != self._held:
@@ -277,7 +278,7 @@ class Laid:
         """Return the state after a start-up."""
         self._anew = self.layout.anew
         self._asked = None if self._anew == ALL else self._asked
-        return self._controller.core.restarted(self._running.parameters, self._running.state, state)
+        return self._controller.core.warm_start(self._running.parameters, self._running.state, state)
 
     def in_manual(self, cells: bytes | bytearray) -> bool:
         """Return whether it is in manual."""
@@ -289,7 +290,7 @@ class Laid:
             self.layout.mode.write(cells, 1 - self.layout.manual_is)
 
     def put_in_manual(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
-        """Return mode and power, side by side; see `heatertune.live.blocks.Block`.
+        """Return mode and power, side by side; see `heatertune.live.blocks.ServedBlock`.
 
         Raises:
             InputError: there is no manual mode, or the program around writes mode and power at each call.
@@ -307,10 +308,10 @@ class Laid:
         return begin, bytes(image[begin:end])
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
-        """Write one word; errors as `heatertune.live.cells`."""
+        """Write one word; errors as `heatertune.live.word_codec`."""
         wanted = field_of([each for each in self._controller.fields if each.name in self.layout.words], name)
-        self.layout.words[name].write(cells, checked(wanted, value))
+        self.layout.words[name].write(cells, to_word_format(wanted, value))
 
 
-def _parts(cells: bytes | bytearray, places: Mapping[str, Place]) -> bytes:
+def _parts(cells: bytes | bytearray, places: Mapping[str, CellAddress]) -> bytes:
     return b"".join(cells[place.part] for place in places.values())

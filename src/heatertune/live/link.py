@@ -10,7 +10,7 @@ from typing import Final
 
 from heatertune.live.plc import VirtualPlc
 
-__all__ = ["Link"]
+__all__ = ["FaultyLink"]
 
 _MOST: Final = 65536
 _LOOK_S: Final = 0.02  # so often a link that is cut, or a reply that is late, is seen to
@@ -28,7 +28,7 @@ class _Pair:
         self.server.close()
 
 
-class Link:
+class FaultyLink:
     """A proxy on loopback, in one thread."""
 
     def __init__(self, plc: VirtualPlc, listener: socket.socket, server: tuple[str, int]) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Final
 
 from heatertune.errors import InputError, LinkError
-from heatertune.live.blocks import SERVED, Block, block_for
+from heatertune.live.blocks import SERVED, ServedBlock, block_for
 from heatertune.live.client.address import Address
 from heatertune.live.client.client import Client, connect
 from heatertune.live.plc_state import WayBack, late_left_s
@@ -44,13 +44,13 @@ class ManualMode:
         if words.target not in SERVED:
             raise InputError(f"the block of {words.target} is not known here: set the powers by hand, and record")
         self.address, self._timeout_s = address, timeout_s
-        self.block: Block = block_for(controller_for(words.target), words, {})
+        self.block: ServedBlock = block_for(controller_for(words.target), words, {})
         self._image = self.block.image()
         start, put = self.block.put_in_manual(self._image, 0.0)
         said = address.block if address.protocol == "s7" else None
         self.place = self.block.number if said is None else said, start, len(put)
 
-    def connected(self) -> Client:
+    def open_client(self) -> Client:
         """Return a new connection; errors as `heatertune.live.client.client.connect`."""
         return connect(self.address, self._timeout_s)
 
@@ -62,7 +62,7 @@ class ManualMode:
         """Return what stands in the cells; errors as `Client.read`."""
         return client.read(*self.place)
 
-    def put(self, client: Client, content: bytes) -> None:
+    def write_cells(self, client: Client, content: bytes) -> None:
         """Write the cells; errors as `Client.write`."""
         client.write(self.place[0], self.place[1], content)
 

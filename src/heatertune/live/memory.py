@@ -8,8 +8,9 @@ from enum import Enum
 from threading import Condition
 from typing import Final
 
-__all__ = ["DEAD_MAN", "FAULTY", "GUARDED", "OWN", "OWN_CELLS", "OWN_LENGTH", "RUNS", "Access", "Memory", "Refusal",
-           "Told"]
+__all__ = ["DEAD_MAN", "FAULTY", "GUARDED", "OWN", "OWN_CELLS", "OWN_LENGTH", "RUNS", "Access", "BlockMemory",
+           "Refusal",
+           "SimulatorStatus"]
 
 #: number of the simulator's own block, which no real PLC has
 OWN: Final = 1000
@@ -67,7 +68,7 @@ class Refusal(Exception):
         super().__init__(why.value)
 
 
-class Told:
+class SimulatorStatus:
     """What the simulator's own block says, by name.
 
     Attributes:
@@ -94,7 +95,7 @@ class Told:
         self.marked = mark == _MARK
 
 
-class Memory:
+class BlockMemory:
     """Blocks by number; each read and each write is whole, whoever asks.
 
     Attributes:
@@ -131,7 +132,7 @@ class Memory:
         """Return how long a block is, whatever is wrong with it [bytes]."""
         return len(self._blocks[number])
 
-    def found(self, number: int) -> int:
+    def block_size(self, number: int) -> int:
         """Return how long a client finds a block [bytes]."""
         return self.length if number == self.main else self.size(number)
 
@@ -154,7 +155,7 @@ class Memory:
         if known is None or (self.missing and known == self.main):
             raise Refusal(Access.MISSING)
         block = self._blocks[known]
-        if start < 0 or count < 0 or start + count > self.found(known):
+        if start < 0 or count < 0 or start + count > self.block_size(known):
             raise Refusal(Access.OUTSIDE)
         return block
 
@@ -163,7 +164,7 @@ class Memory:
         with self.changed:
             return bytes(self._blocks[self.main])
 
-    def put(
+    def write_changes(
         self, before: bytes, after: bytes | bytearray, part: slice = slice(None), *, scan_of: int | None = None
     ) -> None:
         """Write what a scan has changed, and nothing else: what clients wrote meanwhile stays.

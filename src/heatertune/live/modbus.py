@@ -15,10 +15,10 @@ from pymodbus.constants import ExcCodes
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
-from heatertune.live.aside import AsideServer
-from heatertune.live.layout import Run
+from heatertune.live.layout import RegisterRange
 from heatertune.live.memory import OWN, Access, Refusal
 from heatertune.live.plc import VirtualPlc
+from heatertune.live.thread_server import AsideServer
 
 __all__ = ["FIRST", "UNIT", "ModbusServer"]
 
@@ -45,12 +45,12 @@ class ModbusServer(AsideServer):
             listener: on loopback; its port is taken over.
         """
         self._memory, self._address = plc.memory, listener.getsockname()
-        self._runs = {OWN: [Run(FIRST, 0, self._memory.size(OWN) // 2)], self._memory.main: plc.registers}
+        self._runs = {OWN: [RegisterRange(FIRST, 0, self._memory.size(OWN) // 2)], self._memory.main: plc.registers}
         super().__init__("Modbus", listener)
 
     @asynccontextmanager
     async def serving(self) -> AsyncIterator[None]:
-        """Serve; see `heatertune.live.aside.AsideServer`."""
+        """Serve; see `heatertune.live.thread_server.AsideServer`."""
         runs = sorted(run for each in self._runs.values() for run in each)
         device = SimDevice(id=UNIT, action=self._accessed, simdata=[
             SimData(run.first, count=run.size, values=0, datatype=DataType.REGISTERS) for run in runs])

@@ -15,11 +15,11 @@ from typing import Any, Final
 from asyncua import ua
 
 from heatertune.errors import OutOfRange
-from heatertune.live.blocks import Block
-from heatertune.live.cells import STRUCTS, Signal
-from heatertune.live.memory import OWN, OWN_CELLS, Memory
+from heatertune.live.blocks import ServedBlock
+from heatertune.live.memory import OWN, OWN_CELLS, BlockMemory
+from heatertune.live.word_codec import STRUCTS, Signal
 
-__all__ = ["Cell", "cells_of", "range_of"]
+__all__ = ["NodeVariable", "cells_of", "range_of"]
 
 #: format of `struct` → type of a value
 _TYPES: Final = {"B": ua.VariantType.Byte, "h": ua.VariantType.Int16, "H": ua.VariantType.UInt16,
@@ -35,7 +35,7 @@ _ZONE: Final = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cell:
+class NodeVariable:
     """A variable: bytes of a block, and what they mean.
 
     Attributes:
@@ -57,7 +57,7 @@ class Cell:
     unit: str = ""
     span: tuple[float, float] = (0.0, 0.0)
 
-    def read(self, memory: Memory, index_range: str | None = None) -> ua.Variant:
+    def read(self, memory: BlockMemory, index_range: str | None = None) -> ua.Variant:
         """Return the value, of a ByteString also a part.
 
         Raises:
@@ -65,13 +65,13 @@ class Cell:
             ua.UaStatusCodeError: an index range that is none.
         """
         with memory.changed:
-            part = self.part or slice(0, memory.found(self.block))
+            part = self.part or slice(0, memory.block_size(self.block))
             if index_range:
                 part = self._within(part, index_range)
             found = memory.read(self.block, part.start, part.stop - part.start)
         return ua.Variant(found if index_range else self.of(found), self.type)
 
-    def write(self, memory: Memory, value: ua.Variant | None, index_range: str | None = None) -> None:
+    def write(self, memory: BlockMemory, value: ua.Variant | None, index_range: str | None = None) -> None:
         """Write the value, or a part of a ByteString: at once or not at all.
 
         Raises:
@@ -84,7 +84,7 @@ class Cell:
             raise ua.uaerrors.BadTypeMismatch
         content = bytes(value.Value) if index_range else self.to(value.Value)
         with memory.changed:
-            part = self.part or slice(0, memory.found(self.block))
+            part = self.part or slice(0, memory.block_size(self.block))
             if index_range:
                 part = self._within(part, index_range)
             if len(content) != part.stop - part.start:
@@ -115,10 +115,11 @@ def range_of(text: str) -> tuple[int, int]:
     return first, last + 1
 
 
-def cells_of(block: Block) -> Iterator[Cell]:
+def cells_of(block: ServedBlock) -> Iterator[NodeVariable]:
     """Yield what clients find: the block, its words, the simulator's own block likewise, and the device zone."""
     for number in (block.number, OWN):
-        yield Cell(name=f"DB{number}", block=number, part=None, type=ua.VariantType.ByteString, of=bytes, to=bytes)
+        yield NodeVariable(name=f"DB{number}", block=number, part=None, type=ua.VariantType.ByteString, of=bytes,
+                           to=bytes)
     for name, place in block.words.items():
         yield _number(f"DB{block.number}.{name}", block.number, place.start, STRUCTS[place.format], written=True)
     for name, (start, code) in OWN_CELLS.items():
@@ -128,7 +129,7 @@ def cells_of(block: Block) -> Iterator[Cell]:
             yield _quantity(name, block.number, block.signals[quantity], unit, written=written)
 
 
-def _number(name: str, block: int, start: int, code: str, *, written: bool) -> Cell:
+def _number(name: str, block: int, start: int, code: str, *, written: bool) -> NodeVariable:
     """Return the cell of a number that stands in a block."""
     form = struct.Struct(code)
 
@@ -138,11 +139,11 @@ def _number(name: str, block: int, start: int, code: str, *, written: bool) -> C
         except (struct.error, OverflowError):
             raise ua.uaerrors.BadOutOfRange from None
 
-    return Cell(name=name, block=block, part=slice(start, start + form.size), type=_TYPES[code[1:]],
+    return NodeVariable(name=name, block=block, part=slice(start, start + form.size), type=_TYPES[code[1:]],
                 of=lambda found: form.unpack(found)[0], to=to if written else None)
 
 
-def _quantity(name: str, block: int, signal: Signal, unit: str, *, written: bool) -> Cell:
+def _quantity(name: str, block: int, signal: Signal, unit: str, *, written: bool) -> NodeVariable:
     """Return the cell of a quantity that a block shows."""
 
     def to(value: Any) -> bytes:
@@ -152,5 +153,5 @@ def _quantity(name: str, block: int, signal: Signal, unit: str, *, written: bool
             raise ua.uaerrors.BadOutOfRange from None
 
     part = slice(signal.start, signal.start + signal.size)
-    return Cell(name=name, block=block, part=part, type=ua.VariantType.Double, unit=unit, span=signal.shown,
+    return NodeVariable(name=name, block=block, part=part, type=ua.VariantType.Double, unit=unit, span=signal.shown,
                 of=lambda found: signal.of(found, signal.start), to=to if written else None)

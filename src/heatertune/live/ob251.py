@@ -12,8 +12,8 @@ import struct
 from collections.abc import Sequence
 from typing import Final
 
-from heatertune.live.cells import Signal, bytes_of, field_of
-from heatertune.live.layout import BLOCKS, Run
+from heatertune.live.layout import BLOCKS, RegisterRange
+from heatertune.live.word_codec import Signal, bytes_of, field_of
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.ramp import Number
@@ -25,11 +25,11 @@ from heatertune.plc.s5_ob251.step import (
     FULL_SCALE,
     GESCHW,
     HANDART,
-    Assumptions,
-    Parameters,
-    State,
-    restarted,
+    Ob251Assumptions,
+    Ob251Parameters,
+    Ob251State,
     scan,
+    start_up,
 )
 from heatertune.plc.s5_ob251.words import parameters_of
 
@@ -51,15 +51,15 @@ _CALLS: Final = 4
 
 
 class Ob251Block:
-    """DB30, 49 words; see `heatertune.live.blocks.Block`."""
+    """DB30, 49 words; see `heatertune.live.blocks.ServedBlock`."""
 
     number, manual = DB, True
     told, undone_by = "49 words", ""
     operators, mode = ("STEU", "YH"), slice(_STEU, _STEU + 1)
     speaks = (*BLOCKS, "as511")
-    registers: Sequence[Run] = ()
+    registers: Sequence[RegisterRange] = ()
 
-    def __init__(self, controller: Controller, words: Words, assume: Assumptions) -> None:
+    def __init__(self, controller: Controller, words: Words, assume: Ob251Assumptions) -> None:
         """Take words that run under assumptions.
 
         Args:
@@ -83,12 +83,13 @@ class Ob251Block:
         """Return the block as it is keyed in."""
         return self._image
 
-    def begin(self) -> State:
+    def begin(self) -> Ob251State:
         """Return the cold state."""
         return COLD
 
-    def scan(self, cells: bytearray, state: State, setpoint: Number, reading: Number) -> tuple[State, float, int, int]:
-        """Run one scan; see `heatertune.live.blocks.Block`."""
+    def scan(self, cells: bytearray, state: Ob251State, setpoint: Number, reading: Number) -> tuple[Ob251State, float,
+                                                                                                    int, int]:
+        """Run one scan; see `heatertune.live.blocks.ServedBlock`."""
         if setpoint != self._asked:
             _ONE.pack_into(cells, _W, int(setpoint))
             self._asked = setpoint
@@ -102,16 +103,16 @@ class Ob251Block:
         self._kept = bytes(cells[_BEGIN:])
         return after, power, output, flags
 
-    def _parameters_in(self, cells: bytearray) -> Parameters:
+    def _parameters_in(self, cells: bytearray) -> Ob251Parameters:
         words = bytes(cells[:_BEGIN])
         if words != self._words:
             self._words, self._parameters = words, parameters_of(from_cells(_WORDS.unpack(cells)))
         return self._parameters
 
-    def restarted(self, state: State) -> State:
+    def restarted(self, state: Ob251State) -> Ob251State:
         """Return the state after OB21 or OB22."""
         self._asked = None
-        return restarted((self._parameters, self._assume), COLD, state)
+        return start_up((self._parameters, self._assume), COLD, state)
 
     def in_manual(self, cells: bytes | bytearray) -> bool:
         """Return whether bit 0 of STEU is clear."""
@@ -122,17 +123,17 @@ class Ob251Block:
         cells[_STEU] |= AUTO
 
     def put_in_manual(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
-        """Return STEU, its bit 0 clear, and YH, which follows it; see `heatertune.live.blocks.Block`."""
+        """Return STEU, its bit 0 clear, and YH, which follows it; see `heatertune.live.blocks.ServedBlock`."""
         steu = int.from_bytes(cells[_CONTROL : _CONTROL + 2], "big") & ~(AUTO | HANDART | GESCHW)
         return _CONTROL, struct.pack(">Hh", steu, round(power_pct / 100.0 * FULL_SCALE))
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
-        """Write one word; errors as `heatertune.live.cells`."""
+        """Write one word; errors as `heatertune.live.word_codec`."""
         content, place = bytes_of(field_of(self._fields, name), value), 2 * PLACES[name]
         cells[place : place + len(content)] = content
 
 
-def _keep(cells: bytearray, state: State) -> None:
+def _keep(cells: bytearray, state: Ob251State) -> None:
     """Write the state and YA; the inputs between them stay."""
     inputs = [(place, bytes(cells[place : place + 2])) for place in (_X, _Z, _XZ)]
     _STATE.pack_into(
@@ -143,7 +144,7 @@ def _keep(cells: bytearray, state: State) -> None:
         cells[place : place + 2] = content
 
 
-def _found(cells: bytearray, state: State, kept: bytes) -> State:
+def _found(cells: bytearray, state: Ob251State, kept: bytes) -> Ob251State:
     """Return the state as the cells have it, where somebody has written to them since; inputs are none of it."""
     now = bytearray(cells[_BEGIN:])
     for place in (_X, _Z, _XZ):
@@ -152,7 +153,7 @@ def _found(cells: bytearray, state: State, kept: bytes) -> State:
     if now == kept:
         return state
     error, change, side, calls, other_change, other, disturbance, derivative, total, output = _STATE.unpack(now)
-    return State(
+    return Ob251State(
         error=_difference(error), error_change=_difference(change), substitute=float(other),
         substitute_change=float(other_change), derivative=_real(derivative), disturbance=float(disturbance),
         total=_real(total), output=output, at_limit=(side > 0) - (side < 0), approach=min(max(calls, 0), _CALLS))

@@ -23,10 +23,10 @@ from typing import Any, Final
 from asyncua import Server, ua
 from asyncua.server.address_space import AttributeService
 
-from heatertune.live.aside import AsideServer
 from heatertune.live.memory import Access, Refusal
-from heatertune.live.nodes import Cell, cells_of
+from heatertune.live.nodes import NodeVariable, cells_of
 from heatertune.live.plc import VirtualPlc
+from heatertune.live.thread_server import AsideServer
 
 __all__ = ["OpcuaServer"]
 
@@ -46,10 +46,10 @@ class _Attributes(AttributeService):  # type: ignore[misc]
 
     def __init__(self, space: Any, plc: VirtualPlc) -> None:
         super().__init__(space)
-        self.plc, self.cells = plc, dict[ua.NodeId, Cell]()
+        self.plc, self.cells = plc, dict[ua.NodeId, NodeVariable]()
         self._begun = datetime.now(UTC)
 
-    def value(self, cell: Cell, index_range: str | None = None) -> ua.DataValue:
+    def value(self, cell: NodeVariable, index_range: str | None = None) -> ua.DataValue:
         """Return what a cell shows, or why it shows nothing."""
         now = datetime.now(UTC)
         try:
@@ -104,7 +104,7 @@ class OpcuaServer(AsideServer):
 
     @asynccontextmanager
     async def serving(self) -> AsyncIterator[None]:
-        """Serve; see `heatertune.live.aside.AsideServer`."""
+        """Serve; see `heatertune.live.thread_server.AsideServer`."""
         server, service = await self._made()
         async with server:
             publishing = asyncio.create_task(_publish(service))
@@ -165,7 +165,7 @@ async def _lay_out(server: Server, service: _Attributes) -> None:
             node.nodeid, ua.AttributeIds.Value, lambda _node, _attribute, cell=cell: service.value(cell))
 
 
-async def _variable(parent: Any, identifier: ua.NodeId, name: str, cell: Cell, service: _Attributes) -> Any:
+async def _variable(parent: Any, identifier: ua.NodeId, name: str, cell: NodeVariable, service: _Attributes) -> Any:
     """Return a variable that is added to its parent."""
     node = await parent.add_variable(identifier, name, service.value(cell).Value, datatype=ua.NodeId(cell.type.value))
     if cell.to is not None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from heatertune.live.layout import Laid, Layout, Place, members
+from heatertune.live.layout import CellAddress, Laid, Layout, members
 from heatertune.plc.pid_compact.words import COMPACT, TEMP, fields_of
 from heatertune.plc.words import WordField
 
@@ -19,7 +19,7 @@ __all__ = ["PLACES", "POWER", "READING", "SETPOINT", "CompactBlock", "TempBlock"
 
 _REALS: Final = ("Setpoint", "Input", "Output", *(f.name for f in fields_of(COMPACT) if f.format == "REAL"))
 #: name → its place; of PID_Temp all but InvertControl
-PLACES: Final[Mapping[str, Place]] = members([
+PLACES: Final[Mapping[str, CellAddress]] = members([
     *((name, "REAL") for name in _REALS), ("IntegralResetMode", "INT"), ("Reset", "BOOL"), ("InvertControl", "BOOL")])
 SETPOINT, READING, POWER = PLACES["Setpoint"], PLACES["Input"], PLACES["Output"]
 

@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 from threading import Thread
 from typing import Any, Final
 
-from heatertune.live.blocks import Block
-from heatertune.live.faults import Fault
-from heatertune.live.layout import Run
-from heatertune.live.memory import DEAD_MAN, FAULTY, GUARDED, RUNS, Memory
-from heatertune.live.plan import Plan
-from heatertune.plc.core import Core
-from heatertune.proof.kernel import Batch, Record
+from heatertune.live.blocks import ServedBlock
+from heatertune.live.fault_schedule import ScheduledFault
+from heatertune.live.layout import RegisterRange
+from heatertune.live.memory import DEAD_MAN, FAULTY, GUARDED, RUNS, BlockMemory
+from heatertune.live.virtual_plant import VirtualPlant
+from heatertune.plc.core import StepFunctions
+from heatertune.proof.kernel import LoopBatch, TraceArrays
 from heatertune.proof.loop import program_of, pulses_of, ring_size, run_plainly
 from heatertune.proof.meter import no_meter
 
@@ -33,7 +33,7 @@ _STOPPING: Final = ("cpu-stop", "db-missing", "db-short")
 _MADE_UP_S: Final = 0.02
 
 
-class _Ended(Exception):
+class _PlcStopped(Exception):
     """Raised in the loop when nobody wants it any more."""
 
 
@@ -62,26 +62,26 @@ class VirtualPlc:
         failed: what ended the loop by a fault of heatertune's own, else None.
     """
 
-    def __init__(self, plan: Plan, block: Block, measure: Callable[[Any, float], Any], pace: Pace, *,
+    def __init__(self, plan: VirtualPlant, block: ServedBlock, measure: Callable[[Any, float], Any], pace: Pace, *,
                  dead_man_scans: int = 0) -> None:
         """Lay out the memory; nothing runs before `start`.
 
         Args:
             plan: heater, words and what happens.
             block: what is served of the controller.
-            measure: the controller's input module, as `Core.measure`.
+            measure: the controller's input module, as `StepFunctions.measure`.
             pace: when intervals pass.
             dead_man_scans: scans in manual without a new heartbeat, after which the controller goes to automatic; 0:
                 it stays.
         """
         self._plan, self.block, self._measured, self._pace = plan, block, measure, pace
-        self.memory = Memory(block.number, block.image(), plan.loop.scan_s)
-        self.registers = block.registers or [Run(0, 0, self.memory.size(block.number) // 2)]
+        self.memory = BlockMemory(block.number, block.image(), plan.loop.scan_s)
+        self.registers = block.registers or [RegisterRange(0, 0, self.memory.size(block.number) // 2)]
         self._scan_s, self._ambient, self._dead_man = plan.loop.scan_s, plan.row[4], dead_man_scans
         self._intervals = self._scans = self._silent = self._status = 0
         self._seen = (plan.row[5], 0.0, 0.0, 0.0)
         self._beat, self._frozen_at = self.memory.heartbeat, math.nan
-        self._there: tuple[Fault, ...] = ()
+        self._there: tuple[ScheduledFault, ...] = ()
         self._written: set[int] = set()
         self._late: tuple[bytes, bytes] | None = None
         self._stopped_by_client = self._was_stopped = self._closing = False
@@ -115,7 +115,7 @@ class VirtualPlc:
         """Put the CPU in STOP, or in RUN with a start-up."""
         self._stopped_by_client = stopped
 
-    def link(self, name: str) -> Fault | None:
+    def link(self, name: str) -> ScheduledFault | None:
         """Return the fault of the link of that name, where it is there now."""
         return next((fault for fault in self._there if fault.name == name), None)
 
@@ -143,7 +143,7 @@ class VirtualPlc:
         try:
             run_plainly(_served(self._plan.loop.core), self._given())
             self._over()
-        except _Ended:
+        except _PlcStopped:
             pass
         except BaseException as problem:  # the thread must not end in silence: who waits for it tells
             self.failed = problem
@@ -157,11 +157,11 @@ class VirtualPlc:
         plan = self._plan
         times, kinds, values = ([column] for column in plan.events)
         intervals = sys.maxsize - 1 if self._pace.intervals is None else self._pace.intervals
-        batch: Any = Batch(intervals, [plan.noise], [[0.0]], [plan.row], times, kinds, values)
+        batch: Any = LoopBatch(intervals, [plan.noise], [[0.0]], [plan.row], times, kinds, values)
         ring: Any = [0.0] * ring_size(pulses_of(
             plan.row[3] + 3.0 * self._scan_s + plan.actuator.pwm_period_s, plan.actuator))
         nothing: Any = [0.0]
-        record = Record(False, *([nothing] * 9))
+        record = TraceArrays(False, *([nothing] * 9))
         return (self, self.block.begin(), self, self._scan_s, program_of(plan.loop, plan.scenario), batch,
                 plan.actuator.switches, math.inf, ring, record, no_meter())
 
@@ -189,7 +189,7 @@ class VirtualPlc:
                     changed.wait(left)
                 self._due_s = max(self._due_s, time.monotonic() - _MADE_UP_S) + self._scan_s / pace.rate
             if self._closing:
-                raise _Ended
+                raise _PlcStopped
 
     def _over(self) -> None:
         """Tell clients which intervals are over."""
@@ -222,7 +222,7 @@ class VirtualPlc:
             memory.length = whole // 4 * 2 if "db-short" in names else whole
             if self._late is not None:
                 before, after = self._late
-                memory.put(before, after, slice(len(before) // 2, None))
+                memory.write_changes(before, after, slice(len(before) // 2, None))
                 self._late = None
             for number, fault in enumerate(self._plan.faults):
                 if fault in self._there and fault.name == "word" and number not in self._written:
@@ -230,7 +230,7 @@ class VirtualPlc:
                     before = memory.image()
                     cells = bytearray(before)
                     self.block.put_word(cells, fault.word, fault.value)
-                    memory.put(before, cells)
+                    memory.write_changes(before, cells)
 
     def scan(self, state: Any, setpoint: Any, reading: Any) -> tuple[Any, float, Any, int]:
         """Run one scan: image in, the controller's step, image out."""
@@ -245,7 +245,7 @@ class VirtualPlc:
         self._watch_host(cells)
         state, power, output, flags = self.block.scan(cells, state, setpoint, reading)
         whole = self.link("torn") is None
-        self.memory.put(before, cells, slice(None if whole else len(before) // 2), scan_of=self._intervals)
+        self.memory.write_changes(before, cells, slice(None if whole else len(before) // 2), scan_of=self._intervals)
         if not whole:
             self._late = before, bytes(cells)
         self._scans += 1
@@ -281,10 +281,10 @@ def _restarted(plc: VirtualPlc, _cold: Any, state: Any) -> Any:
     return plc.restarted(state)
 
 
-def _served(core: Core) -> Core:
+def _served(core: StepFunctions) -> StepFunctions:
     """Return a core that scans in served memory."""
-    return replace(core, step=_step, measure=_measure, restarted=_restarted, compiles=False, own=_as_it_is,
-                   started=_begun)
+    return replace(core, step=_step, measure=_measure, warm_start=_restarted, compiles=False, own=_as_it_is,
+                   cold_start=_begun)
 
 
 def _as_it_is(value: Any) -> Any:

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune import files
-from heatertune.batch.lock import locked
+from heatertune.batch.lock import hold_lock
 from heatertune.documents import read_document
 from heatertune.errors import DocumentError, InputError
 from heatertune.live.client.address import Address
@@ -124,7 +124,7 @@ class PlcState:
         self._sent = self.path.with_suffix(".sent")
 
     @contextmanager
-    def locked(self, command: str) -> Iterator[None]:
+    def lock(self, command: str) -> Iterator[None]:
         """Hold the PLC's lock within the block; the system releases it when the process ends, however that ends.
 
         Args:
@@ -133,7 +133,7 @@ class PlcState:
         Raises:
             InputError: another process holds it, or the state folder cannot be written.
         """
-        with locked(self.path, "", what=f"{self._address.text}: another command works on this PLC",
+        with hold_lock(self.path, "", what=f"{self._address.text}: another command works on this PLC",
                     holder=f": heatertune {command}, begun {utc_now()}"):
             yield
 
@@ -199,7 +199,7 @@ class PlcState:
         except OSError as problem:
             raise InputError(f"{self._sent}: cannot be written: {problem.strerror}") from None
 
-    def answered(self) -> None:
+    def note_answer(self) -> None:
         """Note that the latest request has its answer."""
         with suppress(OSError):  # then the next command waits for nothing
             self._sent.unlink(missing_ok=True)

@@ -21,13 +21,13 @@ from typing import Final, Self
 from heatertune.errors import InputError, LinkError
 from heatertune.files import read_bytes
 from heatertune.live.client.address import Address
-from heatertune.live.looking import Look, Looking
-from heatertune.live.places import ROLES, Places
-from heatertune.log.record import MARK, SWITCHED, TORN, without_torn
+from heatertune.live.poller import Poller, Snapshot
+from heatertune.live.signal_map import ROLES, Places
+from heatertune.log.recorder_log import MARK, SWITCHED, TORN, without_torn
 from heatertune.units import check
 from heatertune.writing import settle
 
-__all__ = ["Recorded", "Recording", "record"]
+__all__ = ["RecordingSetup", "RecordingState", "record"]
 
 _UNITS: Final = {"temperature": "temperature_degC", "power": "power_pct", "setpoint": "setpoint_degC"}
 _SYNCED_S: Final = 0.1  # so often at most the disk is waited for
@@ -37,7 +37,7 @@ _GAP: Final = 3.5  # so many times the usual step are one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recording:
+class RecordingSetup:
     """How a loop is recorded.
 
     Attributes:
@@ -64,7 +64,7 @@ class Recording:
 
 
 @dataclass(slots=True, kw_only=True)
-class Recorded:
+class RecordingState:
     """What has been recorded so far.
 
     Attributes:
@@ -80,7 +80,7 @@ class Recorded:
     rows: int = 0
     gaps: int = 0
     torn: int = 0
-    last: Look | None = None
+    last: Snapshot | None = None
     interval_s: float | None = None
     trouble: str = ""
     notes: list[str] = field(default_factory=list)
@@ -232,15 +232,15 @@ class _File:
 
 
 def record(
-    address: Address, path: str | Path, places: Places | None = None, settings: Recording | None = None, *,
-    shown: Callable[[Recorded], object] = lambda _: None, ended: Callable[[], bool] = lambda: False,
-) -> Recorded:
+    address: Address, path: str | Path, places: Places | None = None, settings: RecordingSetup | None = None, *,
+    shown: Callable[[RecordingState], object] = lambda _: None, ended: Callable[[], bool] = lambda: False,
+) -> RecordingState:
     """Record a running loop until its time is over.
 
     Args:
         address: of the PLC, which is only read.
         path: of the log.
-        places: where the PLC shows what; see `heatertune.live.looking.Looking`.
+        places: where the PLC shows what; see `heatertune.live.poller.Looking`.
         settings: how; None: each scan, without an end.
         shown: called after each look.
         ended: asked after each look whether it is enough.
@@ -249,12 +249,12 @@ def record(
         What was recorded; the file is whole, also where this raises.
 
     Raises:
-        InputError: as `heatertune.live.looking.Looking`; a file that is there or cannot be written.
+        InputError: as `heatertune.live.poller.Looking`; a file that is there or cannot be written.
         LinkError: nobody is there at the beginning; later ones are waited for.
         OutOfRange: a time that is none.
     """
-    given = settings or Recording()
-    with Looking(address, places, given.timeout_s) as looking:
+    given = settings or RecordingSetup()
+    with Poller(address, places, given.timeout_s) as looking:
         signals = looking.roles
         columns = ["time_s", *(_UNITS[role] for role in ROLES if role in signals)]
         clock = ("this machine's clock" if looking.interval_s is None
@@ -269,17 +269,17 @@ def record(
 class _Rows:
     """Looks → rows, and what is between them."""
 
-    def __init__(self, looking: Looking, file: _File, settings: Recording) -> None:
+    def __init__(self, looking: Poller, file: _File, settings: RecordingSetup) -> None:
         self._looking, self._file, self._settings = looking, file, settings
         self._every_s = settings.every_s or (0.0 if looking.interval_s is not None else 1.0)
-        self.so_far = Recorded(interval_s=looking.interval_s, notes=file.notes)
+        self.so_far = RecordingState(interval_s=looking.interval_s, notes=file.notes)
         self._shift_s: float | None = None if file.last_s is not None else 0.0
         self._first_s: float | None = None
         self._last_s: float | None = file.last_s
         self._step_s, self._pause_s, self._new_at = 0.0, 0.01, time.monotonic()
         self._reason, self._missing = "", tuple[str, ...]()
 
-    def run(self, shown: Callable[[Recorded], object], ended: Callable[[], bool]) -> Recorded:
+    def run(self, shown: Callable[[RecordingState], object], ended: Callable[[], bool]) -> RecordingState:
         """Look until it is enough."""
         while not ended():
             look = self._looked(shown, ended)
@@ -298,7 +298,7 @@ class _Rows:
         return (self._settings.for_s is not None and self._first_s is not None and self._last_s is not None
                 and self._last_s - self._first_s >= self._settings.for_s * (1.0 - 1e-9))
 
-    def _looked(self, shown: Callable[[Recorded], object], ended: Callable[[], bool]) -> Look | None:
+    def _looked(self, shown: Callable[[RecordingState], object], ended: Callable[[], bool]) -> Snapshot | None:
         """Return a look; where the link is lost, wait for it."""
         try:
             return self._looking.look()
@@ -319,7 +319,7 @@ class _Rows:
                 return look
         return None
 
-    def _take(self, look: Look) -> None:
+    def _take(self, look: Snapshot) -> None:
         """Write a look as a row, unless it is too early for one."""
         now = time.monotonic()
         if self._shift_s is None:  # a file is continued: by the PLC's own count, if that has gone on
@@ -331,7 +331,7 @@ class _Rows:
         if self._last_s is not None and at < self._last_s + self._every_s * (1.0 - 1e-6):
             return
         self._tell_gap(at, look)
-        values = [look.seen[role] for role in ROLES if role in look.seen]
+        values = [look.signals[role] for role in ROLES if role in look.signals]
         is_row = self._are_numbers(at, look)
         cells = ",".join([f"{at:.9g}", *(f"{value:.7g}" for value in values)])
         self._file.write(f"{cells}\n" if is_row else f"# {cells}\n")
@@ -342,16 +342,16 @@ class _Rows:
         self._pause_s = min(max(0.25 * (now - self._new_at), _SHORTEST_S), max(0.25 * self._every_s, 0.05))
         self._new_at = now
 
-    def _are_numbers(self, at: float, look: Look) -> bool:
+    def _are_numbers(self, at: float, look: Snapshot) -> bool:
         """Return whether all quantities are numbers; name a gap, in a comment, where they begin not to be."""
-        missing = tuple(role for role in ROLES if role in look.seen and not math.isfinite(look.seen[role]))
+        missing = tuple(role for role in ROLES if role in look.signals and not math.isfinite(look.signals[role]))
         if missing and missing != self._missing:
             self.so_far.gaps += 1
             self._file.write(f"# gap from {at:.9g} s: no number for {', '.join(missing)}\n")
         self._missing = missing
         return not missing
 
-    def _tell_gap(self, at: float, look: Look) -> None:
+    def _tell_gap(self, at: float, look: Snapshot) -> None:
         if self._last_s is None:
             return
         step = at - self._last_s

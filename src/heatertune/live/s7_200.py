@@ -11,38 +11,39 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from heatertune.errors import InputError
-from heatertune.live.cells import Signal, bytes_of, field_of
-from heatertune.live.layout import BLOCKS, Place, Run
+from heatertune.live.layout import BLOCKS, CellAddress, RegisterRange
+from heatertune.live.word_codec import Signal, bytes_of, field_of
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
-from heatertune.plc.cpu.s7_200 import State
+from heatertune.plc.cpu.s7_200 import S7200State
 from heatertune.plc.cpu.s7_200.cells import V_BEGIN, V_END, cell
 from heatertune.plc.cpu.s7_200.cycle import run_cycle
 from heatertune.plc.cpu.s7_200.memory import put_word
-from heatertune.plc.cpu.s7_200.state import own, restarted
+from heatertune.plc.cpu.s7_200.state import own, warm_start
 from heatertune.plc.cpu.s7_200.wiring import COUNTS
 from heatertune.plc.ramp import Number
 from heatertune.plc.s7_200.step import step
 from heatertune.plc.s7_200_pid.words import FULL, SETPOINT, TABLE
-from heatertune.plc.single import divided
+from heatertune.plc.single_precision import divide_single
 
 __all__ = ["PaperMemory", "PidMemory"]
 
 _ANALOG: Final = cell("AIW0", 2).start
 #: setpoint, process variable and output in the loop table, as shares (System Manual, table 9-19)
-_READING, _SETPOINT, _POWER = Place(TABLE, "REAL"), Place(int(SETPOINT[2:]), "REAL"), Place(TABLE + 8, "REAL")
+_READING, _SETPOINT, _POWER = CellAddress(TABLE, "REAL"), CellAddress(int(SETPOINT[2:]), "REAL"), CellAddress(TABLE + 8,
+                                                                                                              "REAL")
 _WIDTHS: Final = {"VD": 4, "VW": 2}
 _V: Final = slice(V_BEGIN, V_END)
 
 
 class _VMemory:
-    """512 bytes of V memory, which S7 clients find as DB 1; see `heatertune.live.blocks.Block`."""
+    """512 bytes of V memory, which S7 clients find as DB 1; see `heatertune.live.blocks.ServedBlock`."""
 
     number, manual = 1, False
     told, operators, mode = "V memory", (), slice(0)
     undone_by = "the first scan after a start-up types in the words of the program that is loaded"
     speaks = BLOCKS
-    registers: Sequence[Run] = ()
+    registers: Sequence[RegisterRange] = ()
 
     def __init__(self, controller: Controller, words: Words, assume: Any) -> None:
         """Take words that run under assumptions.
@@ -64,7 +65,7 @@ class _VMemory:
         """Return the memory before the first scan."""
         return bytes(self._cold.memory[_V])
 
-    def begin(self) -> State:
+    def begin(self) -> S7200State:
         """Return a CPU before its first scan."""
         return own(self._cold)
 
@@ -72,10 +73,10 @@ class _VMemory:
         """Return what it shows; `degC` are both ends of the sensor."""
         raise NotImplementedError
 
-    def restarted(self, state: State) -> State:
+    def restarted(self, state: S7200State) -> S7200State:
         """Return the state after a start-up that finds V memory as it was."""
         self._asked = None
-        return restarted(None, self._cold, state)
+        return warm_start(None, self._cold, state)
 
     def in_manual(self, _cells: bytes | bytearray) -> bool:
         """Return False: these programs have no manual mode."""
@@ -93,7 +94,7 @@ class _VMemory:
         raise InputError("the exported programs of the S7-200 have no manual mode: switch by hand, and record it")
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
-        """Write one word that stands in V memory; errors as `heatertune.live.cells`."""
+        """Write one word that stands in V memory; errors as `heatertune.live.word_codec`."""
         field = field_of(self._fields, name)
         content, place = bytes_of(field, value), int(field.address[2:])
         cells[place : place + len(content)] = content
@@ -106,10 +107,11 @@ class PidMemory(_VMemory):
         shown = {"temperature": (_READING, degC), "power": (_POWER, (0.0, 100.0)), "setpoint": (_SETPOINT, degC)}
         return {name: Signal(place.byte, "REAL", shown=scale) for name, (place, scale) in shown.items()}
 
-    def scan(self, cells: bytearray, state: State, setpoint: Number, reading: Number) -> tuple[State, float, int, int]:
-        """Run one PWM cycle; see `heatertune.live.blocks.Block`."""
+    def scan(self, cells: bytearray, state: S7200State, setpoint: Number, reading: Number) -> tuple[S7200State, float,
+                                                                                                    int, int]:
+        """Run one PWM cycle; see `heatertune.live.blocks.ServedBlock`."""
         if setpoint != self._asked:
-            _SETPOINT.write(cells, divided(float(setpoint), float(FULL)))
+            _SETPOINT.write(cells, divide_single(float(setpoint), float(FULL)))
             self._asked = setpoint
         memory = state.memory
         memory[_V] = cells
@@ -125,8 +127,9 @@ class PaperMemory(_VMemory):
     def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
         return {"temperature": Signal(0, "INT", (0, COUNTS), degC)}
 
-    def scan(self, cells: bytearray, state: State, setpoint: Number, reading: Number) -> tuple[State, float, int, int]:
-        """Run one PWM cycle; see `heatertune.live.blocks.Block`."""
+    def scan(self, cells: bytearray, state: S7200State, setpoint: Number, reading: Number) -> tuple[S7200State, float,
+                                                                                                    int, int]:
+        """Run one PWM cycle; see `heatertune.live.blocks.ServedBlock`."""
         state.memory[_V] = cells
         outcome = step(self._timed, state, int(setpoint), int(reading), True)
         cells[:] = state.memory[_V]

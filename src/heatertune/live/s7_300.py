@@ -8,25 +8,26 @@ from __future__ import annotations
 
 from typing import Final
 
-from heatertune.live.cells import Signal
-from heatertune.live.layout import WORDS, Laid, Layout, Place
+from heatertune.live.layout import WORDS, CellAddress, Laid, Layout
+from heatertune.live.word_codec import Signal
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.cpu.s7_300.memory import place
 from heatertune.plc.s7_300.words import FIELDS
 
 __all__ = ["LAYOUT", "MODE", "POWER", "READING", "SETPOINT", "PidTipBlock"]
 
-MODE: Final = Place(0, "BOOL", 0)  # mode_req
-READING: Final = Place(2, "INT")  # PV
-SETPOINT: Final = Place(4, "INT")  # SP
-POWER: Final = Place(6, "INT")  # OUT
+MODE: Final = CellAddress(0, "BOOL", 0)  # mode_req
+READING: Final = CellAddress(2, "INT")  # PV
+SETPOINT: Final = CellAddress(4, "INT")  # SP
+POWER: Final = CellAddress(6, "INT")  # OUT
 LAYOUT: Final = Layout(
     number=100, told="instance of the PID tip", length=36, setpoint=SETPOINT, reading=READING, power=POWER, mode=MODE,
-    words={field.name: Place(place(field.address)[0], field.format) for field in FIELDS},
+    words={field.name: CellAddress(place(field.address)[0], field.format) for field in FIELDS},
     inputs={"mode_req": MODE, "SP": SETPOINT, "PV": READING, "OUT": POWER},
     state={
-        "output": POWER, "overflow": Place(8, "BOOL", 0), "bias": Place(26, "REAL"), "reading": Place(30, "REAL"),
-        "started": Place(34, "BOOL", 0),
+        "output": POWER, "overflow": CellAddress(8, "BOOL", 0), "bias": CellAddress(26, "REAL"),
+        "reading": CellAddress(30, "REAL"),
+        "started": CellAddress(34, "BOOL", 0),
     },
     anew=WORDS)  # OB100 loads the four words
 

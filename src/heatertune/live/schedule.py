@@ -14,7 +14,7 @@ from heatertune.files import read_text
 from heatertune.model.values import FittedModel
 from heatertune.units import check
 
-__all__ = ["RATE_ROWS", "Aims", "Limits", "Relay", "Steps", "read_plan"]
+__all__ = ["RATE_ROWS", "AbortLimits", "Aims", "RelaySchedule", "Steps", "read_plan"]
 
 _HEADS: Final = "time_s,power_pct"
 _RELAY: Final = "rest_s,on_degC,off_degC,high_pct,low_pct,duration_s"
@@ -25,7 +25,7 @@ _EDGE: Final = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class AbortLimits:
     """What ends an experiment at once.
 
     Attributes:
@@ -119,7 +119,7 @@ class Steps:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Relay:
+class RelaySchedule:
     """A plan that switches by the reading.
 
     Attributes:
@@ -166,7 +166,7 @@ class Relay:
         return self.high_pct if degC <= self.on_degC else self.low_pct
 
 
-def read_plan(path: str | Path) -> Steps | Relay:
+def read_plan(path: str | Path) -> Steps | RelaySchedule:
     """Return a plan as `heatertune plan -o` writes it: powers at instants, or a relay's settings.
 
     Raises:
@@ -184,7 +184,7 @@ def read_plan(path: str | Path) -> Steps | Relay:
     if head == _RELAY:
         number, line = rest[0] if rest else (2, "")
         values = _numbers(f"{path}, line {number}", line, _RELAY.split(","))
-        return Relay(**dict(zip(_RELAY.split(","), values, strict=True)))
+        return RelaySchedule(**dict(zip(_RELAY.split(","), values, strict=True)))
     if head != _HEADS:
         raise InputError(f"{path}, line 1: {head!r}; expected {_HEADS}, or {_RELAY}")
     steps = list[tuple[float, float]]()

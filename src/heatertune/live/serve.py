@@ -13,12 +13,12 @@ from typing import Any, Final, Self
 
 from heatertune.documents import data_folder
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.live.blocks import SERVED, Block, block_for
+from heatertune.live.blocks import SERVED, ServedBlock, block_for
 from heatertune.live.client.client import LIBRARIES, demand_library
-from heatertune.live.faults import LINK, Fault, fault_of
-from heatertune.live.memory import OWN, Told
-from heatertune.live.plan import Plan, plan_for
+from heatertune.live.fault_schedule import LINK, ScheduledFault, fault_of
+from heatertune.live.memory import OWN, SimulatorStatus
 from heatertune.live.plc import Pace, VirtualPlc
+from heatertune.live.virtual_plant import VirtualPlant, plan_for
 from heatertune.model.values import FittedModel
 from heatertune.pid.document import read_design
 from heatertune.plc import Words, controller_for
@@ -48,7 +48,7 @@ class Simulation:
         intervals: after so many the plant stands still; None: it goes on.
         sample: seed of the heater that is drawn from the model set; None: the working model.
         story: whether the proof's story happens.
-        faults: the timetable, as `heatertune.live.faults.fault_of` reads it.
+        faults: the timetable, as `heatertune.live.fault_schedule.fault_of` reads it.
         dead_man: scans in manual without a heartbeat, after which the controller goes to automatic; 0: it stays.
 
     Raises:
@@ -86,7 +86,7 @@ class Simulation:
         check("dead_man", self.dead_man, least=0)
 
     @property
-    def timetable(self) -> tuple[Fault, ...]:
+    def timetable(self) -> tuple[ScheduledFault, ...]:
         """The faults, read."""
         return tuple(map(fault_of, self.faults))
 
@@ -104,7 +104,8 @@ class VirtualPlcServed:
         scan_s: time of the plant between two scans [s].
     """
 
-    def __init__(self, plan: Plan, block: Block, measure: Callable[[Any, float], Any], settings: Simulation) -> None:
+    def __init__(self, plan: VirtualPlant, block: ServedBlock, measure: Callable[[Any, float], Any],
+                 settings: Simulation) -> None:
         """Begin to serve; `virtual_plc` hands in what is needed."""
         pace = Pace(rate=settings.rate, by_client=settings.step, intervals=settings.intervals)
         self.plc = VirtualPlc(plan, block, measure, pace, dead_man_scans=settings.dead_man)
@@ -144,9 +145,9 @@ class VirtualPlcServed:
         self.addresses[protocol] = front.getsockname()
         self._ends.append(server.stop)
         if linked:
-            from heatertune.live.link import Link  # noqa: PLC0415 - only a failing link needs it
+            from heatertune.live.link import FaultyLink  # noqa: PLC0415 - only a failing link needs it
 
-            self._ends.append(Link(self.plc, front, inner.getsockname()).stop)
+            self._ends.append(FaultyLink(self.plc, front, inner.getsockname()).stop)
 
     @property
     def urls(self) -> dict[str, str]:
@@ -156,11 +157,11 @@ class VirtualPlcServed:
                 for protocol, where in self.addresses.items()}
 
     @property
-    def told(self) -> Told:
+    def status(self) -> SimulatorStatus:
         """What the simulator's own block says."""
-        return Told(self.plc.memory.read(OWN, 0, self.plc.memory.size(OWN)))
+        return SimulatorStatus(self.plc.memory.read(OWN, 0, self.plc.memory.size(OWN)))
 
-    def release(self, intervals: int) -> Told:
+    def release(self, intervals: int) -> SimulatorStatus:
         """Let so many more intervals pass, wait until they are over, and return what is told then; needs `step`.
 
         Raises:
@@ -170,10 +171,10 @@ class VirtualPlcServed:
         upto = self.plc.memory.released + intervals
         memory.write(OWN, _RELEASED, upto.to_bytes(4, "big"))
         with memory.changed:
-            memory.changed.wait_for(lambda: self.told.intervals >= upto or self.plc.ended)
-        if self.told.intervals < upto:
-            raise InputError(f"the virtual PLC has ended after {self.told.intervals} intervals")
-        return self.told
+            memory.changed.wait_for(lambda: self.status.intervals >= upto or self.plc.ended)
+        if self.status.intervals < upto:
+            raise InputError(f"the virtual PLC has ended after {self.status.intervals} intervals")
+        return self.status
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Wait until the plant stands still, and return whether it does; raises what its thread raised, if anything."""
@@ -213,7 +214,7 @@ def virtual_plc(
 
     Raises:
         InputError: a protocol whose library is not installed, a port that is taken, a controller that is not served,
-            no heater; as `Simulation` and `heatertune.live.plan.plan_for`.
+            no heater; as `Simulation` and `heatertune.live.virtual_plant.plan_for`.
         DocumentError: the folder has not what `design` writes.
         OutOfRange, UnknownName: likewise.
     """
@@ -232,7 +233,7 @@ def virtual_plc(
     return VirtualPlcServed(plan, block, controller_for(words.target).core.measure, given)
 
 
-def _reaching(block: Block, target: str, settings: Simulation) -> Simulation:
+def _reaching(block: ServedBlock, target: str, settings: Simulation) -> Simulation:
     """Return the settings with the protocols that are served; raise InputError for one that does not reach it."""
     if not settings.serve:
         settings = replace(settings, serve=block.speaks[:1])
@@ -252,7 +253,7 @@ def _tuples(changed: Mapping[str, Any]) -> dict[str, Any]:
 
 def _prepared(
     words: Words, model: FittedModel, conditions: Conditions, settings: Simulation
-) -> tuple[Plan, Block]:
+) -> tuple[VirtualPlant, ServedBlock]:
     """Return what a virtual PLC is made of; errors as in `virtual_plc`."""
     timetable = settings.timetable
     if words.target not in SERVED:

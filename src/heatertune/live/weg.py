@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from heatertune.live.layout import ALL, MODBUS, Laid, Layout, members
-from heatertune.plc.core import Running
+from heatertune.plc.core import ControllerState
 from heatertune.plc.ramp import Number
 from heatertune.plc.weg.words import FIELDS
 
@@ -37,7 +37,7 @@ class WegBlock(Laid):
 
     layout = LAYOUT
 
-    def tell(self, cells: bytearray, running: Running, after: Any, output: Number) -> None:
+    def tell(self, cells: bytearray, running: ControllerState, after: Any, output: Number) -> None:
         """Write Output, and ENO, which follows EN."""
         super().tell(cells, running, after, output)
         PLACES["ENO"].write(cells, bool(PLACES["EN"].read(cells)))

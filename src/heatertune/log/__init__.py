@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from heatertune.lazy import offered
+from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from heatertune.log.read import read_log
@@ -10,4 +10,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Log", "read_log"]
 
-__getattr__, __dir__ = offered(__name__, {"log.values": ("Log",), "log.read": ("read_log",)})
+__getattr__, __dir__ = lazy_attributes(__name__, {"log.values": ("Log",), "log.read": ("read_log",)})

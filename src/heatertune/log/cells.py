@@ -13,9 +13,9 @@ from pathlib import Path
 from heatertune.errors import LogError
 from heatertune.files import read_bytes
 from heatertune.log.header import take_header
-from heatertune.log.klippy import Printed, printed
-from heatertune.log.quantities import is_number, restored
-from heatertune.log.record import MARK, pwm_period_of, without_torn
+from heatertune.log.klippy import PrinterTable, printer_table
+from heatertune.log.quantities import is_number, plain_quantities
+from heatertune.log.recorder_log import MARK, pwm_period_of, without_torn
 from heatertune.units import count
 
 __all__ = ["Sheet", "is_number", "plain_cells", "read_sheet"]
@@ -62,7 +62,7 @@ class Sheet:
 def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag: str | None = None) -> Sheet:
     """Return the cells of a CSV file, or of a printer's log; with `content`, the path only names it.
 
-    `tag` is the heater of a printer's log, see `heatertune.log.klippy.printed`.
+    `tag` is the heater of a printer's log, see `heatertune.log.klippy.printer_table`.
 
     Raises:
         LogError: the file cannot be read, is empty, is no text, or a row has another number of cells than the others.
@@ -73,7 +73,7 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
         period_s = pwm_period_of(text)
         text = without_torn(text, repairs)
     numbered, passed = _written_lines(text, skip_rows)
-    log = printed(path, numbered, tag)
+    log = printer_table(path, numbered, tag)
     if log is not None:
         _demand_cells(path, log)
         return Sheet(file=str(path), header=log.header, comment=(), rows=log.rows, lines=log.lines,
@@ -119,7 +119,7 @@ def _written_lines(text: str, skip_rows: int) -> tuple[list[tuple[int, str]], in
     return numbered, passed
 
 
-def _demand_cells(path: Path, log: Printed) -> None:
+def _demand_cells(path: Path, log: PrinterTable) -> None:
     for line, row in zip(log.lines, log.rows, strict=True):
         if len(row) != len(log.header):
             raise LogError(f"{count(len(row), 'cell')} in this row", file=path, line=line,
@@ -198,7 +198,7 @@ def plain_cells(sheet: Sheet) -> Sheet:
     """Return the sheet with plain numbers for those with units or decimal commas; the units are kept beside it."""
     units, commas, repairs = [], False, list(sheet.repairs)
     for i in range(len(sheet.rows[0])):
-        plain = restored([row[i] for row in sheet.rows])
+        plain = plain_quantities([row[i] for row in sheet.rows])
         units.append(plain[1] if plain else "")
         if plain is None:
             continue

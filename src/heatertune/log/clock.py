@@ -12,7 +12,7 @@ from heatertune.errors import LogError
 from heatertune.log.cells import Sheet, is_number
 from heatertune.log.columns import NO_COLUMN, Columns
 from heatertune.log.names import is_scaled, role_of
-from heatertune.log.numbers import Array, numbers, refused
+from heatertune.log.numbers import Array, cell_error, numbers
 from heatertune.log.stamps import STAMPS, is_clock, is_date, is_day_or_month, is_hours_or_minutes, month_first, stamp
 
 __all__ = ["ASSUMED", "TIME_UNITS", "forwards", "likely_time_unit", "seconds", "with_dates"]
@@ -89,7 +89,7 @@ def seconds(
     cells = [row[columns.index["time"]] for row in sheet.rows]
     if not is_number(cells[0]) and (stamp(cells[0]) is not None or month_first(cells)):
         if "date" not in columns.index and is_hours_or_minutes(cells[0]):
-            raise refused(sheet, columns, "time", 0, "a time that may be hours and minutes or minutes and seconds:",
+            raise cell_error(sheet, columns, "time", 0, "a time that may be hours and minutes or minutes and seconds:",
                           f"{STAMPS}, or --log-interval with the seconds between two rows")
         repairs.append("Time stamps were turned into seconds from the first row.")
         return _from_stamps(sheet, columns, cells, repairs), "stamps"
@@ -104,7 +104,7 @@ def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: lis
         repairs.append(f"The time is in {epoch[0]} since 1970 by its digits and was counted from the first row.")
         return (values - values[0]) * epoch[1], epoch[0]
     if unit is None and (columns.is_foreign("time") or epoch is not None or _are_days(values, named)):
-        raise refused(sheet, columns, "time", 0, "a time in an unknown unit:", "--time-unit s, ms, min, h or d")
+        raise cell_error(sheet, columns, "time", 0, "a time in an unknown unit:", "--time-unit s, ms, min, h or d")
     time_unit = unit or named or "s"
     if time_unit != "s":
         repairs.append(f"The time is in {time_unit} {'as told' if unit else 'by its name'}, turned into seconds.")
@@ -150,16 +150,16 @@ def _from_stamps(sheet: Sheet, columns: Columns, cells: Sequence[str], repairs: 
         repairs.append("The dates are read with the month first.")
         cells = [month_first((cell,), turn=True) or cell for cell in cells]
     elif is_day_or_month(cells):
-        raise refused(sheet, columns, "time", 0, "a date that may be day first or month first:",
+        raise cell_error(sheet, columns, "time", 0, "a date that may be day first or month first:",
                       f"{STAMPS}, or --log-interval with the seconds between two rows")
     moments = [stamp(cell) for cell in cells]
     first = moments[0]
     elapsed_s = np.empty(len(cells))
     for row, moment in enumerate(moments):
         if moment is None or first is None:
-            raise refused(sheet, columns, "time", row, "no time:", STAMPS)
+            raise cell_error(sheet, columns, "time", row, "no time:", STAMPS)
         if (moment.tzinfo is None) != (first.tzinfo is None):
-            raise refused(sheet, columns, "time", row, "with and without a time zone:", f"all like {cells[0]}")
+            raise cell_error(sheet, columns, "time", row, "with and without a time zone:", f"all like {cells[0]}")
         elapsed_s[row] = (moment - first).total_seconds()
     return _past_midnight(elapsed_s, repairs) if is_clock(cells[0]) else elapsed_s
 

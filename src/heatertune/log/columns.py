@@ -14,7 +14,7 @@ from heatertune.log.names import ROLES, is_foreign, is_second_choice, role_of, u
 from heatertune.log.quantities import on_or_off, says_nothing
 from heatertune.log.stamps import stamp
 
-__all__ = ["NO_COLUMN", "Columns", "chosen", "find_columns", "with_names"]
+__all__ = ["NO_COLUMN", "Columns", "choose_column", "find_columns", "with_names"]
 
 #: what the user says where a log has no such column
 NO_COLUMN: Final = "none"
@@ -67,7 +67,7 @@ def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool
         LogError: a column that does not exist or is asked for twice, or none for the temperature.
     """
     absent = {role for role, column in wanted.items() if str(column) == NO_COLUMN and column not in sheet.header}
-    index = {role: chosen(sheet, role, column) for role, column in wanted.items() if role not in absent}
+    index = {role: choose_column(sheet, role, column) for role, column in wanted.items() if role not in absent}
     if len(set(index.values())) < len(index):
         raise LogError(f"one column for two of {', '.join(index)}", file=sheet.file, expected="a column for each")
     notes: list[str] = []
@@ -93,7 +93,7 @@ def _demand_one_unit(sheet: Sheet, role: str, name: str, unit: str) -> None:
                        expected="one unit")
 
 
-def chosen(sheet: Sheet, role: str, column: str | int) -> int:
+def choose_column(sheet: Sheet, role: str, column: str | int) -> int:
     """Return the column of a name or number (1 = first).
 
     Raises:

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 from heatertune.errors import LogError
 from heatertune.units import count
 
-__all__ = ["Printed", "printed"]
+__all__ = ["PrinterTable", "printer_table"]
 
 #: begins a line of klippy.log: seconds of the host's clock
 _STATS: Final = re.compile(r"Stats (\d+\.\d+): ")
@@ -33,7 +33,7 @@ _LEAST: Final = 2
 _Line = tuple[int, str]
 
 
-class Printed(NamedTuple):
+class PrinterTable(NamedTuple):
     """A table of one heater: names of the columns, cells, number of each row's line, and what was passed over."""
 
     header: tuple[str, ...]
@@ -42,7 +42,7 @@ class Printed(NamedTuple):
     repairs: list[str]
 
 
-def printed(path: Path, numbered: Sequence[_Line], tag: str | None) -> Printed | None:
+def printer_table(path: Path, numbered: Sequence[_Line], tag: str | None) -> PrinterTable | None:
     """Return what a printer wrote of one heater; None: the lines are something else.
 
     Args:
@@ -66,7 +66,7 @@ def printed(path: Path, numbered: Sequence[_Line], tag: str | None) -> Printed |
 
 def _of_stats(
     path: Path, total: int, stats: Sequence[tuple[int, re.Match[str], str]], tag: str | None
-) -> Printed:
+) -> PrinterTable:
     heaters: dict[str, list[tuple[int, list[str]]]] = {}
     for number, found, line in stats:
         for name, target, temperature, pwm in _HEATER.findall(line[found.end():]):
@@ -83,10 +83,10 @@ def _of_stats(
     if others:
         repairs.append(f"Other heaters in it: {', '.join(others)} (--tag).")
     header = (_HEADER[0], "name", *_HEADER[1:], "setpoint [degC]")
-    return Printed(header, [row for _, row in rows], [number for number, _ in rows], repairs)
+    return PrinterTable(header, [row for _, row in rows], [number for number, _ in rows], repairs)
 
 
-def _of_test(path: Path, numbered: Sequence[_Line]) -> Printed:
+def _of_test(path: Path, numbered: Sequence[_Line]) -> PrinterTable:
     """Return the readings of heattest.txt, each with the power that is in effect."""
     times, powers, rows, lines = [], [], [], []
     for number, line in numbered:
@@ -104,13 +104,14 @@ def _of_test(path: Path, numbered: Sequence[_Line]) -> Printed:
     if times != sorted(times):
         raise LogError("the times of pwm do not rise", file=path, expected="the file of one PID_CALIBRATE")
     repairs = [f"heattest.txt of PID_CALIBRATE: {count(len(times), 'change')} of the power, each from its instant on."]
-    return Printed(_HEADER, rows, lines, repairs)
+    return PrinterTable(_HEADER, rows, lines, repairs)
 
 
-def _of_kalico(numbered: Sequence[_Line]) -> Printed:
+def _of_kalico(numbered: Sequence[_Line]) -> PrinterTable:
     """Return the first table of heattest.csv."""
     end = next((k for k, (_, line) in enumerate(numbered) if _PEAKS.fullmatch(line)), len(numbered))
     kept = [(number, [cell.strip() for cell in line.split(",")]) for number, line in numbered[1:end] if line.strip()]
     peaks = count(len(numbered) - end, "line")
     repairs = [f"heattest.csv of Kalico's PID_CALIBRATE: {peaks} of its peaks passed over."]
-    return Printed((*_HEADER, "setpoint [degC]"), [row for _, row in kept], [number for number, _ in kept], repairs)
+    return PrinterTable((*_HEADER, "setpoint [degC]"), [row for _, row in kept], [number for number, _ in kept],
+                        repairs)

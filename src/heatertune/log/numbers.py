@@ -12,7 +12,7 @@ from heatertune.log.cells import Sheet
 from heatertune.log.columns import Columns
 from heatertune.log.quantities import is_quantity, says_nothing
 
-__all__ = ["Array", "numbers", "refused"]
+__all__ = ["Array", "cell_error", "numbers"]
 
 Array = npt.NDArray[np.float64]
 _BEYOND: Final = 1e30  # no instant and no reading; units can still be converted without overflow
@@ -48,18 +48,18 @@ def numbers(
             problem = "a unit that not all cells bear:"
         if blank is not None and says_nothing(cells[row]):
             expected = blank
-        raise refused(sheet, columns, role, row, problem, expected) from None
+        raise cell_error(sheet, columns, role, row, problem, expected) from None
     unusable = np.flatnonzero(~((np.abs(values) < _BEYOND) | (holes & np.isnan(values))))
     if len(unusable):
         row = int(unusable[0])
         if blank is not None and says_nothing(cells[row]):
             expected = blank
         finite = expected.replace("a number", f"a finite number below {_BEYOND:g}", 1)
-        raise refused(sheet, columns, role, row, "no reading:", finite)
+        raise cell_error(sheet, columns, role, row, "no reading:", finite)
     return values
 
 
-def refused(sheet: Sheet, columns: Columns, role: str, row: int, problem: str, expected: str) -> LogError:
+def cell_error(sheet: Sheet, columns: Columns, role: str, row: int, problem: str, expected: str) -> LogError:
     """Return the error that names a row's line, column and value.
 
     Args:

@@ -18,7 +18,7 @@ from heatertune.log.numbers import Array
 from heatertune.log.quantities import says_nothing
 from heatertune.units import count
 
-__all__ = ["OnChange", "Spread", "at_edges", "on_change", "spread", "without_blank_power"]
+__all__ = ["OnChange", "RestoredRows", "at_edges", "on_change", "spread", "without_blank_power"]
 
 Mask = npt.NDArray[np.bool_]
 
@@ -45,7 +45,7 @@ class OnChange(NamedTuple):
     rounded: bool
 
 
-class Spread(NamedTuple):
+class RestoredRows(NamedTuple):
     """Rows with those put back: the row each one continues, shape (n,), its instant [s], and its temperature."""
 
     source: npt.NDArray[np.intp]
@@ -106,7 +106,7 @@ def at_edges(time: Array, readings: Array, empty: Mask) -> Array:
     return filled
 
 
-def spread(time: Array, readings: Array, written: OnChange, breaks: Array) -> Spread:
+def spread(time: Array, readings: Array, written: OnChange, breaks: Array) -> RestoredRows:
     """Return rows with those put back that were not written because nothing had moved.
 
     A pause stays where a reading was lost in it, or where the reading after it has moved faster than any that follows
@@ -135,7 +135,7 @@ def spread(time: Array, readings: Array, written: OnChange, breaks: Array) -> Sp
         instants.append(back)
         values.append(readings[k] + changes[k] * along)
     order = np.argsort(np.concatenate(instants), kind="stable")
-    return Spread(np.concatenate(source)[order], np.concatenate(instants)[order], np.concatenate(values)[order])
+    return RestoredRows(np.concatenate(source)[order], np.concatenate(instants)[order], np.concatenate(values)[order])
 
 
 def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> tuple[Sheet, Array, Mask]:

@@ -12,7 +12,7 @@ from heatertune.log.cells import Sheet
 from heatertune.log.clock import ASSUMED
 from heatertune.log.columns import Columns
 from heatertune.log.names import is_scaled
-from heatertune.log.numbers import Array, numbers, refused
+from heatertune.log.numbers import Array, cell_error, numbers
 from heatertune.log.quantities import on_or_off
 
 __all__ = ["Power", "power_of"]
@@ -65,7 +65,7 @@ def power_of(
         repairs.append(f"The power was divided by its reading at full power, {full_scale:g}.")
     outside = np.flatnonzero((values < 0.0) | (values > full_scale))
     if len(outside):
-        raise refused(sheet, columns, "power", int(outside[0]), "power out of range:",
+        raise cell_error(sheet, columns, "power", int(outside[0]), "power out of range:",
                       f"0…{full_scale:g} (--power-full-scale tells another reading at full power)")
     percent = values if full_scale == 100.0 else values / full_scale * 100.0
     if not (given or named):

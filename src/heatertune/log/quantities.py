@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-__all__ = ["NOTHING", "is_number", "is_quantity", "on_or_off", "restored", "says_nothing"]
+__all__ = ["NOTHING", "is_number", "is_quantity", "on_or_off", "plain_quantities", "says_nothing"]
 
 _FIGURE: Final = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
 _NUMBER: Final = re.compile(rf"{_FIGURE}|[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
@@ -51,7 +51,7 @@ def on_or_off(cells: Sequence[str]) -> list[str] | None:
         return None
 
 
-def restored(cells: Sequence[str]) -> tuple[list[str], str, bool] | None:
+def plain_quantities(cells: Sequence[str]) -> tuple[list[str], str, bool] | None:
     """Return cells as plain numbers, the unit they all have, and whether they had decimal commas; None: nothing to do.
 
     A column that holds commas and points is left: one of them may group thousands; so is one with two units.

@@ -12,22 +12,22 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError, LogError, OutOfRange
 from heatertune.files import display_name
-from heatertune.log.account import SIGNS, Counts, Unit, Written, stated_units, taken_of
-from heatertune.log.care import no_readings, one_run, tell_gaps
 from heatertune.log.cells import Sheet, plain_cells, read_sheet
+from heatertune.log.cleaning import no_readings, one_run, tell_gaps
 from heatertune.log.clock import forwards, seconds, with_dates
 from heatertune.log.columns import Columns, find_columns, with_names
 from heatertune.log.names import ROLES, is_scaled
-from heatertune.log.numbers import Array, numbers, refused
+from heatertune.log.numbers import Array, cell_error, numbers
 from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
 from heatertune.log.power import power_of
+from heatertune.log.provenance import SIGNS, FileNotation, RowCounts, TemperatureUnit, stated_units, taken_of
 from heatertune.log.quantities import on_or_off, says_nothing
+from heatertune.log.read_summary import ReadSummary
 from heatertune.log.repeats import kept_rows
 from heatertune.log.tables import BUILT_IN, BuiltIn, built_in
-from heatertune.log.tags import Tags, by_tags
-from heatertune.log.taken import Taken
+from heatertune.log.tags import TagSelection, by_tags
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC, Log
-from heatertune.options import merged
+from heatertune.options import merge_options
 from heatertune.settings import ReadSettings
 from heatertune.units import count, degF_to_degC, kelvin_to_degC
 
@@ -79,7 +79,7 @@ def read_log(
         LogError: what cannot be understood, with file, line, column and value.
         UnknownName: a unit that does not exist.
     """
-    asked = merged(ReadSettings, settings, changed)
+    asked = merge_options(ReadSettings, settings, changed)
     if not isinstance(source, str | Path):
         source, content = _handed(source)
     named = isinstance(source, str) and source.lower() in BUILT_IN and content is None
@@ -89,7 +89,7 @@ def read_log(
     wanted = {role: column for role, column in zip(ROLES, given, strict=True) if column is not None}
     if asked.disturbance_column is not None:
         wanted["disturbance"] = asked.disturbance_column
-    tags = Tags(
+    tags = TagSelection(
         temperature=asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag, column=asked.tag_column,
         quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column, date=asked.date_column)
     tagged = by_tags(sheet, tags, asked.time_unit)
@@ -121,8 +121,8 @@ def read_log(
     tell_gaps(series.time_s, lines, power is not None, doubts)
     taken = taken_of(
         table.name if table else display_name(Path(source).name), sheet, columns, tagged, time=series.time_s,
-        written=Written(clock, unit, power, stated_units(asked)),
-        counts=Counts(read=len(time), repeats=repeats, filled=filled + held, put_back=len(lines) - int(kept.sum())),
+        written=FileNotation(clock, unit, power, stated_units(asked)),
+        counts=RowCounts(read=len(time), repeats=repeats, filled=filled + held, put_back=len(lines) - int(kept.sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above)},
     )
@@ -226,7 +226,7 @@ def _opened(
 
 def _log(
     source: str | Path, table: BuiltIn | None, sheet: Sheet, series: _Series, repairs: tuple[str, ...],
-    doubts: tuple[str, ...], taken: Taken,
+    doubts: tuple[str, ...], taken: ReadSummary,
 ) -> Log:
     try:
         return Log(
@@ -257,15 +257,15 @@ def _errata(table: BuiltIn, sheet: Sheet, apply: bool, doubts: list[str]) -> She
 
 def _temperature_unit(
     sheet: Sheet, columns: Columns, given: str | None, values: Array, repairs: list[str], doubts: list[str]
-) -> Unit:
+) -> TemperatureUnit:
     name, named = columns.names["temperature"], columns.unit("temperature")
     unit, scaled = given or named, is_scaled("temperature", name)
     if unit is not None and not (scaled and given is None):
         if unit != "degC":
             repairs.append(f"The temperature is in {unit} {'as told' if given else 'by its name'}, turned into °C.")
-        return Unit(unit, assumed=False)
+        return TemperatureUnit(unit, assumed=False)
     if unit == "degF":
-        return Unit(unit, assumed=True, likely="0.1degF")
+        return TemperatureUnit(unit, assumed=True, likely="0.1degF")
     lowest, highest, first = float(np.min(values)), float(np.max(values)), float(values[0])
     least, most = _POSSIBLE_DEGC
     if columns.is_foreign("temperature") or lowest >= _KELVIN or lowest < least or highest > most:
@@ -274,13 +274,13 @@ def _temperature_unit(
     if not scaled and _starts_at_room(values):
         repairs.append(f"The temperature has no unit in the file; taken as °C, for it starts at {first:g}, which is a "
                        "room's in °C alone.")
-        return Unit("degC", assumed=True, evidence="from a room's temperature")
+        return TemperatureUnit("degC", assumed=True, evidence="from a room's temperature")
     repairs.append("The temperature has no unit in the file; taken as °C (else: --temperature-unit).")
     likely = _likely(first, scaled=scaled)
     if _ROOM_DEGF[0] <= first <= _ROOM_DEGF[1] or likely != "degC":
         sign = SIGNS["degF" if likely == "degC" else likely]
         doubts.append(f"The first reading, {first:g}, taken as °C, would be a room's temperature in {sign}.")
-    return Unit("degC", assumed=True, likely=likely)
+    return TemperatureUnit("degC", assumed=True, likely=likely)
 
 
 def _starts_at_room(values: Array) -> bool:
@@ -298,7 +298,7 @@ def _likely(first: float, *, scaled: bool) -> str:
 
 
 def _temperature(
-    sheet: Sheet, columns: Columns, role: str, unit: Unit, raw: Array, kept: npt.NDArray[np.bool_]
+    sheet: Sheet, columns: Columns, role: str, unit: TemperatureUnit, raw: Array, kept: npt.NDArray[np.bool_]
 ) -> Array:
     values = np.asarray(_TO_DEGC[unit.name](raw))
     least, most = _POSSIBLE_DEGC
@@ -308,7 +308,7 @@ def _temperature(
         if len(rows):
             other = "--setpoint-column none" if role == "setpoint" else "--temperature-unit"
             expected = f"{least:g}…{most:g} °C, here in {unit.name} (else: {other})"
-            raise refused(sheet, columns, role, int(rows[0]), problem, expected)
+            raise cell_error(sheet, columns, role, int(rows[0]), problem, expected)
     return values
 
 
@@ -327,7 +327,7 @@ def _setpoint(sheet: Sheet, columns: Columns, unit: str, repairs: list[str]) -> 
     if own != unit:
         repairs.append(f"The setpoint is in {own} by its name.")
     everywhere = np.ones(len(raw), dtype=np.bool_)
-    return _temperature(sheet, columns, "setpoint", Unit(own, assumed=False), raw, everywhere), filled
+    return _temperature(sheet, columns, "setpoint", TemperatureUnit(own, assumed=False), raw, everywhere), filled
 
 
 def _disturbance(sheet: Sheet, columns: Columns, repairs: list[str]) -> tuple[Array | None, int]:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet, is_number
 from heatertune.log.columns import Columns
-from heatertune.log.numbers import Array, refused
+from heatertune.log.numbers import Array, cell_error
 from heatertune.units import count
 
 __all__ = ["kept_rows"]
@@ -36,7 +36,8 @@ def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -
     if np.any(steps < 0):
         row = int(np.flatnonzero(steps < 0)[0]) + 1
         before = sheet.rows[row - 1][columns.index["time"]]
-        raise refused(sheet, columns, "time", row, "the time goes backwards:", f"not before {before}{_put_back(steps)}")
+        raise cell_error(sheet, columns, "time", row, "the time goes backwards:",
+                         f"not before {before}{_put_back(steps)}")
     dropped = np.flatnonzero(steps == 0) + 1
     kept = np.ones(len(time), dtype=np.bool_)
     kept[dropped] = False
@@ -80,7 +81,7 @@ def _demand_one_heater(
                 file=sheet.file, expected=f"--tag {_quoted(tags[0])} --tag-column {_quoted(name)} to read one of them")
     if len(other) > _MOST_LOST * len(sheet.rows):
         problem = f"{len(other)} rows of {len(sheet.rows)} share an instant with another reading, the first:"
-        raise refused(sheet, columns, "time", other[0], problem,
+        raise cell_error(sheet, columns, "time", other[0], problem,
                       "a finer clock, or --log-interval with the seconds between two rows")
 
 

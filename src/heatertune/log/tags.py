@@ -15,16 +15,16 @@ import numpy.typing as npt
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet
 from heatertune.log.clock import seconds, with_dates
-from heatertune.log.columns import NO_COLUMN, Columns, chosen
-from heatertune.log.held import changes_twice, held
+from heatertune.log.columns import NO_COLUMN, Columns, choose_column
 from heatertune.log.names import is_second_choice, plain_name, role_of
 from heatertune.log.numbers import Array
 from heatertune.log.on_change import on_change
 from heatertune.log.quality import good_rows, is_quality
-from heatertune.log.quantities import restored, says_nothing
+from heatertune.log.quantities import plain_quantities, says_nothing
+from heatertune.log.sample_hold import changes_twice, hold_series
 from heatertune.units import count
 
-__all__ = ["Tagged", "Tags", "by_tags", "places"]
+__all__ = ["TagSelection", "TagTable", "by_tags", "places"]
 
 _TAG: Final = re.compile(
     r"(tag( ?(name|index|id))?|name|var(iable)? ?(name)?|point( ?(name|id))?|signal( ?name)?|entity ?id|sensor|channel"
@@ -42,7 +42,7 @@ _OPTIONS: Final = {"temperature": "--tag", "power": "--power-tag", "setpoint": "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tags:
+class TagSelection:
     """Which tags and columns the user asks for; None where nothing is said, "none" where there is none.
 
     Attributes:
@@ -61,7 +61,7 @@ class Tags:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tagged:
+class TagTable:
     """What was done.
 
     Attributes:
@@ -86,7 +86,7 @@ class Tagged:
         return bool(self.wanted)
 
 
-def by_tags(sheet: Sheet, asked: Tags, time_unit: str | None) -> Tagged:
+def by_tags(sheet: Sheet, asked: TagSelection, time_unit: str | None) -> TagTable:
     """Return the rows of one heater.
 
     Raises:
@@ -107,10 +107,10 @@ def by_tags(sheet: Sheet, asked: Tags, time_unit: str | None) -> Tagged:
         options |= tag_options
     if not np.all(good):
         sheet = _without_bad(sheet, good)
-    return Tagged(sheet=sheet, lost=int(np.count_nonzero(~good)), options=options)
+    return TagTable(sheet=sheet, lost=int(np.count_nonzero(~good)), options=options)
 
 
-def _demand_long(sheet: Sheet, asked: Tags) -> None:
+def _demand_long(sheet: Sheet, asked: TagSelection) -> None:
     """Refuse what is said of a long table and would not be heard."""
     unheard = [_OPTIONS[role] for role in _ROLES[1:] if getattr(asked, role) is not None]
     if asked.column is not None and asked.temperature is None:
@@ -120,27 +120,28 @@ def _demand_long(sheet: Sheet, asked: Tags) -> None:
                        expected="--temperature-column with its column of values, or no such option")
 
 
-def _quality_place(sheet: Sheet, asked: Tags) -> int | None:
+def _quality_place(sheet: Sheet, asked: TagSelection) -> int | None:
     if asked.quality == NO_COLUMN:
         return None
     if asked.quality is not None:
-        return chosen(sheet, "quality", asked.quality)
+        return choose_column(sheet, "quality", asked.quality)
     return next((i for i, name in enumerate(sheet.header) if is_quality(name)), None)
 
 
-def places(sheet: Sheet, asked: Tags) -> tuple[int | None, int | None]:
+def places(sheet: Sheet, asked: TagSelection) -> tuple[int | None, int | None]:
     """Return the columns of the tags and, in a long table, of their values."""
     named = [i for i, name in enumerate(sheet.header) if _TAG.fullmatch(plain_name(name))]
     tag = next((i for i in named if _repeats(sheet, i)), None) if asked.column is None else (
-        chosen(sheet, "tag", asked.column))
+        choose_column(sheet, "tag", asked.column))
     values = [i for i, name in enumerate(sheet.header) if i != tag and _VALUE.fullmatch(plain_name(name))]
     others = [name for i, name in enumerate(sheet.header) if i not in (tag, *values)]
     is_wide = {"temperature", "power"} & set(map(role_of, others))
     if asked.value is not None and (asked.power is not None or asked.setpoint is not None):
-        return tag, chosen(sheet, "temperature", asked.value)
-    if is_wide or not values or (asked.value is not None and chosen(sheet, "temperature", asked.value) not in values):
+        return tag, choose_column(sheet, "temperature", asked.value)
+    if is_wide or not values or (asked.value is not None and choose_column(sheet, "temperature",
+                                                                           asked.value) not in values):
         return tag, None
-    return tag, values[0] if asked.value is None else chosen(sheet, "temperature", asked.value)
+    return tag, values[0] if asked.value is None else choose_column(sheet, "temperature", asked.value)
 
 
 def _repeats(sheet: Sheet, i: int) -> bool:
@@ -180,9 +181,9 @@ def _bad(sheet: Sheet, bad: npt.NDArray[np.bool_]) -> str:
 
 
 def _pivoted(
-    sheet: Sheet, asked: Tags, tag: int, value: int, good: npt.NDArray[np.bool_], time_unit: str | None,
+    sheet: Sheet, asked: TagSelection, tag: int, value: int, good: npt.NDArray[np.bool_], time_unit: str | None,
     options: Mapping[str, str],
-) -> Tagged:
+) -> TagTable:
     """Return the long table with a row for each reading of the temperature."""
     tags = list(dict.fromkeys(row[tag] for row in sheet.rows))
     roles = _roles(sheet, tags, tag, asked)
@@ -194,7 +195,8 @@ def _pivoted(
     for role, places in series.items():
         _demand_order(sheet, role, roles[role], time[places], places)
     rows, edges = _with_edges(sheet, value, series, time)
-    others = {role: held(time[rows], time[places], [sheet.rows[k][value] for k in places], is_power=role == "power")
+    others = {role: hold_series(time[rows], time[places], [sheet.rows[k][value] for k in places],
+                                is_power=role == "power")
               for role, places in series.items() if role != "temperature"}
     late = max((other.late for other in others.values()), default=0)
     if late == len(rows):
@@ -204,7 +206,7 @@ def _pivoted(
     repairs = [f"The table is long: of its column {_name(sheet, tag)!r}, {parts}, was read."]
     repairs += [_bad(sheet, bad)] if np.any(bad) else []
     units = {role: others[role].unit if role in others else "" for role in series}
-    return Tagged(
+    return TagTable(
         sheet=replace(
             sheet, comment=(), units=(), lines=[sheet.lines[k] for k in rows[late:]],
             header=(sheet.header[clock[0]], *(_with_unit(sheet, tag, roles[role], units[role]) for role in series)),
@@ -251,7 +253,7 @@ def _with_edges(
 def _stands(sheet: Sheet, value: int, rows: npt.NDArray[np.intp], time: Array) -> bool:
     """Return whether the temperature is written on change."""
     cells = [sheet.rows[k][value] for k in rows]
-    plain = restored(cells)
+    plain = plain_quantities(cells)
     try:
         readings = np.array(cells if plain is None else plain[0], dtype=np.float64)
     except ValueError:
@@ -294,7 +296,7 @@ def _with_unit(sheet: Sheet, tag: int, name: str, unit: str) -> str:
     return f"{plain} [{unit}]" if unit else plain
 
 
-def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: Tags) -> dict[str, str]:
+def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: TagSelection) -> dict[str, str]:
     """Return role → tag: as asked, else where the names tell it unmistakably."""
     listed = f"{', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''}"
     wanted = {role: getattr(asked, role) for role in _ROLES}
@@ -328,14 +330,14 @@ def _role_of_tag(name: str) -> str | None:
     return "power" if role in (None, "time") and before[:1] == ["switch"] else role
 
 
-def _time(sheet: Sheet, asked: Tags, unit: str | None) -> tuple[tuple[int, ...], Array]:
+def _time(sheet: Sheet, asked: TagSelection, unit: str | None) -> tuple[tuple[int, ...], Array]:
     """Return the column of the time, then that of the date where it has one of its own, and the time of each row [s].
 
     A WinCC panel writes two times; the finer one is taken.
     """
     names = tuple(plain_name(name).lower() for name in sheet.header)
     if asked.time is not None:
-        place = chosen(sheet, "time", asked.time)
+        place = choose_column(sheet, "time", asked.time)
     else:
         clocks = [i for i, name in enumerate(sheet.header) if role_of(name) == "time"]
         if not clocks:

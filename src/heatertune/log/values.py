@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.log.taken import Taken
-from heatertune.show import Shown
+from heatertune.log.read_summary import ReadSummary
+from heatertune.show import NotebookDisplay
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -26,7 +26,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Log(Shown):
+class Log(NotebookDisplay):
     """A temperature record.
 
     Attributes:
@@ -60,7 +60,7 @@ class Log(Shown):
     repairs: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     same_heater: tuple[str, ...] = field(default=())
-    taken: Taken | None = None
+    taken: ReadSummary | None = None
     rests_at_degC: float | None = None
     pwm_period_s: float = 0.0
     power_late_s: float = 0.0

@@ -8,16 +8,16 @@ from typing import Final
 from heatertune import cache
 from heatertune.errors import HeatertuneError
 from heatertune.loops.diagnosis import Diagnosis
+from heatertune.loops.loop_values import Cause, LoopEntry
 from heatertune.loops.same_day import day, times_worse
-from heatertune.loops.values import Cause, Loop
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words
-from heatertune.proof.closing import Asked, Closed, closed
-from heatertune.proof.verdict import NOT_PROVEN, blocking, combined
+from heatertune.proof.redesign import DesignRequest, DesignResult, find_passing_design
+from heatertune.proof.verdict import NOT_PROVEN, blocking_findings, combined_verdict
 from heatertune.units import written
 
-__all__ = ["Cure", "cured"]
+__all__ = ["Cure", "cure_words"]
 
 #: causes that other words cure, as far as words can
 _BY_WORDS: Final = (Cause.OSCILLATING, Cause.OFFSET, Cause.SLUGGISH, Cause.DRIFTED, Cause.WEAR)
@@ -38,54 +38,54 @@ class Cure:
 
     words: Words | None
     verdict: str
-    why: str
+    reason: str
     design: PidDesign | None = None
     pwm_period_s: float | None = None
     was_degC: float | None = None
     would_degC: float | None = None
 
 
-def cured(told: Diagnosis, loop: Loop, asked: Asked | None) -> Cure | None:
+def cure_words(told: Diagnosis, loop: LoopEntry, request: DesignRequest | None) -> Cure | None:
     """Return the words that would cure a loop, None where words are not what it needs.
 
     Args:
         told: what is wrong with it.
         loop: a switch that is known gets the PWM period that suits it; else the period stays.
-        asked: controller, range and the rest of the design; None: the controller is not known.
+        request: controller, range and the rest of the design; None: the controller is not known.
     """
     if told.cause not in _BY_WORDS:
         return None
-    if told.fitted is None:
-        return Cure(words=None, verdict="", why=f"no heater to design for: {told.why_not}")
-    if asked is None:
-        return Cure(words=None, verdict="", why="name the controller: --target, or target in the list")
+    if told.fitted_model is None:
+        return Cure(words=None, verdict="", reason=f"no heater to design for: {told.why_not}")
+    if request is None:
+        return Cure(words=None, verdict="", reason="name the controller: --target, or target in the list")
     try:
-        with cache.unused():
-            done = closed(told.fitted, _asked(told, loop, asked))
+        with cache.cache_disabled():
+            done = find_passing_design(told.fitted_model, _asked(told, loop, request))
     except HeatertuneError as problem:
-        return Cure(words=None, verdict="", why=str(problem))
-    return _lived(told, told.fitted, done)
+        return Cure(words=None, verdict="", reason=str(problem))
+    return _lived(told, told.fitted_model, done)
 
 
-def _asked(told: Diagnosis, loop: Loop, asked: Asked) -> Asked:
+def _asked(told: Diagnosis, loop: LoopEntry, request: DesignRequest) -> DesignRequest:
     """Return what is asked for, with what is known of the loop in the place of what nobody said."""
-    conditions = asked.conditions
+    conditions = request.conditions
     if conditions.setpoint_degC is None:
         conditions = replace(conditions, setpoint_degC=round(float(told.course.setpoint_degC.max()), 6))
-    kind, tuned = asked.switch_kind or loop.switch, asked.tuned
-    if conditions.pwm_period_s is None and any(found.cause is Cause.WEAR for found in told.found):
+    kind, tuned = request.switch_kind or loop.switch, request.tune_settings
+    if conditions.pwm_period_s is None and any(found.cause is Cause.WEAR for found in told.faults):
         conditions = replace(conditions, pwm_period_s=told.longer_period_s)
         tuned = replace(tuned, sample_time_s=tuned.sample_time_s or told.longer_period_s)
     elif conditions.pwm_period_s is None and kind is None:
         conditions = replace(conditions, pwm_period_s=loop.pwm_period_s)
-    return replace(asked, conditions=conditions, switch_kind=kind, tuned=tuned)
+    return replace(request, conditions=conditions, switch_kind=kind, tune_settings=tuned)
 
 
-def _lived(told: Diagnosis, fitted: FittedModel, done: Closed) -> Cure:
+def _lived(told: Diagnosis, fitted: FittedModel, done: DesignResult) -> Cure:
     proof, words = done.proof, done.proof.words
     broken = [criterion.name.replace("_", " ") for criterion in proof.criteria if not criterion.ok]
     why = [f"not kept: {', '.join(broken)}"] if broken else []
-    open_points = [point["name"] for point in blocking(proof.heard.to_document())]
+    open_points = [point["name"] for point in blocking_findings(proof.diagnostics.to_document())]
     running = words.controller()
     lived = day(told.course, fitted.hypothetical[0], running, running.scan_s)
     _, was, would = times_worse(lived, told.course)
@@ -93,6 +93,6 @@ def _lived(told: Diagnosis, fitted: FittedModel, done: Closed) -> Cure:
         open_points.append(
             f"the logged day lived with them is worse, mean error {written(was, 2)} → {written(would, 2)} °C")
     why += [f"not proven: {point}" for point in open_points]
-    verdict = combined([proof.verdict, *([NOT_PROVEN] if open_points else [])])
-    return Cure(words=words, verdict=verdict, why="; ".join(why), design=done.wished,
+    verdict = combined_verdict([proof.verdict, *([NOT_PROVEN] if open_points else [])])
+    return Cure(words=words, verdict=verdict, reason="; ".join(why), design=done.ideal,
                 pwm_period_s=proof.actuator.pwm_period_s, was_degC=was, would_degC=would)

@@ -11,9 +11,9 @@ import numpy as np
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.loops.loads import Cleared, LoadStep, without_loads
+from heatertune.loops.loop_values import Cause, LoopEntry, LoopFault
 from heatertune.loops.measures import (
-    Course,
+    RegularLog,
     Swings,
     at_limit,
     course_of,
@@ -23,16 +23,16 @@ from heatertune.loops.measures import (
     switchings_per_h,
 )
 from heatertune.loops.same_day import Day, day, ideal, times_worse
-from heatertune.loops.values import Cause, Found, Loop
+from heatertune.loops.unlogged_loads import LoadFreeLog, LoadStep, without_loads
 from heatertune.model.fit import fit
 from heatertune.model.intervals import Interval
-from heatertune.model.values import FittedModel, Outcome
+from heatertune.model.values import FitOutcome, FittedModel
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import PidDesign
 from heatertune.proof.heaters import ROOM_DEGC
-from heatertune.proof.period import SWITCHES, propose_period
+from heatertune.proof.ripple_and_wear import SWITCHES, propose_period
 
-__all__ = ["Diagnosis", "diagnosed"]
+__all__ = ["Diagnosis", "diagnose"]
 
 _WORSE: Final = 2.5  # times the mean error that is possible: further off, other words are worth it
 _HALF_CYCLES: Final = 5  # a well-tuned loop is done after three
@@ -68,30 +68,30 @@ class Diagnosis:
         found: what is wrong, the cause first.
     """
 
-    course: Course
+    course: RegularLog
     loads: tuple[LoadStep, ...]
-    fitted: FittedModel | None
+    fitted_model: FittedModel | None
     why_not: str
     possible: PidDesign | None
-    lived: Day | None
+    replayed_day: Day | None
     worse: float | None
     swings: Swings
     switchings_per_h: float | None
     pwm_period_s: float | None
     longer_period_s: float | None
     switch_ticks: int | None
-    found: tuple[Found, ...]
+    faults: tuple[LoopFault, ...]
 
     @property
     def cause(self) -> Cause:
         """What is wrong first of all."""
-        return self.found[0].cause if self.found else Cause.WELL
+        return self.faults[0].cause if self.faults else Cause.WELL
 
     @property
     def excess(self) -> float:
         """How far the loop is beyond what is accepted; below 1 it is well."""
-        if self.found:
-            return max(found.excess for found in self.found)
+        if self.faults:
+            return max(found.excess for found in self.faults)
         return min(0.99, (self.worse or 1.0) / _WORSE)
 
     @property
@@ -105,7 +105,7 @@ class Diagnosis:
         return ("high" if clear else "medium") if not self.why_not else ("medium" if clear else "low")
 
 
-def diagnosed(log: Log, loop: Loop, before: FittedModel | None = None) -> Diagnosis:
+def diagnose(log: Log, loop: LoopEntry, before: FittedModel | None = None) -> Diagnosis:
     """Return what is wrong with a loop.
 
     Args:
@@ -136,15 +136,16 @@ def diagnosed(log: Log, loop: Loop, before: FittedModel | None = None) -> Diagno
     dead = 0.0 if fitted is None else fitted.model.dead_time_s
     swung = swings(course, [*course.changes_s, *(load.instant_s for load in loads)], dead)
     result = Diagnosis(
-        course=course, loads=loads, fitted=fitted, why_not=why_not, possible=possible, lived=lived, worse=worse,
+        course=course, loads=loads, fitted_model=fitted, why_not=why_not, possible=possible, replayed_day=lived,
+        worse=worse,
         swings=swung, switchings_per_h=switchings_per_h(log, period), pwm_period_s=period,
         longer_period_s=_longer(loop, fitted, course, period), switch_ticks=cleared and cleared.ticks,
-        found=())
+        faults=())
     still = tuple(_still(log))
-    return replace(result, found=still or tuple(_found(result, loop, before)))
+    return replace(result, faults=still or tuple(_found(result, loop, before)))
 
 
-def _still(log: Log) -> Iterator[Found]:
+def _still(log: Log) -> Iterator[LoopFault]:
     """Yield that nothing can be said of a loop whose reading stands still while its power moves.
 
     A loop at rest on a coarse sensor shows the same reading for long, too: its power then rests as well. A file with
@@ -161,7 +162,7 @@ def _still(log: Log) -> Iterator[Found]:
         means = [float(part.mean()) for part in np.array_split(log.power_pct[longest], 10)]
         moved = max(means) - min(means)
     if share >= _STILL and moved > _MOVED_PCT:
-        yield Found(cause=Cause.UNKNOWN, excess=1.0, told=(
+        yield LoopFault(cause=Cause.UNKNOWN, excess=1.0, message=(
             f"not judged: the reading stands still at {readings[longest[0]]:.4g} °C for {seconds:.0f} s while the "
             f"power moves by {moved:.3g} %: is the sensor there, or its reading frozen?"))
 
@@ -173,14 +174,14 @@ def _no_power(log: Log) -> str:
     return "the power does not change" if float(log.power_pct.max() - log.power_pct.min()) < 1.0 else ""
 
 
-def _heater(cleared: Cleared) -> tuple[FittedModel | None, str]:
+def _heater(cleared: LoadFreeLog) -> tuple[FittedModel | None, str]:
     """Return the heater of a log without its loads, and what is to be said against it."""
     try:
         fitted = fit(cleared.log, power_before_pct=cleared.power_before_pct, ambient_degC=cleared.ambient_degC,
                      dead_time_at_most_s=cleared.most_dead_time_s)
     except InputError as problem:
         return None, str(problem).removeprefix(f"{cleared.log.name}: ")
-    if fitted.outcome is Outcome.POOR_FIT:
+    if fitted.outcome is FitOutcome.POOR_FIT:
         return None, "no heater explains the log well"
     if any(_open(fitted.ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s")):
         return None, "the log leaves gain or time constant open: nobody knows the power that holds the setpoint"
@@ -191,7 +192,7 @@ def _open(interval: Interval | None) -> bool:
     return interval is None or interval.low is None or interval.high is None
 
 
-def _longer(loop: Loop, fitted: FittedModel | None, course: Course, period_s: float | None) -> float | None:
+def _longer(loop: LoopEntry, fitted: FittedModel | None, course: RegularLog, period_s: float | None) -> float | None:
     """Return the PWM period that suits a switch with contacts and the heater [s]; None: not known, or none wears."""
     if loop.switch is None or fitted is None or period_s is None or math.isinf(SWITCHES[loop.switch].life):
         return None
@@ -205,12 +206,12 @@ def _longer(loop: Loop, fitted: FittedModel | None, course: Course, period_s: fl
     return max(shortest, float(math.floor(found.period_s)))
 
 
-def _found(told: Diagnosis, loop: Loop, before: FittedModel | None) -> Iterator[Found]:
+def _found(told: Diagnosis, loop: LoopEntry, before: FittedModel | None) -> Iterator[LoopFault]:
     """Yield what is wrong, the cause before what follows from it."""
     limits = list(_limits(told.course))
     yield from limits
-    if before is not None and told.fitted is not None and not limits:
-        yield from _drift(told.fitted, before)
+    if before is not None and told.fitted_model is not None and not limits:
+        yield from _drift(told.fitted_model, before)
     if not limits:
         yield from _error(told)
     if told.longer_period_s is not None and told.switchings_per_h and told.pwm_period_s:
@@ -218,22 +219,22 @@ def _found(told: Diagnosis, loop: Loop, before: FittedModel | None) -> Iterator[
         if ratio > _LONGER:
             assert loop.switch is not None
             life = SWITCHES[loop.switch].life / told.switchings_per_h / 24.0
-            yield Found(cause=Cause.WEAR, excess=ratio / _LONGER, told=(
+            yield LoopFault(cause=Cause.WEAR, excess=ratio / _LONGER, message=(
                 f"{told.switchings_per_h:.0f} switchings an hour: the {loop.switch} is due after {life:.0f} days; "
                 f"a PWM period of {told.longer_period_s:g} s would do in place of {told.pwm_period_s:.3g} s"))
 
 
-def _limits(course: Course) -> Iterator[Found]:
+def _limits(course: RegularLog) -> Iterator[LoopFault]:
     for cause, high, what in ((Cause.FULL_POWER, True, "at full power"), (Cause.NO_POWER, False, "without power")):
         share = at_limit(course, high=high)
         if share >= _SHARE:
             error = float(course.error_degC[-len(course.error_degC) // 5:].mean())
-            yield Found(cause=cause, excess=share / (0.5 * _SHARE), told=(
+            yield LoopFault(cause=cause, excess=share / (0.5 * _SHARE), message=(
                 f"{100.0 * share:.0f} % of the time {what} and the setpoint not in reach, "
                 f"{abs(error):.3g} °C {'below' if error > 0.0 else 'above'} it at the end"))
 
 
-def _drift(now: FittedModel, before: FittedModel) -> Iterator[Found]:
+def _drift(now: FittedModel, before: FittedModel) -> Iterator[LoopFault]:
     """Yield the parameter that moved most, where that is more than two fits differ by."""
     moved = []
     for name, most in (("gain_degC_per_pct", _DRIFT), ("time_constant_s", _DRIFT), ("dead_time_s", _LATER)):
@@ -242,26 +243,26 @@ def _drift(now: FittedModel, before: FittedModel) -> Iterator[Found]:
             moved.append((abs(math.log(is_ / was)) / math.log1p(most), name, was, is_))
     excess, name, was, is_ = max(moved, default=(0.0, "", 0.0, 0.0))
     if excess > 1.0:
-        yield Found(cause=Cause.DRIFTED, excess=excess, told=(
+        yield LoopFault(cause=Cause.DRIFTED, excess=excess, message=(
             f"{name.rpartition('_degC')[0].replace('_', ' ') if 'degC' in name else name[:-2].replace('_', ' ')} "
             f"{was:.3g} → {is_:.3g} since the words were made ({100.0 * (is_ / was - 1.0):+.0f} %)"))
 
 
-def _error(told: Diagnosis) -> Iterator[Found]:
+def _error(told: Diagnosis) -> Iterator[LoopFault]:
     """Yield what the error says: swings, a rest that stays, or slow recovery."""
     swung, worse, course = told.swings, told.worse, told.course
     times = "" if worse is None else f"; mean error {worse:.2g} times what is possible"
     excess = 1.0 if worse is None else max(1.0, worse / _WORSE)
     if swung.count >= _HALF_CYCLES and swung.even:
-        yield Found(cause=Cause.OSCILLATING, excess=max(excess, swung.count / _HALF_CYCLES), told=(
+        yield LoopFault(cause=Cause.OSCILLATING, excess=max(excess, swung.count / _HALF_CYCLES), message=(
             f"swings {swung.size_degC:.2g} °C peak to peak, period {swung.period_s:.3g} s, "
             f"{swung.count} half cycles in a row{times}"))
         return
     rest = offset_degC(course)
     if rest != 0.0 and (worse is None or worse > _WORSE):
-        yield Found(cause=Cause.OFFSET, excess=excess, told=(
+        yield LoopFault(cause=Cause.OFFSET, excess=excess, message=(
             f"rests {abs(rest):.2g} °C {'below' if rest > 0.0 else 'above'} the setpoint{times}"))
     elif worse is not None and worse > _WORSE:
-        yield Found(cause=Cause.SLUGGISH, excess=excess, told=f"comes back slowly{times}")
-    elif worse is None and told.fitted is None:
-        yield Found(cause=Cause.UNKNOWN, excess=1.0, told=f"not told: {told.why_not}")
+        yield LoopFault(cause=Cause.SLUGGISH, excess=excess, message=f"comes back slowly{times}")
+    elif worse is None and told.fitted_model is None:
+        yield LoopFault(cause=Cause.UNKNOWN, excess=1.0, message=f"not told: {told.why_not}")

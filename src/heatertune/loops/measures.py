@@ -14,8 +14,15 @@ import numpy.typing as npt
 from heatertune.log.values import Log
 
 __all__ = [
-    "Course", "Swings", "at_limit", "course_of", "found_period_s", "offset_degC", "swings", "switchings_per_h",
-    "thinned",
+    "RegularLog",
+    "Swings",
+    "at_limit",
+    "average_log",
+    "course_of",
+    "found_period_s",
+    "offset_degC",
+    "swings",
+    "switchings_per_h",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -38,7 +45,7 @@ _STILL: Final = 0.3  # of the log, at least, at a limit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Course:
+class RegularLog:
     """A log at equal steps, averaged over the PWM period: without that a good loop swings with its PWM.
 
     Attributes:
@@ -102,7 +109,7 @@ def found_period_s(log: Log) -> float | None:
     return float(between[np.abs(between - period) <= _REGULAR * period].mean())  # finer than the log's rows
 
 
-def course_of(log: Log, pwm_period_s: float | None, changes_at_least_degC: float = 0.0) -> Course:
+def course_of(log: Log, pwm_period_s: float | None, changes_at_least_degC: float = 0.0) -> RegularLog:
     """Return a log's course, averaged over the PWM period.
 
     Args:
@@ -129,7 +136,7 @@ def course_of(log: Log, pwm_period_s: float | None, changes_at_least_degC: float
     least = max(float(np.min(levels)) if len(levels) else 0.0, _LEAST * float(np.ptp(readings)))
     turn, least = max(_TURN * _noise(averages, width), least), max(_NOISE * _noise(readings, 1), least)
     moved = np.flatnonzero(np.abs(np.diff(setpoint)) > max(changes_at_least_degC, least)) + 1
-    return Course(
+    return RegularLog(
         time_s=time, temperature_degC=averages, setpoint_degC=setpoint,
         power_pct=None if log.power_pct is None else mean(log.power_pct),
         changes_s=(float(time[0]), *time[moved].tolist()), least_degC=least,
@@ -142,7 +149,7 @@ def _noise(rows: Array, apart: int) -> float:
     return 1.4826 * float(np.median(np.abs(bends - np.median(bends)))) / math.sqrt(6.0) if len(bends) else 0.0
 
 
-def swings(course: Course, events_s: Sequence[float], shortest_s: float = 0.0) -> Swings:
+def swings(course: RegularLog, events_s: Sequence[float], shortest_s: float = 0.0) -> Swings:
     """Return the longest row of half cycles that follows one of the events.
 
     Args:
@@ -156,7 +163,7 @@ def swings(course: Course, events_s: Sequence[float], shortest_s: float = 0.0) -
         count=0, period_s=0.0, size_degC=0.0, even=False))
 
 
-def _half_cycles(course: Course, start_s: float, end_s: float, shortest_s: float) -> Swings:
+def _half_cycles(course: RegularLog, start_s: float, end_s: float, shortest_s: float) -> Swings:
     """Return the ways from one turn to the next: a loop that swings as it nears its setpoint does not cross it."""
     inside = (course.time_s >= start_s) & (course.time_s < end_s)
     error, time = course.error_degC[inside], course.time_s[inside]
@@ -195,7 +202,7 @@ def _turns(values: Sequence[float], least: float) -> list[int]:
     return found
 
 
-def at_limit(course: Course, *, high: bool) -> float:
+def at_limit(course: RegularLog, *, high: bool) -> float:
     """Return the share of the log at full power (or none) with the setpoint out of reach that way, 0…1.
 
     Where the temperature still comes nearer, as it does in a heat-up, nothing is at its limits: it would get there
@@ -229,7 +236,7 @@ def _to_rest(rows: Array, otherwise: float) -> float:
     return now * now / (before - now) if 0.0 < now / (before or 1.0) < 1.0 else otherwise
 
 
-def offset_degC(course: Course) -> float:
+def offset_degC(course: RegularLog) -> float:
     """Return the error that stays, its sign kept: of the last fifth before each change the median, the smallest [°C].
 
     It is 0 where the error of one of them is within the noise, still falls, or the power still moves against it.
@@ -263,7 +270,7 @@ def switchings_per_h(log: Log, pwm_period_s: float | None) -> float | None:
     return 2.0 * 3600.0 / pwm_period_s * partly
 
 
-def thinned(log: Log, pwm_period_s: float | None, before_pct: float | None = None) -> Log:
+def average_log(log: Log, pwm_period_s: float | None, before_pct: float | None = None) -> Log:
     """Return a log with power at fewer rows, readings and power both averaged over whole PWM periods.
 
     What a heater makes of its power it makes of the averaged power too, and the ripple that no row of a log can follow

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.loops.measures import Course
+from heatertune.loops.measures import RegularLog
 from heatertune.model.values import HeaterModel
 from heatertune.pid.loop.sampled import SampledPlant, sample_plant
 from heatertune.pid.values import PidDesign
@@ -88,7 +88,7 @@ def ideal(design: PidDesign) -> Controller:
     return step
 
 
-def day(course: Course, model: HeaterModel, controller: Controller, scan_s: float) -> Day:
+def day(course: RegularLog, model: HeaterModel, controller: Controller, scan_s: float) -> Day:
     """Return the day of a course under another controller.
 
     Args:
@@ -142,7 +142,7 @@ def _near(error: Array, least_degC: float) -> int | None:
     return int(near[0]) if len(near) else None
 
 
-def times_worse(lived: Day, course: Course) -> tuple[float, float, float]:
+def times_worse(lived: Day, course: RegularLog) -> tuple[float, float, float]:
     """Return how many times the mean error of a day is what it would have been, and both means [°C].
 
     After a change of the setpoint the comparison begins where the other controller is near it: until then both can

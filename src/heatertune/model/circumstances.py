@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from heatertune.log.values import Log
-from heatertune.model.outliers import sensor_step, tamed
+from heatertune.model.outliers import replace_outliers, sensor_step
 from heatertune.model.switched import with_late_power, with_pwm_hidden
 from heatertune.model.values import FittedModel
 from heatertune.units import check
@@ -52,7 +52,7 @@ class DelaysKnown:
         """
         return _interval_s(logs) / 2.0 + self.sensor_delay_s
 
-    def applied(self, fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
+    def apply_to(self, fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
         """Return the model with what its logs tell beside the heater; the first one tells where it was used."""
         period_s = max(self._hidden_period_s(log) for log in logs)
         given = {"dead_time_at_most_s": self.dead_time_at_most_s, "sensor_delay_s": self.sensor_delay_s or None,
@@ -85,7 +85,7 @@ def _interval_s(logs: Sequence[Log]) -> float:
 
 def logged_range_degC(logs: Sequence[Log]) -> tuple[float, float]:
     """Return the lowest and the highest temperature of some logs, single odd readings left out [°C]."""
-    readings = [tamed(log.temperature_degC) for log in logs]
+    readings = [replace_outliers(log.temperature_degC) for log in logs]
     return min(float(each.min()) for each in readings), max(float(each.max()) for each in readings)
 
 
@@ -103,7 +103,7 @@ def setpoint_of(log: Log) -> float:
     The setpoint column's last value, unless that lies in the lowest quarter of what the heater reached: then it was
     switched off. Else where the log's source says that it rests; else the middle of the upper half of what it reached.
     """
-    reached = tamed(log.temperature_degC)
+    reached = replace_outliers(log.temperature_degC)
     low, span = float(reached.min()), float(np.ptp(reached))
     asked = None if log.setpoint_degC is None else float(log.setpoint_degC[-1])
     if asked is not None and asked > low + _ABOVE * span:

@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from heatertune.codec import FLAT, LEFT_OUT, OrUnknown, built, decode, encode, registered
+from heatertune.codec import FLAT, LEFT_OUT, OrUnknown, construct_from, decode, encode, register_schema
 from heatertune.documents import plain, read_document
 from heatertune.errors import DocumentError
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.check_results import Half, HeldOut, InputCorrelation, Validation, disagreeing_parameters
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.findings import Finding
 from heatertune.model.intervals import Interval
-from heatertune.model.judgement import Half, HeldOut, InputCorrelation, Validation, disagreeing
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.validation import LJUNG_BOX_95
-from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, OneLog, Outcome, Residuals, TwoLag
+from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, HeaterModel, OneLog, Residuals, TwoLag
 
 __all__ = [
     "SCHEMA", "CorrelationView", "ModelView", "ValidationView", "WhitenessView", "from_document", "read_model",
@@ -95,11 +95,11 @@ class CandidateView:
         """Return what is written of a candidate."""
         plant = candidate.model
         if isinstance(plant, Fopdt):
-            return built(cls, candidate, plant)
-        from heatertune.model.reduction import matched  # noqa: PLC0415 - an optimiser; reading needs none
+            return construct_from(cls, candidate, plant)
+        from heatertune.model.reduction import match_fopdt  # noqa: PLC0415 - an optimiser; reading needs none
 
-        return built(cls, candidate, plant, half_rule=built(_Reduced, plant.half_rule()),
-                     matched=built(_Reduced, matched(plant)))
+        return construct_from(cls, candidate, plant, half_rule=construct_from(_Reduced, plant.half_rule()),
+                     matched=construct_from(_Reduced, match_fopdt(plant)))
 
     def __post_init__(self) -> None:
         _ = self.value
@@ -107,7 +107,7 @@ class CandidateView:
     @property
     def value(self) -> Candidate:
         """The candidate."""
-        return built(Candidate, self, model=_heater(self))
+        return construct_from(Candidate, self, model=_heater(self))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +132,7 @@ class FindingView:
     @property
     def value(self) -> Finding:
         """The finding."""
-        return built(Finding, self)
+        return construct_from(Finding, self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,7 +154,7 @@ class OneLogView:
     def value(self) -> OneLog:
         """What the log says."""
         values, ci95 = _parameters(self.alone)
-        return built(OneLog, self, values=values, ci95=ci95)
+        return construct_from(OneLog, self, values=values, ci95=ci95)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,7 +183,7 @@ class CorrelationView:
     @classmethod
     def of(cls, correlation: InputCorrelation | None) -> CorrelationView | None:
         """Return what is written of it."""
-        return None if correlation is None else built(cls, correlation)
+        return None if correlation is None else construct_from(cls, correlation)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,7 +201,7 @@ class _HeldOut:
 
     @property
     def value(self) -> HeldOut:
-        return built(HeldOut, self, windows_s=tuple((window.start_s, window.end_s) for window in self.windows),
+        return construct_from(HeldOut, self, windows_s=tuple((window.start_s, window.end_s) for window in self.windows),
                      rmses_degC=tuple(window.rmse_degC for window in self.windows))
 
 
@@ -222,7 +222,7 @@ class _Half:
     def value(self) -> Half:
         shown = [name for parameter in _FIELDS[:3] for name in (parameter, f"{parameter}_ci95")]
         values, ci95 = _parameters({name: getattr(self, name) for name in shown})
-        return built(Half, self, values=values, ci95=ci95)
+        return construct_from(Half, self, values=values, ci95=ci95)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,10 +247,10 @@ class ValidationView:
         windows = tuple(_Window(start_s=start, end_s=end, rmse_degC=rmse)
                         for (start, end), rmse in zip(held.windows_s, held.rmses_degC, strict=True))
         return cls(
-            whiteness=WhitenessView.of(validation.ljung_box), held_out=built(_HeldOut, held, windows=windows),
+            whiteness=WhitenessView.of(validation.ljung_box), held_out=construct_from(_HeldOut, held, windows=windows),
             input_crosscorrelation=CorrelationView.of(validation.input_correlation),
             halves=None if halves is None else _Halves(
-                parts=(_half(halves[0]), _half(halves[1])), disagree=disagreeing(halves)))
+                parts=(_half(halves[0]), _half(halves[1])), disagree=disagreeing_parameters(halves)))
 
     @property
     def value(self) -> Validation:
@@ -258,7 +258,7 @@ class ValidationView:
         seen, halves = self.input_crosscorrelation, self.halves
         return Validation(
             ljung_box=self.whiteness.ljung_box, held_out=self.held_out.value,
-            input_correlation=None if seen is None else built(InputCorrelation, seen),
+            input_correlation=None if seen is None else construct_from(InputCorrelation, seen),
             halves=None if halves is None else (halves.parts[0].value, halves.parts[1].value))
 
 
@@ -284,7 +284,7 @@ class _Residuals:
             column.name: np.array(getattr(self, column.name), dtype=np.float64) for column in fields(self)})
 
 
-@registered(SCHEMA)
+@register_schema(SCHEMA)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelView:
     """The document of a model; one that holds only the heater is a model given by hand."""
@@ -299,7 +299,7 @@ class ModelView:
     ambient_degC_ci95: Pair | None = None
     second_time_constant_s: float | None = field(default=None, metadata=LEFT_OUT)
     fit_pct: float | None = None
-    outcome: Outcome = Outcome.BY_HAND
+    outcome: FitOutcome = FitOutcome.BY_HAND
     outcome_text: str = ""
     method: str = "given by hand"
     combinations: Mapping[str, CombinationView] = field(default_factory=dict)
@@ -323,17 +323,19 @@ class ModelView:
     def of(cls, fitted: FittedModel) -> ModelView:
         """Return what is written of a model."""
         rest, checks = fitted.residuals, fitted.validation
-        return built(
+        return construct_from(
             cls, fitted, fitted.model, **{f"{name}_ci95": _pair(fitted.ci95.get(name)) for name in _FIELDS},
             outcome_text=fitted.outcome_text,
             combinations={name: CombinationView(value=value, ci95=_pair(ci95))
                           for name, (value, ci95) in fitted.combinations.items()},
             candidates=tuple(map(CandidateView.of, fitted.candidates)),
             hypotheses=tuple(map(CandidateView.of, fitted.hypotheses)),
-            findings=tuple(built(FindingView, finding, effect=finding.kind.effect) for finding in fitted.findings),
-            logs=tuple(built(OneLogView, log, alone=_side_by_side(log.values, log.ci95)) for log in fitted.logs),
+            findings=tuple(construct_from(FindingView, finding,
+                                          effect=finding.kind.effect) for finding in fitted.findings),
+            logs=tuple(construct_from(OneLogView, log,
+                                      alone=_side_by_side(log.values, log.ci95)) for log in fitted.logs),
             validation=None if checks is None else ValidationView.of(checks),
-            residuals=None if rest is None else built(
+            residuals=None if rest is None else construct_from(
                 _Residuals, rest, simulated_degC=np.round(rest.simulated_degC, 4),
                 autocorrelation=np.round(rest.autocorrelation, 4)))
 
@@ -352,7 +354,7 @@ class ModelView:
             return model_by_hand(model)
         if not isinstance(model, Fopdt):
             raise DocumentError("second_time_constant_s: the working model has one lag")
-        return built(
+        return construct_from(
             FittedModel, self, model=model, ci95={name: _interval(getattr(self, f"{name}_ci95")) for name in _FIELDS},
             combinations={name: (view.value, _interval(view.ci95) or Interval(low=None, high=None))
                           for name, view in self.combinations.items()},
@@ -366,11 +368,11 @@ class ModelView:
 
 
 def _heater(view: CandidateView | ModelView) -> HeaterModel:
-    return built(Fopdt, view) if view.second_time_constant_s is None else built(TwoLag, view)
+    return construct_from(Fopdt, view) if view.second_time_constant_s is None else construct_from(TwoLag, view)
 
 
 def _half(half: Half) -> _Half:
-    return built(_Half, half, **_side_by_side(half.values, half.ci95))
+    return construct_from(_Half, half, **_side_by_side(half.values, half.ci95))
 
 
 def _pair(interval: Interval | None) -> Pair | None:

@@ -8,12 +8,12 @@ from typing import Final, Literal, NamedTuple
 
 from heatertune.errors import UnknownName
 
-__all__ = ["KINDS", "Finding", "Kind", "remedy_of"]
+__all__ = ["KINDS", "Finding", "FindingKind", "remedy_of"]
 
 Effect = Literal["blocks", "widens", "told"]
 
 
-class Kind(NamedTuple):
+class FindingKind(NamedTuple):
     """A kind of finding.
 
     Attributes:
@@ -31,89 +31,89 @@ class Kind(NamedTuple):
 
 
 #: name → kind; the manual's table and --accept's choices are made of this
-KINDS: Final[dict[str, Kind]] = {
-    "poor-fit": Kind(
+KINDS: Final[dict[str, FindingKind]] = {
+    "poor-fit": FindingKind(
         "blocks", "no model explains the log well", "log the power, and keep doors and fans still"),
-    "dead-time-open": Kind(
+    "dead-time-open": FindingKind(
         "blocks", "the log does not bound the dead time",
         "log one step of the power at a shorter interval (heatertune plan), or bound it with --dead-time-at-most"),
-    "faster-than-log": Kind(
+    "faster-than-log": FindingKind(
         "blocks", "the heater answers faster than the log's interval shows", "log at a shorter interval"),
-    "not-foretold": Kind(
+    "not-foretold": FindingKind(
         "blocks", "readings left out of the fit are not foretold", "log one open-loop step until it rests"),
-    "follows-power": Kind(
+    "follows-power": FindingKind(
         "told", "what the model leaves over still follows the power", "log one open-loop step until it rests"),
-    "unexplained-by-power": Kind(
+    "unexplained-by-power": FindingKind(
         "blocks", "the power does not explain the temperature",
         "log steps of the power from rest, each until it rests, and keep doors, fans and other heaters still "
         "(heatertune plan)"),
-    "halves-disagree": Kind(
+    "halves-disagree": FindingKind(
         "widens", "the halves of the log give different heaters", "log one open-loop step until it rests"),
-    "logs-disagree": Kind(
+    "logs-disagree": FindingKind(
         "widens", "the logs give different heaters", "log them under the conditions of use"),
-    "contradicted": Kind(
+    "contradicted": FindingKind(
         "blocks", "what the curve shows by itself contradicts every model", "log the power, or one open-loop step"),
-    "not-regulated": Kind(
+    "not-regulated": FindingKind(
         "blocks", "the log looks like a heat-up in open loop, and its power is not in it",
         "add the power as a column: full power in % while the heater was on, else 0"),
-    "two-level": Kind(
+    "two-level": FindingKind(
         "blocks", "the log looks like two-level control, and its power is not in it",
         "add the power as a column: full power in % while the heater was on, else 0"),
-    "on-bound": Kind(
+    "on-bound": FindingKind(
         "blocks", "a parameter of the fit lies on a bound of its search",
         "log the power as well, or one open-loop step and its power"),
-    "one-level": Kind(
+    "one-level": FindingKind(
         "told", "the log knows one level of power, so that the heater is linear is assumed",
         "log steps to two levels of power around the one of use"),
-    "nonlinear": Kind(
+    "nonlinear": FindingKind(
         "widens", "the gain depends on the power or on the level", "log steps around the setpoint of use"),
-    "setpoint-unreached": Kind(
+    "setpoint-unreached": FindingKind(
         "blocks", "not every possible heater can hold the setpoint", "log nearer to the setpoint, or lower it"),
-    "beyond-the-log": Kind(
+    "beyond-the-log": FindingKind(
         "blocks", "a setpoint lies beyond what was logged",
         "log up to the setpoint (heatertune plan MODEL --limit-temperature), or take one that the log covers "
         "(--setpoint)", by_case=True),
-    "coarse-sensor": Kind(
+    "coarse-sensor": FindingKind(
         "blocks", "the sensor is too coarse for the tolerance asked for",
         "take a narrower sensor range (--range) or a finer input module, or ask for less (--tolerance)"),
-    "winds-up": Kind(
+    "winds-up": FindingKind(
         "blocks", "it winds up the more, the longer the heater's circuit is open",
         "find out what your controller does at its limit (--switch), or keep it in manual while the circuit is open"),
-    "briefly-open": Kind(
+    "briefly-open": FindingKind(
         "blocks", "it overshoots by more than its limit after a shorter open circuit than the story's",
         "allow what it does then (--limit reheat-overshoot), or find out what your controller does at its limit "
         "(--switch), or keep it in manual while the circuit is open"),
-    "low-outage": Kind(
+    "low-outage": FindingKind(
         "blocks", "it overshoots by more than its limit after an open circuit at the lower setpoint of use",
         "state a smaller range (--setpoint), allow that overshoot (--limit reheat-overshoot), or keep it in manual "
         "while the circuit is open"),
-    "warm-restart": Kind(
+    "warm-restart": FindingKind(
         "blocks", "it overshoots by more than its limit where the PLC is restarted while the heater is warm",
         "allow what it does then (--limit overshoot), or let the heater cool down before it is switched on"),
-    "part-change": Kind(
+    "part-change": FindingKind(
         "blocks", "it overshoots by more than its limit where the setpoint changes by a part of its range of use",
         "allow what it does then (--limit overshoot), or say a smaller range (--setpoint)"),
-    "stays-at-limit": Kind(
+    "stays-at-limit": FindingKind(
         "blocks", "it may stay at full power where the setpoint rises while the heater warms up",
         "find out what your controller does at its limit (--switch), leave out D (--structure pi), or let the heater "
         "settle before the setpoint rises"),
-    "known-faults": Kind(
+    "known-faults": FindingKind(
         "blocks", "the program is known to be wrong where no run of a proof leads",
         "take the same program repaired (heatertune targets)"),
-    "exported-text": Kind(
+    "exported-text": FindingKind(
         "blocks", "the exported program does other than what was proven",
         "export with other words or another PWM, and report it: this is a fault of heatertune"),
-    "alias": Kind(
+    "alias": FindingKind(
         "blocks", "the power switches faster than it was logged",
         "log the power's mean over each interval, or at every switching"),
-    "unit-assumed": Kind(
+    "unit-assumed": FindingKind(
         "blocks", "a unit is assumed for which the log holds no evidence",
         "check and state it (--time-unit, --temperature-unit, --power-full-scale; heatertune read shows which)"),
-    "closed-loop": Kind(
+    "closed-loop": FindingKind(
         "told", "the log is of a closed loop", "log one open-loop step"),
-    "no-power": Kind(
+    "no-power": FindingKind(
         "told", "the power was not logged", "log the power, or one open-loop step"),
-    "repaired": Kind(
+    "repaired": FindingKind(
         "told", "more than 1 % of the rows were repaired or left out", "read the log's line on what was taken"),
 }
 
@@ -169,6 +169,6 @@ class Finding:
             raise UnknownName("finding", self.name, KINDS)
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> FindingKind:
         """What its kind does to the verdict."""
         return KINDS[self.name]

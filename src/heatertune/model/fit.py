@@ -10,28 +10,28 @@ from typing import Any
 import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.log.taken import MOST_REPAIRED
+from heatertune.log.read_summary import MOST_REPAIRED
 from heatertune.log.values import Log
-from heatertune.model.by_hand import model_by_hand
 from heatertune.model.circumstances import DelaysKnown
+from heatertune.model.cooler_mirror import middle_degC, mirror_heater, mirrored_log
+from heatertune.model.diagnostics import Remark, findings_of, unit_findings
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.findings import Finding
-from heatertune.model.hearing import Remark, findings_of, unit_findings
-from heatertune.model.mirrored import middle_degC, mirrored, mirrored_log
-from heatertune.model.power.columns import AMBIENT
-from heatertune.model.power.explained import Explained, explained
+from heatertune.model.manual_model import model_by_hand
+from heatertune.model.power.explanation import Explanation, explain_log
 from heatertune.model.power.feedback import loop_remarks
 from heatertune.model.power.fit_logs import fit_logs
-from heatertune.model.power.fit_power import fit_power, weighed
+from heatertune.model.power.fit_power import fit_power, weigh_fit
 from heatertune.model.power.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
-from heatertune.model.power.loads import is_sensible
+from heatertune.model.power.load_steps import is_sensible
+from heatertune.model.power.regressors import AMBIENT
 from heatertune.model.relay.relay_log import with_relay
 from heatertune.model.temperature.closed_loop import Bounds
 from heatertune.model.temperature.fit_temperature import fit_temperature
 from heatertune.model.temperature.law import ControllerLaw
-from heatertune.model.values import FittedModel, Outcome
-from heatertune.model.windows import undisturbed
-from heatertune.options import merged
+from heatertune.model.values import FitOutcome, FittedModel
+from heatertune.model.windows import undisturbed_part
+from heatertune.options import merge_options
 from heatertune.settings import FitSettings
 from heatertune.units import check
 
@@ -66,7 +66,7 @@ def fit(
             disturbance without power, or one that never changes.
         OutOfRange: fewer than 20 readings are left, an ambient above all readings, a power outside 0…100 %.
     """
-    given = merged(FitSettings, settings, changed)
+    given = merge_options(FitSettings, settings, changed)
     if given.cooler:
         return _of_cooler(log, given, seed, progress)
     bounds, delays = _bounds(given.ambient_degC), _delays(given)
@@ -87,7 +87,7 @@ def fit(
         notes += tuple(remark.sentence for remark in loop)
         notes += () if effect is None else (effect.sentence,)
         fitted = replace(fitted, findings=(*fitted.findings, *findings_of(loop)), disturbance=effect)
-    return _of_files(delays.applied(replace(fitted, notes=notes + fitted.notes), [used]), [log])
+    return _of_files(delays.apply_to(replace(fitted, notes=notes + fitted.notes), [used]), [log])
 
 
 def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str], object]) -> FittedModel:
@@ -102,7 +102,7 @@ def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str]
                  progress=progress)
     note = (f"{log.name}: of a cooler, and fitted as a heater, mirrored at {about:.4g} °C; a temperature in the notes "
             "of the fit is that of the mirror image.")
-    return replace(mirrored(heater, about), notes=(note, *heater.notes))
+    return replace(mirror_heater(heater, about), notes=(note, *heater.notes))
 
 
 def _refuse_cooler(given: FitSettings) -> None:
@@ -135,7 +135,7 @@ def fit_known(
         InputError: as `known_controller.replayed`, or the power never changes.
         OutOfRange: as `fit`.
     """
-    asked = merged(FitSettings, settings, changed)
+    asked = merge_options(FitSettings, settings, changed)
     _refuse_cooler(asked)
     bounds, delays, power_before = _bounds(asked.ambient_degC), _delays(asked), asked.power_before_pct or 0.0
     _check_given(log, bounds, None)
@@ -157,7 +157,7 @@ def fit_known(
     loop = loop_remarks(rated[0].log)
     replay = replay_notes(used, controllers, hypotheses, offset)
     family = (*candidates, *(replace(part, law=hypotheses[0].law) for part in fitted.candidates if part.part))
-    return _of_files(delays.applied(replace(
+    return _of_files(delays.apply_to(replace(
         fitted, candidates=family, hypotheses=tuple(hypotheses),
         method=f"power by {hypotheses[0].law} on the logged readings; {fitted.method}",
         notes=(*notes, *replay, *(remark.sentence for remark in loop), *fitted.notes),
@@ -192,7 +192,7 @@ def fit_together(
             power_before; with power: as `fit`.
         OutOfRange: as `fit`.
     """
-    given = merged(FitSettings, settings, changed)
+    given = merge_options(FitSettings, settings, changed)
     _refuse_cooler(given)
     bounds, delays = _bounds(given.ambient_degC), _delays(given)
     powered = [log for log in logs if log.power_pct is not None]
@@ -218,7 +218,7 @@ def fit_together(
             _demand_laws(log, laws)
             _refuse_bound(log, delays)
         fitted = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
-    return _of_files(delays.applied(replace(fitted, notes=(*notes, *fitted.notes)), parts), logs)
+    return _of_files(delays.apply_to(replace(fitted, notes=(*notes, *fitted.notes)), parts), logs)
 
 
 def _of_files(fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
@@ -280,7 +280,7 @@ def _check_given(log: Log, ambient_degC: Bounds | None, power_before_pct: float 
 def _used(log: Log, until_s: float | None) -> tuple[Log, tuple[str, ...]]:
     """Return the part of a log to explain, and a sentence about what was left out, if anything was."""
     if until_s is None:
-        return undisturbed(log) if log.power_pct is None else (log, ())  # with power it is fitted in segments
+        return undisturbed_part(log) if log.power_pct is None else (log, ())  # with power it is fitted in segments
     return log.window(float(log.time_s[0]), until_s), (f"Readings after {until_s:g} s were not used.",)
 
 
@@ -322,18 +322,18 @@ def _fit_logged(
 ) -> FittedModel:
     """Return the fit of a log with power."""
     explanation, notes = _explained(log, bounds, power_before_pct, delays, believed=believed)
-    fitted = fit_power(explanation, weighed(explanation, open_start=power_before_pct is None, seed=seed),
+    fitted = fit_power(explanation, weigh_fit(explanation, open_start=power_before_pct is None, seed=seed),
                        least_dead_time_s=delays.least_dead_time_s([log]), seed=seed)
     return replace(fitted, notes=notes + fitted.notes)
 
 
 def _explained(
     log: Log, bounds: Bounds | None, power_before_pct: float | None, delays: DelaysKnown, *, believed: bool = False
-) -> tuple[Explained, tuple[str, ...]]:
+) -> tuple[Explanation, tuple[str, ...]]:
     """Return what explains a log with power; a free ambient that leaves its interval is taken at the nearest end."""
     ambient = _single(bounds)
     _demand_excitation(log, ambient)
-    explain = partial(explained, log, power_before_pct=power_before_pct, believed=believed,
+    explain = partial(explain_log, log, power_before_pct=power_before_pct, believed=believed,
                       most_dead_time_s=delays.dead_time_at_most_s)
     explanation = explain(ambient_degC=ambient)
     end = _begun_at_degC(log, explanation) if bounds is None else _nearest_end(explanation, bounds)
@@ -347,7 +347,7 @@ def _explained(
     return explain(ambient_degC=end), (note,)
 
 
-def _begun_at_degC(log: Log, explanation: Explained) -> float | None:
+def _begun_at_degC(log: Log, explanation: Explanation) -> float | None:
     """Return the temperature at which a log begins without power, where the free ambient lies above it."""
     assert log.power_pct is not None
     on = np.flatnonzero(log.power_pct > 0.0)
@@ -358,7 +358,7 @@ def _begun_at_degC(log: Log, explanation: Explained) -> float | None:
     return begun if explanation.fits[0].linear[AMBIENT] > begun else None
 
 
-def _nearest_end(explanation: Explained, ambient_degC: Bounds) -> float | None:
+def _nearest_end(explanation: Explanation, ambient_degC: Bounds) -> float | None:
     """Return the end of the interval that a free ambient lies beyond, None where it lies inside."""
     free = explanation.model.ambient_degC
     assert free is not None
@@ -371,6 +371,6 @@ def _demand_excitation(log: Log, ambient_degC: float | None) -> None:
     assert log.power_pct is not None
     if float(np.ptp(log.power_pct)) == 0.0 and ambient_degC is None:
         raise InputError(
-            f"{log.name}: {Outcome.NO_POWER_CHANGE.value} The power is {log.power_pct[0]:g} % throughout; "
+            f"{log.name}: {FitOutcome.NO_POWER_CHANGE.value} The power is {log.power_pct[0]:g} % throughout; "
             "or give --ambient, the temperature without power"
         )

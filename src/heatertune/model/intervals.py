@@ -10,7 +10,8 @@ import numpy.typing as npt
 from heatertune.errors import OutOfRange
 from heatertune.model.statistics import percentile_interval
 
-__all__ = ["PERIOD", "RATIO", "Interval", "envelope", "holds", "hull", "identified", "identified_parts", "interval"]
+__all__ = ["PERIOD", "RATIO", "Interval", "envelope", "holds", "hull", "identified_interval", "identified_parts",
+           "interval"]
 
 Array = npt.NDArray[np.float64]
 
@@ -76,6 +77,6 @@ def identified_parts(ci95: Interval | None) -> bool:
     return ci95.high - ci95.low <= _WIDE * abs(ci95.high + ci95.low)
 
 
-def identified(ci95: Interval) -> Interval | None:
+def identified_interval(ci95: Interval) -> Interval | None:
     """Return the interval, or None where it identifies nothing."""
     return ci95 if identified_parts(ci95) else None

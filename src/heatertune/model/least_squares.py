@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 
 __all__ = ["Minima", "minimise"]
 
@@ -89,7 +89,7 @@ def minimise(
 def _evaluate(residuals: Residuals, z: Array, rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
     r = np.ascontiguousarray(residuals(z, rows))
     cost = np.empty(len(r))
-    compiled(_sum_squares)(r, cost)
+    compile_function(_sum_squares)(r, cost)
     return r, np.where(np.isfinite(cost), cost, np.inf)
 
 
@@ -107,7 +107,7 @@ def _slopes(
     gradient, normal = np.empty((n, q)), np.empty((n, q, q))
     # in C's order whatever the order of what they come from: one kernel to compile
     jacobian = np.array(shifted, order="C").reshape(n, q, -1)
-    compiled(_normal_equations)(jacobian, r, np.array(sign * _DIFFERENCE, order="C"), gradient, normal)
+    compile_function(_normal_equations)(jacobian, r, np.array(sign * _DIFFERENCE, order="C"), gradient, normal)
     return gradient, normal
 
 
@@ -122,7 +122,7 @@ def _step(
     damped = normal + (damping[:, None] * np.maximum(diagonal, floor))[:, :, None] * unit
     damped = np.where(~held[:, :, None] & ~held[:, None, :], damped, unit)
     step = np.where(held, 0.0, -gradient)
-    compiled(_solve)(damped, step)
+    compile_function(_solve)(damped, step)
     return step
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["sensor_step", "tamed", "without_outliers"]
+__all__ = ["replace_outliers", "sensor_step", "without_outliers"]
 
 Array = npt.NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def without_outliers(
     return np.where(odd, measured - off, measured), np.flatnonzero(odd)
 
 
-def tamed(measured: Array, neighbours: int = _NEIGHBOURS, share: float = _WILD) -> Array:
+def replace_outliers(measured: Array, neighbours: int = _NEIGHBOURS, share: float = _WILD) -> Array:
     """Return the readings with wild ones, off by this share of the span, put where their neighbours are [°C].
 
     Of so many neighbours up to half may be wild in a row. All readings are of shape (n,).

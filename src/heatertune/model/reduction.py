@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["crossover_rad_s", "matched"]
+__all__ = ["crossover_rad_s", "match_fopdt"]
 
 #: phase at which a PI loop with Ms about 1.6 is cut [°]: the controller and the phase margin take the rest
 _CUT_DEG: Final = 120.0
@@ -46,7 +46,7 @@ def _lag_deg(model: HeaterModel, omega: float) -> float:
     return math.degrees(lags + omega * model.dead_time_s)
 
 
-def matched(model: HeaterModel) -> Fopdt:
+def match_fopdt(model: HeaterModel) -> Fopdt:
     """Return the FOPDT with the same gain whose frequency response is nearest around the crossover.
 
     The relative error is weighed by a Gaussian over ln ω, half an octave wide, up to two of its widths to both sides.

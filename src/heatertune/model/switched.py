@@ -20,7 +20,7 @@ from typing import Final
 from heatertune.model.findings import Finding
 from heatertune.model.intervals import Interval
 from heatertune.model.measures import ultimate_period_s
-from heatertune.model.power.ends import told_apart
+from heatertune.model.power.interval_ends import told_apart
 from heatertune.model.values import Candidate, FittedModel
 
 __all__ = ["with_late_power", "with_pwm_hidden"]

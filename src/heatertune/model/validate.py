@@ -15,22 +15,22 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.model.judgement import InputCorrelation
-from heatertune.model.mirrored import cools, middle_degC, mirrored, mirrored_log, mirrored_model
-from heatertune.model.outliers import tamed
-from heatertune.model.power.columns import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE
+from heatertune.model.check_results import InputCorrelation
+from heatertune.model.cooler_mirror import cools, middle_degC, mirror_heater, mirrored_log, mirrored_model
+from heatertune.model.outliers import replace_outliers
 from heatertune.model.power.feedback import feedback_notes
 from heatertune.model.power.input_correlation import input_correlation
-from heatertune.model.power.open_loop import Fixed, PowerProblem
-from heatertune.model.power.readings import Readings
+from heatertune.model.power.log_arrays import Readings
+from heatertune.model.power.open_loop import FixedUnknowns, PowerProblem
+from heatertune.model.power.regressors import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE
 from heatertune.model.statistics import fit_pct
 from heatertune.model.validation import ljung_box
 from heatertune.model.values import FittedModel, HeaterModel, TwoLag
-from heatertune.model.windows import undisturbed
-from heatertune.options import merged
+from heatertune.model.windows import undisturbed_part
+from heatertune.options import merge_options
 from heatertune.settings import ValidateSettings
 
-__all__ = ["MOST_BIAS_PCT", "Run", "Verdict", "validate"]
+__all__ = ["MOST_BIAS_PCT", "ValidationRun", "Verdict", "validate"]
 
 Array = npt.NDArray[np.float64]
 
@@ -41,7 +41,7 @@ _GAINED = 5.0  # fit [%] for which a free ambient is worth a sentence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
+class ValidationRun:
     """One model on the log.
 
     Attributes:
@@ -86,7 +86,7 @@ class Verdict:
     """
 
     log: str
-    runs: tuple[Run, ...]
+    runs: tuple[ValidationRun, ...]
     worst: int
     least_fit_pct: float
     bias_degC: float
@@ -121,19 +121,21 @@ def validate(
     if log.disturbance is not None:
         raise InputError(f"{log.name}: a model is run with the power alone, without what the disturbance does; leave "
                          "--disturbance-column out, and --until the instant before it changes")
-    asked = merged(ValidateSettings, settings, changed)
+    asked = merge_options(ValidateSettings, settings, changed)
     if cools(fitted):
         about = middle_degC(log)
         turned = None if asked.ambient_degC is None else 2.0 * about - asked.ambient_degC
         return _turned_back(
-            validate(mirrored(fitted, about), mirrored_log(log, about), replace(asked, ambient_degC=turned)), about)
-    used, notes = undisturbed(log) if asked.until_s is None else (log.window(float(log.time_s[0]), asked.until_s), ())
+            validate(mirror_heater(fitted, about), mirrored_log(log, about), replace(asked, ambient_degC=turned)),
+            about)
+    used, notes = undisturbed_part(log) if asked.until_s is None else (log.window(float(log.time_s[0]), asked.until_s),
+                                                                       ())
     labelled: list[tuple[str, HeaterModel]] = [("working model", fitted.model)]
     labelled += [(label, model) for label, model in fitted.heaters if model != fitted.model]
     runs = tuple(_run(label, model, used, asked.ambient_degC, asked.power_before_pct) for label, model in labelled)
     designed_for = [i for i, run in enumerate(runs) if run.model in fitted.plants]
     worst = min(designed_for, key=lambda i: runs[i].fit_pct)
-    limit = MOST_BIAS_PCT / 100.0 * float(np.ptp(tamed(used.temperature_degC)))
+    limit = MOST_BIAS_PCT / 100.0 * float(np.ptp(replace_outliers(used.temperature_degC)))
     bias = max((runs[i].bias_degC for i in designed_for), key=abs)
     kept = {"fit": runs[worst].fit_pct >= asked.least_fit_pct, "bias": abs(bias) <= limit}
     fails = tuple(name for name, is_kept in kept.items() if not is_kept)
@@ -153,9 +155,10 @@ def _turned_back(verdict: Verdict, about_degC: float) -> Verdict:
     return replace(verdict, runs=runs, bias_degC=-verdict.bias_degC)
 
 
-def _run(label: str, model: HeaterModel, log: Log, ambient_degC: float | None, before_pct: float | None) -> Run:
+def _run(label: str, model: HeaterModel, log: Log, ambient_degC: float | None,
+         before_pct: float | None) -> ValidationRun:
     problems = [PowerProblem(
-        readings=replace(Readings.of(log), temperature_degC=tamed(log.temperature_degC)),
+        readings=replace(Readings.of(log), temperature_degC=replace_outliers(log.temperature_degC)),
         two_lags=isinstance(model, TwoLag), power_before_pct=before,
     ) for before in ((None, 0.0) if before_pct is None else (before_pct,))]
     own = model.ambient_degC if ambient_degC is None else ambient_degC
@@ -164,7 +167,7 @@ def _run(label: str, model: HeaterModel, log: Log, ambient_degC: float | None, b
     problem, (residuals, linear) = problems[place], held[place]
     free, freely = _simulated(problem, model, math.nan)
     record = problem.readings.temperature_degC
-    return Run(
+    return ValidationRun(
         label=label, model=model, ambient_degC=float(linear[AMBIENT]), fit_pct=fit_pct(record, record - residuals),
         bias_degC=float(np.mean(residuals)), rmse_degC=float(np.sqrt(np.mean(residuals**2))),
         free_fit_pct=fit_pct(record, record - free), free_ambient_degC=float(freely[AMBIENT]),
@@ -177,12 +180,12 @@ def _simulated(problem: PowerProblem, model: HeaterModel, ambient_degC: float) -
     fixed = problem.fixed
     fixed[GAIN], fixed[AMBIENT] = model.gain_degC_per_pct, ambient_degC
     record = problem.readings.temperature_degC
-    residuals, linear = problem.solve(_vector(model)[None, :], record[None, :], Fixed(values=fixed[None, :]))
+    residuals, linear = problem.solve(_vector(model)[None, :], record[None, :], FixedUnknowns(values=fixed[None, :]))
     return -residuals[0], linear[0]
 
 
 def _correlation(problem: PowerProblem, model: HeaterModel, linear: Array) -> InputCorrelation | None:
-    thin, vector = problem.thinned(_READINGS), _vector(model)
+    thin, vector = problem.average(_READINGS), _vector(model)
     basis = thin.basis(vector)
     states = basis[[FIRST_STATE, SECOND_STATE] if isinstance(model, TwoLag) else [FIRST_STATE]]  # all that was fitted
     return input_correlation(
@@ -197,7 +200,7 @@ def _vector(model: HeaterModel) -> Array:
 
 
 def _verdict_notes(
-    runs: tuple[Run, ...], place: int, count: int, fails: tuple[str, ...], least_fit_pct: float, limit: float
+    runs: tuple[ValidationRun, ...], place: int, count: int, fails: tuple[str, ...], least_fit_pct: float, limit: float
 ) -> list[str]:
     worst = runs[place]
     reached = f"{worst.label} explains {worst.fit_pct:.1f} % of the log with a bias of {worst.bias_degC:+.2g} °C"

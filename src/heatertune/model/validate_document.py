@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from heatertune.codec import built, encode, registered
+from heatertune.codec import construct_from, encode, register_schema
 from heatertune.model.document import CorrelationView, WhitenessView
 from heatertune.model.validate import Verdict
 
-__all__ = ["ValidationView", "to_document"]
+__all__ = ["VerdictView", "to_document"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Criterion:
+class _CriterionDocument:
     value: float
     limit: float
     unit: str
@@ -22,8 +22,8 @@ class _Criterion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Criteria:
-    fit: _Criterion
-    bias: _Criterion
+    fit: _CriterionDocument
+    bias: _CriterionDocument
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,9 +39,9 @@ class _Run:
     input_crosscorrelation: CorrelationView | None
 
 
-@registered("heatertune/validation/1")
+@register_schema("heatertune/validation/1")
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ValidationView:
+class VerdictView:
     """What is written of a verdict: the criteria with their limits, and every model's run."""
 
     log: str
@@ -56,13 +56,14 @@ class ValidationView:
 def to_document(verdict: Verdict) -> dict[str, Any]:
     """Return the document of a verdict."""
     worst = verdict.runs[verdict.worst]
-    runs = tuple(built(
+    runs = tuple(construct_from(
         _Run, run, whiteness=WhitenessView.of(run.ljung_box),
         input_crosscorrelation=CorrelationView.of(run.input_correlation)) for run in verdict.runs)
-    document: dict[str, Any] = encode(built(
-        ValidationView, verdict, verdict="FAIL" if verdict.fails else "PASS", worst=worst.label, runs=runs,
+    document: dict[str, Any] = encode(construct_from(
+        VerdictView, verdict, verdict="FAIL" if verdict.fails else "PASS", worst=worst.label, runs=runs,
         criteria=_Criteria(
-            fit=_Criterion(value=worst.fit_pct, limit=verdict.least_fit_pct, unit="%", ok="fit" not in verdict.fails),
-            bias=_Criterion(value=verdict.bias_degC, limit=verdict.most_bias_degC, unit="°C",
+            fit=_CriterionDocument(value=worst.fit_pct, limit=verdict.least_fit_pct, unit="%",
+                                   ok="fit" not in verdict.fails),
+            bias=_CriterionDocument(value=verdict.bias_degC, limit=verdict.most_bias_degC, unit="°C",
                             ok="bias" not in verdict.fails))))
     return document

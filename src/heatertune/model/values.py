@@ -13,15 +13,15 @@ import numpy.typing as npt
 from heatertune.errors import OutOfRange
 from heatertune.model.dynamics import Dynamics
 from heatertune.model.findings import Finding
-from heatertune.show import Shown
+from heatertune.show import NotebookDisplay
 from heatertune.units import check
 
 if TYPE_CHECKING:
+    from heatertune.model.check_results import Validation
     from heatertune.model.disturbance import DisturbanceEffect
     from heatertune.model.intervals import Interval
-    from heatertune.model.judgement import Validation
 
-__all__ = ["Candidate", "FittedModel", "Fopdt", "HeaterModel", "OneLog", "Outcome", "Residuals", "TwoLag"]
+__all__ = ["Candidate", "FitOutcome", "FittedModel", "Fopdt", "HeaterModel", "OneLog", "Residuals", "TwoLag"]
 
 Array = npt.NDArray[np.float64]
 
@@ -144,7 +144,7 @@ def _response(plant: HeaterModel, omega: Array) -> npt.NDArray[np.complex128]:
     return np.asarray(response, dtype=np.complex128)
 
 
-class Outcome(Enum):
+class FitOutcome(Enum):
     """How a fit ended; each member is the sentence a person needs, remedy included."""
 
     IDENTIFIED = "All parameters are identified."
@@ -162,10 +162,10 @@ class Outcome(Enum):
 _POWER_LOGGED: Final = "power logged"
 #: outcome → its sentence for a log with power
 _OF_POWER_LOGS: Final = {
-    Outcome.COMBINATIONS_ONLY: (
+    FitOutcome.COMBINATIONS_ONLY: (
         "Only combinations of parameters are identified: log on until the temperature rests, at least three time "
         "constants after a step of the power in open loop."),
-    Outcome.POOR_FIT: (
+    FitOutcome.POOR_FIT: (
         "No model explains the log well: keep doors and fans still while you log, and log each change of the power at "
         "its own instant."),
 }
@@ -254,7 +254,7 @@ class OneLog:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FittedModel(Shown, Dynamics):
+class FittedModel(NotebookDisplay, Dynamics):
     """What a log says about its heater.
 
     Attributes:
@@ -283,7 +283,7 @@ class FittedModel(Shown, Dynamics):
     """
 
     model: Fopdt
-    outcome: Outcome
+    outcome: FitOutcome
     method: str
     ci95: Mapping[str, Interval | None] = field(default_factory=dict)
     combinations: Mapping[str, tuple[float, Interval]] = field(default_factory=dict)

@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import MIN_SAMPLES, Log
-from heatertune.model.outliers import tamed
+from heatertune.model.outliers import replace_outliers
 
-__all__ = ["disturbance_s", "undisturbed"]
+__all__ = ["disturbance_s", "undisturbed_part"]
 
 Array = npt.NDArray[np.float64]
 
@@ -25,7 +25,7 @@ def disturbance_s(log: Log) -> float | None:
     ten times the usual departure. Jumps within the first 20 readings are not looked for: they would leave
     too little to fit. Two odd readings that return are no jump.
     """
-    readings = tamed(tamed(log.temperature_degC, share=_ABSURD), _SPIKE)
+    readings = replace_outliers(replace_outliers(log.temperature_degC, share=_ABSURD), _SPIKE)
     departure = _departures(readings)
     # of the log as it is: where all is noise, what was tamed looks quieter than it was
     typical = 1.4826 * float(np.median(_departures(log.temperature_degC)))
@@ -42,7 +42,7 @@ def _departures(readings: Array) -> Array:
     return np.asarray(np.abs(change - np.median(np.lib.stride_tricks.sliding_window_view(padded, 7), axis=1)))
 
 
-def undisturbed(log: Log) -> tuple[Log, tuple[str, ...]]:
+def undisturbed_part(log: Log) -> tuple[Log, tuple[str, ...]]:
     """Return the log up to its first disturbance, and a sentence about what was left out, if anything was."""
     end = disturbance_s(log)
     if end is None:

@@ -10,7 +10,7 @@ from typing import Any
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
 from heatertune.pid.continuous.optimum import margins as continuous_margins
-from heatertune.pid.continuous.tune import assessed
+from heatertune.pid.continuous.tune import assess_design
 from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
@@ -67,6 +67,6 @@ def _judged(fitted: FittedModel, design: PidDesign, doubt: str | None) -> dict[s
 
 def _load(fitted: FittedModel, design: PidDesign) -> float:
     if design.sample_time_s == 0.0:
-        cost = assessed(fitted, design).iae_load
+        cost = assess_design(fitted, design).iae_load
         return math.inf if cost is None else cost
     return max(iae_load(plant, design) for plant in fitted.plants)

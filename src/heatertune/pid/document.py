@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from heatertune.codec import LEFT_OUT, OrInfinite, built, decode, encode, registered
+from heatertune.codec import LEFT_OUT, OrInfinite, construct_from, decode, encode, register_schema
 from heatertune.documents import plain, read_document
 from heatertune.errors import DocumentError
 from heatertune.model.document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.document import ModelView
 from heatertune.model.values import FittedModel
-from heatertune.pid.recipe import Recipe
+from heatertune.pid.design_provenance import DesignProvenance
 from heatertune.pid.values import Margins, PidDesign, Promise, structure_of
 
 __all__ = ["SCHEMA", "PidView", "from_document", "parts_of", "promise_document", "read_design", "to_document"]
@@ -41,10 +41,10 @@ class PromiseView:
     @property
     def value(self) -> Promise:
         """The promise."""
-        return built(Promise, self)
+        return construct_from(Promise, self)
 
 
-@registered(SCHEMA)
+@register_schema(SCHEMA)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PidView:
     """The document of a design; of the margins null says infinite, but for the phase margin: none were computed."""
@@ -66,7 +66,7 @@ class PidView:
     notes: tuple[str, ...] = ()
     robust: PromiseView | None = None
     step_power_limit_pct_per_degC: OrInfinite = math.inf
-    made_for: Recipe | None = field(default=None, metadata=LEFT_OUT)
+    made_for: DesignProvenance | None = field(default=None, metadata=LEFT_OUT)
     model: ModelView | None = field(default=None, metadata=LEFT_OUT)
     forms: Any = field(default=None, metadata=LEFT_OUT)
     alternatives: Any = field(default=None, metadata=LEFT_OUT)
@@ -76,32 +76,33 @@ class PidView:
             raise DocumentError(f"structure: {self.structure!r}; TN and TV make it {self.value.structure!r}")
 
     @classmethod
-    def of(cls, design: PidDesign, model: FittedModel | None = None, recipe: Recipe | None = None) -> PidView:
+    def of(cls, design: PidDesign, model: FittedModel | None = None, recipe: DesignProvenance | None = None) -> PidView:
         """Return what is written of a design, of the model it was made for, and of the words that were proven."""
-        return built(
-            cls, design, design.margins, robust=None if design.promise is None else built(PromiseView, design.promise),
+        return construct_from(
+            cls, design, design.margins,
+            robust=None if design.promise is None else construct_from(PromiseView, design.promise),
             made_for=recipe, model=None if model is None else ModelView.of(model))
 
     @property
     def value(self) -> PidDesign:
         """The design."""
         tv = self.derivative_time_s or 0.0
-        return built(
+        return construct_from(
             PidDesign, self, derivative_time_s=tv, structure=structure_of(self.integral_time_s, tv),
-            margins=None if self.phase_margin_deg is None else built(Margins, self),
+            margins=None if self.phase_margin_deg is None else construct_from(Margins, self),
             derivative_filter=0.5 if self.derivative_filter is None else self.derivative_filter,
             promise=None if self.robust is None else self.robust.value)
 
 
 def to_document(
-    design: PidDesign, model: FittedModel | None = None, recipe: Recipe | None = None
+    design: PidDesign, model: FittedModel | None = None, recipe: DesignProvenance | None = None
 ) -> dict[str, Any]:
     """Return the document; an integral time that is infinite is null."""
     document: dict[str, Any] = encode(PidView.of(design, model, recipe))
     return document
 
 
-def read_design(path: str | Path) -> tuple[PidDesign, FittedModel | None, Recipe | None]:
+def read_design(path: str | Path) -> tuple[PidDesign, FittedModel | None, DesignProvenance | None]:
     """Return the design of a file, the model it was made for and the recipe of its words, where the file holds them.
 
     Raises:
@@ -121,7 +122,7 @@ def from_document(document: Mapping[str, Any], *, where: str | Path = "design") 
     return parts_of(document, where=where)[0]
 
 
-def parts_of(document: Mapping[str, Any], *, where: str | Path = "design") -> tuple[PidDesign, Recipe | None]:
+def parts_of(document: Mapping[str, Any], *, where: str | Path = "design") -> tuple[PidDesign, DesignProvenance | None]:
     """Return the design of a document, and the recipe of its words where it holds one; errors as in `read_design`."""
     view = decode(PidView, plain(document), where)
     return view.value, view.made_for
@@ -129,4 +130,4 @@ def parts_of(document: Mapping[str, Any], *, where: str | Path = "design") -> tu
 
 def promise_document(promise: Promise | None) -> dict[str, Any] | None:
     """Return the promise as JSON holds it."""
-    return None if promise is None else encode(built(PromiseView, promise))
+    return None if promise is None else encode(construct_from(PromiseView, promise))

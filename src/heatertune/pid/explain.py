@@ -9,7 +9,7 @@ from contextvars import ContextVar
 from heatertune.errors import InputError
 from heatertune.pid.specs import Specs
 
-__all__ = ["LOOSER", "explain", "unexplained"]
+__all__ = ["LOOSER", "explain", "without_explanation"]
 
 LOOSER = 1.05  # factor by which a limit is loosened to see what it costs
 
@@ -20,7 +20,7 @@ _left_out: ContextVar[bool] = ContextVar("left_out", default=False)
 
 
 @contextmanager
-def unexplained() -> Iterator[None]:
+def without_explanation() -> Iterator[None]:
     """Explain nothing within the block: a table has no place for it, and each limit takes a search of its own."""
     mark = _left_out.set(True)
     try:

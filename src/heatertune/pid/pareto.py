@@ -10,10 +10,10 @@ from typing import Any, Final
 import numpy as np
 
 from heatertune.errors import OutOfRange
-from heatertune.model.mirrored import cools, mirrored
+from heatertune.model.cooler_mirror import cools, mirror_heater
 from heatertune.model.values import FittedModel
 from heatertune.pid.continuous.optimum import ContinuousProblem, optimum
-from heatertune.pid.continuous.tune import assessed
+from heatertune.pid.continuous.tune import assess_design
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.specs import OBJECTIVES, Specs
 from heatertune.pid.tune import assessed_sampled, tune
@@ -55,7 +55,7 @@ def front(
     if not ms_low < ms_high:
         raise OutOfRange("ms_low", ms_low, f"< ms_high = {ms_high:g}")
     if cools(fitted):
-        document = front(mirrored(fitted), structure=structure, ms_low=ms_low, ms_high=ms_high, points=points,
+        document = front(mirror_heater(fitted), structure=structure, ms_low=ms_low, ms_high=ms_high, points=points,
                          sample_time_s=sample_time_s, progress=progress, **specs)
         return document | {"rows": [row | {"gain_pct_per_degC": -row["gain_pct_per_degC"]} for row in document["rows"]]}
     wanted = Specs(ms=ms_high, **specs)
@@ -86,7 +86,7 @@ def _row(fitted: FittedModel, structure: str, specs: Specs, sample_time_s: float
     if sample_time_s == 0.0:
         problem = ContinuousProblem(plants=fitted.plants, structure=structure, specs=specs)
         optimal = optimum(problem)
-        cost, design = problem.cost(optimal), assessed(fitted, optimal)
+        cost, design = problem.cost(optimal), assess_design(fitted, optimal)
     else:
         sampled = Problem(
             plants=fitted.plants, structure=structure, sample_time_s=sample_time_s, ms=specs.ms, mt=specs.mt,

@@ -9,9 +9,9 @@ from functools import partial
 from typing import Any
 
 from heatertune.errors import InputError, UnknownName
-from heatertune.model.mirrored import cools, mirrored
+from heatertune.model.cooler_mirror import cools, mirror_heater
 from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.options import merged, options_of
+from heatertune.options import merge_options, options_of
 from heatertune.pid.continuous.tune import tune_continuous
 from heatertune.pid.explain import explain
 from heatertune.pid.loop.response import dominant_time_s, iae_load, iae_setpoint
@@ -20,7 +20,7 @@ from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.scheduling import told_about_faces
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.search.optimum import polish
-from heatertune.pid.search.robust import Guarded, Open, guarded
+from heatertune.pid.search.robust import Open, RobustDesign, robust_design
 from heatertune.pid.specs import ROOM, Specs, refuse_boundless
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign, Promise
@@ -67,9 +67,10 @@ def tune(
         InputError: no design keeps the limits, or the rule does not give the structure or take the closed-loop time, or
             a rule is to be robust, or the fit has no intervals to draw from.
     """
-    asked = merged(TuneSettings, settings, changed)
+    asked = merge_options(TuneSettings, settings, changed)
     if cools(fitted):
-        design = tune(mirrored(fitted), asked, timer=timer, derivative_filter=derivative_filter, most_gain=most_gain,
+        design = tune(mirror_heater(fitted), asked, timer=timer, derivative_filter=derivative_filter,
+                      most_gain=most_gain,
                       resolution_degC=resolution_degC, progress=progress)
         return replace(design, gain_pct_per_degC=-design.gain_pct_per_degC)
     method, structure, robust, closed_loop_s = asked.method, asked.structure, asked.robust, asked.closed_loop_s
@@ -132,13 +133,13 @@ def _improved(
     problem: Problem, fitted: FittedModel, design: PidDesign, robust: str, progress: Callable[[str], object]
 ) -> tuple[PidDesign, list[str]]:
     """Return the design of the search after the guards' word and IPOPT's, and what is to be told."""
-    kept: Guarded | None = None
+    kept: RobustDesign | None = None
     heaters: Open | None = None
     plain, plainly = design, problem
     if robust != "none":
         progress("keeping the limits on heaters drawn from the fit")
         heaters = Open.of(fitted, robust)
-        kept = guarded(
+        kept = robust_design(
             heaters, problem.specs, robust, lambda guards: search(replace(plainly, guards=guards)), plain
         )
         problem, design = replace(problem, guards=kept.guards), kept.design
@@ -146,7 +147,7 @@ def _improved(
     if problem.structure != "p":
         progress("improving the optimum by a second method")
         polished, comparison = polish(problem, design)
-        better = None if kept is None or heaters is None else kept.improved(heaters, problem.specs, polished)
+        better = None if kept is None or heaters is None else kept.with_design(heaters, problem.specs, polished)
         if kept is not None and better is None:
             comparison = "IPOPT's optimum would break a limit on the drawn heaters; the feasible-set search stands."
         else:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from heatertune.errors import OutOfRange
-from heatertune.show import Shown
+from heatertune.show import NotebookDisplay
 from heatertune.units import check
 
 __all__ = ["Margins", "PidDesign", "Promise", "step_parts", "structure_of"]
@@ -49,7 +49,7 @@ class Promise:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PidDesign(Shown):
+class PidDesign(NotebookDisplay):
     """u = K·(e + 1/TN·∫e dt + TV·de/dt), sampled every TA.
 
     Attributes:

@@ -7,27 +7,45 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from heatertune.lazy import offered
+from heatertune.lazy import lazy_attributes
 from heatertune.plc.targets import ALIKE, COOLING, GROUPS, NAMES, TARGETS
 
 if TYPE_CHECKING:
     from heatertune.plc.boost import Boost
     from heatertune.plc.controller import Controller, controller_for
-    from heatertune.plc.core import Core, Running, Scan, Timing, count
-    from heatertune.plc.open_points import Switch
+    from heatertune.plc.core import ControllerState, Scan, StepFunctions, Timing, count
+    from heatertune.plc.open_points import OpenPoint
     from heatertune.plc.ramp import Number, Ramp
     from heatertune.plc.words import Certificate, Scaling, WordField, Words
 
 __all__ = [
-    "ALIKE", "COOLING", "GROUPS", "NAMES", "TARGETS", "Boost", "Certificate", "Controller", "Core", "Number", "Ramp",
-    "Running", "Scaling", "Scan", "Switch", "Timing", "WordField", "Words", "controller_for", "count",
+    "ALIKE",
+    "COOLING",
+    "GROUPS",
+    "NAMES",
+    "TARGETS",
+    "Boost",
+    "Certificate",
+    "Controller",
+    "ControllerState",
+    "Number",
+    "OpenPoint",
+    "Ramp",
+    "Scaling",
+    "Scan",
+    "StepFunctions",
+    "Timing",
+    "WordField",
+    "Words",
+    "controller_for",
+    "count",
 ]
 
-__getattr__, __dir__ = offered(__name__, {
+__getattr__, __dir__ = lazy_attributes(__name__, {
     "plc.boost": ("Boost",),
     "plc.controller": ("Controller", "controller_for"),
-    "plc.core": ("Core", "Running", "Scan", "Timing", "count"),
-    "plc.open_points": ("Switch",),
+    "plc.core": ("StepFunctions", "ControllerState", "Scan", "Timing", "count"),
+    "plc.open_points": ("OpenPoint",),
     "plc.ramp": ("Number", "Ramp"),
     "plc.words": ("Certificate", "Scaling", "WordField", "Words"),
 })

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from heatertune.errors import OutOfRange
-from heatertune.plc.single import is_single
+from heatertune.plc.single_precision import is_single
 from heatertune.units import check
 
 __all__ = ["Boost"]

@@ -16,25 +16,25 @@ from typing import Any, ClassVar, Final, NamedTuple, final
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
-from heatertune.plc.core import Core, Running, Scan
+from heatertune.plc.core import ControllerState, Scan, StepFunctions
 from heatertune.plc.exported import Loads
-from heatertune.plc.feed_forward import Feed
-from heatertune.plc.open_points import NothingOpen, Switch, assumed, declared
+from heatertune.plc.feed_forward import FeedForwardHooks
+from heatertune.plc.open_points import NothingOpen, OpenPoint, assumptions_from, open_points_of
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import ReadBack
-from heatertune.plc.running import RunningController
-from heatertune.plc.setpoint import Led
+from heatertune.plc.scan_by_scan import RunningController
+from heatertune.plc.setpoint import SetpointHandling
 from heatertune.plc.targets import NAMES
-from heatertune.plc.words import Certificate, Scaling, WordField, Words, check_fields, kept_by, stored
+from heatertune.plc.words import Certificate, Scaling, WordField, Words, check_fields, kept_by, round_to_word
 from heatertune.units import check
 
-__all__ = ["Controller", "Cooling", "controller_for"]
+__all__ = ["Controller", "CoolingSupport", "controller_for"]
 
 #: target → its class, entered where the class is made
 _CLASSES: Final[dict[str, type[Controller]]] = {}
 
 
-class Cooling(NamedTuple):
+class CoolingSupport(NamedTuple):
     """What a controller with an output for a cooler knows of it.
 
     Attributes:
@@ -48,7 +48,7 @@ class Cooling(NamedTuple):
     design: Callable[[Words], PidDesign | None]
 
 
-class Controller(Led, ABC):
+class Controller(SetpointHandling, ABC):
     """One controller, as `class Ob251(Controller, name="s5-ob251")`; the class registers itself under its name.
 
     Attributes:
@@ -101,7 +101,7 @@ class Controller(Led, ABC):
             same, its parameters and cold state; None: the core itself compiles, or none does.
         feed: the input that a measured disturbance is written to; None: there is none.
         typed: (words, setpoint of the proof [°C], the same in units; None without a proof) → word → what of its
-            `heatertune.plc.typed.TypedWord` is other than the words and their fields say; None: nothing.
+            `heatertune.plc.keyed_entry.TypedWord` is other than the words and their fields say; None: nothing.
         setpoint_entry: (words, setpoint of the proof [°C], the same in units) → the setpoint as a person enters
             it, with its unit; None: in °C where the controller's setpoint is a REAL, else its word.
         cooling: what is known of the cooler beside the heater; None: the controller has no output for one.
@@ -120,7 +120,7 @@ class Controller(Led, ABC):
     cannot: ClassVar[tuple[str, ...]]
     counts: ClassVar[int]
     timer: ClassVar[Timer]
-    core: ClassVar[Core]
+    core: ClassVar[StepFunctions]
     assumptions: ClassVar[type[NamedTuple]] = NothingOpen
     derivative_filter: ClassVar[float] = 0.5
     integers: ClassVar[tuple[str, str, str] | None] = None
@@ -130,8 +130,8 @@ class Controller(Led, ABC):
     interval_s: ClassVar[staticmethod[[Mapping[str, Number]], float] | None] = None
     consistent: ClassVar[staticmethod[[Words], None] | None] = None
     image: ClassVar[staticmethod[[bytes, float, str], Mapping[str, Number]] | None] = None
-    tolerated: ClassVar[staticmethod[[Words], None] | None] = None
-    exported: ClassVar[staticmethod[[Mapping[str, str | bytes], Any], Loads] | None] = None
+    check_consistency: ClassVar[staticmethod[[Words], None] | None] = None
+    load_exported: ClassVar[staticmethod[[Mapping[str, str | bytes], Any], Loads] | None] = None
     text: ClassVar[staticmethod[[str, float | None, str], ReadBack] | None] = None
     text_of_heater: ClassVar[staticmethod[[str, float | None, str, str], ReadBack] | None] = None
     oddities: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
@@ -139,11 +139,11 @@ class Controller(Led, ABC):
     tick_s: ClassVar[float | None] = None
     pwm_period_s: ClassVar[float | None] = None
     own_pwm: ClassVar[tuple[str | None, float]] = (None, 10.0)
-    direct: ClassVar[staticmethod[[Words, Any], tuple[Core, Running]] | None] = None
-    feed: ClassVar[Feed | None] = None
-    typed: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, Mapping[str, Any]]] | None] = None
+    direct: ClassVar[staticmethod[[Words, Any], tuple[StepFunctions, ControllerState]] | None] = None
+    feed: ClassVar[FeedForwardHooks | None] = None
+    keyed_entries: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, Mapping[str, Any]]] | None] = None
     setpoint_entry: ClassVar[staticmethod[[Words, float, Any], str] | None] = None
-    cooling: ClassVar[Cooling | None] = None
+    cooling: ClassVar[CoolingSupport | None] = None
     scan_all: ClassVar[staticmethod[[Any, Any, Mapping[str, Any]], tuple[Any, float, Any, int]] | None] = None
 
     def __init_subclass__(cls, *, name: str) -> None:
@@ -155,7 +155,7 @@ class Controller(Led, ABC):
             raise TypeError(f"{cls.__name__} does not say its {', '.join(unsaid)}")
         if name in NAMES and cls.__module__ != f"{NAMES[name]}.controller":
             raise TypeError(f"{cls.__name__}: {name} is a controller of heatertune; take another name")
-        declared(cls.assumptions)
+        open_points_of(cls.assumptions)
         _CLASSES[name] = cls
 
     @staticmethod
@@ -182,14 +182,14 @@ class Controller(Led, ABC):
         """Return file name → content; the same words and certificate always give the same bytes."""
 
     @abstractmethod
-    def begin(self, words: Words, assume: Any) -> Running:
+    def begin(self, words: Words, assume: Any) -> ControllerState:
         """Return the cold state under the assumptions, a value of `assumptions`."""
 
     @property
     @final
-    def switches(self) -> tuple[Switch, ...]:
+    def switches(self) -> tuple[OpenPoint, ...]:
         """What the manual leaves open, as users see it."""
-        return tuple(declared(self.assumptions).values())
+        return tuple(open_points_of(self.assumptions).values())
 
     @final
     def encode(self, design: PidDesign, scaling: Scaling) -> Words:
@@ -199,7 +199,7 @@ class Controller(Led, ABC):
             NotRepresentable: TA is no interval of the timer, or a word does not fit; it tells what would.
         """
         kept, fields = kept_by(self.timer, design.sample_time_s), {field.name: field for field in self.fields}
-        values = {name: stored(fields[name], value) for name, value in self.values(design, scaling).items()}
+        values = {name: round_to_word(fields[name], value) for name, value in self.values(design, scaling).items()}
         held = kept if self.interval_s is None else self.interval_s(values)
         return Words(target=self.name, values=values, scaling=scaling, sample_time_s=held)
 
@@ -230,7 +230,7 @@ class Controller(Led, ABC):
         return None
 
     @final
-    def limited(self, words: Words, most_pct: float) -> Words:
+    def with_output_limit(self, words: Words, most_pct: float) -> Words:
         """Return words that never ask for more power than that [%].
 
         Raises:
@@ -283,16 +283,16 @@ class Controller(Led, ABC):
         return words
 
     @final
-    def start(self, words: Words, switches: Mapping[str, str]) -> Running:
+    def start(self, words: Words, switches: Mapping[str, str]) -> ControllerState:
         """Return the controller in the cold state for these settings; switches not named have their default.
 
         Raises:
             UnknownName: a switch or setting that is not there.
         """
-        return self.begin(words, assumed(self.assumptions, switches))
+        return self.begin(words, assumptions_from(self.assumptions, switches))
 
     @final
-    def called(self, words: Words, switches: Mapping[str, str]) -> RunningController:
+    def instantiate(self, words: Words, switches: Mapping[str, str]) -> RunningController:
         """Return the controller in the cold state, to be called scan by scan, its setpoint ramp included.
 
         Raises:
@@ -306,16 +306,16 @@ class Controller(Led, ABC):
             timing=self.timing(words), ramp=words.ramp)
 
     @final
-    def start_directly(self, words: Words, switches: Mapping[str, str]) -> tuple[Core, Running]:
+    def start_directly(self, words: Words, switches: Mapping[str, str]) -> tuple[StepFunctions, ControllerState]:
         """Return what `start` does, without the listing where that can be, and the core that runs it."""
         if self.direct is None:
             return self.core, self.start(words, switches)
-        return self.direct(words, assumed(self.assumptions, switches))
+        return self.direct(words, assumptions_from(self.assumptions, switches))
 
     @final
     def step(
-        self, running: Running, setpoint: Any, reading: Any, *, cycle_start: bool = True
-    ) -> tuple[Running, Scan]:
+        self, running: ControllerState, setpoint: Any, reading: Any, *, cycle_start: bool = True
+    ) -> tuple[ControllerState, Scan]:
         """Run one scan; pure, total for every bit pattern.
 
         `setpoint` and `reading` are in the controller's units; `cycle_start` tells a controller that makes
@@ -324,13 +324,13 @@ class Controller(Led, ABC):
         return self.core.run(running, setpoint, reading, cycle_start=cycle_start)
 
     @final
-    def scan(self, running: Running, inputs: Mapping[str, Any]) -> tuple[Running, Scan]:
+    def scan(self, running: ControllerState, inputs: Mapping[str, Any]) -> tuple[ControllerState, Scan]:
         """Run one scan on all of its inputs; those not named stay as the words have them. Pure, as `step`."""
         if self.scan_all is None:
             setpoint, reading, *_ = self.inputs
             return self.step(running, inputs[setpoint], inputs[reading], cycle_start=bool(inputs.get("CYCLE_START", 1)))
         state, *outcome = self.scan_all(running.parameters, running.state, inputs)
-        return Running(running.parameters, state), self.core.scanned(outcome)
+        return ControllerState(running.parameters, state), self.core.scan_result(outcome)
 
 
 def controller_for(target: str) -> Controller:

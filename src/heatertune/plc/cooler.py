@@ -10,10 +10,10 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.targets import COOLING
 from heatertune.plc.words import Words
 
-__all__ = ["cooled", "with_cooler"]
+__all__ = ["with_cooler", "with_cooling"]
 
 
-def cooled(words: Words, cooling_gain: float | None) -> Words:
+def with_cooling(words: Words, cooling_gain: float | None) -> Words:
     """Return words for a cooler whose full power is so many times the heater's; as they are where none is told.
 
     Raises:

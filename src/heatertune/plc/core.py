@@ -8,7 +8,8 @@ from typing import Any, Final, NamedTuple
 
 from heatertune.plc.ramp import Number
 
-__all__ = ["Core", "Running", "Scan", "Sensor", "Timing", "as_it_is", "cold_again", "count", "started_as_it_is"]
+__all__ = ["ControllerState", "Scan", "Sensor", "StepFunctions", "Timing", "as_it_is", "cold_again", "count",
+           "started_as_it_is"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +68,7 @@ def count(sensor: Sensor, temperature_degC: float) -> int:
     return int(min(max(exact, 0.0), float(sensor.counts)))
 
 
-class Running(NamedTuple):
+class ControllerState(NamedTuple):
     """A controller that runs: what its words and switches made of its core's parameters, and its memory."""
 
     parameters: Any
@@ -90,7 +91,7 @@ def cold_again(_parameters: Any, cold: Any, _state: Any) -> Any:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Core:
+class StepFunctions:
     """How a controller computes, as plain functions of numbers and named tuples that a compiler takes as they are.
 
     Attributes:
@@ -114,16 +115,17 @@ class Core:
     compiles: bool = True
     singles: bool = False
     own: Callable[[Any], Any] = as_it_is
-    started: Callable[[Any, Any], Any] = started_as_it_is
-    restarted: Callable[[Any, Any, Any], Any] = cold_again
-    stored: Callable[[Any], Any] = as_it_is
+    cold_start: Callable[[Any, Any], Any] = started_as_it_is
+    warm_start: Callable[[Any, Any, Any], Any] = cold_again
+    store_setpoint: Callable[[Any], Any] = as_it_is
 
-    def run(self, running: Running, setpoint: Any, reading: Any, *, cycle_start: bool) -> tuple[Running, Scan]:
+    def run(self, running: ControllerState, setpoint: Any, reading: Any, *, cycle_start: bool) -> tuple[ControllerState,
+                                                                                                        Scan]:
         """Run one scan."""
         state, *outcome = self.step(running.parameters, self.own(running.state), setpoint, reading, cycle_start)
-        return Running(running.parameters, state), self.scanned(outcome)
+        return ControllerState(running.parameters, state), self.scan_result(outcome)
 
-    def scanned(self, outcome: Sequence[Any]) -> Scan:
+    def scan_result(self, outcome: Sequence[Any]) -> Scan:
         """Return what `step` gave beside the state, the flags by name."""
         power_pct, output, bits = outcome
         flags = {name: bool(bits >> place & 1) for place, name in enumerate(self.flags)}

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import Words
 
-__all__ = ["Cycle", "switched"]
+__all__ = ["Cycle", "with_pwm_period"]
 
 
 class Cycle(NamedTuple):
@@ -26,7 +26,7 @@ class Cycle(NamedTuple):
     periods_s: tuple[float, ...]
 
 
-def switched(cycle: Cycle | None, words: Words, pwm_period_s: float | None) -> Words:
+def with_pwm_period(cycle: Cycle | None, words: Words, pwm_period_s: float | None) -> Words:
     """Return words with a PWM period [s]; as they are where none is given, or none is in them.
 
     Raises:

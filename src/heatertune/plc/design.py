@@ -10,11 +10,11 @@ from typing import Any, Final
 from heatertune import cache
 from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
-from heatertune.options import merged
+from heatertune.options import merge_options
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
-from heatertune.progress import Told
+from heatertune.progress import ProgressCallback
 from heatertune.settings import TuneSettings
 
 __all__ = ["encode", "loop_fit", "tune"]
@@ -26,7 +26,7 @@ _TOLD: Final = (
 
 def tune(
     fitted: FittedModel, settings: TuneSettings | None = None, *, target: str | None = None,
-    scaling: Scaling | None = None, progress: Told = str, **changed: Any,
+    scaling: Scaling | None = None, progress: ProgressCallback = str, **changed: Any,
 ) -> PidDesign:
     """Find K, TN, TV and TA; with a target, TA is what its timer can do, and a reading as fine as its input's.
 
@@ -45,7 +45,7 @@ def tune(
     """
     from heatertune.pid.tune import tune as tune_model  # noqa: PLC0415 - compiles; a proof needs no search
 
-    asked = merged(TuneSettings, settings, changed)
+    asked = merge_options(TuneSettings, settings, changed)
     held: dict[str, Any] = {}
     delay: list[str] = []
     most_gain: Callable[[PidDesign], float] | None = None
@@ -64,7 +64,7 @@ def tune(
     def run() -> dict[str, Any]:
         return pid_document.to_document(tune_model(fitted, asked, most_gain=most_gain, progress=progress, **held))
 
-    design = cache.cached("tune", inputs, run, pid_document.from_document, progress=progress)
+    design = cache.load_or_compute("tune", inputs, run, pid_document.from_document, progress=progress)
     return replace(design, notes=(*design.notes, *delay))
 
 

@@ -14,12 +14,12 @@ import numpy.typing as npt
 from heatertune.plc.boost import Boost
 from heatertune.plc.ramp import Number
 
-__all__ = ["Called", "Exported", "Given", "Loads", "Made", "Numbers", "Settings"]
+__all__ = ["CallInputs", "CallOutputs", "CallResult", "ExportedInPlc", "Loads", "Numbers", "TextSettings"]
 
 Numbers = npt.NDArray[np.float64]
 
 
-class Called(NamedTuple):
+class CallResult(NamedTuple):
     """What one call of the controller gave: setpoint word and output in its units, and the power asked for [%]."""
 
     setpoint: Number
@@ -27,15 +27,15 @@ class Called(NamedTuple):
     power_pct: float
 
 
-class Given(NamedTuple):
+class CallInputs(NamedTuple):
     """What many calls or ticks are given, see `Exported.call`."""
 
-    asked: Numbers
+    power_pct: Numbers
     counts: npt.NDArray[np.int64]
     readings_degC: Numbers
 
 
-class Made(NamedTuple):
+class CallOutputs(NamedTuple):
     """What they gave, and whether the heater is on after each; None: the program makes no pulses."""
 
     setpoints: Numbers
@@ -44,7 +44,7 @@ class Made(NamedTuple):
     on: npt.NDArray[np.bool_] | None
 
 
-class Settings(NamedTuple):
+class TextSettings(NamedTuple):
     """What a text sets; None: it tells nothing of that.
 
     Attributes:
@@ -62,7 +62,7 @@ class Settings(NamedTuple):
     pulses_s: tuple[float, float, float] | None = None
 
 
-class Exported(Protocol):
+class ExportedInPlc(Protocol):
     """The program of an export in its PLC."""
 
     @property
@@ -72,7 +72,7 @@ class Exported(Protocol):
     def start(self) -> None:
         """Start up: STOP to RUN, or the supply is back."""
 
-    def call(self, asked: Number, counts: int, reading_degC: float) -> Called:
+    def call(self, asked: Number, counts: int, reading_degC: float) -> CallResult:
         """Run the tick of the next call of the controller, what lies between left out.
 
         Args:
@@ -81,17 +81,17 @@ class Exported(Protocol):
             reading_degC: the same as a module in °C gives it.
         """
 
-    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[Called, bool | None]:
+    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:
         """Run one tick; return what the controller gave last, and whether the heater is on, as `begin` tells it.
 
         Arguments as for `call`.
         """
 
-    def calls(self, given: Given) -> Made | None:  # noqa: ARG002 - one that can looks at it
+    def calls(self, given: CallInputs) -> CallOutputs | None:  # noqa: ARG002 - one that can looks at it
         """Do many times what `call` does, at once; None: one by one it is, and nothing was done."""
         return None
 
-    def ticks(self, given: Given) -> Made | None:  # noqa: ARG002
+    def ticks(self, given: CallInputs) -> CallOutputs | None:  # noqa: ARG002
         """Do so what `tick` does."""
         return None
 
@@ -128,10 +128,10 @@ class Exported(Protocol):
         """
         return None
 
-    def counted(self) -> float | None:
+    def tick_count(self) -> float | None:
         """Return how many ticks on the program counted when the period began; None: it counts none beforehand."""
 
 
 #: file of an export → what loads its program or reads its settings, None where another file holds the same; it raises
 #: InputError for what is not known here
-Loads = Mapping[str, Callable[[], Exported | Settings | None]]
+Loads = Mapping[str, Callable[[], ExportedInPlc | TextSettings | None]]

@@ -13,11 +13,11 @@ from typing import Any
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import single
-from heatertune.plc.words import Certificate, rounded
+from heatertune.plc.single_precision import single
+from heatertune.plc.words import Certificate, round_half_away
 from heatertune.units import check
 
-__all__ = ["Feed", "FeedForward", "feed_forward"]
+__all__ = ["FeedForward", "FeedForwardHooks", "feed_forward"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +54,7 @@ class FeedForward:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Feed:
+class FeedForwardHooks:
     """A controller's input for a measured disturbance.
 
     Attributes:
@@ -72,12 +72,13 @@ class Feed:
     most: float
     whole: bool
     listened: Callable[[Mapping[str, Number]], Mapping[str, Number]]
-    given: Callable[[Any, Number], Any]
+    set_disturbance: Callable[[Any, Number], Any]
     listing: Callable[[FeedForward, Certificate], Mapping[str, str]]
 
 
 def feed_forward(
-    feed: Feed, *, column: str, pct_per_unit: float, calm: float, low: float, high: float, switched: bool = False
+    feed: FeedForwardHooks, *, column: str, pct_per_unit: float, calm: float, low: float, high: float,
+    switched: bool = False
 ) -> FeedForward:
     """Return the line that takes back what a disturbance does, as the input holds it.
 
@@ -109,8 +110,8 @@ def feed_forward(
                        pct_per_unit=realised, switched=switched)
 
 
-def _stored(feed: Feed, exact: float) -> Number:
-    word = rounded(exact) if feed.whole else single(exact)
+def _stored(feed: FeedForwardHooks, exact: float) -> Number:
+    word = round_half_away(exact) if feed.whole else single(exact)
     if abs(word) > feed.most:
         raise NotRepresentable(f"input {feed.word}", exact, f"{-feed.most:g}…{feed.most:g}",
                                "a narrower range of the disturbance's sensor would fit")

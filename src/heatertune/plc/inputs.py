@@ -15,7 +15,8 @@ from heatertune.plc.core import Sensor
 from heatertune.plc.words import Scaling
 
 __all__ = [
-    "BROKEN_MA", "FOUR_TO_TWENTY", "INPUTS", "Inputs", "Range", "described", "has_ends", "module", "scaled",
+    "BROKEN_MA", "FOUR_TO_TWENTY", "INPUTS", "Inputs", "Range", "describe_range", "has_ends", "module",
+    "sensor_scaling",
     "share_of",
 ]
 
@@ -52,7 +53,7 @@ class Range(NamedTuple):
     delay_s: float | None = None
 
 
-def scaled(
+def sensor_scaling(
     ranges: Mapping[str, Range], name: str | None, sensor_degC: tuple[float, float] | None = None,
     unread: Mapping[str, str] | None = None,
 ) -> Scaling:
@@ -121,7 +122,7 @@ class Inputs:
     @final
     def scaled(self, name: str | None, sensor_degC: tuple[float, float] | None = None) -> Scaling:
         """Return the scaling of a sensor behind a module, by the name of its range; see `scaled`."""
-        return scaled(self.ranges, name, sensor_degC, self.unread)
+        return sensor_scaling(self.ranges, name, sensor_degC, self.unread)
 
     @final
     def delayed_s(self, scaling: Scaling) -> float:
@@ -135,7 +136,7 @@ def has_ends(ranges: Mapping[str, Range], name: str | None) -> bool:
     return ranges.get(name or "", Range()).high_degC is not None
 
 
-def described(scaling: Scaling) -> str:
+def describe_range(scaling: Scaling) -> str:
     """Return the sensor's range, and which one of the module is told, in a few words."""
     low, high = scaling.sensor_degC
     told = f"{low:.6g}…{high:.6g} °C"

@@ -20,7 +20,8 @@ from typing import Any, Final, NamedTuple, cast, get_args, get_type_hints
 
 from heatertune.errors import UnknownName
 
-__all__ = ["NothingOpen", "Switch", "always", "assumed", "declared", "never", "settings_of", "settings_to_prove"]
+__all__ = ["NothingOpen", "OpenPoint", "always", "assumptions_from", "never", "open_points_of", "settings_of",
+           "settings_to_prove"]
 
 _ALL_TOGETHER: Final = 8  # up to so many combinations of settings all are run
 
@@ -36,7 +37,7 @@ def never(_parameters: Any) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Switch:
+class OpenPoint:
     """A point the manual leaves open.
 
     Attributes:
@@ -53,7 +54,7 @@ class Switch:
 
     name: str
     means: Mapping[str, bool | int]
-    why: str
+    reason: str
     in_manual: bool = False
     told: tuple[str, ...] = ()
     chosen: bool = False
@@ -75,7 +76,7 @@ class NothingOpen(NamedTuple):
 
 
 @cache
-def declared(assumptions: type[NamedTuple]) -> Mapping[str, Switch]:
+def open_points_of(assumptions: type[NamedTuple]) -> Mapping[str, OpenPoint]:
     """Return the switch of each field of a named tuple, in the order of the fields.
 
     Raises:
@@ -85,7 +86,7 @@ def declared(assumptions: type[NamedTuple]) -> Mapping[str, Switch]:
     switches = {}
     for field, hint in get_type_hints(assumptions, include_extras=True).items():
         kind, *marks = get_args(hint) or (hint,)
-        if len(marks) != 1 or not isinstance(marks[0], Switch):
+        if len(marks) != 1 or not isinstance(marks[0], OpenPoint):
             raise TypeError(f"{assumptions.__qualname__}.{field}: exactly one Switch expected")
         switches[field] = switch = marks[0]
         meanings = list(switch.means.values())
@@ -98,19 +99,19 @@ def declared(assumptions: type[NamedTuple]) -> Mapping[str, Switch]:
     return switches
 
 
-def assumed(assumptions: type[NamedTuple], given: Mapping[str, str]) -> Any:
+def assumptions_from(assumptions: type[NamedTuple], given: Mapping[str, str]) -> Any:
     """Return the named tuple for settings of its switches; those not given have their default.
 
     Raises:
         UnknownName: a switch or setting that is not there.
     """
-    switches = declared(assumptions)
+    switches = open_points_of(assumptions)
     settings = settings_of(tuple(switches.values()), given)
     meanings = {field: switch.means[settings[switch.name]] for field, switch in switches.items()}
     return cast("Any", assumptions)(**meanings)
 
 
-def settings_of(switches: Sequence[Switch], given: Mapping[str, str]) -> dict[str, str]:
+def settings_of(switches: Sequence[OpenPoint], given: Mapping[str, str]) -> dict[str, str]:
     """Return the setting of every switch: the one given, else its default.
 
     Raises:
@@ -125,7 +126,7 @@ def settings_of(switches: Sequence[Switch], given: Mapping[str, str]) -> dict[st
     return {name: given.get(name, switch.default) for name, switch in by_name.items()}
 
 
-def settings_to_prove(switches: Sequence[Switch], known: Mapping[str, str] | None = None) -> list[dict[str, str]]:
+def settings_to_prove(switches: Sequence[OpenPoint], known: Mapping[str, str] | None = None) -> list[dict[str, str]]:
     """Return the settings under which words are proven, the defaults (and what is known) first.
 
     Every combination where there are few of them; otherwise each switch on its own. What shows in manual alone stays.

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.open_points import Switch, never
+from heatertune.plc.open_points import OpenPoint, never
 
 __all__ = ["KLIPPER_HEATER", "MARLIN_HEATER", "PLACEHOLDER", "UNKNOWN", "several"]
 
@@ -14,14 +14,14 @@ UNKNOWN: Final = "unknown"
 #: name of a heater that is not known: a printer refuses a file that has it
 PLACEHOLDER: Final = "YOUR_HEATER"
 
-KLIPPER_HEATER: Final = Switch(
+KLIPPER_HEATER: Final = OpenPoint(
     name="heater", means={UNKNOWN: 0, "extruder": 1, "heater_bed": 2, "heater_generic": 3},
     told=("extruder", "heater_bed", "heater_generic"), shows=never,
-    why="whose gains these are: the section of printer.cfg; while it is unknown the files name no heater of yours",
+    reason="whose gains these are: the section of printer.cfg; while it is unknown the files name no heater of yours",
 )
-MARLIN_HEATER: Final = Switch(
+MARLIN_HEATER: Final = OpenPoint(
     name="heater", means={UNKNOWN: 0, "hotend": 1, "bed": 2}, told=("hotend", "bed"), shows=never,
-    why="whose gains these are: M301 and DEFAULT_Kp of a hot end, or M304 and DEFAULT_bedKp of a bed; while it is "
+    reason="whose gains these are: M301 and DEFAULT_Kp of a hot end, or M304 and DEFAULT_bedKp of a bed; while it is "
         "unknown the files have both as comments",
 )
 

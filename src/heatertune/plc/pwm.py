@@ -96,7 +96,7 @@ class Actuator:
         check("cooling_minimum_off_s", off, least=0.0, most=self.pwm_period_s - on)
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """The switch in a few words, as the head of an exported file tells it."""
         shortest = [f"no {what} below {time:g} s" for what, time in (
             ("pulse", self.minimum_on_s), ("pause", self.minimum_off_s)) if time > 0.0]

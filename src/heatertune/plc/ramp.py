@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from heatertune.errors import OutOfRange
-from heatertune.plc.single import is_single, single
+from heatertune.plc.single_precision import is_single, single
 from heatertune.units import check
 
-__all__ = ["Number", "Ramp", "course", "for_coolers", "moved", "nearest"]
+__all__ = ["Number", "Ramp", "course", "for_coolers", "nearest", "next_setpoint"]
 
 #: a word or reading: whole, or a REAL (single precision) in controllers that have them
 Number = int | float
@@ -76,7 +76,7 @@ class Ramp:
         return self.hold is not None and self.hold < 0
 
 
-def moved(setpoint: Number, asked: Number, ramp: Ramp, reading: Number, *, due: bool = True) -> Number:
+def next_setpoint(setpoint: Number, asked: Number, ramp: Ramp, reading: Number, *, due: bool = True) -> Number:
     """Return the setpoint at the next call of the controller; sums of REALs round once.
 
     Args:
@@ -87,7 +87,7 @@ def moved(setpoint: Number, asked: Number, ramp: Ramp, reading: Number, *, due: 
         due: whether this call makes a step; a step leaves what is no number at once.
     """
     if ramp.hold is not None and ramp.cools:
-        return -moved(-setpoint, -asked, replace(ramp, hold=-ramp.hold), -reading, due=due)
+        return -next_setpoint(-setpoint, -asked, replace(ramp, hold=-ramp.hold), -reading, due=due)
     lowest = asked if ramp.hold is None else max(asked, _stored(reading - ramp.hold, ramp.step))  # nan: asked
     if not due:
         pass
@@ -127,7 +127,7 @@ def course(ramp: Ramp | None, readings: Sequence[Number], asked: Number) -> list
         return [asked] * len(readings)
     word, followed = readings[0], []
     for call, reading in enumerate(readings, start=1):
-        word = moved(word, asked, ramp, reading, due=call % ramp.calls == 0)
+        word = next_setpoint(word, asked, ramp, reading, due=call % ramp.calls == 0)
         followed.append(word)
     return followed
 

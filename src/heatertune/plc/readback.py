@@ -7,10 +7,10 @@ from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.plc.words import WordField, Words
 
-__all__ = ["Collected", "ReadBack", "first_unlike", "lines_of", "real_of", "text_of", "whole_of", "wrong"]
+__all__ = ["ReadBack", "WordCollector", "first_unlike", "lines_of", "real_of", "text_of", "whole_of", "wrong"]
 
 #: control characters that a text may hold: tab, line and form feeds, the end mark of CP/M and DOS
 _IN_TEXT: Final = frozenset(b"\t\n\r\f\x1a")
@@ -97,7 +97,7 @@ def real_of(text: str) -> float | None:
         return None
 
 
-class Collected:
+class WordCollector:
     """The words of a text, gathered line by line.
 
     Args:

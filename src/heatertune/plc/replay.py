@@ -12,7 +12,7 @@ from heatertune.files import read_bytes
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Scan
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.plc.words import FLOATS, FORMATS, Words, holds
 
 __all__ = ["powers", "read_inputs", "replay"]
@@ -58,7 +58,7 @@ def powers(
     Raises:
         OutOfRange, UnknownName: as `replay` and `RunningController`.
     """
-    return [*map(controller.called(words, switches or {}), temperatures_degC, setpoints_degC)]
+    return [*map(controller.instantiate(words, switches or {}), temperatures_degC, setpoints_degC)]
 
 
 def read_inputs(path: str | Path, controller: Controller) -> list[dict[str, Number]]:

@@ -7,26 +7,26 @@ from dataclasses import replace
 from typing import ClassVar, cast, final
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.plc.core import Core, Timing
+from heatertune.plc.core import StepFunctions, Timing
 from heatertune.plc.cycle import Cycle
 from heatertune.plc.inputs import Inputs
 from heatertune.plc.ramp import Number, Ramp, nearest
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.plc.words import Words
 from heatertune.units import check
 
-__all__ = ["Led"]
+__all__ = ["SetpointHandling"]
 
 
-class Led(Inputs):
+class SetpointHandling(Inputs):
     """A controller whose setpoint is led; see `heatertune.plc.controller.Controller`, which explains the attributes."""
 
     name: ClassVar[str]
-    core: ClassVar[Core]
+    core: ClassVar[StepFunctions]
     scans_per_period: ClassVar[int | None] = None
     cycle: ClassVar[Cycle | None] = None
-    ramped: ClassVar[bool] = False
-    boosted: ClassVar[bool] = False
+    has_ramp: ClassVar[bool] = False
+    has_boost: ClassVar[bool] = False
 
     @final
     def timing(self, words: Words) -> Timing:
@@ -44,7 +44,7 @@ class Led(Inputs):
             OutOfRange: a rate that is not positive, so slow that the word would not move, or so fast that one step
                 crosses the sensor's range; a holdback of nothing or one that crosses it.
         """
-        if not self.ramped:
+        if not self.has_ramp:
             raise InputError(f"{self.name} has no setpoint ramp (see: heatertune targets)")
         check("setpoint_ramp_degC_per_min", rate_degC_per_min, above=0.0)
         low, high = self.ends(words)
@@ -78,11 +78,11 @@ class Led(Inputs):
             InputError: this controller has none.
             OutOfRange: a step or holdback that the setpoint word cannot take.
         """
-        if words.boost is not None and not self.boosted:
+        if words.boost is not None and not self.has_boost:
             raise InputError(f"{self.name} has no boost (see: heatertune targets)")
         if words.ramp is None:
             return
-        if not self.ramped:
+        if not self.has_ramp:
             raise InputError(f"{self.name} has no setpoint ramp (see: heatertune targets)")
         low, high = self.ends(words)
         least = 1 if isinstance(high, int) else single((high - low) / self.sensor(words.scaling).counts)

@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING, Final, cast
 
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.handed import runner
+from heatertune.hooks import runner
 from heatertune.pid.timer import Timer
 from heatertune.plc.boost import Boost
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.ramp import Number, Ramp
-from heatertune.plc.single import is_single, single
-from heatertune.show import Shown
+from heatertune.plc.single_precision import is_single, single
+from heatertune.show import NotebookDisplay
 from heatertune.units import check
 
 if TYPE_CHECKING:
-    from heatertune.plc.running import RunningController
+    from heatertune.plc.scan_by_scan import RunningController
 
 __all__ = [
     "FLOATS", "FORMATS", "Certificate", "Scaling", "WordField", "Words", "check_fields", "holds", "kept_by", "no_pid",
-    "rounded", "stored",
+    "round_half_away", "round_to_word",
 ]
 
 #: format of a number in a controller → smallest and largest value; what is not one of `FLOATS` is whole
@@ -131,7 +131,7 @@ class WordField:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Words(Shown):
+class Words(NotebookDisplay):
     """The numbers the PLC will hold, for one target.
 
     Attributes:
@@ -162,7 +162,7 @@ class Words(Shown):
         """The values, for a controller that holds whole numbers only."""
         return cast("Mapping[str, int]", self.values)
 
-    def boosted(self, boost: Boost | None) -> Words:
+    def with_boost(self, boost: Boost | None) -> Words:
         """Return these words with a boost, or None, in place of theirs and of their ramp."""
         return replace(self, boost=boost, ramp=None)
 
@@ -214,7 +214,7 @@ class Certificate:
         forced = " - FORCED in spite of it" if self.forced else ""
         conditions = [
             None if self.setpoint_degC is None else f"proven setpoint: {self.setpoint_degC:g} °C",
-            None if self.actuator is None else f"proven switch: {self.actuator.told}",
+            None if self.actuator is None else f"proven switch: {self.actuator.summary}",
             None if self.specification is None else f"specification: {self.specification}",
             None if self.digest is None else f"digest of the proof: {self.digest}",
         ]
@@ -266,7 +266,7 @@ def kept_by(timer: Timer, sample_time_s: float) -> float:
     return round(1000.0 * sample_time_s) / 1000.0
 
 
-def stored(
+def round_to_word(
     field: WordField, exact: Number, remedy: str = "a size between 1.4e-45 and 3.4e+38 would fit"
 ) -> Number:
     """Return a number as its word holds it, rounded once: to its precision, or whole with halves away from zero.
@@ -280,12 +280,12 @@ def stored(
         if math.isinf(word) or (word == 0.0 and exact != 0.0):
             raise NotRepresentable(f"word {field.name}", exact, field.kind, remedy)
     else:
-        word = rounded(exact) if math.isfinite(exact) else exact
+        word = round_half_away(exact) if math.isfinite(exact) else exact
     if not field.low <= word <= field.high:
         raise NotRepresentable(f"word {field.name}", word, field.rule, "another design would fit")
     return word
 
 
-def rounded(value: float) -> int:
+def round_half_away(value: float) -> int:
     """Return the nearest whole number, halves away from zero."""
     return int(math.copysign(math.floor(abs(value) + 0.5), value))

@@ -2,21 +2,20 @@
 
 from typing import TYPE_CHECKING
 
-from heatertune.lazy import offered
+from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from heatertune.plc.pwm import Actuator, pid_compact, pulsegen
     from heatertune.proof.acceptance import Acceptance
     from heatertune.proof.coverage import Coverage
-    from heatertune.proof.criteria import Criterion, Limits
-    from heatertune.proof.fitted import prove
+    from heatertune.proof.criteria import Criterion, LoopLimits
     from heatertune.proof.ideal import simulate_wish
     from heatertune.proof.interlock import Interlock
-    from heatertune.proof.judging import judge
     from heatertune.proof.loop import simulate
-    from heatertune.proof.proving import Proof, RunResult, prove_models
-    from heatertune.proof.sampled import SampleProof, prove_samples
-    from heatertune.proof.samples import Drawing, Spread, replay
+    from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, replay
+    from heatertune.proof.monte_carlo.quantiles import SampleProof, prove_samples
+    from heatertune.proof.proof import Proof, RunResult, prove_models
+    from heatertune.proof.prove_words import prove
     from heatertune.proof.scenario import (
         Load,
         Mains,
@@ -27,28 +26,29 @@ if TYPE_CHECKING:
         paper_scenario,
         scenario_for,
     )
-    from heatertune.proof.story import Story, story_for
+    from heatertune.proof.test_sequence import TestSequence, story_for
     from heatertune.proof.trace import Trace
+    from heatertune.proof.trace_criteria import judge
 
 __all__ = [
     "Acceptance",
     "Actuator",
     "Coverage",
     "Criterion",
-    "Drawing",
     "Interlock",
-    "Limits",
     "Load",
+    "LoopLimits",
     "Mains",
     "NewSetpoint",
     "PlcPower",
     "Proof",
     "RunResult",
     "SampleProof",
+    "SampleRequest",
+    "SampleSpread",
     "Scenario",
-    "Spread",
-    "Story",
     "TemperatureStep",
+    "TestSequence",
     "Trace",
     "judge",
     "paper_scenario",
@@ -64,21 +64,21 @@ __all__ = [
     "story_for",
 ]
 
-__getattr__, __dir__ = offered(__name__, {
+__getattr__, __dir__ = lazy_attributes(__name__, {
     "plc.pwm": ("Actuator", "pid_compact", "pulsegen"),
     "proof.acceptance": ("Acceptance",),
     "proof.coverage": ("Coverage",),
-    "proof.criteria": ("Criterion", "Limits"),
-    "proof.fitted": ("prove",),
+    "proof.criteria": ("Criterion", "LoopLimits"),
+    "proof.prove_words": ("prove",),
     "proof.ideal": ("simulate_wish",),
     "proof.interlock": ("Interlock",),
-    "proof.judging": ("judge",),
+    "proof.trace_criteria": ("judge",),
     "proof.loop": ("simulate",),
-    "proof.proving": ("Proof", "RunResult", "prove_models"),
-    "proof.sampled": ("SampleProof", "prove_samples"),
-    "proof.samples": ("Drawing", "Spread", "replay"),
+    "proof.proof": ("Proof", "RunResult", "prove_models"),
+    "proof.monte_carlo.quantiles": ("SampleProof", "prove_samples"),
+    "proof.monte_carlo.draw": ("SampleRequest", "SampleSpread", "replay"),
     "proof.scenario": (
         "Load", "Mains", "NewSetpoint", "PlcPower", "Scenario", "TemperatureStep", "paper_scenario", "scenario_for"),
-    "proof.story": ("Story", "story_for"),
+    "proof.test_sequence": ("TestSequence", "story_for"),
     "proof.trace": ("Trace",),
 })

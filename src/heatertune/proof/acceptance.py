@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 from heatertune.model.values import HeaterModel
 from heatertune.pid.values import Margins, PidDesign
-from heatertune.proof.criteria import Limits
+from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.specification import Specification
-from heatertune.proof.verdict import Heard
+from heatertune.proof.verdict import FitDiagnostics
 
 __all__ = ["Acceptance"]
 
@@ -26,11 +26,11 @@ class Acceptance:
         heard: what the fit found and the user knows.
     """
 
-    limits: Limits = field(default_factory=Limits)
+    limits: LoopLimits = field(default_factory=LoopLimits)
     specification: Specification | None = None
     margins_of: Callable[[HeaterModel, PidDesign], Margins] | None = None
     reading_step_degC: float = 0.0
-    heard: Heard = field(default_factory=Heard)
+    diagnostics: FitDiagnostics = field(default_factory=FitDiagnostics)
 
     def margins(self, designs: Sequence[PidDesign], models: Iterable[HeaterModel]) -> dict[HeaterModel, Margins]:
         """Return the worst margins of designs on each model; none where they are not judged, or there is no design."""

@@ -13,17 +13,17 @@ import numpy as np
 from heatertune.errors import InputError, NotRepresentable
 from heatertune.log.values import Log
 from heatertune.model.values import FittedModel
-from heatertune.model.windows import undisturbed
-from heatertune.pid.recipe import Recipe
+from heatertune.model.windows import undisturbed_part
+from heatertune.pid.design_provenance import DesignProvenance
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.design import encode
-from heatertune.plc.weg.advice import ADVICE, Change, Gains, Symptom, changed
-from heatertune.progress import Told
+from heatertune.plc.weg.advice import ADVICE, AcademicGains, Change, Symptom, apply_changes
+from heatertune.progress import ProgressCallback
 from heatertune.proof import Proof, prove
-from heatertune.proof.heaters import labelled
-from heatertune.proof.nearest import settings_told
-from heatertune.proof.recipes import finished, scaling_of
-from heatertune.proof.spec_file import specified
+from heatertune.proof.heaters import labelled_heaters
+from heatertune.proof.nearest_specification import settings_told
+from heatertune.proof.rebuild_words import apply_provenance, scaling_of
+from heatertune.proof.spec_file import specification_of
 from heatertune.proof.symptoms import Response, observe
 from heatertune.proof.verdict import NOT_PROVEN
 from heatertune.settings import Conditions
@@ -45,8 +45,9 @@ _LAGS: Final = 3.0  # time constants after which a heater has done 95 % of a ste
 
 
 def advise(
-    design: PidDesign, fitted: FittedModel, recipe: Recipe, log: Log | None = None, *, until_s: float | None = None,
-    progress: Told = str,
+    design: PidDesign, fitted: FittedModel, recipe: DesignProvenance, log: Log | None = None, *,
+    until_s: float | None = None,
+    progress: ProgressCallback = str,
 ) -> dict[str, Any]:
     """Return the symptom, and every step of the advice with the proof before and after it.
 
@@ -71,13 +72,13 @@ def advise(
     proven = partial(_proven, fitted, replace(recipe, conditions=assumed))
     progress("proving the design as it is")
     before = proven(design)
-    expected = max(m.dead_time_s + _LAGS * sum(m.lags_s) for _, m in labelled(fitted))
+    expected = max(m.dead_time_s + _LAGS * sum(m.lags_s) for _, m in labelled_heaters(fitted))
     seen = _observed(seen_log, before, assumed, expected)
     gains, aim = _gains(design), _AIM[seen.symptom]
     cases = [_case("as it is", gains, before)]
     for label, changes in _steps(seen.symptom):
         progress(f"proving {label}")
-        after = changed(gains, changes)
+        after = apply_changes(gains, changes)
         cases.append(_tried(label, gains, after, design, proven))
         cases[-1]["effect"] = _effect(cases[0], cases[-1], aim)
     return {
@@ -91,7 +92,7 @@ def advise(
 
 def _part(log: Log, until_s: float | None) -> Log:
     """Return the log from its last setpoint change, if it has one, up to its disturbance."""
-    part = undisturbed(log)[0] if until_s is None else log.window(float(log.time_s[0]), until_s)
+    part = undisturbed_part(log)[0] if until_s is None else log.window(float(log.time_s[0]), until_s)
     if part.setpoint_degC is None:
         return part
     changes = np.flatnonzero(np.diff(part.setpoint_degC))
@@ -104,9 +105,9 @@ def _setpoint(log: Log) -> float:
     return float(log.setpoint_degC[-1])
 
 
-def _proven(fitted: FittedModel, recipe: Recipe, design: PidDesign) -> Proof:
+def _proven(fitted: FittedModel, recipe: DesignProvenance, design: PidDesign) -> Proof:
     words = encode(design, recipe.target, scaling=scaling_of(recipe))
-    return prove(finished(words, recipe), fitted, recipe.conditions)
+    return prove(apply_provenance(words, recipe), fitted, recipe.conditions)
 
 
 def _observed(log: Log | None, before: Proof, assumed: Conditions, expected_s: float) -> Response:
@@ -117,7 +118,7 @@ def _observed(log: Log | None, before: Proof, assumed: Conditions, expected_s: f
         stop = [event.time_s for event in trace.scenario.disturbances] or [math.inf]
         keep = trace.time_s < stop[0]
         time, temperature, setpoint = trace.time_s[keep], trace.temperature_degC[keep], trace.setpoint_degC
-    tolerance = specified(assumed).tolerance_degC
+    tolerance = specification_of(assumed).tolerance_degC
     return observe(time, temperature, setpoint, expected_s=expected_s, tolerance_degC=tolerance)
 
 
@@ -128,13 +129,13 @@ def _steps(symptom: Symptom) -> list[tuple[str, tuple[Change, ...]]]:
     return [*((f"({k}) {change.label}", (change,)) for k, change in enumerate(changes, start=1)), *whole]
 
 
-def _gains(design: PidDesign) -> Gains:
+def _gains(design: PidDesign) -> AcademicGains:
     """Return the gains of the academic form; Ki is 0 for an infinite TN."""
-    return Gains(design.gain_pct_per_degC, 1.0 / design.integral_time_s, design.derivative_time_s)
+    return AcademicGains(design.gain_pct_per_degC, 1.0 / design.integral_time_s, design.derivative_time_s)
 
 
 def _tried(
-    label: str, gains: Gains, after: Gains, design: PidDesign, proven: Callable[[PidDesign], Proof]
+    label: str, gains: AcademicGains, after: AcademicGains, design: PidDesign, proven: Callable[[PidDesign], Proof]
 ) -> dict[str, Any]:
     if after == gains:
         return _case(label, after, None) | {"verdict": "nothing changes"}
@@ -149,7 +150,7 @@ def _tried(
         return _case(label, after, None) | {"verdict": "not representable", "why": str(problem)}
 
 
-def _case(label: str, gains: Gains, proof: Proof | None) -> dict[str, Any]:
+def _case(label: str, gains: AcademicGains, proof: Proof | None) -> dict[str, Any]:
     criteria = () if proof is None else proof.criteria
     values = {criterion.name: criterion.value for criterion in criteria if criterion.name in _TOLD}
     failed = [] if proof is None else list(proof.shortfalls)

@@ -14,19 +14,19 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.codec import OrInfinite, registered
+from heatertune.codec import OrInfinite, register_schema
 from heatertune.commissioned import AsLeftSettings
 from heatertune.log.values import Log
 from heatertune.model.circumstances import reading_step_degC
-from heatertune.model.mirrored import cools
+from heatertune.model.cooler_mirror import cools
 from heatertune.model.outliers import sensor_step
 from heatertune.model.values import FittedModel
-from heatertune.options import merged
+from heatertune.options import merge_options
 from heatertune.plc import Words
 from heatertune.plc.controller import controller_for
-from heatertune.progress import Told
+from heatertune.progress import ProgressCallback
 from heatertune.proof.as_left_band import Foretold, foretold, foretold_mid_way
-from heatertune.proof.as_left_figures import Seen, seen_in
+from heatertune.proof.as_left_figures import TraceMeasurement, seen_in
 from heatertune.proof.as_left_parts import (
     LEAST_STEP_DEGC,
     LEAVES,
@@ -38,7 +38,7 @@ from heatertune.proof.as_left_parts import (
 )
 from heatertune.proof.criteria import CriterionView
 from heatertune.proof.document import ProofView
-from heatertune.proof.heaters import labelled
+from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.scenario import WAYS
 from heatertune.units import count
 
@@ -100,7 +100,7 @@ class Outside:
     most_degC: float
 
 
-@registered(AS_LEFT_SCHEMA)
+@register_schema(AS_LEFT_SCHEMA)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AsLeft:
     """A trace beside the proof.
@@ -147,7 +147,7 @@ class AsLeft:
 
 def as_left(
     log: Log, words: Words, fitted: FittedModel, proof: ProofView, settings: AsLeftSettings | None = None, *,
-    progress: Told = str, **changed: float,
+    progress: ProgressCallback = str, **changed: float,
 ) -> AsLeft:
     """Return a trace of the commissioned loop beside what was proven of its words.
 
@@ -164,7 +164,7 @@ def as_left(
         InputError: a trace in which nothing can be judged; as `foretold`.
         OutOfRange: a setpoint that the sensor does not see or no heater reaches.
     """
-    asked, heats = merged(AsLeftSettings, settings, changed), not cools(fitted)
+    asked, heats = merge_options(AsLeftSettings, settings, changed), not cools(fitted)
     parts = parts_of(log, asked, setpoint_degC=proof.scenario.setpoint_degC, band_degC=_band_degC(proof), heats=heats)
     runs = foretold(words, fitted, proof, parts, asked.ambient_degC, progress)
     early, late = 0.0 if parts.begins_by == "power" else words.sample_time_s, parts.unsure_s
@@ -236,7 +236,7 @@ def _placed(log: Log, parts: TraceParts, runs: Foretold) -> tuple[TraceParts, fl
     middle = float(np.median(waits))
     before = min(middle, parts.begins_s - float(log.time_s[0]))
     # a run that waits longer is at the place of the trace later than the trace is
-    return parts.moved(-before), max(0.0, before - min(waits)), max(0.0, max(waits) - before) + parts.unsure_s
+    return parts.delay(-before), max(0.0, before - min(waits)), max(0.0, max(waits) - before) + parts.unsure_s
 
 
 def _before_first_s(log: Log, parts: TraceParts, runs: Foretold) -> float:
@@ -257,7 +257,7 @@ def _step_degC(parts: TraceParts, fitted: FittedModel, proof: ProofView, *, mid_
     first = parts.parts[0]
     if first.kind == "heat-up" and not mid_way:
         return abs(first.setpoint_degC - parts.start_degC)
-    nominal = dict(labelled(fitted))[proof.runs[0].model]
+    nominal = dict(labelled_heaters(fitted))[proof.runs[0].model]
     ambient = nominal.ambient_degC if proof.scenario.ambient_degC is None else proof.scenario.ambient_degC
     return abs(proof.scenario.setpoint_degC - float(ambient or 0.0))
 
@@ -283,12 +283,13 @@ def _alone(beyond: Array, outside: Sequence[Outside]) -> Iterator[str]:
 
 
 def _measurement(
-    name: str, criterion: CriterionView, seen: Seen, at_best: Seen, slack_s: float, before_s: float
+    name: str, criterion: CriterionView, seen: TraceMeasurement, at_best: TraceMeasurement, slack_s: float,
+    before_s: float
 ) -> Measurement:
     """Return a criterion on the trace; before_s: how much longer it may have lasted before the trace began [s]."""
     value, keeps, as_proven = seen.value, None, None
     if value is not None and before_s > 0.0 and criterion.keeps(value) and not criterion.keeps(value + before_s):
-        seen = Seen(None, f"{value:.0f} s of the trace, and up to {before_s:.0f} s before it")
+        seen = TraceMeasurement(None, f"{value:.0f} s of the trace, and up to {before_s:.0f} s before it")
         value = None
     if value is not None:
         best = value if at_best.value is None else at_best.value
@@ -297,7 +298,7 @@ def _measurement(
         as_proven = best >= criterion.value if criterion.bound == ">=" else best <= criterion.value + slack
     return Measurement(
         name=name, unit=criterion.unit, bound=criterion.bound, limit=criterion.limit, worst=criterion.value,
-        measured="never" if value is not None and math.isinf(value) else value, told=seen.told, keeps=keeps,
+        measured="never" if value is not None and math.isinf(value) else value, told=seen.note, keeps=keeps,
         as_proven=as_proven)
 
 

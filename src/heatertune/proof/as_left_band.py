@@ -13,11 +13,11 @@ import numpy.typing as npt
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words, controller_for
-from heatertune.progress import Told
-from heatertune.proof.as_left_parts import Part, TraceParts
+from heatertune.progress import ProgressCallback
+from heatertune.proof.as_left_parts import TracePart, TraceParts
 from heatertune.proof.coverage import Coverage
 from heatertune.proof.document import ProofView
-from heatertune.proof.heaters import labelled
+from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.runs import Runs
 from heatertune.proof.scenario import NewSetpoint, Scenario
 from heatertune.proof.trace import Trace
@@ -52,7 +52,7 @@ class Foretold(NamedTuple):
 
 def foretold(
     words: Words, fitted: FittedModel, proof: ProofView, parts: TraceParts, ambient_degC: float | None = None,
-    progress: Told = str,
+    progress: ProgressCallback = str,
 ) -> Foretold:
     """Return what every proven run does from where a trace begins, up to its first load or its end.
 
@@ -79,7 +79,7 @@ def foretold(
 
 def foretold_mid_way(
     words: Words, fitted: FittedModel, proof: ProofView, parts: TraceParts, margin_degC: float,
-    ambient_degC: float | None = None, progress: Told = str,
+    ambient_degC: float | None = None, progress: ProgressCallback = str,
 ) -> tuple[Foretold, float, float]:
     """Return what every proven run does after it has come to where a trace begins in the middle of its heat-up.
 
@@ -103,7 +103,7 @@ def foretold_mid_way(
         InputError, OutOfRange: as `foretold`.
     """
     first, end_s = parts.parts[0], parts.parts[0].end_s
-    heaters = dict(labelled(fitted))
+    heaters = dict(labelled_heaters(fitted))
     scenario, _ = _scenario((first,), parts, proof, ambient_degC)
     cold = [float(model.ambient_degC or 0.0) for model in heaters.values()] if scenario.ambient_degC is None else [
         scenario.ambient_degC]
@@ -148,10 +148,10 @@ def _step_s(proof: ProofView, end_s: float) -> float:
 
 
 def _traces(
-    words: Words, fitted: FittedModel, proof: ProofView, scenario: Scenario, progress: Told
+    words: Words, fitted: FittedModel, proof: ProofView, scenario: Scenario, progress: ProgressCallback
 ) -> Iterator[Trace]:
     """Yield every run of a proof in another scenario; errors as `foretold`."""
-    heaters = dict(labelled(fitted))
+    heaters = dict(labelled_heaters(fitted))
     ran = [(run.model, dict(run.switches), None) for run in proof.runs if run.mains_power is None]
     if missing := [model for model, *_ in ran if model not in heaters]:
         raise InputError(f"proof.json: runs: on {missing[0]!r}, which is none of the possible heaters of model.json")
@@ -161,16 +161,16 @@ def _traces(
         Coverage(known=proof.known, only=ran), interlock=proof.interlock)
     for run in range(len(runs.cases)):
         progress(f"running what was proven ({run + 1} of {len(runs.cases)})")
-        yield runs.traced(run, direct=True)
+        yield runs.trace(run, direct=True)
 
 
-def _loaded(parts: Sequence[Part]) -> int:
+def _loaded(parts: Sequence[TracePart]) -> int:
     """Return the number of the first part with a load, of which nobody knows how large it is."""
     return next((number for number, part in enumerate(parts) if part.kind == "recovery"), len(parts))
 
 
 def _scenario(
-    known: Sequence[Part], parts: TraceParts, proof: ProofView, ambient_degC: float | None
+    known: Sequence[TracePart], parts: TraceParts, proof: ProofView, ambient_degC: float | None
 ) -> tuple[Scenario, float]:
     """Return what the runs live through, and when in it the trace begins [s]."""
     first, *later = known

@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import Log
-from heatertune.proof.as_left_parts import Part, TraceParts
+from heatertune.proof.as_left_parts import TracePart, TraceParts
+from heatertune.proof.criterion_table import IN_DEGC, phases_measured
 from heatertune.proof.document import ProofView
-from heatertune.proof.measured import IN_DEGC, phases_measured
 from heatertune.proof.scenario import WAYS
 
-__all__ = ["Seen", "seen_in"]
+__all__ = ["TraceMeasurement", "seen_in"]
 
 Array = npt.NDArray[np.float64]
 
@@ -42,21 +42,21 @@ _NO_EVENT: Final = {
 }
 
 
-class Seen(NamedTuple):
+class TraceMeasurement(NamedTuple):
     """What a trace shows of a criterion: its value, infinite for what never happened, or None and why not."""
 
     value: float | None
-    told: str = ""
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Course:
+class _PartReadings:
     """The readings of one part, which begins at an instant of the log [s].
 
     Instants since its begin [s] and distances from its setpoint [°C], shape (n,).
     """
 
-    part: Part
+    part: TracePart
     begins_s: float
     time_s: Array
     error_degC: Array
@@ -69,7 +69,7 @@ class _Course:
 
 def seen_in(
     log: Log, parts: TraceParts, proof: ProofView, step_degC: float, *, forgiven_degC: float = 0.0
-) -> dict[str, Seen]:
+) -> dict[str, TraceMeasurement]:
     """Return what a trace shows of each criterion of a proof.
 
     Times are those of readings: the first one from which on the temperature stays in the band. Extremes are those of
@@ -85,7 +85,7 @@ def seen_in(
     courses = [_course(log, parts, part, forgiven_degC) for part in parts.parts]
     of = {kind: [course for course in courses if course.part.kind == kind] for kind in _NO_EVENT}
     ruler = _Ruler.of(proof, step_degC, float(np.median(np.diff(log.time_s))))
-    seen: dict[str, Seen] = {}
+    seen: dict[str, TraceMeasurement] = {}
     for kind, (overshoot, time, *_) in WAYS.items():
         seen |= _each(kind, of[kind], {
             time: ruler.settled_by(time), overshoot: ruler.beyond_by(overshoot, time, ruler.pct),
@@ -97,7 +97,7 @@ def seen_in(
     rests = [rest for course in courses if (rest := ruler.rest_of(course)) is not None]
     seen |= _at_rest(rests, ruler, at_best=forgiven_degC > 0.0)
     seen["switchings"] = _switchings(log, ruler)
-    return {name: seen.get(name) or Seen(None, _NOT_IN_TRACE.get(name, "no such part in the trace"))
+    return {name: seen.get(name) or TraceMeasurement(None, _NOT_IN_TRACE.get(name, "no such part in the trace"))
             for name in proof.criteria}
 
 
@@ -140,53 +140,57 @@ class _Ruler:
         """Whether the readings are near enough to one another to show what the PWM does."""
         return _OF_PERIOD * self.interval_s <= self.period_s
 
-    def settled_by(self, name: str) -> Callable[[_Course], Seen]:
+    def settled_by(self, name: str) -> Callable[[_PartReadings], TraceMeasurement]:
         return lambda course: self._settled(course, self.limits.get(name))
 
-    def _settled(self, course: _Course, limit_s: float | None) -> Seen:
+    def _settled(self, course: _PartReadings, limit_s: float | None) -> TraceMeasurement:
         outside = np.flatnonzero(np.abs(course.error_degC) > self.band_degC)
         if not len(outside):
             long_enough = course.length_s >= min(self.slowest_s, math.inf if limit_s is None else limit_s)
-            return Seen(0.0) if long_enough else Seen(
+            return TraceMeasurement(0.0) if long_enough else TraceMeasurement(
                 None, f"within the band, but seen for {course.length_s:.0f} s only")
         if outside[-1] < len(course.time_s) - 1:
             settled = float(course.time_s[outside[-1] + 1])
             if course.length_s < min(_SEEN_ON * settled, math.inf if limit_s is None else limit_s):
-                return Seen(None, f"within the band from {settled:.0f} s on, but seen for "
+                return TraceMeasurement(None, f"within the band from {settled:.0f} s on, but seen for "
                             f"{course.length_s - settled:.0f} s more only")
             calm_s = self._calm_before(course, outside)
-            return Seen(settled, f"stays there for the {course.length_s - settled:.0f} s that follow" if calm_s is None
+            return TraceMeasurement(settled, f"stays there for the {course.length_s - settled:.0f} s that follow"
+                                    if calm_s is None
                         else f"within the band before that, and left it at {course.begins_s + calm_s:.0f} s: where a "
                         f"load came then, say --load-at {course.begins_s + calm_s:.0f}")
         if limit_s is not None and course.length_s >= limit_s:
-            return Seen(math.inf)
-        return Seen(None, f"not yet within ±{self.band_degC:.3g} °C after {course.length_s:.0f} s, where it ends")
+            return TraceMeasurement(math.inf)
+        return TraceMeasurement(None,
+                                f"not yet within ±{self.band_degC:.3g} °C after {course.length_s:.0f} s, where it ends")
 
-    def _calm_before(self, course: _Course, outside: npt.NDArray[np.intp]) -> float | None:
+    def _calm_before(self, course: _PartReadings, outside: npt.NDArray[np.intp]) -> float | None:
         """Return when the temperature left the band after a long time within it [s], None where it did not."""
         apart = np.diff(course.time_s[outside])
         calm = np.flatnonzero(apart > max(_CALM * course.length_s, _AT_REST * self.interval_s))
         return float(course.time_s[outside[calm[0] + 1]]) if len(calm) else None
 
-    def beyond_by(self, name: str, time: str, factor: float) -> Callable[[_Course], Seen]:
+    def beyond_by(self, name: str, time: str, factor: float) -> Callable[[_PartReadings], TraceMeasurement]:
         return lambda course: self._beyond(course, self.limits.get(name), self.limits.get(time), factor)
 
-    def _beyond(self, course: _Course, limit: float | None, limit_s: float | None, factor: float) -> Seen:
+    def _beyond(self, course: _PartReadings, limit: float | None, limit_s: float | None,
+                factor: float) -> TraceMeasurement:
         sign = math.copysign(1.0, course.part.setpoint_degC - course.part.from_degC)
         return self._at_most(course, factor * max(0.0, float((sign * course.error_degC).max())), limit, limit_s)
 
-    def after_load(self, name: str, side: int, factor: float) -> Callable[[_Course], Seen]:
+    def after_load(self, name: str, side: int, factor: float) -> Callable[[_PartReadings], TraceMeasurement]:
         """Return what measures how far a load takes the temperature, on its side (0) or beyond the setpoint (1)."""
         limit, limit_s = self.limits.get(name), self.limits.get("recovery_time")
         return lambda course: self._at_most(course, factor * _on_its_side(course, self)[side], limit, limit_s)
 
-    def _at_most(self, course: _Course, largest: float, limit: float | None, limit_s: float | None) -> Seen:
+    def _at_most(self, course: _PartReadings, largest: float, limit: float | None,
+                 limit_s: float | None) -> TraceMeasurement:
         """Return the largest distance of a part, unless a larger one may come: it is not seen to settle yet."""
         if self._settled(course, limit_s).value is None and (limit is None or largest <= limit):
-            return Seen(None, f"the trace ends after {course.length_s:.0f} s, before it is seen to settle")
-        return Seen(largest)
+            return TraceMeasurement(None, f"the trace ends after {course.length_s:.0f} s, before it is seen to settle")
+        return TraceMeasurement(largest)
 
-    def rest_of(self, course: _Course) -> _Course | None:
+    def rest_of(self, course: _PartReadings) -> _PartReadings | None:
         """Return the readings of a part at rest, None where there are too few."""
         at_rest = course.time_s >= self.rests_after_s
         long_enough = course.length_s - self.rests_after_s >= _PERIODS_AT_REST * self.period_s
@@ -196,27 +200,27 @@ class _Ruler:
                        power_pct=None if course.power_pct is None else course.power_pct[at_rest])
 
 
-def _course(log: Log, parts: TraceParts, part: Part, forgiven_degC: float) -> _Course:
+def _course(log: Log, parts: TraceParts, part: TracePart, forgiven_degC: float) -> _PartReadings:
     since = log.time_s - parts.begins_s
     inside = (since >= part.begin_s) & (since <= part.end_s)
     if part is not parts.parts[-1]:
         inside &= since < part.end_s
     error = log.temperature_degC[inside] - part.setpoint_degC
-    return _Course(part=part, begins_s=parts.begins_s + part.begin_s, time_s=since[inside] - part.begin_s,
+    return _PartReadings(part=part, begins_s=parts.begins_s + part.begin_s, time_s=since[inside] - part.begin_s,
                    error_degC=np.sign(error) * np.maximum(np.abs(error) - forgiven_degC, 0.0),
                    power_pct=None if log.power_pct is None else log.power_pct[inside])
 
 
 def _each(
-    kind: str, courses: Sequence[_Course], measures: Mapping[str, Callable[[_Course], Seen]]
-) -> dict[str, Seen]:
+    kind: str, courses: Sequence[_PartReadings], measures: Mapping[str, Callable[[_PartReadings], TraceMeasurement]]
+) -> dict[str, TraceMeasurement]:
     """Return what the worst part of a kind shows; one that cannot be measured leaves the criterion so."""
     if not courses:
-        return {name: Seen(None, _NO_EVENT[kind]) for name in measures}
+        return {name: TraceMeasurement(None, _NO_EVENT[kind]) for name in measures}
     return {name: _worst(map(measure, courses)) for name, measure in measures.items()}
 
 
-def _worst(found: Iterable[Seen]) -> Seen:
+def _worst(found: Iterable[TraceMeasurement]) -> TraceMeasurement:
     """Return the largest value; where one is not known, the next says so."""
     seen = list(found)
     known = [one for one in seen if one.value is not None]
@@ -226,7 +230,7 @@ def _worst(found: Iterable[Seen]) -> Seen:
     return max(known, key=lambda one: one.value if one.value is not None else 0.0)
 
 
-def _on_its_side(course: _Course, ruler: _Ruler) -> tuple[float, float]:
+def _on_its_side(course: _PartReadings, ruler: _Ruler) -> tuple[float, float]:
     """Return the largest distances after a load [°C]: on the side to which the temperature leaves first, and beyond."""
     outside = np.flatnonzero(np.abs(course.error_degC) > ruler.band_degC)
     first = outside[0] if len(outside) else int(np.abs(course.error_degC).argmax())
@@ -234,17 +238,18 @@ def _on_its_side(course: _Course, ruler: _Ruler) -> tuple[float, float]:
     return max(0.0, float(along.max())), max(0.0, float(-along.min()))
 
 
-def _at_rest(rests: Sequence[_Course], ruler: _Ruler, *, at_best: bool) -> dict[str, Seen]:
+def _at_rest(rests: Sequence[_PartReadings], ruler: _Ruler, *, at_best: bool) -> dict[str, TraceMeasurement]:
     if not rests:
-        why = Seen(None, f"no rest in the trace: it begins {ruler.rests_after_s:.0f} s after the setpoint is asked for")
+        why = TraceMeasurement(None, f"no rest in the trace: it begins {ruler.rests_after_s:.0f} s after the setpoint "
+                                     f"is asked for")
         return dict.fromkeys(("steady_offset", "limit_cycle", "pwm_ripple", "power_reserve"), why)
     seen = {
-        "steady_offset": Seen(max(abs(_mean(rest.time_s, rest.error_degC)) for rest in rests)),
-        "limit_cycle": Seen(max(float(np.ptp(rest.error_degC)) / 2.0 for rest in rests)),
+        "steady_offset": TraceMeasurement(max(abs(_mean(rest.time_s, rest.error_degC)) for rest in rests)),
+        "limit_cycle": TraceMeasurement(max(float(np.ptp(rest.error_degC)) / 2.0 for rest in rests)),
         "pwm_ripple": _too_slow(ruler),
     }
     if ruler.shows_pulses:
-        seen["pwm_ripple"] = Seen(max(_ripple(rest, ruler.period_s) for rest in rests))
+        seen["pwm_ripple"] = TraceMeasurement(max(_ripple(rest, ruler.period_s) for rest in rests))
     held = [rest for rest in rests if abs(rest.part.setpoint_degC - ruler.highest_degC) <= ruler.band_degC
             and rest.part.kind != "recovery" and rest.power_pct is not None]
     if held and any(map(_is_pulses, held)) and not ruler.shows_pulses:
@@ -252,9 +257,9 @@ def _at_rest(rests: Sequence[_Course], ruler: _Ruler, *, at_best: bool) -> dict[
     elif held:
         unsure = [_unsure_pct(rest, ruler) if at_best else 0.0 for rest in held]
         reserves = [100.0 - _mean_power(rest) + off for rest, off in zip(held, unsure, strict=True)]
-        seen["power_reserve"] = Seen(min(reserves))
+        seen["power_reserve"] = TraceMeasurement(min(reserves))
     else:
-        seen["power_reserve"] = Seen(None, "no power at the highest setpoint's rest in the trace")
+        seen["power_reserve"] = TraceMeasurement(None, "no power at the highest setpoint's rest in the trace")
     return seen
 
 
@@ -262,38 +267,39 @@ def _mean(time_s: Array, values: Array) -> float:
     return float(0.5 * np.diff(time_s) @ (values[1:] + values[:-1]) / (time_s[-1] - time_s[0]))
 
 
-def _mean_power(rest: _Course) -> float:
+def _mean_power(rest: _PartReadings) -> float:
     """Return the mean of a power that is held from one reading to the next [%]."""
     assert rest.power_pct is not None
     return float(np.sum(rest.power_pct[:-1] * np.diff(rest.time_s)) / (rest.time_s[-1] - rest.time_s[0]))
 
 
-def _unsure_pct(rest: _Course, ruler: _Ruler) -> float:
+def _unsure_pct(rest: _PartReadings, ruler: _Ruler) -> float:
     """Return by how much a mean of pulses read in step with their period may be off [%]: one reading in each period."""
     return 100.0 * ruler.interval_s / ruler.period_s if _is_pulses(rest) else 0.0
 
 
-def _is_pulses(rest: _Course) -> bool:
+def _is_pulses(rest: _PartReadings) -> bool:
     """Return whether a power is that of a switch, not that asked for."""
     assert rest.power_pct is not None
     return bool(np.isin(rest.power_pct, (0.0, 100.0)).all())
 
 
-def _ripple(rest: _Course, period_s: float) -> float:
+def _ripple(rest: _PartReadings, period_s: float) -> float:
     number = ((rest.time_s - rest.time_s[0]) / period_s).astype(int)
     _, firsts = np.unique(number, return_index=True)
     return float(np.median(np.maximum.reduceat(rest.error_degC, firsts)[:-1]
                            - np.minimum.reduceat(rest.error_degC, firsts)[:-1]))
 
 
-def _too_slow(ruler: _Ruler) -> Seen:
-    return Seen(None, f"a reading every {ruler.interval_s:.3g} s does not show a PWM period of {ruler.period_s:.3g} s")
+def _too_slow(ruler: _Ruler) -> TraceMeasurement:
+    return TraceMeasurement(None, f"a reading every {ruler.interval_s:.3g} s does not show a PWM period of "
+                                  f"{ruler.period_s:.3g} s")
 
 
-def _switchings(log: Log, ruler: _Ruler) -> Seen:
+def _switchings(log: Log, ruler: _Ruler) -> TraceMeasurement:
     power = log.power_pct
     if power is None or not np.all((power == 0.0) | (power == 100.0)):
-        return Seen(None, "the heater's switch is not in the trace")
+        return TraceMeasurement(None, "the heater's switch is not in the trace")
     if not ruler.shows_pulses:
         return _too_slow(ruler)
-    return Seen(float(np.count_nonzero(np.diff(power) > 0.0)) / (float(np.ptp(log.time_s)) / _HOUR_S))
+    return TraceMeasurement(float(np.count_nonzero(np.diff(power) > 0.0)) / (float(np.ptp(log.time_s)) / _HOUR_S))

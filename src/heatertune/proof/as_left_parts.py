@@ -14,7 +14,8 @@ from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.circumstances import reading_step_degC
 
-__all__ = ["LEAST_STEP_DEGC", "LEAVES", "Part", "TraceParts", "begins_mid_way", "begun_mid_way", "leaves_s", "parts_of"]
+__all__ = ["LEAST_STEP_DEGC", "LEAVES", "TracePart", "TraceParts", "begins_mid_way", "begun_mid_way", "leaves_s",
+           "parts_of"]
 
 Array = npt.NDArray[np.float64]
 
@@ -28,7 +29,7 @@ LEAVES: Final = 3.0  # steps or noise of a reading beyond which the temperature 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class TracePart:
     """A part of a trace, from one event to the next.
 
     Attributes:
@@ -65,10 +66,10 @@ class TraceParts:
     unsure_s: float
     start_degC: float
     step_degC: float
-    parts: tuple[Part, ...]
+    parts: tuple[TracePart, ...]
     notes: tuple[str, ...] = ()
 
-    def moved(self, later_s: float) -> TraceParts:
+    def delay(self, later_s: float) -> TraceParts:
         """Return the same with the beginning later by so much, and what follows at its instant."""
         first, *others = self.parts
         rest = [replace(part, begin_s=part.begin_s - later_s, end_s=part.end_s - later_s) for part in others]
@@ -150,7 +151,7 @@ def begins_mid_way(log: Log, parts: TraceParts, whole_degC: float) -> bool:
 
 def begun_mid_way(log: Log, parts: TraceParts) -> TraceParts:
     """Return a trace that begins in the middle of a heat-up with its first reading as its beginning."""
-    moved = parts.moved(float(log.time_s[0]) - parts.begins_s)
+    moved = parts.delay(float(log.time_s[0]) - parts.begins_s)
     return replace(moved, begins_by="first reading", start_degC=float(log.temperature_degC[0]), notes=())
 
 
@@ -228,7 +229,7 @@ def _demand_inside(log: Log, name: str, instant_s: float) -> None:
 
 def _parts(
     log: Log, moves: list[tuple[int, float]], asked: AsLeftSettings, index: int, start_degC: float, *, running: bool
-) -> Iterator[Part]:
+) -> Iterator[TracePart]:
     begins, end = float(log.time_s[index]), float(log.time_s[-1])
     before = [value for at, value in moves if at <= index]
     events = [("change" if running else "heat-up", begins, before[-1])]
@@ -243,7 +244,7 @@ def _parts(
     last = before[-2] if running else start_degC
     for number, (kind, instant, value) in enumerate(events):
         until = events[number + 1][1] if number + 1 < len(events) else end
-        yield Part(kind=kind, begin_s=instant - begins, end_s=until - begins, setpoint_degC=value, from_degC=last)
+        yield TracePart(kind=kind, begin_s=instant - begins, end_s=until - begins, setpoint_degC=value, from_degC=last)
         last = value
 
 

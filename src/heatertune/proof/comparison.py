@@ -7,20 +7,20 @@ from dataclasses import replace
 from typing import Any
 
 from heatertune.errors import NotRepresentable
-from heatertune.model.by_hand import model_by_hand
+from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import FittedModel, Fopdt
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
-from heatertune.plc.cooler import cooled
+from heatertune.plc.cooler import with_cooling
 from heatertune.plc.design import encode, tune
 from heatertune.plc.s7_200_paper.words import paper_words
 from heatertune.proof import Acceptance, Coverage, Proof, paper_scenario, prove_models, simulate
-from heatertune.proof.fitted import actuator_for
-from heatertune.proof.heaters import holding, labelled
+from heatertune.proof.document_views import PaperRunView, PaperView, RivalView, SeriesView
+from heatertune.proof.heaters import holding_heaters, labelled_heaters
+from heatertune.proof.prove_words import actuator_for
 from heatertune.proof.series import trace_series
-from heatertune.proof.views import PaperRunView, PaperView, RivalView, SeriesView
 from heatertune.settings import Conditions
 from heatertune.units import written
 
@@ -57,17 +57,17 @@ def rivals(fitted: FittedModel, wished: PidDesign, proof: Proof) -> tuple[RivalV
 def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proof: Proof) -> RivalView:
     """Return how a design fares on a target in another one's proof, with its ramp or boost, open points at default."""
     try:
-        words = cooled(encode(design, target, scaling=proof.words.scaling), proof.actuator.cooling_gain)
+        words = with_cooling(encode(design, target, scaling=proof.words.scaling), proof.actuator.cooling_gain)
     except NotRepresentable as problem:
         return RivalView(label=label, verdict="not representable", ms=None, fails=(str(problem),))
-    if proof.words.ramp is not None and controller_for(target).ramped:
+    if proof.words.ramp is not None and controller_for(target).has_ramp:
         ramp = controller_for(target).ramp(words, proof.ramp_degC_per_min, proof.hold_degC)
         words = replace(words, ramp=ramp)
-    if controller_for(target).boosted:
+    if controller_for(target).has_boost:
         words = replace(words, boost=proof.words.boost)
     coverage = Coverage(open_points=False, known=proof.known if target == proof.words.target else {})
     proven = prove_models(
-        controller_for(target), words, holding(fitted, proof.scenario.setpoint_degC), proof.scenario,
+        controller_for(target), words, holding_heaters(fitted, proof.scenario.setpoint_degC), proof.scenario,
         actuator_for(Conditions(), words), Acceptance(limits=proof.limits, margins_of=margins), coverage,
         interlock=proof.interlock)
     ms = next((criterion.value for criterion in proven.criteria if criterion.name == "ms"), None)
@@ -76,7 +76,7 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
 
 def price_of_doubt(fitted: FittedModel, wished: PidDesign) -> str | None:
     """Return what the best-fitting candidate alone would have allowed; None where it is alone, or without an I part."""
-    models = labelled(fitted)
+    models = labelled_heaters(fitted)
     if len(models) == 1 or wished.margins is None or math.isinf(wished.integral_time_s + wished.margins.ms):
         return None
     (label, best) = models[0]

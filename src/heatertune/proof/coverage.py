@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from heatertune.plc.open_points import Switch, settings_to_prove
-from heatertune.progress import Told
+from heatertune.plc.open_points import OpenPoint, settings_to_prove
+from heatertune.progress import ProgressCallback
 from heatertune.proof.mains import Supply
 
 __all__ = ["Coverage", "Run"]
@@ -23,7 +23,8 @@ class Coverage:
         known: switch → setting of what is known of this very controller, the manual leaving it open.
         open_points: False: only the default settings of the controller's switches, for a quick comparison.
         only: these runs, by the controller's direct form alone; None: every model under every setting at each power.
-        night: with `only`: the heat-up and one of `heatertune.proof.night` alone, by its name, if the words have it.
+        night: with `only`: the heat-up and one of `heatertune.proof.long_outage` alone, by its name, if the words have
+            it.
         draws: False: no more than one draw of the noise; see `heatertune.proof.noise`.
         progress: told how many runs are done, as "18 of 54 runs".
         supplies: other mains voltages, each with the heaters that run at it; none: the rated power alone.
@@ -34,7 +35,7 @@ class Coverage:
     only: Sequence[Run] | None = None
     night: str | None = None
     draws: bool = True
-    progress: Told = str
+    progress: ProgressCallback = str
     supplies: Sequence[Supply] = ()
 
     @property
@@ -42,7 +43,7 @@ class Coverage:
         """Whether every model runs under every setting."""
         return self.open_points and self.only is None
 
-    def settings(self, switches: Sequence[Switch]) -> list[dict[str, str]]:
+    def settings(self, switches: Sequence[OpenPoint]) -> list[dict[str, str]]:
         """Return the settings under which words are run, the defaults (and what is known) first.
 
         Raises:
@@ -58,7 +59,7 @@ class Coverage:
         """Return whether there is a run at a power, see `Run`."""
         return self.only is None or any(power == mains_power for *_, power in self.only)
 
-    def in_question(self, switches: Sequence[Switch]) -> list[Switch]:
+    def in_question(self, switches: Sequence[OpenPoint]) -> list[OpenPoint]:
         """Return the switches that are run in several settings, or that no run can show though nobody knows them."""
         return [switch for switch in switches
                 if not switch.in_manual or (self.whole and switch.name not in self.known)]

@@ -7,11 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal
 
-from heatertune.codec import LEFT_OUT, OrInfinite, built, encode
+from heatertune.codec import LEFT_OUT, OrInfinite, construct_from, encode
 from heatertune.settings import STEP_POWER_PCT
 from heatertune.units import check
 
-__all__ = ["Criterion", "Limits", "worst_of"]
+__all__ = ["Criterion", "LoopLimits", "worst_of"]
 
 _SETTLES_WITHIN: Final = 0.5  # of a soak
 
@@ -57,7 +57,7 @@ class Criterion:
     @property
     def view(self) -> CriterionView:
         """What is written of it."""
-        return built(CriterionView, self, bound=">=" if self.at_least else "<=")
+        return construct_from(CriterionView, self, bound=">=" if self.at_least else "<=")
 
     def to_document(self) -> dict[str, Any]:
         """Return the JSON object; a number that is not finite is null."""
@@ -97,7 +97,7 @@ def worst_of(same: Iterable[Criterion]) -> Criterion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class LoopLimits:
     """What a loop must keep. None: the number is told, but not judged.
 
     The margins' limits follow the textbooks: gain margin 1.7…4 and phase margin 30…45° for a well-tuned loop

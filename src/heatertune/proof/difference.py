@@ -8,19 +8,19 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from heatertune.documents import data_folder, found, peek_schema, read_document
+from heatertune.documents import data_folder, existing_path, peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused, InputError
 from heatertune.pid.document import SCHEMA as DESIGN_SCHEMA
 from heatertune.pid.document import read_design
 from heatertune.plc import Controller, Scaling, Words, controller_for
-from heatertune.plc.inputs import described
-from heatertune.plc.machine import content_of, read_machine, realised
-from heatertune.plc.typed import typed_words
-from heatertune.proof.document import checked
+from heatertune.plc.dump_reader import content_of, read_machine, realised_design
+from heatertune.plc.inputs import describe_range
+from heatertune.plc.keyed_entry import typed_words
+from heatertune.proof.document import check_document
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA, demand_same_words, read_words
 
-__all__ = ["DIFF_SCHEMA", "Given", "Side", "difference", "read_sides"]
+__all__ = ["DIFF_SCHEMA", "DeclaredWords", "Side", "difference", "read_sides"]
 
 DIFF_SCHEMA: Final = "heatertune/diff/2"
 
@@ -33,7 +33,7 @@ _CONDITIONS: Final = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Given:
+class DeclaredWords:
     """What a user says of words that do not tell it themselves; None: as the words beside them have it.
 
     Attributes:
@@ -93,7 +93,7 @@ class _Term(NamedTuple):
     b: float | None
 
 
-def read_sides(first: str | Path, second: str | Path, given: Given) -> tuple[Side, Side]:
+def read_sides(first: str | Path, second: str | Path, given: DeclaredWords) -> tuple[Side, Side]:
     """Return two word sets; what one does not tell is as the user says, else as in the other.
 
     Args:
@@ -114,7 +114,7 @@ def read_sides(first: str | Path, second: str | Path, given: Given) -> tuple[Sid
 
 def _document(path: Path, target: str | None) -> Side | None:
     """Return the words of a folder or of words.json, None of another file."""
-    file = data_folder(path) / "words.json" if path.is_dir() else found(path)
+    file = data_folder(path) / "words.json" if path.is_dir() else existing_path(path)
     if path.is_dir() and not file.exists():
         raise DocumentError(f"{path}: no words.json in this folder, as export-db writes it")
     if not path.is_dir() and not (_is_json(file) and peek_schema(file) == WORDS_SCHEMA):
@@ -127,7 +127,7 @@ def _document(path: Path, target: str | None) -> Side | None:
 
 
 def _is_json(file: Path) -> bool:
-    return content_of(found(file)).lstrip().startswith(b"{")
+    return content_of(existing_path(file)).lstrip().startswith(b"{")
 
 
 def _proof_beside(file: Path, document: Mapping[str, Any]) -> tuple[Mapping[str, Any] | None, tuple[str, ...]]:
@@ -135,35 +135,35 @@ def _proof_beside(file: Path, document: Mapping[str, Any]) -> tuple[Mapping[str,
     if not beside.exists():
         return None, ()
     try:
-        proof = checked(read_document(beside, PROOF_SCHEMA), beside)
+        proof = check_document(read_document(beside, PROOF_SCHEMA), beside)
         demand_same_words(document, proof, beside)
     except (DocumentError, ExportRefused) as problem:
         return None, (f"its proof is not taken: {problem}",)
     return proof, ()
 
 
-def _made(path: str, given: Given, other: Side | None) -> Side:
+def _made(path: str, given: DeclaredWords, other: Side | None) -> Side:
     """Return words that a design becomes or a machine holds."""
     return _designed(path, given, other) if _is_json(Path(path)) else _dumped(path, given, other)
 
 
-def _designed(path: str, given: Given, other: Side | None) -> Side:
+def _designed(path: str, given: DeclaredWords, other: Side | None) -> Side:
     """Return the words of a design: as its own recipe makes them, where it has one and the user says nothing else."""
     schema = peek_schema(path)
     if schema != DESIGN_SCHEMA:
         raise DocumentError(f"{path}: schema is {schema!r}; expected {WORDS_SCHEMA!r} or {DESIGN_SCHEMA!r}")
-    from heatertune.proof.recipes import finished, made_again  # noqa: PLC0415 - dumps need none of its libraries
+    from heatertune.proof.rebuild_words import apply_provenance, made_again  # noqa: PLC0415 - dumps need none of its libraries
 
     design, model, recipe = read_design(path)
     is_own = recipe is not None and given.target in (None, recipe.target) and not given.scales
     if is_own and model is not None and recipe is not None:
         return Side(source=path, kind="design", words=made_again(design, model, recipe).words)
     controller, scaling, taken_over = _whose(path, given, other)
-    words = finished(controller.encode(design, scaling), recipe)
+    words = apply_provenance(controller.encode(design, scaling), recipe)
     return Side(source=path, kind="design", words=words, taken_over=taken_over)
 
 
-def _dumped(path: str, given: Given, other: Side | None) -> Side:
+def _dumped(path: str, given: DeclaredWords, other: Side | None) -> Side:
     """Return the words in a dump or text, with the other set's interval and ramp where it does not tell them."""
     controller, scaling, taken_over = _whose(path, given, other)
     interval = given.sample_time_s
@@ -187,7 +187,7 @@ def _dumped(path: str, given: Given, other: Side | None) -> Side:
                 is_changed=bool(unlike))
 
 
-def _whose(path: str, given: Given, other: Side | None) -> tuple[Controller, Scaling, tuple[str, ...]]:
+def _whose(path: str, given: DeclaredWords, other: Side | None) -> tuple[Controller, Scaling, tuple[str, ...]]:
     """Return the controller and sensor range of words that do not tell them, and what was taken over of the other's."""
     target = given.target or (None if other is None else other.words.target)
     if target is None:
@@ -196,7 +196,7 @@ def _whose(path: str, given: Given, other: Side | None) -> tuple[Controller, Sca
     if given.scales or other is None:
         return its, its.scaled(given.input, given.sensor_degC), ()
     scaling = other.words.scaling
-    return its, scaling, (f"sensor range {described(scaling)}",)
+    return its, scaling, (f"sensor range {describe_range(scaling)}",)
 
 
 def difference(a: Side, b: Side) -> dict[str, Any]:
@@ -239,7 +239,7 @@ def _odd(side: Side) -> tuple[str, ...]:
 def _terms(side: Side) -> Iterator[tuple[str, str, float | None]]:
     """Yield name, unit and value of what words mean."""
     words, controller = side.words, side.controller
-    design = realised(controller, words)
+    design = realised_design(controller, words)
     yield "K", "%/°C", None if design is None else design.gain_pct_per_degC
     yield "TN", "s", None if design is None or math.isinf(design.integral_time_s) else design.integral_time_s
     yield "TV", "s", None if design is None else design.derivative_time_s

@@ -13,29 +13,29 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from heatertune.codec import LEFT_OUT, OrInfinite, decode, encode, registered
+from heatertune.codec import LEFT_OUT, OrInfinite, decode, encode, register_schema
 from heatertune.documents import plain
 from heatertune.errors import DocumentError
-from heatertune.pid.recipe import BoostView, RampView
+from heatertune.pid.design_provenance import BoostView, RampView
 from heatertune.plc import Scaling
 from heatertune.plc.pwm import Actuator
-from heatertune.proof.criteria import CriterionView, Limits
+from heatertune.proof.criteria import CriterionView, LoopLimits
+from heatertune.proof.criterion_table import IN_DEGC
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.mains import RATED_ONLY, MainsScenario
-from heatertune.proof.measured import IN_DEGC
 from heatertune.proof.scenario import LED, WAYS, Scenario, kinds_of, phases_of
 from heatertune.proof.specification import Specification
 from heatertune.proof.verdict import (
     ASSUMED,
     NOT_PROVEN,
     PROOF_SCHEMA,
-    HeardView,
-    blocking,
-    combined,
+    FitDiagnosticsView,
+    blocking_findings,
+    combined_verdict,
     verdict_of_samples,
 )
 
-__all__ = ["LIMIT_OF", "OutcomeView", "ProofView", "RunView", "checked", "digested"]
+__all__ = ["LIMIT_OF", "OutcomeView", "ProofView", "RunView", "check_document", "with_digest"]
 
 Verdict = Literal["PASS", "FAIL", "NOT PROVEN"]
 
@@ -135,7 +135,7 @@ class SamplesView:
         return [setting.kept for setting in self.settings]
 
 
-@registered(PROOF_SCHEMA)
+@register_schema(PROOF_SCHEMA)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProofView:
     """The document of a proof; see `checked` for what it has to say of itself."""
@@ -151,12 +151,12 @@ class ProofView:
     runs: tuple[RunView, ...]
     scenario: Scenario
     actuator: Actuator
-    limits: Limits
+    limits: LoopLimits
     specification: Specification | None
     known: Mapping[str, str]
     faults: tuple[str, ...]
     interlock: Interlock | None
-    findings: tuple[HeardView, ...]
+    findings: tuple[FitDiagnosticsView, ...]
     assumed: Mapping[Literal[tuple(ASSUMED)], float]  # type: ignore[valid-type]  # declared once
     remarks: tuple[str, ...]
     not_tested: tuple[str, ...]
@@ -192,7 +192,7 @@ class ProofView:
     def _check_limits(self, specification: Specification) -> None:
         """Refuse limits that the specification does not mean; times may be in units of a heater that is not here."""
         meant = specification.limits_for(1.0)
-        for name in (one.name for one in fields(Limits) if one.name not in _IN_HEATERS):
+        for name in (one.name for one in fields(LoopLimits) if one.name not in _IN_HEATERS):
             if getattr(self.limits, name) != getattr(meant, name):
                 raise DocumentError(f"limits.{name}: {getattr(self.limits, name)}; the specification says otherwise")
 
@@ -202,7 +202,8 @@ class ProofView:
         kept = all(criterion.keeps(criterion.value) for criterion in self.criteria.values())
         drawn = [] if self.samples is None else [self.samples.derived]
         heard = [{"name": finding.name, "accepted": finding.accepted} for finding in self.findings]
-        return combined(["PASS" if kept else "FAIL", *drawn, *([NOT_PROVEN] if blocking({"findings": heard}) else [])])
+        return combined_verdict(["PASS" if kept else "FAIL", *drawn,
+                                 *([NOT_PROVEN] if blocking_findings({"findings": heard}) else [])])
 
     def _demand_all_criteria(self) -> None:
         kinds = {kind for kind, *_ in kinds_of(self.scenario)}
@@ -305,7 +306,7 @@ def _of_recovery(names: Iterable[str]) -> list[str]:
     return [name for name in names if name.removesuffix(IN_DEGC) in _DISTURBED]
 
 
-def digested(proof: Mapping[str, Any]) -> dict[str, Any]:
+def with_digest(proof: Mapping[str, Any]) -> dict[str, Any]:
     """Return a proof's document with the digest of all the rest as its last field."""
     rest = {name: value for name, value in proof.items() if name != "digest"}
     return rest | {"digest": _digest(rest)}
@@ -316,7 +317,7 @@ def _digest(document: Mapping[str, Any]) -> str:
     return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
 
 
-def checked(proof: Mapping[str, Any], where: str | Path) -> dict[str, Any]:
+def check_document(proof: Mapping[str, Any], where: str | Path) -> dict[str, Any]:
     """Return a proof's document, which is whole and follows from its values.
 
     Raises:
@@ -328,6 +329,6 @@ def checked(proof: Mapping[str, Any], where: str | Path) -> dict[str, Any]:
         view.demand_whole(where)
     except DocumentError as problem:
         raise DocumentError(f"{problem}: no whole proof; prove the words again") from problem
-    if view.digest != digested(proof)["digest"]:
+    if view.digest != with_digest(proof)["digest"]:
         raise DocumentError(f"{where}: digest: of another proof, so this one was changed; prove the words again")
     return dict(proof)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from heatertune.codec import LEFT_OUT
 from heatertune.units import check
 
-__all__ = ["Disturbance", "Led", "Load", "Mains", "NewSetpoint", "PlcPower", "TemperatureStep"]
+__all__ = ["Disturbance", "Load", "Mains", "NewSetpoint", "PlcPower", "SetpointRampEvent", "TemperatureStep"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +99,7 @@ class PlcPower:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Led:
+class SetpointRampEvent:
     """The program around the controller leads the setpoint straight from one temperature to another, and stays there.
 
     It is set anew at each scan. A PLC without supply gets it and starts up.
@@ -128,4 +128,4 @@ class Led:
         return (self.setpoint_degC - self.from_degC) / self.duration_s
 
 
-Disturbance = TemperatureStep | Load | NewSetpoint | Mains | PlcPower | Led
+Disturbance = TemperatureStep | Load | NewSetpoint | Mains | PlcPower | SetpointRampEvent

@@ -28,12 +28,12 @@ from heatertune.plc.feed_forward import FeedForward
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
-from heatertune.proof.criteria import Limits
-from heatertune.proof.loop import InLoop, check_words, in_loop, run_loop
-from heatertune.proof.scenario import Load, Scenario, conditions, delayed
+from heatertune.proof.criteria import LoopLimits
+from heatertune.proof.loop import LoopController, check_words, in_loop, run_loop
+from heatertune.proof.scenario import Load, Scenario, conditions, delay_heater
 from heatertune.proof.trace import Trace
 
-__all__ = ["Beside", "FeedForwardProof", "PlainLoop", "prove_feed_forward", "restarted_fed", "step_fed"]
+__all__ = ["FeedForwardComparison", "FeedForwardProof", "PlainLoop", "prove_feed_forward", "restarted_fed", "step_fed"]
 
 Array = npt.NDArray[np.float64]
 
@@ -47,7 +47,7 @@ _MOST_OF_PLAIN: Final = 0.8
 _WORSE: Final = 1.05  # of plain feedback: beyond, a run is worse
 
 
-class Fed(NamedTuple):
+class FeedForwardParameters(NamedTuple):
     """A core's parameters while the disturbance is calm and strong, and the scans that see it strong: begin, end."""
 
     calm: Any
@@ -57,14 +57,14 @@ class Fed(NamedTuple):
 
 
 def step(_parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_start: bool) -> tuple[Any, ...]:
-    """Stand in for a controller's own, see `heatertune.plc.core.Core` and `heatertune.compiled.bound`."""
+    """Stand in for a controller's own, see `heatertune.plc.core.StepFunctions` and `heatertune.compiled.bound`."""
     raise NotImplementedError
 
 
 def step_fed(
-    parameters: Fed, state: tuple[int, Any], setpoint: Any, reading: Any, cycle_start: bool
+    parameters: FeedForwardParameters, state: tuple[int, Any], setpoint: Any, reading: Any, cycle_start: bool
 ) -> tuple[tuple[int, Any], float, Any, int]:
-    """Compute one scan, the program around the controller having written the disturbance; see `Core.step`.
+    """Compute one scan, the program around the controller having written the disturbance; see `StepFunctions.step`.
 
     Args:
         parameters: what the controller takes while the disturbance is calm and strong, and the scans between.
@@ -85,13 +85,13 @@ def restarted(_parameters: Any, _cold: Any, _state: Any) -> Any:
     raise NotImplementedError
 
 
-def restarted_fed(parameters: Fed, cold: tuple[int, Any], state: tuple[int, Any]) -> tuple[int, Any]:
-    """Return the state after a start-up, see `Core.restarted`."""
+def restarted_fed(parameters: FeedForwardParameters, cold: tuple[int, Any], state: tuple[int, Any]) -> tuple[int, Any]:
+    """Return the state after a start-up, see `StepFunctions.warm_start`."""
     return state[0], restarted(parameters.calm, cold[1], state[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Beside:
+class FeedForwardComparison:
     """One heater with plain feedback and with feed-forward.
 
     Attributes:
@@ -149,10 +149,10 @@ class FeedForwardProof:
     setpoint_degC: float
     step: tuple[float, float]
     load_pct: float
-    runs: tuple[Beside, ...]
+    runs: tuple[FeedForwardComparison, ...]
 
     @property
-    def worst(self) -> Beside:
+    def worst(self) -> FeedForwardComparison:
         """The run in which feed-forward helps least, or harms most, by integral or deviation."""
         return max((run for run in self.runs if run.allowed_degC is None), key=lambda run: run.harm)
 
@@ -213,7 +213,7 @@ class PlainLoop:
 
     setpoint_degC: float
     actuator: Actuator | None = None
-    limits: Limits = field(default_factory=Limits)
+    limits: LoopLimits = field(default_factory=LoopLimits)
     noise_degC: float = 0.0
     known: Mapping[str, str] = field(default_factory=dict)
 
@@ -285,7 +285,7 @@ class _Trial(NamedTuple):
 
     def runs(
         self, models: Sequence[tuple[str, HeaterModel]], settings: Sequence[Mapping[str, str]]
-    ) -> Iterator[Beside]:
+    ) -> Iterator[FeedForwardComparison]:
         """Return every heater under every setting, and under the default also with the other effects."""
         effect, (low, high) = self.effect, self.effect.pct_per_unit_ci95
         best = _Effect("", effect.pct_per_unit, effect.lead_s)
@@ -303,10 +303,10 @@ class _Trial(NamedTuple):
 
     def beside(
         self, label: str, model: HeaterModel, chosen: Mapping[str, str], acts: _Effect, *, heats_up: bool = False
-    ) -> Beside:
+    ) -> FeedForwardComparison:
         """Return one heater with plain feedback and with feed-forward."""
         begin, end, stops_s = self._instants(model, heats_up=heats_up)
-        late = delayed(model, self._delay_s)
+        late = delay_heater(model, self._delay_s)
         # the disturbance does not wait for the program
         sooner = acts._replace(lead_s=acts.lead_s + self._delay_s)
         scenario = self._scenario(late, sooner, begin, end, stops_s)
@@ -316,7 +316,7 @@ class _Trial(NamedTuple):
         since_s = max(begin, 0) * self._scan_s
         (plain, beyond_plain), (fed, beyond_fed) = (
             _measured(run_loop(loop, late, scenario, self.plain.actuator), since_s, beyond=heats_up) for loop in loops)
-        return Beside(label=label, iae_degC_s=(plain, fed), deviation_degC=(beyond_plain, beyond_fed),
+        return FeedForwardComparison(label=label, iae_degC_s=(plain, fed), deviation_degC=(beyond_plain, beyond_fed),
                       allowed_degC=self._allowed_degC(model) if heats_up else None)
 
     @property
@@ -337,17 +337,18 @@ class _Trial(NamedTuple):
             setpoint_degC=self.plain.setpoint_degC, duration_s=stops_s, noise_degC=self.plain.noise_degC,
             disturbances=tuple(Load(time_s=time, power_pct=power) for time, power in steps if time < stops_s))
 
-    def _fed(self, asked_degC: Sequence[float], chosen: Mapping[str, str], begin: int, end: int) -> InLoop:
+    def _fed(self, asked_degC: Sequence[float], chosen: Mapping[str, str], begin: int, end: int) -> LoopController:
         """Return the words with their input listened to, and written after each of two scans."""
         feed = self.controller.feed
         assert feed is not None
         words = replace(self.words, values=feed.listened(self.words.values))
         loop = in_loop(self.controller, words, asked_degC, chosen)
-        calm, strong = (feed.given(loop.parameters, self.line.at(level, self.controller.counts))
+        calm, strong = (feed.set_disturbance(loop.parameters, self.line.at(level, self.controller.counts))
                         for level in (self.effect.calm, self.strong))
         fed = replace(loop.core, step=bound(step_fed, step=loop.core.step),
-                      restarted=bound(restarted_fed, restarted=loop.core.restarted))
-        return replace(loop, core=fed, parameters=Fed(calm, strong, begin + 1, end + 1), state=(0, loop.state))
+                      warm_start=bound(restarted_fed, restarted=loop.core.warm_start))
+        return replace(loop, core=fed, parameters=FeedForwardParameters(calm, strong, begin + 1, end + 1),
+                       state=(0, loop.state))
 
     def _allowed_degC(self, model: HeaterModel) -> float:
         """Return how far a heat-up may go beyond the setpoint [°C]."""

@@ -9,15 +9,15 @@ from typing import Final
 
 import numpy as np
 
+from heatertune.model.cooler_mirror import cools
 from heatertune.model.findings import Finding
-from heatertune.model.mirrored import cools
-from heatertune.model.outliers import tamed
-from heatertune.model.values import FittedModel, HeaterModel, Outcome
+from heatertune.model.outliers import replace_outliers
+from heatertune.model.values import FitOutcome, FittedModel, HeaterModel
 from heatertune.proof.scenario import can_hold
 
 __all__ = [
-    "ROOM_DEGC", "beyond_log", "covered_degC", "default_setpoint", "holding", "labelled", "left_out",
-    "range_is_unknown", "unreached",
+    "ROOM_DEGC", "beyond_log", "covered_degC", "default_setpoint", "holding_heaters", "labelled_heaters", "left_out",
+    "range_is_unknown", "unreachable_findings",
 ]
 
 #: ambient assumed where neither the log nor the user tells it [°C]
@@ -31,25 +31,25 @@ _ROOMS_DEGC: Final = (0.0, 40.0)
 _NEAR: Final = 0.02  # of the span of the readings: as near to a setpoint they are at it
 
 
-def labelled(fitted: FittedModel) -> list[tuple[str, HeaterModel]]:
+def labelled_heaters(fitted: FittedModel) -> list[tuple[str, HeaterModel]]:
     """Return every candidate with its label, the one that fits best first; an unknown ambient is taken as 20 °C."""
     ranked = sorted(fitted.candidates, key=lambda c: (c.part != "", c.log != fitted.candidates[0].log, -c.fit_pct))
     return [(label, _with_ambient(model)) for label, model in replace(fitted, candidates=tuple(ranked)).heaters]
 
 
-def holding(fitted: FittedModel, setpoint_degC: float) -> list[tuple[str, HeaterModel]]:
+def holding_heaters(fitted: FittedModel, setpoint_degC: float) -> list[tuple[str, HeaterModel]]:
     """Return the possible heaters that can hold a setpoint with their labels; all of them where none can."""
-    heaters = labelled(fitted)
+    heaters = labelled_heaters(fitted)
     return [(label, model) for label, model in heaters
             if can_hold(model, setpoint_degC, float(model.ambient_degC or 0.0))] or heaters
 
 
-def unreached(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[Finding]:
+def unreachable_findings(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[Finding]:
     """Return the finding that only so many of the possible heaters can hold the setpoint, none where all can.
 
     A heater that cannot, though the log shows that it did, contradicts the log and counts for nothing.
     """
-    unable = [model for _, model in labelled(fitted)
+    unable = [model for _, model in labelled_heaters(fitted)
               if not can_hold(model, setpoint_degC, float(model.ambient_degC or 0.0))]
     possible = len(fitted.heaters)
     if able < possible and not all(_contradicts(fitted, model, setpoint_degC) for model in unable):
@@ -87,7 +87,7 @@ def beyond_log(fitted: FittedModel, setpoints_degC: Sequence[float]) -> Iterator
         setpoints_degC: every temperature that is asked for [°C].
     """
     covered = covered_degC(fitted)
-    if fitted.outcome is Outcome.BY_HAND or covered is None:
+    if fitted.outcome is FitOutcome.BY_HAND or covered is None:
         return
     (low, high), sides = covered, {"high"}
     if cools(fitted):
@@ -103,7 +103,7 @@ def beyond_log(fitted: FittedModel, setpoints_degC: Sequence[float]) -> Iterator
 
 def range_is_unknown(fitted: FittedModel, setpoints_degC: Sequence[float]) -> bool:
     """Return whether nobody knows if a setpoint lies within a log: a model file of an earlier version has no range."""
-    if fitted.outcome is Outcome.BY_HAND or fitted.log_interval_s == 0.0 or covered_degC(fitted) is not None:
+    if fitted.outcome is FitOutcome.BY_HAND or fitted.log_interval_s == 0.0 or covered_degC(fitted) is not None:
         return False
     return fitted.setpoint_degC is None or any(setpoint != fitted.setpoint_degC for setpoint in setpoints_degC)
 
@@ -117,7 +117,7 @@ def _beyond(setpoint_degC: float, covered: float, towards: str) -> Finding:
 def left_out(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[str]:
     """Return the remark on possible heaters that are left out as the log contradicts them, nothing without any."""
     possible = len(fitted.heaters)
-    if able < possible and not any(unreached(fitted, able, setpoint_degC)):
+    if able < possible and not any(unreachable_findings(fitted, able, setpoint_degC)):
         yield (f"{possible - able} of {possible} possible heaters left out: they could not hold {setpoint_degC:g} °C, "
                "which the log shows held")
 
@@ -131,7 +131,7 @@ def _contradicts(fitted: FittedModel, model: HeaterModel, setpoint_degC: float) 
     if fitted.residuals is None:
         return False
     sign, time = math.copysign(1.0, model.gain_degC_per_pct), fitted.residuals.time_s
-    above = sign * (tamed(fitted.residuals.measured_degC) - setpoint_degC)
+    above = sign * (replace_outliers(fitted.residuals.measured_degC) - setpoint_degC)
     near = _NEAR * float(np.ptp(above))
     if sign * (float(model.ambient_degC or 0.0) - setpoint_degC) >= 0.0:
         return float(above.min()) < -near
@@ -146,7 +146,7 @@ def default_setpoint(fitted: FittedModel) -> float:
     """Return where the log says that the heater was used, else half way up (or down) on the weakest model [°C]."""
     if fitted.setpoint_degC is not None:
         return fitted.setpoint_degC
-    weakest = min((model for _, model in labelled(fitted)), key=_half_way)
+    weakest = min((model for _, model in labelled_heaters(fitted)), key=_half_way)
     return float(weakest.ambient_degC or 0.0) + 50.0 * weakest.gain_degC_per_pct
 
 

@@ -6,11 +6,11 @@ import math
 from typing import Final, NamedTuple
 
 from heatertune.model.values import HeaterModel
-from heatertune.pid.recipe import BoostView
+from heatertune.pid.design_provenance import BoostView
 from heatertune.pid.values import PidDesign
-from heatertune.plc.core import Core
+from heatertune.plc.core import StepFunctions
 from heatertune.plc.pwm import Actuator
-from heatertune.proof.loop import InLoop, run_loop
+from heatertune.proof.loop import LoopController, run_loop
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.trace import Trace
 
@@ -27,7 +27,7 @@ class _Law(NamedTuple):
     cooling: float  # full power of a cooler as a part of the heater's
 
 
-class _State(NamedTuple):
+class _IdealState(NamedTuple):
     summed: float
     filtered: float
     error: float
@@ -58,9 +58,9 @@ def simulate_wish(
         InputError, OutOfRange: as `simulate`.
     """
     ramped = math.isfinite(ramp_degC_per_min)
-    controller = InLoop(
+    controller = LoopController(
         core=_CORE, parameters=_law_of(design, boost, actuator.cooling_gain or 0.0),
-        state=_State(0.0, 0.0, 0.0, boost is None), sensor=0.0, asked=scenario.setpoints_degC,
+        state=_IdealState(0.0, 0.0, 0.0, boost is None), sensor=0.0, setpoints=scenario.setpoints_degC,
         scan_s=design.sample_time_s, ramp_calls=int(ramped),
         ramp_step=ramp_degC_per_min / 60.0 * design.sample_time_s if ramped else 0.0, ramp_hold=hold_degC or 0.0,
     )
@@ -76,21 +76,22 @@ def _law_of(design: PidDesign, boost: BoostView | None = None, cooling: float = 
     )
 
 
-def _step(p: _Law, s: _State, setpoint: float, reading: float, _begins: bool) -> tuple[_State, float, float, int]:
+def _step(p: _Law, s: _IdealState, setpoint: float, reading: float, _begins: bool) -> tuple[_IdealState, float, float,
+                                                                                            int]:
     error = setpoint - reading
     if (error if p.gain > 0.0 else -error) > (p.again if s.enabled else p.within):
-        return _State(0.0, 0.0, error, False), 100.0, 100.0, 0
+        return _IdealState(0.0, 0.0, error, False), 100.0, 100.0, 0
     filtered = p.past * s.filtered + p.derivative * (error - s.error)
     wanted = p.gain * (error + s.summed + p.integral * error + filtered)
     power = min(100.0, max(-100.0 * p.cooling, wanted))
     summed = s.summed
     if power == wanted or (wanted - power) * p.gain * error < 0.0:
         summed += p.integral * error
-    return _State(summed, filtered, error, True), power if power >= 0.0 else power / p.cooling, wanted, 0
+    return _IdealState(summed, filtered, error, True), power if power >= 0.0 else power / p.cooling, wanted, 0
 
 
 def _as_it_is(_sensor: float, temperature_degC: float) -> float:
     return temperature_degC
 
 
-_CORE: Final = Core(step=_step, measure=_as_it_is, flags=())
+_CORE: Final = StepFunctions(step=_step, measure=_as_it_is, flags=())

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from heatertune.errors import InputError, UnknownName
 from heatertune.options import options_of
 from heatertune.plc.cpu.one_bit.assembler import assemble
-from heatertune.plc.cpu.one_bit.machine import START, State, Wiring, scan
+from heatertune.plc.cpu.one_bit.machine import START, OneBitState, Wiring, scan
 from heatertune.plc.cpu.one_bit.programs import HEATER, HEATER_NAMES
 from heatertune.plc.pwm import INSTANT_S
 from heatertune.settings import Conditions
@@ -108,6 +108,6 @@ class Interlock:
         return None
 
 
-def _scan(state: State, *, pressed: bool, hot: bool, turns: bool) -> State:
+def _scan(state: OneBitState, *, pressed: bool, hot: bool, turns: bool) -> OneBitState:
     signals = {"A": pressed, "B": pressed, "C": hot, "D": turns, "R": False}
     return scan(_PROGRAM, _WIRING, state, on=frozenset(_BITS[name] for name, value in signals.items() if value))

@@ -18,25 +18,44 @@ from heatertune.proof.meter import (
     SCANS,
     SWITCHINGS,
     Meter,
+    PhaseStats,
     Places,
-    Rest,
-    Seen,
+    SteadyStateStats,
     begin,
     close,
     faults,
     is_led,
     led_to,
     rest_begins,
-    rested,
     seen_on,
+    update_rest,
 )
-from heatertune.proof.plant import Flow, Plant, factors, moved, plant_from, turn
-from heatertune.proof.program import Program, asked_now, moves
-from heatertune.proof.switch import AS_TOLD, as_strong, edge_at, heat_after, period_of, switched_off, times_on
+from heatertune.proof.plant import Flow, Plant, advance_heater, factors, plant_from, turn
+from heatertune.proof.setpoint_program import SetpointProgram, asked_now, moves
+from heatertune.proof.switch_edges import AS_TOLD, as_strong, edge_at, heat_after, period_of, switched_off, times_on
 
 __all__ = [
-    "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Batch", "Clock", "Events", "Record", "apart", "changed",
-    "divided", "measure", "measured", "restarted", "run", "run_all", "started", "step", "ticked_on",
+    "HEAT",
+    "JUMP",
+    "LOAD",
+    "MAINS",
+    "PHASE",
+    "REST",
+    "Events",
+    "LoopBatch",
+    "ScanClock",
+    "TraceArrays",
+    "apart",
+    "apply_event",
+    "cold_state",
+    "end_phase",
+    "measure",
+    "measure_interval",
+    "run",
+    "run_all",
+    "step",
+    "ticked_on",
+    "warm_state",
 ]
 
 #: what an event does: all lags jump, the load grows, the mains change, the heater is switched, a phase begins (as it
@@ -61,7 +80,7 @@ class Events(NamedTuple):
     leads: Places = NOT_LED
 
 
-class Clock(NamedTuple):
+class ScanClock(NamedTuple):
     """The scans: interval [s], how many, and for each noise [°C] and delay [s].
 
     One number of noise or delay serves all scans.
@@ -73,7 +92,7 @@ class Clock(NamedTuple):
     late: Places
 
 
-class Record(NamedTuple):
+class TraceArrays(NamedTuple):
     """Whether a trace is kept, and places for it: one per scan, one per stretch of constant power, the first at 0."""
 
     keeps: bool
@@ -88,7 +107,7 @@ class Record(NamedTuple):
     target: Places
 
 
-class Batch(NamedTuple):
+class LoopBatch(NamedTuple):
     """Many loops of one controller: what differs between them, one row for each; see `run` for the meaning.
 
     Of a plant the numbers of `Plant` and the temperature at the start. One row of noise or delays may serve all, and
@@ -107,7 +126,7 @@ class Batch(NamedTuple):
 
 
 def step(_parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_start: bool) -> tuple[Any, ...]:
-    """Stand in for a controller's own, see `heatertune.plc.core.Core` and `heatertune.compiled.bound`.
+    """Stand in for a controller's own, see `heatertune.plc.core.StepFunctions` and `heatertune.compiled.bound`.
 
     Args:
         _parameters: of the controller.
@@ -124,19 +143,19 @@ def measure(_sensor: Any, _temperature: float) -> Any:
     raise NotImplementedError
 
 
-def started(_parameters: Any, _state: Any) -> Any:
+def cold_state(_parameters: Any, _state: Any) -> Any:
     """Stand in likewise, for the controller's cold state."""
     raise NotImplementedError
 
 
-def restarted(_parameters: Any, _cold: Any, _state: Any) -> Any:
+def warm_state(_parameters: Any, _cold: Any, _state: Any) -> Any:
     """Stand in likewise, for the controller's state after a start-up."""
     raise NotImplementedError
 
 
 def run(  # noqa: PLR0913 - compiled for the types of each: one value of them all would be as many fields again
-    parameters: Any, state: Any, sensor: Any, clock: Clock, program: Program, plant: Plant, start: float,
-    events: Events, pwm: Switches, cut: float, edges: Places, record: Record, meter: Meter,
+    parameters: Any, state: Any, sensor: Any, clock: ScanClock, program: SetpointProgram, plant: Plant, start: float,
+    events: Events, pwm: Switches, cut: float, edges: Places, record: TraceArrays, meter: Meter,
 ) -> tuple[int, int]:
     """Run the loop over all scans; scans and PWM periods both begin at 0, and the periods anew at each start-up.
 
@@ -154,7 +173,7 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
         events: beside the switch.
         pwm: `Actuator.switches`.
         cut: instant from which on an interlock keeps the heater off [s].
-        edges: a ring, see `heatertune.proof.switch`; its length is a power of two.
+        edges: a ring, see `heatertune.proof.switch_edges`; its length is a power of two.
         record: places for the trace.
         meter: places for what is measured.
 
@@ -167,7 +186,7 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
     flow = Flow(0.0, start, start, plant.ambient, 0.0, 0.0, 1.0)
     owed, begin, tick, origin = (0.0, 0.0), 0.0, 0.0, 0.0
     begun = ticked = switched = arrived = happened = phase = calls = 0
-    rows, t, following, word = _stretch(record, 0, flow), late[0], 0.0, program.asked[0]
+    rows, t, following, word = _stretch(record, 0, flow), late[0], 0.0, program.setpoints[0]
     seen, rest = _begin(meter, start)
     due, kind = _next(plant, events, happened, edges, arrived, switched)
     for k in range(clock.scans):
@@ -175,17 +194,17 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
         quiet = k > 0 and (not shaken or late[k] == late[k - 1])
         while due <= t:
             quiet = False
-            before = moved(flow, due, factors(due - flow.now, plant))
-            seen, rest = measured(meter, seen, rest, plant, flow, before)
+            before = advance_heater(flow, due, factors(due - flow.now, plant))
+            seen, rest = measure_interval(meter, seen, rest, plant, flow, before)
             value = heat_after(edges, arrived, pwm.cooling) if kind == HEAT else events.value[happened]
-            flow = changed(plant, before, kind, value)
-            seen, rest = divided(meter, seen, rest, flow, kind)
+            flow = apply_event(plant, before, kind, value)
+            seen, rest = end_phase(meter, seen, rest, flow, kind)
             arrived, happened = arrived + (kind == HEAT), happened + (kind != HEAT)
             phase += _begins_phase(kind)
             rows = _stretch(record, rows, flow) if kind <= HEAT else rows
             due, kind = _next(plant, events, happened, edges, arrived, switched)
-        before, flow = flow, moved(flow, t, whole if quiet else factors(t - flow.now, plant))
-        seen, rest = measured(meter, seen, rest, plant, before, flow)
+        before, flow = flow, advance_heater(flow, t, whole if quiet else factors(t - flow.now, plant))
+        seen, rest = measure_interval(meter, seen, rest, plant, before, flow)
         reading = measure(sensor, flow.y + (noise[k] if noisy else noise[0]))
         if calls == 0 and k > 0 and program.supplied[phase] and apart(begin, k * scan_s, period):
             origin, begin, tick, begun, ticked = t, t, t, 0, 0
@@ -194,10 +213,10 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
         power, flags = 0.0, 0
         if program.supplied[phase]:
             if calls == 0 and k > 0:
-                state = restarted(parameters, cold, state)
-            program.asked[phase] = (
-                measure(sensor, led_to(leads, phase, t)) if is_led(leads, phase) else program.asked[phase])
-            word = asked_now(program, program.asked[phase], calls == 0, moves(program, calls), word, reading)
+                state = warm_state(parameters, cold, state)
+            program.setpoints[phase] = (
+                measure(sensor, led_to(leads, phase, t)) if is_led(leads, phase) else program.setpoints[phase])
+            word = asked_now(program, program.setpoints[phase], calls == 0, moves(program, calls), word, reading)
             calls += 1
             state, power, _, flags = step(parameters, state, word, reading, cycle_start)
             _counted(meter, power, least, flags)
@@ -217,8 +236,8 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
 
 
 def run_all(  # noqa: PLR0913 - as `run`
-    parameters: Any, state: Any, sensor: Any, scan_s: float, program: Program, batch: Batch,
-    pwm: Switches, cut: float, edges: Places, record: Record, meter: Meter,
+    parameters: Any, state: Any, sensor: Any, scan_s: float, program: SetpointProgram, batch: LoopBatch,
+    pwm: Switches, cut: float, edges: Places, record: TraceArrays, meter: Meter,
 ) -> tuple[int, int]:
     """Run many loops, one after the other; return what `run` returns of the last one.
 
@@ -240,7 +259,7 @@ def run_all(  # noqa: PLR0913 - as `run`
         row = batch.plants[i]
         noise, late = batch.noise[i % len(batch.noise)], batch.late[i % len(batch.late)]
         counted = run(
-            parameters, started(parameters, state), sensor, Clock(scan_s, batch.scans, noise, late), program,
+            parameters, cold_state(parameters, state), sensor, ScanClock(scan_s, batch.scans, noise, late), program,
             plant_from(row[0], row[1], row[2], row[3], row[4]), row[5],
             Events(batch.event_time[i], batch.event_kind[i], batch.event_value[i], batch.leads),
             as_strong(pwm, batch.cooling[i % len(batch.cooling)]), cut, edges, record,
@@ -262,7 +281,7 @@ def _next(
     return due, kind
 
 
-def changed(plant: Plant, flow: Flow, kind: int, value: float) -> Flow:
+def apply_event(plant: Plant, flow: Flow, kind: int, value: float) -> Flow:
     """Return the heater just after an event; the mains are those of the heater, not of a cooler."""
     heat, load, mains, jump = flow.heat, flow.load, flow.mains, 0.0
     if kind == HEAT:
@@ -308,7 +327,7 @@ def ticked_on(origin: float, ticked: int, tick: float, now: float, period: float
     return ticked, tick
 
 
-def _stretch(record: Record, rows: int, flow: Flow) -> int:
+def _stretch(record: TraceArrays, rows: int, flow: Flow) -> int:
     """Keep the begin of a stretch of constant power; return how many there are."""
     if record.keeps:
         record.since[rows] = flow.now
@@ -318,7 +337,7 @@ def _stretch(record: Record, rows: int, flow: Flow) -> int:
     return rows + 1
 
 
-def _scanned(record: Record, k: int, y: float, followed: Any, reading: Any, power: float, flags: int) -> None:
+def _scanned(record: TraceArrays, k: int, y: float, followed: Any, reading: Any, power: float, flags: int) -> None:
     """Keep what one scan gave."""
     if record.keeps:
         record.temperature[k] = y
@@ -340,15 +359,15 @@ def _counted(meter: Meter, power: float, least: float, flags: int) -> None:
             meter.totals[FAULTS] += faults(flags & meter.wrong)
 
 
-def _begin(meter: Meter, start: float) -> tuple[Seen, Rest]:
+def _begin(meter: Meter, start: float) -> tuple[PhaseStats, SteadyStateStats]:
     """Return what is measured at the start."""
     error = start - meter.setpoints[0] if meter.measures else 0.0
-    return begin(meter, 0, 0.0, error), Rest(False, 0.0, 0.0, 0.0, 0.0)
+    return begin(meter, 0, 0.0, error), SteadyStateStats(False, 0.0, 0.0, 0.0, 0.0)
 
 
-def measured(
-    meter: Meter, seen: Seen, rest: Rest, plant: Plant, before: Flow, after: Flow
-) -> tuple[Seen, Rest]:
+def measure_interval(
+    meter: Meter, seen: PhaseStats, rest: SteadyStateStats, plant: Plant, before: Flow, after: Flow
+) -> tuple[PhaseStats, SteadyStateStats]:
     """Measure the time between two instants, up to the turn and from it on where there is one.
 
     Args:
@@ -363,15 +382,16 @@ def measured(
         return seen, rest
     turned = turn(before, after, plant)
     if before.now < turned < after.now:
-        top = moved(before, turned, factors(turned - before.now, plant))
+        top = advance_heater(before, turned, factors(turned - before.now, plant))
         seen = seen_on(meter, seen, plant, before, top)
-        rest = rested(meter, seen.phase, rest, plant, before, top) if rest.lasts else rest
+        rest = update_rest(meter, seen.phase, rest, plant, before, top) if rest.lasts else rest
         before = top
     seen = seen_on(meter, seen, plant, before, after)
-    return seen, rested(meter, seen.phase, rest, plant, before, after) if rest.lasts else rest
+    return seen, update_rest(meter, seen.phase, rest, plant, before, after) if rest.lasts else rest
 
 
-def divided(meter: Meter, seen: Seen, rest: Rest, flow: Flow, kind: int) -> tuple[Seen, Rest]:
+def end_phase(meter: Meter, seen: PhaseStats, rest: SteadyStateStats, flow: Flow, kind: int) -> tuple[PhaseStats,
+                                                                                                      SteadyStateStats]:
     """End a phase and begin the next one, or begin the rest, where an event does so.
 
     Args:
@@ -391,7 +411,7 @@ def divided(meter: Meter, seen: Seen, rest: Rest, flow: Flow, kind: int) -> tupl
     return seen, rest
 
 
-def _end(meter: Meter, seen: Seen, rest: Rest, edges: Places, switched: int, end: float) -> None:
+def _end(meter: Meter, seen: PhaseStats, rest: SteadyStateStats, edges: Places, switched: int, end: float) -> None:
     """Write down the last phase, and how often the heater was switched on until the end."""
     if not meter.measures:
         return

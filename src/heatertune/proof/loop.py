@@ -10,33 +10,33 @@ from typing import Any, Final, cast
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compiled, worth_compiling
+from heatertune.compiled import compile_function, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.plain import bound
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core
+from heatertune.plc.core import StepFunctions
 from heatertune.plc.open_points import settings_of
 from heatertune.plc.pwm import INSTANT_S, Actuator
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import narrowed, single
+from heatertune.plc.single_precision import single, to_single
 from heatertune.plc.words import Words
-from heatertune.proof.happening import events_of
+from heatertune.proof.event_table import events_of
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.kernel import Batch, Record, run, run_all
+from heatertune.proof.kernel import LoopBatch, TraceArrays, run, run_all
 from heatertune.proof.meter import Meter, no_meter
-from heatertune.proof.program import Program, asked_now
 from heatertune.proof.scenario import (
     Scenario,
     conditions,
     temperatures,
 )
+from heatertune.proof.setpoint_program import SetpointProgram, asked_now
 from heatertune.proof.trace import Trace
 
 __all__ = [
-    "MOST_SCANS", "InLoop", "actuator_of", "check_words", "in_loop", "noise_of", "plant_row",
+    "MOST_SCANS", "LoopController", "actuator_of", "check_words", "in_loop", "noise_of", "plant_row",
     "program_of", "pulses_of", "ring_size", "run_compiled", "run_loop", "run_of", "run_plainly", "run_with", "scans_of",
-    "simulate", "traced",
+    "simulate", "trace_run",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -47,7 +47,7 @@ _PLC_RESOLUTION_S: Final = 0.001  # pulse width register in milliseconds: S7-200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InLoop:
+class LoopController:
     """A controller as the loop sees it.
 
     Attributes:
@@ -64,11 +64,11 @@ class InLoop:
         shown: the switches that a run may show, with their settings: words that have the same run alike, bit for bit.
     """
 
-    core: Core
+    core: StepFunctions
     parameters: Any
     state: Any
     sensor: Any
-    asked: Sequence[Number]
+    setpoints: Sequence[Number]
     scan_s: float
     ramp_step: Number = 0
     ramp_calls: int = 0
@@ -144,7 +144,7 @@ def _range_around(setpoint_degC: float, low_degC: float, high_degC: float) -> tu
 
 
 def run_loop(
-    controller: InLoop, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, *,
+    controller: LoopController, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, *,
     cut_s: float = math.inf,
 ) -> Trace:
     """Return the trace of any controller; errors as in `simulate`.
@@ -158,7 +158,7 @@ def run_loop(
     """
     conditions(scenario, model)
     scans = scans_of(controller, scenario)
-    return traced(controller, model, scenario, actuator, noise_of(scenario, scans), np.zeros(1), cut_s=cut_s)
+    return trace_run(controller, model, scenario, actuator, noise_of(scenario, scans), np.zeros(1), cut_s=cut_s)
 
 
 def noise_of(scenario: Scenario, scans: int) -> Array:
@@ -168,7 +168,7 @@ def noise_of(scenario: Scenario, scans: int) -> Array:
     return np.random.default_rng(scenario.seed).normal(0.0, abs(scenario.noise_degC), scans)  # -0.0
 
 
-def scans_of(controller: InLoop, scenario: Scenario) -> int:
+def scans_of(controller: LoopController, scenario: Scenario) -> int:
     """Return the number of scans; the last one comes at the end or just after it.
 
     Raises:
@@ -182,8 +182,8 @@ def scans_of(controller: InLoop, scenario: Scenario) -> int:
     return math.ceil(scans - INSTANT_S) + 1
 
 
-def traced(
-    controller: InLoop, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, noise_degC: Array,
+def trace_run(
+    controller: LoopController, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, noise_degC: Array,
     late_s: Array, *, cut_s: float = math.inf,
 ) -> Trace:
     """Return the trace of one run whose noise and delay are given, able to hold the setpoint or not.
@@ -201,10 +201,10 @@ def traced(
     time = np.arange(scans, dtype=np.float64) * controller.scan_s + late_s
     plant = plant_row(model, scenario)
     events = events_of(scenario, [model.dead_time_s])
-    batch = Batch(scans, noise_degC[None], late_s[None], np.array([plant]), *events, np.array(scenario.leads))
+    batch = LoopBatch(scans, noise_degC[None], late_s[None], np.array([plant]), *events, np.array(scenario.leads))
     pulses = pulses_of(time[-1] + 2.0 * controller.scan_s, actuator) + 2 * scenario.supplied.count(False)  # start-ups
     edges = np.empty(ring_size(pulses))
-    record = Record(
+    record = TraceArrays(
         True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
         *(np.empty(pulses + batch.event_time.size) for _ in range(4)),
     )
@@ -232,7 +232,7 @@ def traced(
     )
 
 
-def run_with(controller: InLoop, given: tuple[Any, ...], scans: int, *, ahead: int = 0) -> tuple[int, int]:
+def run_with(controller: LoopController, given: tuple[Any, ...], scans: int, *, ahead: int = 0) -> tuple[int, int]:
     """Run the kernel with a controller, compiled where that pays; `given` is what `run_all` takes from the program on.
 
     `scans` tells how much work it is, `ahead` how much more of it is sure to follow.
@@ -245,22 +245,22 @@ def run_with(controller: InLoop, given: tuple[Any, ...], scans: int, *, ahead: i
     return run_plainly(core, given)
 
 
-def run_of(core: Core) -> Callable[..., tuple[int, int]]:
+def run_of(core: StepFunctions) -> Callable[..., tuple[int, int]]:
     """Return the kernel with a controller in it, a plain function."""
-    loop = bound(run, step=core.step, measure=core.measure, restarted=core.restarted,
-                 asked_now=bound(asked_now, stored=core.stored))
-    return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop, started=core.started))
+    loop = bound(run, step=core.step, measure=core.measure, warm_state=core.warm_start,
+                 asked_now=bound(asked_now, setpoint_word=core.store_setpoint))
+    return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop, cold_state=core.cold_start))
 
 
-def run_compiled(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
+def run_compiled(core: StepFunctions, given: tuple[Any, ...]) -> tuple[int, int]:
     """Run the kernel as machine code, compiled where it is not yet; `given` are all of `run_all`'s arguments."""
     if core.singles:
         parameters, state, sensor, scan_s, program, *others = given
-        given = narrowed(parameters), narrowed(state), sensor, scan_s, narrowed(program), *others
-    return compiled(run_of(core))(*given)
+        given = to_single(parameters), to_single(state), sensor, scan_s, to_single(program), *others
+    return compile_function(run_of(core))(*given)
 
 
-def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
+def run_plainly(core: StepFunctions, given: tuple[Any, ...]) -> tuple[int, int]:
     """Run the kernel as plain Python; lists in place of arrays, as their numbers are Python's own."""
     lists: list[tuple[Any, Any]] = []
 
@@ -268,7 +268,8 @@ def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
         if isinstance(value, np.ndarray):
             lists.append((value, value.tolist()))
             return lists[-1][1]
-        return type(value)(*map(plain, value)) if isinstance(value, Program | Batch | Record | Meter) else value
+        return type(value)(*map(plain, value)) if isinstance(value, SetpointProgram | LoopBatch | TraceArrays
+                                                             | Meter) else value
 
     counted = run_of(core)(*map(plain, given))
     for array, written in lists:
@@ -276,7 +277,7 @@ def run_plainly(core: Core, given: tuple[Any, ...]) -> tuple[int, int]:
     return counted
 
 
-def actuator_of(controller: InLoop, given: Actuator | None) -> Actuator:
+def actuator_of(controller: LoopController, given: Actuator | None) -> Actuator:
     """Return the switch: the controller's own PWM, else the one given.
 
     Raises:
@@ -297,12 +298,13 @@ def plant_row(model: HeaterModel, scenario: Scenario) -> list[float]:
     return [model.gain_degC_per_pct, first, rest[0] if rest else 0.0, model.dead_time_s, ambient, start]
 
 
-def program_of(controller: InLoop, scenario: Scenario) -> Program:
+def program_of(controller: LoopController, scenario: Scenario) -> SetpointProgram:
     """Return the program around a controller, phase by phase; raise ValueError where it is asked for other phases."""
-    asked = np.array(controller.asked)
+    asked = np.array(controller.setpoints)
     if len(asked) != len(scenario.setpoints_degC):
         raise ValueError(f"{len(asked)} setpoints for {len(scenario.setpoints_degC)} phases")
-    return Program(asked, np.array(scenario.supplied, dtype=np.int64), controller.ramp_step, controller.ramp_calls,
+    return SetpointProgram(asked, np.array(scenario.supplied, dtype=np.int64), controller.ramp_step,
+                           controller.ramp_calls,
                    controller.ramp_hold)
 
 
@@ -319,7 +321,7 @@ def ring_size(pulses: int) -> int:
 def in_loop(
     controller: Controller, words: Words, setpoints_degC: Sequence[float], switches: Mapping[str, str], *,
     direct: bool = False,
-) -> InLoop:
+) -> LoopController:
     """Return a controller that runs words, asked for the setpoint of each phase.
 
     Args:
@@ -341,12 +343,12 @@ def in_loop(
     unit = (high - low) / (highest - lowest)
     none, ramp = type(asked[0])(0), words.ramp
     settings = settings_of(controller.switches, switches)
-    return InLoop(
-        core=replace(core, stored=single) if isinstance(asked[0], float) else core,
+    return LoopController(
+        core=replace(core, store_setpoint=single) if isinstance(asked[0], float) else core,
         parameters=running.parameters,
         state=running.state,
         sensor=controller.sensor(words.scaling),
-        asked=asked,
+        setpoints=asked,
         scan_s=timing.scan_s,
         ramp_step=none if ramp is None else ramp.step,
         ramp_calls=0 if ramp is None else ramp.calls,

@@ -16,11 +16,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from heatertune.model.values import HeaterModel
-from heatertune.proof.criteria import Limits
+from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.scenario import Scenario
 
 __all__ = ["MAINS_POWERS", "RATED_ONLY", "RESERVE_PCT", "MainsScenario", "Supply", "limits_off_rated", "mains_label",
-           "powered"]
+           "scale_power"]
 
 #: ±10 % of the voltage (EN 50160), as a share of the rated power
 MAINS_POWERS: Final = (0.9**2, 1.1**2)
@@ -58,7 +58,7 @@ class Supply:
     models: tuple[tuple[str, HeaterModel], ...]
 
 
-def powered(model: HeaterModel, mains_power: float) -> HeaterModel:
+def scale_power(model: HeaterModel, mains_power: float) -> HeaterModel:
     """Return a heater whose full power is this share of the rated one."""
     return replace(model, gain_degC_per_pct=mains_power * model.gain_degC_per_pct)
 
@@ -69,6 +69,6 @@ def mains_label(mains_power: float) -> str:
     return f"mains {'−' if volts_pct < 0 else '+'}{abs(volts_pct)} %"
 
 
-def limits_off_rated(limits: Limits) -> Limits:
+def limits_off_rated(limits: LoopLimits) -> LoopLimits:
     """Return the limits that hold at other than the rated power: those of time and cost do not."""
     return replace(limits, settling_s=None, recovery_s=None, iae_degC_s=None, power_reserve_pct=None)

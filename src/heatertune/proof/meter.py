@@ -13,13 +13,45 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from heatertune.proof.plant import Flow, Plant, area, reached
+from heatertune.proof.plant import Flow, Plant, area, level_crossing
 
 __all__ = [
-    "ABSOLUTE", "COLUMNS", "FAULTS", "HIGHEST", "LAG", "LIMITED", "LOWEST", "MEAN", "NOT_LED", "REST_HIGHEST",
-    "REST_LOWEST", "SCANS", "SETTLED", "SWITCHINGS", "TOTALS", "Meter", "Places", "Rest", "Seen", "absolute_by",
-    "begin", "close", "faults", "in_period", "integral", "is_led", "led_to", "no_meter", "rest_begins",
-    "rested", "rested_from", "seen_from", "seen_on", "seen_with", "settling", "through",
+    "ABSOLUTE",
+    "COLUMNS",
+    "FAULTS",
+    "HIGHEST",
+    "LAG",
+    "LIMITED",
+    "LOWEST",
+    "MEAN",
+    "NOT_LED",
+    "REST_HIGHEST",
+    "REST_LOWEST",
+    "SCANS",
+    "SETTLED",
+    "SWITCHINGS",
+    "TOTALS",
+    "Meter",
+    "PhaseStats",
+    "Places",
+    "SteadyStateStats",
+    "absolute_by",
+    "begin",
+    "close",
+    "faults",
+    "in_period",
+    "integral",
+    "is_led",
+    "led_to",
+    "no_meter",
+    "rest_begins",
+    "rested_from",
+    "seen_from",
+    "seen_on",
+    "seen_with",
+    "settling_time",
+    "through",
+    "update_rest",
 ]
 
 #: places for numbers: an array where the loop is compiled, a list in plain Python
@@ -78,7 +110,7 @@ class Meter(NamedTuple):
     leads: Places = NOT_LED
 
 
-class Seen(NamedTuple):
+class PhaseStats(NamedTuple):
     """One phase so far: its number, extremes, ∫|error|, whether it is outside the band, else since when not, lag."""
 
     phase: int
@@ -90,7 +122,7 @@ class Seen(NamedTuple):
     lag: float
 
 
-class Rest(NamedTuple):
+class SteadyStateStats(NamedTuple):
     """The time at rest so far: whether it lasts, its start, ∫error, extremes."""
 
     lasts: bool
@@ -123,12 +155,12 @@ def _lag(meter: Meter, phase: int, time: float, error: float) -> float:
     return 0.0
 
 
-def begin(meter: Meter, phase: int, time: float, error: float) -> Seen:
+def begin(meter: Meter, phase: int, time: float, error: float) -> PhaseStats:
     """Return a phase at its first instant."""
-    return Seen(phase, error, error, 0.0, abs(error) > meter.band, time, _lag(meter, phase, time, error))
+    return PhaseStats(phase, error, error, 0.0, abs(error) > meter.band, time, _lag(meter, phase, time, error))
 
 
-def seen_on(meter: Meter, seen: Seen, plant: Plant, before: Flow, after: Flow) -> Seen:
+def seen_on(meter: Meter, seen: PhaseStats, plant: Plant, before: Flow, after: Flow) -> PhaseStats:
     """Return the phase after a stretch on which the temperature does not turn.
 
     Args:
@@ -144,9 +176,9 @@ def seen_on(meter: Meter, seen: Seen, plant: Plant, before: Flow, after: Flow) -
 
 
 def seen_from(  # noqa: PLR0913 - what may be left out is told part by part
-    seen: Seen, setpoint: float, band: float, lag: float, plant: Plant, before: Flow, after: Flow, crosses: bool,
+    seen: PhaseStats, setpoint: float, band: float, lag: float, plant: Plant, before: Flow, after: Flow, crosses: bool,
     settles: bool,
-) -> Seen:
+) -> PhaseStats:
     """Return the phase after a stretch, see `seen_on`.
 
     Args:
@@ -161,15 +193,15 @@ def seen_from(  # noqa: PLR0913 - what may be left out is told part by part
         settles: whether it may be one of `settling`.
     """
     settled = seen.settled
-    if settles and settling(seen, setpoint, band, after):
-        settled = reached(before, after, setpoint + math.copysign(band, before.y - setpoint), plant).now
+    if settles and settling_time(seen, setpoint, band, after):
+        settled = level_crossing(before, after, setpoint + math.copysign(band, before.y - setpoint), plant).now
     absolute = _absolute(setpoint, plant, before, after) if crosses else abs(integral(setpoint, plant, before, after))
     return seen_with(seen, setpoint, band, lag, after.y, settled, absolute)
 
 
 def seen_with(
-    seen: Seen, setpoint: float, band: float, lag: float, y: float, settled: float, absolute: float
-) -> Seen:
+    seen: PhaseStats, setpoint: float, band: float, lag: float, y: float, settled: float, absolute: float
+) -> PhaseStats:
     """Return the phase after a stretch of which is known what has to be searched for, see `seen_from`.
 
     Args:
@@ -182,7 +214,7 @@ def seen_with(
         absolute: ∫|error| over the stretch [°C·s].
     """
     later = y - setpoint
-    return Seen(seen.phase, max(seen.highest, later), min(seen.lowest, later), seen.absolute + absolute,
+    return PhaseStats(seen.phase, max(seen.highest, later), min(seen.lowest, later), seen.absolute + absolute,
                 abs(later) > band, settled, max(seen.lag, lag))
 
 
@@ -191,7 +223,7 @@ def through(setpoint: float, before: Flow, after: Flow) -> bool:
     return (before.y - setpoint) * (after.y - setpoint) < 0.0
 
 
-def settling(seen: Seen, setpoint: float, band: float, after: Flow) -> bool:
+def settling_time(seen: PhaseStats, setpoint: float, band: float, after: Flow) -> bool:
     """Return whether the temperature comes into the band on a stretch.
 
     Args:
@@ -207,7 +239,7 @@ def _absolute(setpoint: float, plant: Plant, before: Flow, after: Flow) -> float
     """Return ∫|error| over a stretch on which the temperature does not turn: it is split where the error is 0."""
     if not through(setpoint, before, after):
         return abs(integral(setpoint, plant, before, after))
-    return absolute_by(setpoint, plant, before, reached(before, after, setpoint, plant), after)
+    return absolute_by(setpoint, plant, before, level_crossing(before, after, setpoint, plant), after)
 
 
 def absolute_by(setpoint: float, plant: Plant, before: Flow, there: Flow, after: Flow) -> float:
@@ -236,7 +268,7 @@ def integral(setpoint: float, plant: Plant, before: Flow, after: Flow) -> float:
     return area(before, after, plant) - setpoint * (after.now - before.now)
 
 
-def close(meter: Meter, seen: Seen, rest: Rest) -> Rest:
+def close(meter: Meter, seen: PhaseStats, rest: SteadyStateStats) -> SteadyStateStats:
     """Write down a phase that ends, and its rest."""
     place = seen.phase * COLUMNS
     meter.phases[place + HIGHEST] = seen.highest
@@ -248,20 +280,21 @@ def close(meter: Meter, seen: Seen, rest: Rest) -> Rest:
         meter.phases[place + MEAN] = rest.integral
         meter.phases[place + REST_HIGHEST] = rest.highest
         meter.phases[place + REST_LOWEST] = rest.lowest
-    return Rest(False, rest.start, rest.integral, rest.highest, rest.lowest)
+    return SteadyStateStats(False, rest.start, rest.integral, rest.highest, rest.lowest)
 
 
-def rest_begins(meter: Meter, phase: int, time: float, error: float) -> Rest:
+def rest_begins(meter: Meter, phase: int, time: float, error: float) -> SteadyStateStats:
     """Return the rest of a phase at its first instant."""
     if phase == 0:
         for number in range(len(meter.high)):
             meter.high[number] = -math.inf
             meter.low[number] = math.inf
         _in_period(meter, time, time, error)
-    return Rest(True, time, 0.0, error, error)
+    return SteadyStateStats(True, time, 0.0, error, error)
 
 
-def rested(meter: Meter, phase: int, rest: Rest, plant: Plant, before: Flow, after: Flow) -> Rest:
+def update_rest(meter: Meter, phase: int, rest: SteadyStateStats, plant: Plant, before: Flow,
+                after: Flow) -> SteadyStateStats:
     """Return the rest after a stretch on which the temperature does not turn.
 
     Args:
@@ -278,7 +311,7 @@ def rested(meter: Meter, phase: int, rest: Rest, plant: Plant, before: Flow, aft
     return rested_from(rest, setpoint, plant, before, after)
 
 
-def rested_from(rest: Rest, setpoint: float, plant: Plant, before: Flow, after: Flow) -> Rest:
+def rested_from(rest: SteadyStateStats, setpoint: float, plant: Plant, before: Flow, after: Flow) -> SteadyStateStats:
     """Return the rest after a stretch, see `rested`, but for what is kept of each PWM period.
 
     Args:
@@ -289,7 +322,7 @@ def rested_from(rest: Rest, setpoint: float, plant: Plant, before: Flow, after: 
         after: at its end.
     """
     error = after.y - setpoint
-    return Rest(
+    return SteadyStateStats(
         rest.lasts, rest.start, rest.integral + integral(setpoint, plant, before, after),
         max(rest.highest, error), min(rest.lowest, error),
     )

@@ -13,7 +13,7 @@ from typing import Final
 
 from heatertune.proof.criteria import Criterion, worst_of
 
-__all__ = ["DRAWS", "Draws", "drawn", "nearest"]
+__all__ = ["DRAWS", "NoiseDraws", "draw_noise", "nearest"]
 
 DRAWS: Final = 59
 _SHARE_PCT: Final = 95  # of all draws, and confidence: 0.95**59 < 0.05
@@ -25,7 +25,7 @@ Again = Callable[[Sequence[int]], Sequence[tuple[Criterion, ...]]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Draws:
+class NoiseDraws:
     """What many draws of the noise do to one run.
 
     Attributes:
@@ -36,7 +36,7 @@ class Draws:
 
     criteria: tuple[Criterion, ...]
     seed: int
-    told: str
+    summary: str
 
 
 def nearest(runs: Sequence[Sequence[Criterion]]) -> int:
@@ -50,7 +50,7 @@ def _nearness(criteria: Sequence[Criterion]) -> float:
     return max(at_rest, *(one.strain for one in criteria if one.name != "power_reserve"))
 
 
-def drawn(first: tuple[Criterion, ...], again: Again, *, seed: int, scans: int, noise_degC: float) -> Draws:
+def draw_noise(first: tuple[Criterion, ...], again: Again, *, seed: int, scans: int, noise_degC: float) -> NoiseDraws:
     """Return a run with more draws of its noise, until one of them breaks a limit or all are made.
 
     Args:
@@ -66,8 +66,8 @@ def drawn(first: tuple[Criterion, ...], again: Again, *, seed: int, scans: int, 
         draws.update(zip(seeds, again(seeds), strict=True))
     broken = sum(not all(one.ok for one in criteria) for criteria in draws.values())
     worst = max(draws, key=lambda one: sorted((criterion.strain for criterion in draws[one]), reverse=True))
-    return Draws(criteria=tuple(worst_of(same) for same in zip(*draws.values(), strict=True)), seed=worst,
-                 told=_told(noise_degC, len(draws), broken))
+    return NoiseDraws(criteria=tuple(worst_of(same) for same in zip(*draws.values(), strict=True)), seed=worst,
+                 summary=_told(noise_degC, len(draws), broken))
 
 
 def _told(noise_degC: float, draws: int, broken: int) -> str:

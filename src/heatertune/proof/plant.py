@@ -13,12 +13,24 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from heatertune.heater import exact
-from heatertune.heater.elementary import decay, decayed, logarithm, logarithm_beside_1
-from heatertune.heater.exact import Factors, advanced
+from heatertune.heater.elementary import decay, expm1_negative, logarithm, logarithm_beside_1
+from heatertune.heater.exact import Factors, advance_step
 from heatertune.plain import bound
 
-__all__ = ["MOST_ROUNDS", "Flow", "Plant", "Search", "area", "closer", "factors", "moved", "plant_from",
-           "reached", "searched_from", "turn"]
+__all__ = [
+    "MOST_ROUNDS",
+    "CrossingSearch",
+    "Flow",
+    "Plant",
+    "advance_heater",
+    "area",
+    "closer",
+    "factors",
+    "level_crossing",
+    "plant_from",
+    "searched_from",
+    "turn",
+]
 
 _NEAR: Final = 1e-9  # a root is followed until it moves by no more [s]
 MOST_ROUNDS: Final = 200
@@ -76,13 +88,13 @@ def factors(t: float, plant: Plant) -> Factors:
     left = decay(-t * plant.by_first)
     if plant.second == 0.0:
         return Factors(left, 0.0, 1.0)
-    stretch = t if plant.apart == 0.0 else decayed(plant.apart * t) * plant.by_apart
+    stretch = t if plant.apart == 0.0 else expm1_negative(plant.apart * t) * plant.by_apart
     return Factors(left, left * stretch * plant.by_first, decay(-t * plant.by_second))
 
 
-def moved(flow: Flow, now: float, f: Factors) -> Flow:
+def advance_heater(flow: Flow, now: float, f: Factors) -> Flow:
     """Return the heater at `now`, the power being constant since; the factors are those of the time between."""
-    y, x = advanced(flow.y, flow.x, flow.target, f)
+    y, x = advance_step(flow.y, flow.x, flow.target, f)
     return Flow(now, y, x, flow.target, flow.heat, flow.load, flow.mains)
 
 
@@ -102,7 +114,7 @@ def area(before: Flow, after: Flow, plant: Plant) -> float:
     return before.target * (after.now - before.now) - gained
 
 
-def reached(before: Flow, after: Flow, level: float, plant: Plant) -> Flow:
+def level_crossing(before: Flow, after: Flow, level: float, plant: Plant) -> Flow:
     """Return the heater where y reaches a level between two instants, the power being constant and y not turning."""
     if plant.second == 0.0:
         return _reached_by_one_lag(before, after, level, plant)
@@ -114,7 +126,7 @@ def reached(before: Flow, after: Flow, level: float, plant: Plant) -> Flow:
     return Flow(search.now, search.y, search.x, before.target, before.heat, before.load, before.mains)
 
 
-class Search(NamedTuple):
+class CrossingSearch(NamedTuple):
     """Where two lags are looked for at a level: it lies within two instants [s].
 
     Attributes:
@@ -136,7 +148,7 @@ class Search(NamedTuple):
     found: bool
 
 
-def searched_from(before: Flow, after: Flow, level: float, plant: Plant) -> Search:
+def searched_from(before: Flow, after: Flow, level: float, plant: Plant) -> CrossingSearch:
     """Return where a search begins: on the cubic that leaves both ends as y does, from a parabola on.
 
     It needs no exponential, and beside a turn, where Newton's steps from a line would halve the way again and again, it
@@ -154,7 +166,7 @@ def searched_from(before: Flow, after: Flow, level: float, plant: Plant) -> Sear
     below = first + math.copysign(math.sqrt(max(first * first + 4.0 * (rise - first) * way, 0.0)), rise)
     share = 2.0 * way / below if below != 0.0 else 0.0
     share = _nearer(share if 0.0 < share < 1.0 else 0.5, way, rise, first, last)
-    return Search(before.now, after.now, before.now + share * seconds, before.y, before.x, False, False)
+    return CrossingSearch(before.now, after.now, before.now + share * seconds, before.y, before.x, False, False)
 
 
 def _nearer(share: float, way: float, rise: float, first: float, last: float) -> float:
@@ -165,7 +177,7 @@ def _nearer(share: float, way: float, rise: float, first: float, last: float) ->
     return nearer if 0.0 < nearer < 1.0 else share
 
 
-def closer(before: Flow, after: Flow, level: float, plant: Plant, search: Search) -> Search:
+def closer(before: Flow, after: Flow, level: float, plant: Plant, search: CrossingSearch) -> CrossingSearch:
     """Return the next step of a search, by Newton; arguments as of `reached`.
 
     Args:
@@ -175,7 +187,7 @@ def closer(before: Flow, after: Flow, level: float, plant: Plant, search: Search
         plant: likewise.
         search: so far.
     """
-    there = moved(before, search.now, factors(search.now - before.now, plant))
+    there = advance_heater(before, search.now, factors(search.now - before.now, plant))
     beyond = (there.y > level) == (after.y > before.y)
     low, high = search.low if beyond else there.now, there.now if beyond else search.high
     slope = (there.x - there.y) * plant.by_first
@@ -187,7 +199,7 @@ def closer(before: Flow, after: Flow, level: float, plant: Plant, search: Search
     if not last and not low < now < high:  # Newton's step leads out: halve
         now = 0.5 * (low + high)
         last = high - low <= _NEAR
-    return Search(low, high, search.now if search.last else now, there.y, there.x, last, search.last)
+    return CrossingSearch(low, high, search.now if search.last else now, there.y, there.x, last, search.last)
 
 
 def _reached_by_one_lag(before: Flow, after: Flow, level: float, plant: Plant) -> Flow:

@@ -13,9 +13,9 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from heatertune.errors import UnknownName
-from heatertune.proof.criteria import Limits
-from heatertune.proof.specification import GENERAL, LIMITS, NOTHING, STORY, Part, Specification, quantity
-from heatertune.proof.story import Story
+from heatertune.proof.criteria import LoopLimits
+from heatertune.proof.specification import GENERAL, LIMITS, NOTHING, STORY, SequencePart, Specification, quantity
+from heatertune.proof.test_sequence import TestSequence
 
 __all__ = ["PRESETS", "Preset", "default_limit", "preset", "relaxed_limits"]
 
@@ -25,7 +25,7 @@ _ROUNDING: Final = 1e-9  # of a limit
 class Preset(NamedTuple):
     """What a kind of user asks for beyond the general: whose it is, limits with their reasons, parts of the story."""
 
-    what: str
+    description: str
     limits: Mapping[str, tuple[str, str]]
     story: Mapping[str, str] = MappingProxyType({})
 
@@ -173,14 +173,14 @@ def _told(name: str, own: Sequence[str], usual: Sequence[str]) -> str:
     return f"{name.replace('-', ' ')} {text(own)} (default {text(usual)})"
 
 
-def _part_told(part: Part, story: Story) -> str:
+def _part_told(part: SequencePart, story: TestSequence) -> str:
     value = getattr(story, part.field)
     return ("on" if value else "off") if not part.unit else f"{value / part.factor:g} {part.unit}"
 
 
 def _general() -> dict[str, tuple[str, ...]]:
     """Return the defaults of `Limits` as a user would write them."""
-    defaults = {one.name: one.default for one in fields(Limits)}
+    defaults = {one.name: one.default for one in fields(LoopLimits)}
     limits: dict[str, tuple[str, ...]] = {}
     defaults["small_change_overshoot_pct"] = SMALL_CHANGE_PCT
     for name, kind in LIMITS.items():

@@ -97,7 +97,7 @@ class Profile:
             raise InputError("no segment; expected at least one, with target, ramp and soak")
 
     @property
-    def told(self) -> str:
+    def label(self) -> str:
         """What it is called, and what tells it from others of that name."""
         digest = hashlib.sha256(repr(self.segments).encode()).hexdigest()[:_DIGITS]
         return f"{self.name} ({count(len(self.segments), 'segment')}, sha256 {digest})"

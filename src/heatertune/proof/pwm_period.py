@@ -9,10 +9,10 @@ from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.pwm import tick_for
-from heatertune.proof.fitted import setpoints_for
 from heatertune.proof.heaters import ROOM_DEGC
-from heatertune.proof.period import SWITCHES, propose_period
-from heatertune.proof.spec_file import specified
+from heatertune.proof.prove_words import setpoints_for
+from heatertune.proof.ripple_and_wear import SWITCHES, propose_period
+from heatertune.proof.spec_file import specification_of
 from heatertune.settings import Conditions
 
 __all__ = ["with_pwm"]
@@ -43,7 +43,7 @@ def with_pwm(
     tick = None if words is None else controller_for(words.target).tick_s
     wanted = propose_period(
         fitted.plants, kind=kind, sample_time_s=design.sample_time_s, ambient_degC=ROOM_DEGC, setpoint_degC=setpoint,
-        ripple_degC_most=_OF_TOLERANCE * specified(assumed).tolerance_degC, tick_s=tick,
+        ripple_degC_most=_OF_TOLERANCE * specification_of(assumed).tolerance_degC, tick_s=tick,
     )
     if words is not None and (cycle := controller_for(words.target).cycle) is not None:
         if assumed.pwm_period_s is not None or len(cycle.periods_s) == 1:
@@ -54,9 +54,9 @@ def with_pwm(
         period = calm[-1] if calm and math.isfinite(SWITCHES[kind].life) else longer[0]
         return design, replace(assumed, pwm_period_s=period)
     if words is not None and (own := controller_for(words.target).timing(words).pwm_period_s) is not None:
-        note = f"{words.target} makes the PWM itself, period {own:g} s; a switch behind it would get: {wanted.told}"
+        note = f"{words.target} makes the PWM itself, period {own:g} s; a switch behind it would get: {wanted.summary}"
         return replace(design, notes=(*design.notes, note)), assumed
     if assumed.pwm_period_s is None:
         resolution = tick_for(tick, sample_time_s=design.sample_time_s, pwm_period_s=wanted.period_s)
         assumed = replace(assumed, pwm_period_s=wanted.period_s, pwm_resolution_s=resolution)
-    return replace(design, notes=(*design.notes, wanted.told)), assumed
+    return replace(design, notes=(*design.notes, wanted.summary)), assumed

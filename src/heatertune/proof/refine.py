@@ -17,12 +17,12 @@ from heatertune.pid.loop.robustness import sensitivity_peaks
 from heatertune.pid.search.robust import Open
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
-from heatertune.plc.choice import WordChoice
-from heatertune.plc.choose import realised_as
-from heatertune.plc.cooler import cooled
+from heatertune.plc.cooler import with_cooling
 from heatertune.plc.design import encode, loop_fit
-from heatertune.plc.promise import broken_by
-from heatertune.progress import Told
+from heatertune.plc.robustness_check import broken_by
+from heatertune.plc.word_choice import WordChoice
+from heatertune.plc.word_selection import realised_as
+from heatertune.progress import ProgressCallback
 from heatertune.proof import Proof, prove
 from heatertune.settings import Conditions
 from heatertune.units import written
@@ -37,7 +37,7 @@ _MOST_ROUNDS: Final = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Tried:
+class _RefinementTrial:
     """Words and what they run, judged over the heaters.
 
     Attributes:
@@ -59,7 +59,7 @@ class _Tried:
 
 
 def refine(
-    choice: WordChoice, fitted: FittedModel, conditions: Conditions | None = None, *, progress: Told = str
+    choice: WordChoice, fitted: FittedModel, conditions: Conditions | None = None, *, progress: ProgressCallback = str
 ) -> WordChoice:
     """Return words that keep what the proof asks for and whose IAE in its scenario is the least nearby.
 
@@ -78,11 +78,11 @@ def refine(
     """
     design, limit = controller_for(choice.words.target).decode(choice.words), choice.search.ms_limit
     if design is None or limit is None or math.isinf(design.integral_time_s):
-        return choice.noted("The gains were not refined: that needs a stable controller with an I part.")
+        return choice.with_note("The gains were not refined: that needs a stable controller with an I part.")
     progress(f"refining the gains in the loop of {choice.words.target}")
     promise = choice.search.promise
-    loop = _Loop(
-        choice=choice, fitted=fitted, conditions=conditions, ms=max(limit, choice.search.realised.ms or limit),
+    loop = _RefinementLoop(
+        choice=choice, fitted_model=fitted, conditions=conditions, ms=max(limit, choice.search.realised.ms or limit),
         drawn=None if promise is None else Open.of(
             loop_fit(fitted, choice.words.target, choice.words.scaling), promise.way))
     first = best = loop.run(choice.words, design)
@@ -97,7 +97,8 @@ def refine(
     saved = 1.0 - best.cost / first.cost
     mended = sorted(first.broken - best.broken)
     if saved < WORTH and not mended:
-        return choice.noted(f"In the loop of the proof no gains nearby cost {WORTH:.0%} less IAE: none was changed.")
+        return choice.with_note(f"In the loop of the proof no gains nearby cost {WORTH:.0%} less IAE: none was "
+                                f"changed.")
     kept = f"; {' and '.join(mended)} is kept now" if mended else ""
     changes = (
         f"Refined in the loop of the proof, limits, anti-windup and PWM included: K by {_factor(best, first, 'gain')}, "
@@ -105,28 +106,29 @@ def refine(
         f"to {written(best.cost)} °C·s{kept}."
     )
     real = realised_as(best.words, fitted, choice.search.iae_load_wished)
-    return replace(choice, words=best.words, search=replace(choice.search, way="refined", realised=real)).noted(changes)
+    return replace(choice, words=best.words,
+                   search=replace(choice.search, way="refined", realised=real)).with_note(changes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Loop:
+class _RefinementLoop:
     choice: WordChoice
-    fitted: FittedModel
+    fitted_model: FittedModel
     conditions: Conditions | None
     ms: float
     drawn: Open | None
 
-    def run(self, words: Words, design: PidDesign) -> _Tried:
-        proof: Proof = prove(words, self.fitted, self.conditions)
+    def run(self, words: Words, design: PidDesign) -> _RefinementTrial:
+        proof: Proof = prove(words, self.fitted_model, self.conditions)
         cost = next(criterion.value for criterion in proof.criteria if criterion.name == "iae")
         broken = frozenset(criterion.name for criterion in proof.criteria if not criterion.ok)
         excess = max(0.0, max(criterion.strain for criterion in proof.criteria) - 1.0)
-        return _Tried(words=words, design=design, broken=broken, excess=excess, cost=cost)
+        return _RefinementTrial(words=words, design=design, broken=broken, excess=excess, cost=cost)
 
     def around(self, design: PidDesign, step: float, seen: set[Any]) -> Iterator[tuple[Words, PidDesign]]:
         """Return the words a step away that are new, fit the target and keep the limit on Ms."""
         target, scaling = self.choice.words.target, self.choice.words.scaling
-        plants = loop_fit(self.fitted, target, scaling).plants
+        plants = loop_fit(self.fitted_model, target, scaling).plants
         gain_of_cooler = None if self.conditions is None else self.conditions.cooling_gain
         for gain, time in product((-step, 0.0, step), repeat=2):
             changed = replace(
@@ -134,7 +136,7 @@ class _Loop:
                 integral_time_s=design.integral_time_s * math.exp(time),
             )
             try:
-                words = cooled(encode(changed, target, scaling=scaling), gain_of_cooler)
+                words = with_cooling(encode(changed, target, scaling=scaling), gain_of_cooler)
             except NotRepresentable:
                 continue
             key = tuple(words.values.items())
@@ -152,6 +154,6 @@ class _Loop:
         return promise is None or self.drawn is None or broken_by(words, self.drawn, promise) is None
 
 
-def _factor(best: _Tried, first: _Tried, what: str) -> str:
+def _factor(best: _RefinementTrial, first: _RefinementTrial, what: str) -> str:
     name = "gain_pct_per_degC" if what == "gain" else "integral_time_s"
     return f"{getattr(best.design, name) / getattr(first.design, name):.3g}"

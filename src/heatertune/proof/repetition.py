@@ -13,23 +13,23 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.cache import cached, release
+from heatertune.cache import load_or_compute, release
 from heatertune.codec import decode, encode
-from heatertune.documents import found, plain, read_document
+from heatertune.documents import existing_path, plain, read_document
 from heatertune.errors import DocumentError, HeatertuneError, InputError
 from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
+from heatertune.pid.design_provenance import DesignProvenance
 from heatertune.pid.document import parts_of, read_design
 from heatertune.pid.document import to_document as pid_document
-from heatertune.pid.recipe import Recipe
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
-from heatertune.progress import Told
-from heatertune.proof.document import ProofView, checked, digested
-from heatertune.proof.proving import Proof
-from heatertune.proof.recipes import demand_same_files, files_of, made_again, recorded
+from heatertune.progress import ProgressCallback
+from heatertune.proof.document import ProofView, check_document, with_digest
+from heatertune.proof.proof import Proof
+from heatertune.proof.rebuild_words import demand_same_files, files_of, made_again, recorded_conditions
 from heatertune.proof.setpoint_ramp import prove_ramped
-from heatertune.proof.spec_file import specified
+from heatertune.proof.spec_file import specification_of
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA, WholeWordsView, demand_same_words, words_of
 from heatertune.settings import Conditions, SampleSettings
@@ -63,11 +63,11 @@ class RepeatedProof:
     words_document: Mapping[str, Any]
     proof: Mapping[str, Any]
     design: Mapping[str, Any]
-    fitted: FittedModel
+    fitted_model: FittedModel
     conditions: Conditions
 
 
-def repeat_proof(path: str | Path, *, accept: Sequence[str] = (), progress: Told = str) -> RepeatedProof:
+def repeat_proof(path: str | Path, *, accept: Sequence[str] = (), progress: ProgressCallback = str) -> RepeatedProof:
     """Prove the words of a file again, on the heater and under the conditions of the design next to it.
 
     Args:
@@ -83,10 +83,10 @@ def repeat_proof(path: str | Path, *, accept: Sequence[str] = (), progress: Told
         OutOfRange: a word that the controller does not allow.
         UnknownName: no finding of this name blocks a verdict.
     """
-    words_path = found(path)
+    words_path = existing_path(path)
     place, proof_path = words_path.parent, words_path.with_name("proof.json")
     document = read_document(words_path, WORDS_SCHEMA)
-    stored = checked(read_document(proof_path, PROOF_SCHEMA), proof_path)
+    stored = check_document(read_document(proof_path, PROOF_SCHEMA), proof_path)
     decode(WholeWordsView, document, words_path)
     words = words_of(document, str(document.get("target")), words_path)
     demand_same_words(document, stored, proof_path)
@@ -109,12 +109,12 @@ def repeat_proof(path: str | Path, *, accept: Sequence[str] = (), progress: Told
     if wider != recipe.conditions:
         again = _with_sentences(_proof_document(words, fitted, wider, samples), stored, proof_path)
     return RepeatedProof(
-        words=words, words_document=document, proof=again, fitted=fitted, conditions=wider,
+        words=words, words_document=document, proof=again, fitted_model=fitted, conditions=wider,
         design=pid_document(design, fitted, replace(recipe, conditions=wider)))
 
 
 def design_document(
-    proof: Proof, design: PidDesign | None, fitted: FittedModel, recipe: Recipe | None, conditions: Conditions
+    proof: Proof, design: PidDesign | None, fitted: FittedModel, recipe: DesignProvenance | None, conditions: Conditions
 ) -> dict[str, Any] | None:
     """Return the document from which proven words can be made and proven again; None: no design makes these words.
 
@@ -128,8 +128,8 @@ def design_document(
     source = design or proof.design
     if source is None:
         return None
-    scaling, kept = proof.words.scaling, recorded(conditions)
-    base = recipe or Recipe(target=proof.words.target, conditions=kept)
+    scaling, kept = proof.words.scaling, recorded_conditions(conditions)
+    base = recipe or DesignProvenance(target=proof.words.target, conditions=kept)
     base = replace(
         base, target=proof.words.target, range_degC=scaling.sensor_degC, input=scaling.input, conditions=kept,
         setpoint_ramp=proof.setpoint_ramp, boost=proof.boost, files=files_of(kept), way_on=None)
@@ -151,7 +151,7 @@ def demand_consistent(folder: str | Path, documents: Mapping[str, Mapping[str, A
 
     Raises:
         DocumentError: they do not.
-        InputError, OutOfRange: as `heatertune.proof.recipes.made_again`.
+        InputError, OutOfRange: as `heatertune.proof.rebuild_words.made_again`.
     """
     place, document = Path(folder), documents["words"]
     words = words_of(document, str(document.get("target")), place / "words.json")
@@ -180,7 +180,7 @@ def _way_on(words: Words) -> str:
             "for words alone name their heater, too (--gain, --time-constant, --dead-time)")
 
 
-def _assumed_recipe(words: Words, proof: Mapping[str, Any], design: PidDesign, fitted: FittedModel) -> Recipe:
+def _assumed_recipe(words: Words, proof: Mapping[str, Any], design: PidDesign, fitted: FittedModel) -> DesignProvenance:
     """Return the recipe of a design that has none: the defaults, with what the proof states in its first lines.
 
     Its words are those of the first way of rounding that makes the given ones, else of the last way.
@@ -189,7 +189,7 @@ def _assumed_recipe(words: Words, proof: Mapping[str, Any], design: PidDesign, f
     conditions = Conditions(
         setpoint_degC=view.scenario.setpoint_degC, switches=dict(view.known),
         pwm_period_s=view.actuator.pwm_period_s)
-    recipe = Recipe(target=words.target, range_degC=words.scaling.sensor_degC, input=words.scaling.input,
+    recipe = DesignProvenance(target=words.target, range_degC=words.scaling.sensor_degC, input=words.scaling.input,
                     conditions=conditions, setpoint_ramp=view.setpoint_ramp, boost=view.boost)
     for way in ("rounded", "optimum"):
         recipe = replace(recipe, words_by=way)
@@ -200,7 +200,8 @@ def _assumed_recipe(words: Words, proof: Mapping[str, Any], design: PidDesign, f
 
 
 def _demand_words(
-    words: Words, document: Mapping[str, Any], design: PidDesign, fitted: FittedModel, recipe: Recipe, where: Path
+    words: Words, document: Mapping[str, Any], design: PidDesign, fitted: FittedModel, recipe: DesignProvenance,
+    where: Path
 ) -> None:
     """Refuse words that the design does not make, or that their document describes as others."""
     made = made_again(design, fitted, recipe).words
@@ -253,15 +254,15 @@ def _proof_document(
         proof, _ = prove_ramped(words, fitted, None, conditions)
         if samples is None:
             return proof.to_document()
-        from heatertune.proof.drawn import with_samples  # noqa: PLC0415 - most proofs are without samples
+        from heatertune.proof.monte_carlo.run import with_samples  # noqa: PLC0415 - most proofs are without samples
 
         return with_samples(proof, fitted, samples, conditions).to_document()
 
     inputs = {
         "words": repr(words), "model": model_document.to_document(fitted), "conditions": asdict(conditions),
-        "specification": repr(specified(conditions)), "samples": repr(samples),
+        "specification": repr(specification_of(conditions)), "samples": repr(samples),
         "libraries": [release(name) for name in ("numpy", "scipy", "numba")]}
-    return cached("proof", inputs, run, lambda document: checked(document, "the cache"))
+    return load_or_compute("proof", inputs, run, lambda document: check_document(document, "the cache"))
 
 
 def _demand_same(path: Path, name: str, stored: object, again: object, words: Words) -> None:
@@ -306,4 +307,4 @@ def _with_sentences(again: Mapping[str, Any], stored: Mapping[str, Any], path: P
         if odd := [sentence for sentence in others if not sentence.isprintable()]:
             raise DocumentError(f"{path}: {name}: {odd[0][:40]!r}: expected one line")
         kept[name] = others
-    return digested(kept)
+    return with_digest(kept)

@@ -16,20 +16,29 @@ from heatertune.model.values import HeaterModel
 from heatertune.plc.controller import Controller
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
-from heatertune.processors import each, processors
-from heatertune.progress import Told
+from heatertune.processors import processors, threaded_map
+from heatertune.progress import ProgressCallback
 from heatertune.proof.coverage import Coverage, Run
-from heatertune.proof.criteria import Criterion, Limits
+from heatertune.proof.criteria import Criterion, LoopLimits
+from heatertune.proof.criterion_table import CriterionTable, columns_of, join_tables, reorder
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.judging import judge
-from heatertune.proof.loop import InLoop, actuator_of, check_words, in_loop, noise_of, plant_row, scans_of, simulate
+from heatertune.proof.long_outage import LongOutage
+from heatertune.proof.loop import (
+    LoopController,
+    actuator_of,
+    check_words,
+    in_loop,
+    noise_of,
+    plant_row,
+    scans_of,
+    simulate,
+)
 from heatertune.proof.mains import RATED_ONLY, limits_off_rated, mains_label
-from heatertune.proof.measured import Measured, columns_of, joined, ordered
-from heatertune.proof.metered import metered
-from heatertune.proof.night import Night
-from heatertune.proof.scenario import Scenario, conditions, delayed
+from heatertune.proof.measured_runs import measure_runs
+from heatertune.proof.scenario import Scenario, conditions, delay_heater
 from heatertune.proof.search_budget import count_scans
 from heatertune.proof.trace import Trace
+from heatertune.proof.trace_criteria import judge
 
 __all__ = ["AllRuns", "Runs", "judged_once"]
 
@@ -52,10 +61,10 @@ def judged_once() -> Iterator[None]:
         _judged.reset(mark)
 
 
-class _Part(NamedTuple):
+class _RunChunk(NamedTuple):
     """Runs under one setting: the words under it, their places among all, and how many follow them."""
 
-    loop: InLoop
+    loop: LoopController
     places: list[int]
     ahead: int
 
@@ -84,21 +93,21 @@ class Runs:
     controller: Controller
     words: Words
     cases: Sequence[tuple[str, HeaterModel, Mapping[str, str]]]
-    loops: Sequence[InLoop]
+    loops: Sequence[LoopController]
     scenario: Scenario
     actuator: Actuator
-    limits: Limits
+    limits: LoopLimits
     interlock: Interlock | None
-    progress: Told
+    progress: ProgressCallback
     mains_power: float | None = None
     done: tuple[int, int] | None = None
     models: Sequence[tuple[str, HeaterModel]] = ()
-    reference: tuple[Night, Runs] | None = None
+    reference: tuple[LongOutage, Runs] | None = None
 
     @classmethod
     def of(  # noqa: PLR0913 - what a run is made of
         cls, controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario,
-        actuator: Actuator | None, limits: Limits, coverage: Coverage, *, interlock: Interlock | None,
+        actuator: Actuator | None, limits: LoopLimits, coverage: Coverage, *, interlock: Interlock | None,
         mains_power: float | None = None,
     ) -> Runs:
         """Return the runs of every model under every setting that a proof covers.
@@ -121,7 +130,7 @@ class Runs:
         settings = coverage.settings(controller.switches)
         if not models:
             raise InputError("a proof needs at least one model")
-        late = [(name, delayed(model, controller.delayed_s(words.scaling))) for name, model in models]
+        late = [(name, delay_heater(model, controller.delayed_s(words.scaling))) for name, model in models]
         _check(controller, words, late, scenario)
         cases = [(name, model, setting) for (name, model), setting in product(late, settings)
                  if coverage.runs(name, setting, mains_power)]
@@ -158,20 +167,20 @@ class Runs:
         """Scans of a run."""
         return scans_of(self.loops[0], self.scenario)
 
-    def traced(self, run: int, seed: int | None = None, *, direct: bool = False) -> Trace:
+    def trace(self, run: int, seed: int | None = None, *, direct: bool = False) -> Trace:
         """Return the trace of a run, `direct` without the controller's listing; `seed` of its noise, None: its own."""
         _, model, setting = self.cases[run]
         scenario = self.scenario if seed is None else replace(self.scenario, seed=seed)
         return simulate(
             self.controller, self.words, model, scenario, self.actuator, setting, self.interlock, direct=direct)
 
-    def judged(self) -> list[_Judged]:
+    def judge_all(self) -> list[_Judged]:
         """Return the criteria of each run."""
         judged = self._judged()
         if self.reference is None:
             return judged
         night, before = self.reference
-        return [night.compared(*pair) for pair in zip(judged, before.judged(), strict=True)]
+        return [night.compare(*pair) for pair in zip(judged, before.judge_all(), strict=True)]
 
     def _judged(self) -> list[_Judged]:
         if self.interlock is None:
@@ -198,7 +207,7 @@ class Runs:
             return self._metered([run] * len(seeds), seeds)
         count_scans(len(seeds) * self.scans)
         # what it sees is the temperature at any instant, which only a trace tells
-        return [self.judge(self.traced(run, seed, direct=True), run) for seed in seeds]
+        return [self.judge(self.trace(run, seed, direct=True), run) for seed in seeds]
 
     def _tell(self, done: int) -> None:
         before, total = self.done or (0, len(self.cases))
@@ -239,19 +248,19 @@ class Runs:
         noise = np.array([noise_of(replace(self.scenario, seed=seed), self.scans)
                           for *_, seed in (once if seeds else keys[:1])])
 
-        def run(part: _Part) -> Measured:
-            return metered(
+        def run(part: _RunChunk) -> CriterionTable:
+            return measure_runs(
                 part.loop, rows[part.places], self.scenario, self.actuator, self.limits,
                 noise[part.places] if seeds else noise, np.zeros((1, 1)), ahead=part.ahead)
 
         shared = self.loops[0].core.compiles and len(once) * self.scans > _SHARED
         workers = processors() if shared else 1
-        parts, measured = self._parts(list(once.values()), workers), list[Measured]()
-        for part, found in zip(parts, each(run, parts, workers), strict=True):
+        parts, measured = self._parts(list(once.values()), workers), list[CriterionTable]()
+        for part, found in zip(parts, threaded_map(run, parts, workers), strict=True):
             measured.append(found)
             tell(len(runs) - part.ahead)
         back = dict(zip(once, np.argsort(np.concatenate([part.places for part in parts])), strict=True))
-        columns = columns_of(ordered(joined(measured), np.array([back[key] for key in keys])), self.limits)
+        columns = columns_of(reorder(join_tables(measured), np.array([back[key] for key in keys])), self.limits)
         labels = [self.label(run) for run in runs]
         return [self._held(criteria)
                 for criteria in zip(*(column.criteria(labels) for column in columns), strict=True)]
@@ -260,14 +269,14 @@ class Runs:
         """Return what a run shows of its setting: runs of one heater that show the same are the same, bit for bit."""
         return next(loop.shown for loop in self.loops if loop.switches == self.cases[run][2])
 
-    def _parts(self, runs: Sequence[int], workers: int) -> list[_Part]:
+    def _parts(self, runs: Sequence[int], workers: int) -> list[_RunChunk]:
         """Return the runs in parts, those under each setting shared among so many."""
-        parts, ahead = list[_Part](), len(runs)
+        parts, ahead = list[_RunChunk](), len(runs)
         for loop in self.loops:
             own = [place for place, run in enumerate(runs) if self.cases[run][2] == loop.switches]
             for places in (own[worker::workers] for worker in range(min(workers, len(own)))):
                 ahead -= len(places)
-                parts.append(_Part(loop, places, ahead))
+                parts.append(_RunChunk(loop, places, ahead))
         return parts
 
 
@@ -296,19 +305,19 @@ class AllRuns:
             run -= len(part.cases)
         raise IndexError(run)
 
-    def traced(self, run: int, seed: int | None = None, *, direct: bool = False) -> Trace:
-        """Return the trace of a run, see `Runs.traced`."""
+    def trace(self, run: int, seed: int | None = None, *, direct: bool = False) -> Trace:
+        """Return the trace of a run, see `Runs.trace`."""
         part, own = self.place(run)
-        return part.traced(own, seed, direct=direct)
+        return part.trace(own, seed, direct=direct)
 
     def judge(self, trace: Trace, run: int) -> _Judged:
         """Return the criteria of a run from its trace."""
         part, own = self.place(run)
         return part.judge(trace, own)
 
-    def judged(self) -> list[_Judged]:
+    def judge_all(self) -> list[_Judged]:
         """Return the criteria of each run."""
-        return [criteria for part in self.parts for criteria in part.judged()]
+        return [criteria for part in self.parts for criteria in part.judge_all()]
 
 
 def _at_mains(actuator: Actuator, mains_power: float | None) -> Actuator:

@@ -10,26 +10,26 @@ from typing import Final
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
-from heatertune.proof.events import Disturbance, Led, Load, Mains, NewSetpoint, PlcPower, TemperatureStep
+from heatertune.proof.events import Disturbance, Load, Mains, NewSetpoint, PlcPower, SetpointRampEvent, TemperatureStep
 from heatertune.units import check
 
 __all__ = [
     "LED",
     "WAYS",
     "Disturbance",
-    "Led",
     "Load",
     "Mains",
     "NewSetpoint",
     "Phase",
     "PlcPower",
     "Scenario",
+    "SetpointRampEvent",
     "TemperatureStep",
     "can_hold",
     "conditions",
-    "delayed",
+    "delay_heater",
+    "event_name",
     "kinds_of",
-    "named",
     "paper_scenario",
     "phases_of",
     "scenario_for",
@@ -103,7 +103,7 @@ class Scenario:
         """The setpoint of each phase [°C]."""
         asked = [self.setpoint_degC]
         for event in self.disturbances:
-            asked.append(event.setpoint_degC if isinstance(event, NewSetpoint | Led) else asked[-1])
+            asked.append(event.setpoint_degC if isinstance(event, NewSetpoint | SetpointRampEvent) else asked[-1])
         return tuple(asked)
 
     @property
@@ -116,15 +116,17 @@ class Scenario:
         """Whether the PLC has its supply in each phase."""
         powered = [True]
         for event in self.disturbances:
-            powered.append(event.on if isinstance(event, PlcPower) else isinstance(event, Led) or powered[-1])
+            powered.append(event.on if isinstance(event, PlcPower) else isinstance(event,
+                                                                                   SetpointRampEvent) or powered[-1])
         return tuple(powered)
 
     @property
     def leads(self) -> tuple[float, ...]:
         """See `heatertune.proof.meter.Meter`; empty where the setpoint is led in no phase."""
-        if not any(isinstance(event, Led) for event in self.disturbances):
+        if not any(isinstance(event, SetpointRampEvent) for event in self.disturbances):
             return ()
-        led = [(event.time_s, event.from_degC, event.degC_per_s, event.duration_s) if isinstance(event, Led)
+        led = [(event.time_s, event.from_degC, event.degC_per_s, event.duration_s) if isinstance(event,
+                                                                                                 SetpointRampEvent)
                else _NOT_LED for event in self.disturbances]
         return (*_NOT_LED, *(number for phase in led for number in phase))
 
@@ -199,7 +201,7 @@ def phases_of(scenario: Scenario, end_s: float, first_rest_s: float) -> tuple[Ph
             begins, ends, rests, limits, scenario.setpoints_degC, kinds_of(scenario), strict=True))
 
 
-def named(event: Disturbance | None) -> str:
+def event_name(event: Disturbance | None) -> str:
     """Return what an event is, in the few words of a picture."""
     if event is None:
         return "heat-up"
@@ -207,8 +209,8 @@ def named(event: Disturbance | None) -> str:
         return f"{event.temperature_degC:+.3g} °C at once"
     if isinstance(event, Load):
         return f"load {event.power_pct:+.3g} %"
-    if isinstance(event, NewSetpoint | Led):
-        return f"{_led(event) if isinstance(event, Led) else 'setpoint'} {event.setpoint_degC:.4g} °C"
+    if isinstance(event, NewSetpoint | SetpointRampEvent):
+        return f"{_led(event) if isinstance(event, SetpointRampEvent) else 'setpoint'} {event.setpoint_degC:.4g} °C"
     if isinstance(event, Mains):
         return f"power {100.0 * event.share:.3g} %" if event.share > 0.0 else "heater's circuit open"
     return "PLC on" if event.on else "PLC off"
@@ -223,7 +225,7 @@ def kinds_of(scenario: Scenario) -> Iterator[tuple[str, bool, bool]]:
             yield "off", False, True
         elif isinstance(event, PlcPower):
             yield "restart", True, True
-        elif isinstance(event, Led):
+        elif isinstance(event, SetpointRampEvent):
             yield _led(event), event.setpoint_degC > event.from_degC, False
         elif _goes_on(scenario, number):
             yield "off", False, True
@@ -245,7 +247,7 @@ def _goes_on(scenario: Scenario, number: int) -> bool:
         bool(scenario.rests_s) and scenario.rests_s[number + 1] == 0.0)
 
 
-def _led(event: Led) -> str:
+def _led(event: SetpointRampEvent) -> str:
     return "soak" if event.degC_per_s == 0.0 else "ramp"
 
 
@@ -297,7 +299,7 @@ def _ambient(scenario: Scenario, model: HeaterModel) -> float:
     return ambient
 
 
-def delayed(model: HeaterModel, delay_s: float) -> HeaterModel:
+def delay_heater(model: HeaterModel, delay_s: float) -> HeaterModel:
     """Return a heater whose temperature is read, or whose switch is reached, so much later."""
     return replace(model, dead_time_s=model.dead_time_s + delay_s) if delay_s > 0.0 else model
 

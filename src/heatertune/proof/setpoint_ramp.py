@@ -11,17 +11,17 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from heatertune.errors import OutOfRange
-from heatertune.model.mirrored import cools
+from heatertune.model.cooler_mirror import cools
 from heatertune.model.values import FittedModel
 from heatertune.plc import Ramp, Words, controller_for
-from heatertune.progress import Told
+from heatertune.progress import ProgressCallback
 from heatertune.proof import Proof, prove
-from heatertune.proof.exported import as_exported
-from heatertune.proof.heaters import labelled
-from heatertune.proof.measured import band_of
+from heatertune.proof.criterion_table import band_of
+from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.runs import judged_once
 from heatertune.proof.scenario import conditions as conditions_of
-from heatertune.proof.screen import Screen
+from heatertune.proof.text_comparison import as_exported
+from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import Conditions
 from heatertune.units import written
 
@@ -53,7 +53,7 @@ BY_RAMP: Final = OVERSHOOTS | REHEATS | _LEFT_BEHIND
 
 def prove_ramped(
     words: Words, fitted: FittedModel, ramp: float | str | None = None, conditions: Conditions | None = None, *,
-    plain: Proof | None = None, text: bool = True, progress: Told = str,
+    plain: Proof | None = None, text: bool = True, progress: ProgressCallback = str,
 ) -> tuple[Proof, list[str]]:
     """Return the proof of words with a setpoint ramp, its words with the ramp, and what is to be told about it.
 
@@ -79,7 +79,7 @@ def prove_ramped(
 @judged_once()
 def _ramped(
     words: Words, fitted: FittedModel, ramp: float | str | None, conditions: Conditions | None, plain: Proof | None,
-    progress: Told,
+    progress: ProgressCallback,
 ) -> tuple[Proof, list[str]]:
     controller = controller_for(words.target)
     if isinstance(ramp, float | int):
@@ -93,8 +93,8 @@ def _ramped(
     broken = {criterion.name for criterion in plain.criteria if not criterion.ok}
     alone = bool(broken) and broken <= OVERSHOOTS | REHEATS
     helps = bool(broken & BY_RAMP) if ramp == "auto" else alone
-    if not helps or not controller.ramped:
-        return plain, [_why_none(plain, sorted(broken), ramped=controller.ramped)] if ramp == "auto" else []
+    if not helps or not controller.has_ramp:
+        return plain, [_why_none(plain, sorted(broken), ramped=controller.has_ramp)] if ramp == "auto" else []
     progress("looking for the fastest setpoint ramp that keeps the limit on overshoot")
     ramped = _cheapest(plain, fitted, conditions or Conditions(), broken)
     if ramped is None:
@@ -118,7 +118,8 @@ def _cheapest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken:
     band = band_of(plain.limits, plain.nominal.resolution_degC)
     for holds in _HOLDS:
         searches = [
-            _Search(plain=plain, fitted=fitted, conditions=conditions, kept=BY_RAMP, hold_degC=side * times * band)
+            _Search(plain=plain, fitted_model=fitted, conditions=conditions, kept=BY_RAMP,
+                    hold_degC=side * times * band)
             for times in holds]
         if (held := _soonest(searches)) is not None:
             return held
@@ -148,7 +149,7 @@ def _fastest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: 
     """Return the proof with the fastest ramp that mends all it can mend, else with the fastest that mends overshoot."""
     kept = OVERSHOOTS | _LEFT_BEHIND
     wanted = [kept, OVERSHOOTS] if broken & _LEFT_BEHIND and broken & OVERSHOOTS else [kept & (broken | OVERSHOOTS)]
-    searches = (_Search(plain=plain, fitted=fitted, conditions=conditions, kept=names)
+    searches = (_Search(plain=plain, fitted_model=fitted, conditions=conditions, kept=names)
                 for names in wanted)
     return next((ramped for search in searches if (ramped := search.fastest()) is not None), None)
 
@@ -187,7 +188,7 @@ def _value(proof: Proof, name: str) -> float:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Search:
     plain: Proof
-    fitted: FittedModel
+    fitted_model: FittedModel
     conditions: Conditions
     kept: frozenset[str]
     hold_degC: float | None = None
@@ -214,17 +215,17 @@ class _Search:
             words = self._fastest_on(watched) if within_s is None else self._fastest_within(within_s, watched)
             if words is None:
                 return None
-            proof = prove(words, self.fitted, self.conditions)
+            proof = prove(words, self.fitted_model, self.conditions)
             if all(criterion.ok for criterion in proof.criteria if criterion.name in self.kept):
                 return proof
             watched = watched.with_failed(proof)
         return None
 
     @property
-    def _watched(self) -> Screen:
-        return Screen(fitted=self.fitted, names=self.kept).with_failed(self.plain)
+    def _watched(self) -> RunScreen:
+        return RunScreen(fitted_model=self.fitted_model, names=self.kept).with_failed(self.plain)
 
-    def _fastest_on(self, watched: Screen) -> Words | None:
+    def _fastest_on(self, watched: RunScreen) -> Words | None:
         shorter, hopeful = None, False
         for duration in self._durations():
             words = self._with(duration)
@@ -236,7 +237,7 @@ class _Search:
             shorter = duration
         return None
 
-    def _hopeful(self, fastest: Words, watched: Screen) -> bool:
+    def _hopeful(self, fastest: Words, watched: RunScreen) -> bool:
         """Return whether the slowest ramp keeps what no way mends, and by far more of the rest than the fastest."""
         slowest = self._with(self.longest_s)
         if slowest is None:
@@ -248,14 +249,14 @@ class _Search:
         left = led.badness(slowest, self.conditions)
         return left == 0.0 or left <= _MENDED * led.badness(fastest, self.conditions)
 
-    def _fastest_within(self, seconds: float, watched: Screen) -> Words | None:
+    def _fastest_within(self, seconds: float, watched: RunScreen) -> Words | None:
         longest = min(_OF_SETTLING * seconds, self.longest_s)
         words = self._with(longest)
         if words is None or not self._keeps(words, watched):
             return None
         return self._refined(next(self._durations()), longest, words, watched)
 
-    def _refined(self, shorter: float | None, longer: float, words: Words, watched: Screen) -> Words:
+    def _refined(self, shorter: float | None, longer: float, words: Words, watched: RunScreen) -> Words:
         while shorter is not None and longer > _NEAR * shorter:
             between = math.sqrt(shorter * longer)
             tried = self._with(between)
@@ -282,7 +283,7 @@ class _Search:
     def _with(self, duration_s: float) -> Words | None:
         """Return the words with a ramp that takes so long on the nominal heater; None where there can be none."""
         scenario, words = self.plain.scenario, self.plain.words
-        model = dict(labelled(self.fitted))[self.plain.runs[0].model]
+        model = dict(labelled_heaters(self.fitted_model))[self.plain.runs[0].model]
         way = abs(scenario.setpoint_degC - conditions_of(scenario, model)[1])
         try:
             ramp: Ramp = controller_for(words.target).ramp(words, 60.0 * way / duration_s, self.hold_degC)
@@ -290,5 +291,5 @@ class _Search:
             return None
         return replace(words, ramp=ramp, boost=None)
 
-    def _keeps(self, words: Words, watched: Screen) -> bool:
+    def _keeps(self, words: Words, watched: RunScreen) -> bool:
         return watched.keeps(words, self.conditions)

@@ -14,16 +14,25 @@ from heatertune.errors import DocumentError, HeatertuneError, UnknownName, one_l
 from heatertune.proof.presets import PRESETS, preset
 from heatertune.proof.profile import Profile
 from heatertune.proof.profile_file import profile_of_table, read_profile, table_of
-from heatertune.proof.specification import GENERAL, LIMITS, NOTHING, STORY, Part, Specification, limits_from, split
-from heatertune.proof.story import Story
+from heatertune.proof.specification import (
+    GENERAL,
+    LIMITS,
+    NOTHING,
+    STORY,
+    SequencePart,
+    Specification,
+    limits_from,
+    split,
+)
+from heatertune.proof.test_sequence import TestSequence
 from heatertune.settings import Conditions
 
-__all__ = ["in_force", "read_spec", "spec_text", "specified"]
+__all__ = ["in_force", "read_spec", "spec_text", "specification_of"]
 
 _TABLES: Final = ("preset", "limits", "story", "profile")
 
 
-def specified(conditions: Conditions) -> Specification:
+def specification_of(conditions: Conditions) -> Specification:
     """Return the specification in force: options in place of what the preset or file says.
 
     Raises:
@@ -146,13 +155,13 @@ def _lines(spec: Specification) -> Iterator[str]:
     yield f"# What words must keep before they leave: the specification {one_line(spec.name)}"
     yield "# Change what you need, then: heatertune design LOG --target NAME --spec FILE.toml"
     yield f"# Several values of one name hold together: [\"5 %\", \"3 degC\"]; \"{NOTHING}\" asks for nothing."
-    yield f'preset = "{origin}"  # {PRESETS[origin].what}; what stands below is in its place'
+    yield f'preset = "{origin}"  # {PRESETS[origin].description}; what stands below is in its place'
     yield ""
     yield "[limits]"
     for name, kind in LIMITS.items():
         values = spec.limits.get(name, ())
         units = " or ".join(unit for unit in kind.units if unit)
-        yield f"# {kind.what}{f' ({units})' if units else ''}"
+        yield f"# {kind.description}{f' ({units})' if units else ''}"
         if values:
             why = spec.reasons.get(name, "")
             yield f"{name} = {_value(values)}" + (f"  # {why}" if why else "")
@@ -164,7 +173,7 @@ def _lines(spec: Specification) -> Iterator[str]:
     yield ""
     yield "[story]"
     for name, part in STORY.items():
-        yield f"# {part.what}"
+        yield f"# {part.description}"
         yield f"{name} = {_told(spec.story_at(None), part)}"
     if spec.profile is not None:
         yield ""
@@ -172,7 +181,7 @@ def _lines(spec: Specification) -> Iterator[str]:
         yield from (f'"{head}" = {cells}' for head, cells in table_of(spec.profile).items())
 
 
-def _told(story: Story, part: Part) -> str:
+def _told(story: TestSequence, part: SequencePart) -> str:
     """Return how a part of the story is, as TOML says it."""
     value = getattr(story, part.field)
     return str(value).lower() if isinstance(value, bool) else f'"{value / part.factor:g} {part.unit}"'

@@ -10,13 +10,14 @@ from typing import Final, NamedTuple
 
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.proof.criteria import Limits
+from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.profile import Profile
-from heatertune.proof.story import Story
+from heatertune.proof.test_sequence import TestSequence
 from heatertune.units import check
 
 __all__ = [
-    "GENERAL", "LIMITS", "NOTHING", "STORY", "Limit", "Measure", "Part", "Specification", "limit_of", "limits_from",
+    "GENERAL", "LIMITS", "NOTHING", "STORY", "Limit", "Measure", "SequencePart", "Specification", "limit_of",
+    "limits_from",
     "quantity", "split",
 ]
 
@@ -55,11 +56,11 @@ class Limit:
         least: no value is below it, so that to ask for less would be to ask for nothing that there is.
     """
 
-    what: str
+    description: str
     units: Mapping[str, Measure]
     example: str
     at_least: bool = False
-    demanded: bool = False
+    is_required: bool = False
     least: float = 0.0
 
 
@@ -70,69 +71,73 @@ def _of_time(field_: str) -> dict[str, Measure]:
 #: everything that a user can limit, by the name that a user writes
 LIMITS: Final[dict[str, Limit]] = {
     "tolerance": Limit(
-        what="how far from the setpoint is still right: half width of the band, limit of offset and swing at rest",
-        units={"degC": Measure("tolerance_degC")}, example="1 degC", demanded=True),
+        description="how far from the setpoint is still right: half width of the band, limit of offset and swing at "
+                    "rest",
+        units={"degC": Measure("tolerance_degC")}, example="1 degC", is_required=True),
     "overshoot": Limit(
-        what="beyond the setpoint on heat-up, after a change of the setpoint and a restart, of the rise above ambient",
+        description="beyond the setpoint on heat-up, after a change of the setpoint and a restart, of the rise above "
+                    "ambient",
         units={"%": Measure("overshoot_pct"), "degC": Measure("overshoot_degC")}, example="5 %"),
     "reheat-overshoot": Limit(
-        what="beyond the setpoint after the heater's circuit was open for a while, of the rise above ambient",
+        description="beyond the setpoint after the heater's circuit was open for a while, of the rise above ambient",
         units={"%": Measure("reheat_overshoot_pct"), "degC": Measure("reheat_overshoot_degC")}, example="40 %"),
     "small-change-overshoot": Limit(
-        what="beyond the setpoint after a small change of the setpoint, of that change",
+        description="beyond the setpoint after a small change of the setpoint, of that change",
         units={"%": Measure("small_change_overshoot_pct"), "degC": Measure("small_change_overshoot_degC")},
         example="30 %"),
     "settling": Limit(
-        what="time from cold until the temperature stays in the band", units=_of_time("settling_s"), example="20 min"),
+        description="time from cold until the temperature stays in the band", units=_of_time("settling_s"),
+        example="20 min"),
     "recovery": Limit(
-        what="time after a disturbance until the temperature stays in the band", units=_of_time("recovery_s"),
+        description="time after a disturbance until the temperature stays in the band", units=_of_time("recovery_s"),
         example="5 min"),
     "recovery-overshoot": Limit(
-        what="beyond the setpoint after a disturbance, on the other side, of the rise above ambient",
+        description="beyond the setpoint after a disturbance, on the other side, of the rise above ambient",
         units={"%": Measure("recovery_overshoot_pct"), "degC": Measure("recovery_overshoot_degC")}, example="5 %"),
     "load-deviation": Limit(
-        what="largest distance from the setpoint after a disturbance, on its side",
+        description="largest distance from the setpoint after a disturbance, on its side",
         units={"degC": Measure("deviation_degC")}, example="2 degC"),
     "ripple": Limit(
-        what="peak to peak within one PWM period at rest", units={"degC": Measure("pwm_ripple_degC")},
+        description="peak to peak within one PWM period at rest", units={"degC": Measure("pwm_ripple_degC")},
         example="0.2 degC"),
     "iae": Limit(
-        what="integral of the absolute error over the whole story", units={"degC·s": Measure("iae_degC_s")},
+        description="integral of the absolute error over the whole story", units={"degC·s": Measure("iae_degC_s")},
         example="5000 degC·s"),
     "power-reserve": Limit(
-        what="power that is left over where the heater holds the highest setpoint, of full power",
+        description="power that is left over where the heater holds the highest setpoint, of full power",
         units={"%": Measure("power_reserve_pct")}, example="10 %", at_least=True),
     "saturation": Limit(
-        what="share of the scans that ask for 0 or 100 % power", units={"%": Measure("saturation_pct")},
+        description="share of the scans that ask for 0 or 100 % power", units={"%": Measure("saturation_pct")},
         example="50 %"),
     "switchings": Limit(
-        what="how often the heater is switched on", units={"/h": Measure("switchings_per_h")}, example="30 /h"),
-    "ms": Limit(what="maximum sensitivity Ms", units={"": Measure("ms")}, example="1.7", least=1.0),
+        description="how often the heater is switched on", units={"/h": Measure("switchings_per_h")}, example="30 /h"),
+    "ms": Limit(description="maximum sensitivity Ms", units={"": Measure("ms")}, example="1.7", least=1.0),
     "gain-margin": Limit(
-        what="factor by which the heater's gain may grow", units={"": Measure("gain_margin")}, example="2.5",
+        description="factor by which the heater's gain may grow", units={"": Measure("gain_margin")}, example="2.5",
         at_least=True),
     "phase-margin": Limit(
-        what="phase that the loop may lose", units={"deg": Measure("phase_margin_deg")}, example="45 deg",
+        description="phase that the loop may lose", units={"deg": Measure("phase_margin_deg")}, example="45 deg",
         at_least=True),
     "step-power": Limit(
-        what="power that one step of the reading, or its noise, may move", units={"%": Measure("step_power_pct")},
+        description="power that one step of the reading, or its noise, may move",
+        units={"%": Measure("step_power_pct")},
         example="10 %"),
     "soak-band": Limit(
-        what="how far from the temperature of a profile's soak is still right; else the tolerance",
+        description="how far from the temperature of a profile's soak is still right; else the tolerance",
         units={"degC": Measure("soak_band_degC")}, example="3 degC"),
     "soak-settling": Limit(
-        what="time of a profile's soak after which it has to be right, of the soak; else its half",
+        description="time of a profile's soak after which it has to be right, of the soak; else its half",
         units={"%": Measure("soak_settling_pct"), **_of_time("soak_settling_s")}, example="10 min"),
     "ramp-deviation": Limit(
-        what="largest distance from the setpoint on a profile's ramps",
+        description="largest distance from the setpoint on a profile's ramps",
         units={"degC": Measure("ramp_deviation_degC")}, example="20 degC"),
     "peak": Limit(
-        what="highest temperature along a profile", units={"degC": Measure("peak_degC")}, example="1070 degC"),
+        description="highest temperature along a profile", units={"degC": Measure("peak_degC")}, example="1070 degC"),
 }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class SequencePart:
     """What of the story can be set.
 
     Attributes:
@@ -142,25 +147,29 @@ class Part:
         factor: by which its number is multiplied.
     """
 
-    what: str
+    description: str
     field: str
     unit: str = ""
     factor: float = 1.0
 
 
 #: everything of the story that a user can set, by the name that a user writes
-STORY: Final[dict[str, Part]] = {
-    "temperature-step": Part(what="the temperature falls at once, of the rise above ambient: cold goods, open doors",
+STORY: Final[dict[str, SequencePart]] = {
+    "temperature-step": SequencePart(description="the temperature falls at once, of the rise above ambient: cold "
+                                                 "goods, open doors",
                  field="step_share", unit="%", factor=0.01),
-    "load": Part(what="a load takes so much of full power for five (T+L), and gives it back",
+    "load": SequencePart(description="a load takes so much of full power for five (T+L), and gives it back",
                  field="load_pct", unit="%"),
-    "open-circuit": Part(what="the heater's circuit is open for two TN and a night, the PLC running", field="opens"),
-    "setpoint-change": Part(what="the setpoint falls to the lower end of the setpoints of use, and rises again; small "
+    "open-circuit": SequencePart(description="the heater's circuit is open for two TN and a night, the PLC running",
+                                 field="opens"),
+    "setpoint-change": SequencePart(description="the setpoint falls to the lower end of the setpoints of use, and "
+                                                "rises again; small "
                             "changes likewise",
                             field="changes"),
-    "mains": Part(what="the mains voltage falls and rises by 10 %", field="mains"),
-    "restart": Part(what="the PLC is restarted with the heater hot, and cold", field="restarts"),
-    "paper-times": Part(what="heat-up and temperature step alone, in the 27th minute as in the paper's record, "
+    "mains": SequencePart(description="the mains voltage falls and rises by 10 %", field="mains"),
+    "restart": SequencePart(description="the PLC is restarted with the heater hot, and cold", field="restarts"),
+    "paper-times": SequencePart(description="heat-up and temperature step alone, in the 27th minute as in the paper's "
+                                            "record, "
                         "slower heaters in proportion", field="paper_times"),
 }
 
@@ -195,7 +204,7 @@ class Specification:
     def __post_init__(self) -> None:
         for name, values in self.limits.items():
             kind = limit_of(name)
-            if kind.demanded and not values:
+            if kind.is_required and not values:
                 raise InputError(f"limit {name} is {NOTHING!r}; expected a value, such as {kind.example!r}")
             for value in values:
                 quantity(name, value)
@@ -206,14 +215,14 @@ class Specification:
         """How far from the setpoint is still right [°C]."""
         return self.limits_for(1.0).tolerance_degC
 
-    def limits_for(self, heater_s: float) -> Limits:
+    def limits_for(self, heater_s: float) -> LoopLimits:
         """Return what a loop must keep.
 
         Args:
             heater_s: lags and dead time of the slowest possible heater [s].
         """
         given: dict[str, float | None] = {
-            measure.field: None for kind in LIMITS.values() for measure in kind.units.values() if not kind.demanded}
+            measure.field: None for kind in LIMITS.values() for measure in kind.units.values() if not kind.is_required}
         for name, values in self.limits.items():
             for value in values:
                 number, unit = quantity(name, value)
@@ -222,16 +231,16 @@ class Specification:
                 before = given.get(measure.field)
                 tighter = max if LIMITS[name].at_least else min
                 given[measure.field] = wanted if before is None else tighter(before, wanted)
-        return Limits(**given)  # type: ignore[arg-type]  # the fields are named in LIMITS
+        return LoopLimits(**given)  # type: ignore[arg-type]  # the fields are named in LIMITS
 
-    def story_at(self, setpoint_low_degC: float | None) -> Story:
+    def story_at(self, setpoint_low_degC: float | None) -> TestSequence:
         """Return what words have to live through.
 
         Args:
             setpoint_low_degC: lower end of the setpoints of use; None: nobody told it [°C].
         """
         settings = {_part(name).field: _setting(name, value) for name, value in self.story.items()}
-        return Story(setpoint_low_degC=setpoint_low_degC, profile=self.profile, **settings)  # type: ignore[arg-type]  # named in STORY
+        return TestSequence(setpoint_low_degC=setpoint_low_degC, profile=self.profile, **settings)  # type: ignore[arg-type]  # named in STORY
 
     def with_limits(self, given: Mapping[str, tuple[str, ...]]) -> Specification:
         """Return it with some limits as given instead; errors as on construction."""
@@ -283,7 +292,7 @@ def split(name: str, values: Sequence[str]) -> tuple[str, ...]:
     return ()
 
 
-def _part(name: str) -> Part:
+def _part(name: str) -> SequencePart:
     if name not in STORY:
         raise UnknownName("part of the story", name, STORY)
     return STORY[name]

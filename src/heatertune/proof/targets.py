@@ -9,15 +9,15 @@ from typing import Any
 
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
-from heatertune.pid.recipe import Recipe
+from heatertune.pid.design_provenance import DesignProvenance
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, Words, controller_for
 from heatertune.plc.design import encode
-from heatertune.progress import Told
+from heatertune.progress import ProgressCallback
 from heatertune.proof import Proof, Trace, judge, prove, simulate_wish
-from heatertune.proof.fitted import setpoints_for
-from heatertune.proof.heaters import labelled
-from heatertune.proof.recipes import finished
+from heatertune.proof.heaters import labelled_heaters
+from heatertune.proof.prove_words import setpoints_for
+from heatertune.proof.rebuild_words import apply_provenance
 from heatertune.proof.series import trace_series
 from heatertune.settings import Conditions
 
@@ -30,7 +30,7 @@ _NAMES = ("overshoot", "settling_time", "steady_offset", "recovery_time", "iae")
 
 def compare(
     wished: PidDesign, fitted: FittedModel, conditions: Conditions | None = None, *, scaling: Scaling | None = None,
-    recipe: Recipe | None = None, first_look: bool = False, progress: Told = str,
+    recipe: DesignProvenance | None = None, first_look: bool = False, progress: ProgressCallback = str,
 ) -> dict[str, Any]:
     """Return the document of one design on all targets, on the model that fits best.
 
@@ -56,14 +56,14 @@ def compare(
         its = asked if recipe is None or recipe.target == target else replace(asked, switches={})
         rows.append(_row(target, wished, scaling, recipe, partial(prove, fitted=fitted, conditions=its,
                                                                   first_look=first_look)))
-    label, model = labelled(fitted)[0]
+    label, model = labelled_heaters(fitted)[0]
     setpoint, _ = setpoints_for(fitted, asked)
     return {"schema": SCHEMA, "model": label, "setpoint_degC": setpoint,
             "gain_degC_per_pct": model.gain_degC_per_pct, "rows": rows}
 
 
 def _row(
-    target: str, wished: PidDesign, scaling: Scaling | None, recipe: Recipe | None,
+    target: str, wished: PidDesign, scaling: Scaling | None, recipe: DesignProvenance | None,
     proven: Callable[[Words], Proof]
 ) -> dict[str, Any]:
     controller = controller_for(target)
@@ -72,7 +72,7 @@ def _row(
         wished = replace(wished, sample_time_s=controller.timer.shortest_s)
         row["sample_time_s"] = wished.sample_time_s
     try:
-        words = finished(encode(wished, target, scaling=scaling), recipe)
+        words = apply_provenance(encode(wished, target, scaling=scaling), recipe)
     except NotRepresentable as problem:
         return row | {"verdict": "not representable", "why": str(problem)}
     proof = proven(words)

@@ -17,7 +17,7 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.scenario import Scenario, phases_of
-from heatertune.show import Shown
+from heatertune.show import NotebookDisplay
 
 __all__ = ["Trace"]
 
@@ -27,7 +27,7 @@ _HALVINGS: Final = 60  # of the time between two instants, until its ends are ne
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Trace(Shown):
+class Trace(NotebookDisplay):
     """One run of the closed loop; all arrays are read-only.
 
     Attributes:

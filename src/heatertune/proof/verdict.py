@@ -7,21 +7,23 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from heatertune.codec import built, decode, encode
+from heatertune.codec import construct_from, decode, encode
 from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding, remedy_of
 from heatertune.model.statistics import share_bounds
 from heatertune.proof.heaters import ROOM_DEGC
-from heatertune.proof.period import life
 from heatertune.proof.presets import relaxed_limits
 from heatertune.proof.profile import Profile
+from heatertune.proof.ripple_and_wear import life
 from heatertune.proof.specification import GENERAL, NOTHING, Specification
 from heatertune.units import count
 
 __all__ = [
-    "ASSUMED", "BREAKS_NONE", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "Heard", "HeardView", "blocking", "closing_text",
-    "combined",
-    "derived", "extent", "relaxed_clause", "relaxed_of", "sampled", "samples_told", "switched", "told_by_kind",
+    "ASSUMED", "BREAKS_NONE", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "FitDiagnostics", "FitDiagnosticsView",
+    "blocking_findings", "closing_text",
+    "combined_verdict",
+    "derived_verdict", "extent", "relaxed_clause", "relaxed_of", "sample_lines", "samples_told", "switching_lines",
+    "told_by_kind",
     "told_of", "verdict_first", "verdict_line", "verdict_of_samples",
 ]
 
@@ -47,7 +49,7 @@ FIRST: Final = ("verdict", "relaxed_limits", "target", "setpoint_degC", "specifi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeardView:
+class FitDiagnosticsView:
     """A finding of the fit, and whether the user accepted it."""
 
     name: Literal[tuple(KINDS)]  # type: ignore[valid-type]  # the kinds are declared once
@@ -64,7 +66,7 @@ class HeardView:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Heard:
+class FitDiagnostics:
     """What a verdict hears beside its runs.
 
     Attributes:
@@ -91,9 +93,10 @@ class Heard:
                 raise UnknownName("finding to accept", name, blocks)
 
     @property
-    def views(self) -> tuple[HeardView, ...]:
+    def views(self) -> tuple[FitDiagnosticsView, ...]:
         """What is written of the findings."""
-        return tuple(built(HeardView, finding, effect=finding.kind.effect, accepted=finding.name in self.accepted)
+        return tuple(construct_from(FitDiagnosticsView, finding, effect=finding.kind.effect,
+                                    accepted=finding.name in self.accepted)
                      for finding in self.findings)
 
     def to_document(self) -> dict[str, Any]:
@@ -102,7 +105,7 @@ class Heard:
                 "not_tested": list(self.not_tested)}
 
 
-def combined(verdicts: Iterable[str]) -> str:
+def combined_verdict(verdicts: Iterable[str]) -> str:
     """Return the one verdict of several: the worst.
 
     Raises:
@@ -133,7 +136,7 @@ def verdict_of_samples(count: int, quantile: float, kept: Sequence[int]) -> str:
     return "PASS" if least >= quantile else "FAIL" if most < quantile else NOT_PROVEN
 
 
-def blocking(proof: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def blocking_findings(proof: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the findings in a proof's document that leave it unproven, by what their names mean."""
     return [finding for finding in proof["findings"]
             if KINDS[finding["name"]].effect == "blocks" and not finding["accepted"]]
@@ -143,9 +146,9 @@ def verdict_line(proof: Mapping[str, Any]) -> str:
     """Return the verdict of a proof's document as one line: where, on how many heaters, why not, and what is told."""
     parts = [f"{proof['verdict']} {''.join(f'{part}, ' for part in [relaxed_clause(proof)] if part)}{extent(proof)}"]
     parts += [f"not kept: {', '.join(broken)}"] if (broken := _broken(proof)) else []
-    parts += sampled(proof)
-    parts += [closing_text(finding, proof, f" ({finding['name']}): ") for finding in blocking(proof)]
-    return "; ".join([*parts, *told_of(proof), *switched(proof)])
+    parts += sample_lines(proof)
+    parts += [closing_text(finding, proof, f" ({finding['name']}): ") for finding in blocking_findings(proof)]
+    return "; ".join([*parts, *told_of(proof), *switching_lines(proof)])
 
 
 def closing_text(finding: Mapping[str, Any], proof: Mapping[str, Any], between: str = "; ") -> str:
@@ -181,7 +184,7 @@ def _rise_degC(proof: Mapping[str, Any]) -> float:
     return abs(float(proof["scenario"]["setpoint_degC"]) - (ROOM_DEGC if ambient is None else float(ambient)))
 
 
-def sampled(proof: Mapping[str, Any]) -> list[str]:
+def sample_lines(proof: Mapping[str, Any]) -> list[str]:
     """Return what the samples of a proof's document show, a few words; nothing where there are none."""
     return [] if (drawn := proof.get("samples")) is None else [samples_told(drawn)]
 
@@ -201,13 +204,13 @@ def samples_told(drawn: Mapping[str, Any]) -> str:
         f": --samples {more}" if more else ", and more of them at this share would not say it, either")
 
 
-def derived(proof: Mapping[str, Any]) -> str:
+def derived_verdict(proof: Mapping[str, Any]) -> str:
     """Return the verdict that follows from a proof's values; what the document calls it is not asked."""
-    heard = ["FAIL" if _broken(proof) else "PASS", *([NOT_PROVEN] if blocking(proof) else [])]
+    heard = ["FAIL" if _broken(proof) else "PASS", *([NOT_PROVEN] if blocking_findings(proof) else [])]
     if (drawn := proof.get("samples")) is not None:
         kept = [setting["kept"] for setting in drawn["settings"]]
         heard.append(verdict_of_samples(drawn["count"], drawn["quantile"], kept))
-    return combined(heard)
+    return combined_verdict(heard)
 
 
 def _under(settings: Sequence[Mapping[str, Any]]) -> str:
@@ -254,7 +257,7 @@ def told_by_kind(proof: Mapping[str, Any]) -> dict[str, list[str]]:
         "changed": list(proof["remarks"])}
 
 
-def switched(proof: Mapping[str, Any]) -> list[str]:
+def switching_lines(proof: Mapping[str, Any]) -> list[str]:
     """Return how often the heater is switched, and what that means for a contactor."""
     if (often := proof["criteria"].get("switchings")) is None:
         return []
@@ -272,7 +275,7 @@ def _of_spec(spec: Mapping[str, Any]) -> list[str]:
     """Return which specification was kept or broken, where it is not the general one as it is."""
     led = spec.get("profile")
     along = "" if led is None else (
-        f"along the profile {decode(Profile, led, PROOF_SCHEMA).told}, which your own program has to lead")
+        f"along the profile {decode(Profile, led, PROOF_SCHEMA).label}, which your own program has to lead")
     own = ", ".join(f"{name} {' and '.join(spec['limits'][name]) or NOTHING}" for name in spec["changed"])
     preset = "" if spec["name"] == GENERAL else f"specification {spec['name']}"
     return [part for part in (preset, f"own limits: {own}" if own else "", along) if part]

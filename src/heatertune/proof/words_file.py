@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.codec import LEFT_OUT, built, decode, registered
+from heatertune.codec import LEFT_OUT, construct_from, decode, register_schema
 from heatertune.documents import data_folder, peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused
-from heatertune.pid.recipe import BoostView
+from heatertune.pid.design_provenance import BoostView
 from heatertune.plc import Boost, Certificate, Ramp, Scaling, Words, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
@@ -18,11 +18,11 @@ from heatertune.proof.mains import mains_label
 from heatertune.proof.verdict import (
     FIRST,
     PROOF_SCHEMA,
-    blocking,
-    derived,
+    blocking_findings,
+    derived_verdict,
     extent,
     relaxed_clause,
-    sampled,
+    sample_lines,
     told_of,
     verdict_first,
     verdict_line,
@@ -87,7 +87,7 @@ class SearchNotesView:
     ms_drawn: DrawnView | None
 
 
-@registered(WORDS_SCHEMA)
+@register_schema(WORDS_SCHEMA)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WholeWordsView:
     """The document of words as `design` and `export-db` write it."""
@@ -172,7 +172,7 @@ def words_of(document: Mapping[str, Any], target: str, path: str | Path) -> Word
         target=target, values=document["words"], sample_time_s=view.sample_time_s,
         scaling=view.scaling,
         ramp=None if ramp is None else Ramp(step=ramp.step, calls=ramp.calls, hold=ramp.hold),
-        boost=None if view.boost is None else built(Boost, view.boost),
+        boost=None if view.boost is None else construct_from(Boost, view.boost),
     )
     controller_for(target).check(words)
     return words
@@ -185,7 +185,7 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
         ExportRefused: the verdict is not PASS and `force` was not given.
     """
     failed = [name for name, criterion in proof["criteria"].items() if not criterion["ok"]]
-    open_, verdict = blocking(proof), derived(proof)
+    open_, verdict = blocking_findings(proof), derived_verdict(proof)
     if verdict != "PASS" and not force:
         raise ExportRefused(f"{verdict_line(proof)}; --force exports these words all the same")
     lines = [f"proven {extent(proof)}"]
@@ -201,7 +201,7 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
     lines += [f"taken as known: {name} = {setting}" for name, setting in proof["known"].items()]
     lines += [f"not kept: {name}" for name in failed]
     lines += [f"not proven: {finding['told']}" for finding in open_]
-    lines += [*sampled(proof), *told_of(proof)]
+    lines += [*sample_lines(proof), *told_of(proof)]
     spec = proof["specification"]
     return Certificate(verdict=verdict, lines=tuple(lines), forced=verdict != "PASS", digest=proof["digest"],
                        setpoint_degC=proof["scenario"]["setpoint_degC"], actuator=Actuator(**proof["actuator"]),

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from heatertune.lazy import offered
+from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from heatertune.report.page import render, sections
@@ -10,4 +10,4 @@ if TYPE_CHECKING:
 
 __all__ = ["render", "sections", "summary"]
 
-__getattr__, __dir__ = offered(__name__, {"report.page": ("render", "sections"), "report.text": ("summary",)})
+__getattr__, __dir__ = lazy_attributes(__name__, {"report.page": ("render", "sections"), "report.text": ("summary",)})

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from heatertune.report.layout import LINES, cut, notes_within, screen, table, wrapped
+from heatertune.report.layout import LINES, cut, notes_within, screen, table, wrap_text
 from heatertune.report.style import LOOK, key, label_levels, new_figure
-from heatertune.report.text import limit_text, quantity, spaced
+from heatertune.report.text import limit_text, quantity, readable_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,11 +40,11 @@ def as_left_brief(left: Document, target: str, page: str, *, whole: bool = False
     count = sum(line["measured"] is not None for line in left["measurements"])
     said = " ".join(left["told"]) or "every figure keeps its limit, and the curve is inside of what the proven runs do"
     where = f"{left['trace']} beside {target} at {left['setpoint_degC']:g} °C"
-    lines = wrapped(f"{where}: {said}", f"{left['verdict']}  ", 6)
+    lines = wrap_text(f"{where}: {said}", f"{left['verdict']}  ", 6)
     rows = [("", "limit", "proven worst", "measured", "")]
     for line in left["measurements"]:
         if line["measured"] is not None or whole:
-            rows.append((spaced(line["name"]), limit_text(line), worst_text(line),
+            rows.append((readable_name(line["name"]), limit_text(line), worst_text(line),
                          measured_text(line), judged_text(line) or (line["told"] if whole else "")))
     figures = [row if whole else cut(row) for row in table(rows, right=(1, 2, 3)).splitlines()] if rows[1:] else []
     others = [f"{len(left['measurements']) - count} criteria are not to be seen in this trace (--verbose tells why)"]

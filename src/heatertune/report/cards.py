@@ -14,11 +14,11 @@ from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
-from heatertune.plc.inputs import described
-from heatertune.plc.typed import typed_table, typed_words
+from heatertune.plc.inputs import describe_range
+from heatertune.plc.keyed_entry import typed_table, typed_words
 from heatertune.proof import Proof, Trace
 from heatertune.report.html import bullets, table, text_of
-from heatertune.report.pictures import drawn
+from heatertune.report.pictures import draw_figure
 from heatertune.report.style import to_svg
 from heatertune.report.text import criterion_value, figure, model_rows
 
@@ -46,7 +46,7 @@ def _card(title: str, *parts: str) -> str:
 
 def _picture(value: object) -> str:
     # only numbers and text stand in it: the width alone is for the page to choose
-    return to_svg(drawn(value)[0]).replace("<svg ", '<svg style="max-width:100%;height:auto" ', 1)
+    return to_svg(draw_figure(value)[0]).replace("<svg ", '<svg style="max-width:100%;height:auto" ', 1)
 
 
 @card.register
@@ -105,7 +105,7 @@ def _constants(design: PidDesign) -> list[tuple[str, str, str]]:
 def _words(value: Words) -> str:
     controller = controller_for(value.target)
     heads, values, rows = typed_table(typed_words(value))
-    scale = f"<p>Called every {figure(value.sample_time_s)} s; sensor {described(value.scaling)}.</p>"
+    scale = f"<p>Called every {figure(value.sample_time_s)} s; sensor {describe_range(value.scaling)}.</p>"
     parts = [table(heads, rows, numeric=values), scale]
     real = controller.decode(value)
     if real is not None:

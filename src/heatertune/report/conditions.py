@@ -7,19 +7,19 @@ from typing import Any
 
 from heatertune.codec import decode
 from heatertune.options import options_of
-from heatertune.plc import Switch, controller_for
+from heatertune.plc import OpenPoint, controller_for
 from heatertune.proof.profile import Profile
 from heatertune.proof.specification import LIMITS
 from heatertune.report.html import bullets, table, text_of
 from heatertune.report.text import figure
 from heatertune.settings import Conditions, SensorSettings
 
-__all__ = ["assumed", "limits", "specification"]
+__all__ = ["assumption_text", "limits", "specification"]
 
 Documents = Mapping[str, Mapping[str, Any]]
 
 
-def assumed(documents: Documents) -> str:
+def assumption_text(documents: Documents) -> str:
     """Return what the proof was told about the plant, each with its unit and where it came from."""
     proof, scale = documents["proof"], documents["words"]["scaling"]
     story, switch, limit = proof["scenario"], proof["actuator"], proof["limits"]
@@ -46,7 +46,7 @@ def assumed(documents: Documents) -> str:
             rows.append(["what a pulse leaves", "made up in the next one", "", options_of(Conditions)["pwm_rule"].flag])
     points = controller_for(documents["words"]["target"]).switches
     known = documents["proof"]["known"]
-    settings = [[point.name, point.default, ", ".join(proven), point.why]
+    settings = [[point.name, point.default, ", ".join(proven), point.reason]
                 for point in points if not point.in_manual and (proven := _proven(point, known))]
     by_hand = ", ".join(point.name for point in points if point.in_manual)
     open_points = (
@@ -63,7 +63,7 @@ def assumed(documents: Documents) -> str:
     )
 
 
-def _proven(point: Switch, known: Mapping[str, str]) -> tuple[str, ...]:
+def _proven(point: OpenPoint, known: Mapping[str, str]) -> tuple[str, ...]:
     """Return the settings that ran: of a choice the one that was made, and the default; none where that is chosen."""
     chosen = known.get(point.name, point.default)
     if point.chosen:
@@ -74,7 +74,7 @@ def _proven(point: Switch, known: Mapping[str, str]) -> tuple[str, ...]:
 def _row(name: str, value: float) -> list[str]:
     """Return what one of the `Conditions` was, with its unit and where it came from."""
     its = options_of(Conditions)[name]
-    return [its.label or its.what, figure(value), its.unit, its.given_by]
+    return [its.label or its.quantity, figure(value), its.unit, its.given_by]
 
 
 def specification(documents: Documents) -> str:
@@ -82,10 +82,10 @@ def specification(documents: Documents) -> str:
     asked = documents["proof"]["specification"]
     if asked is None:
         return ""
-    rows = [[name, " and ".join(values).replace("degC", "°C"), LIMITS[name].what, asked["reasons"].get(name, "")]
+    rows = [[name, " and ".join(values).replace("degC", "°C"), LIMITS[name].description, asked["reasons"].get(name, "")]
             for name, values in asked["limits"].items() if values]
     if (profile := asked.get("profile")) is not None:
-        rows.append(["profile", decode(Profile, profile, "proof.json").told,
+        rows.append(["profile", decode(Profile, profile, "proof.json").label,
                      "ramps and soaks along which your own program leads the setpoint", ""])
     return (f"<h2>Asked</h2><p>The specification {text_of(asked['name'])}.</p>"
             + table(["limit", "value", "meaning", "why"], rows, source="heatertune spec"))

@@ -12,7 +12,7 @@ from typing import Any, Final
 from heatertune.report import live
 from heatertune.report.style import to_svg
 
-__all__ = ["BLANK", "Markup", "bullets", "coded", "page", "picture", "steps", "table", "text_of", "tick"]
+__all__ = ["BLANK", "Markup", "bullets", "page", "picture", "steps", "table", "text_of", "tick", "with_code"]
 
 _CODE: Final = re.compile(r"`([^`]+)`")
 
@@ -88,13 +88,13 @@ def tick(name: str, label: str) -> Markup:
 def steps(name: str, items: Sequence[str]) -> str:
     """Return numbered steps, each with a box to tick."""
     boxes = "".join(
-        f'<li><label><input type="checkbox" id="{text_of(name)}-{i}">{i}. {coded(item)}</label></li>'
+        f'<li><label><input type="checkbox" id="{text_of(name)}-{i}">{i}. {with_code(item)}</label></li>'
         for i, item in enumerate(items, 1)
     )
     return f'<ol class="steps">{boxes}</ol>'
 
 
-def coded(text: str) -> Markup:
+def with_code(text: str) -> Markup:
     """Return text in which `this` stands as code."""
     return Markup(_CODE.sub(r"<code>\1</code>", text_of(text)))
 
@@ -108,7 +108,7 @@ def _cell(cell: str, numeric: bool) -> str:
 
 def bullets(items: Sequence[str]) -> str:
     """Return a list in which `this` stands as code, nothing without items."""
-    return "<ul>" + "".join(f"<li>{coded(item)}</li>" for item in items) + "</ul>" if items else ""
+    return "<ul>" + "".join(f"<li>{with_code(item)}</li>" for item in items) + "</ul>" if items else ""
 
 
 def text_of(content: str) -> str:

@@ -7,8 +7,18 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-__all__ = ["LINES", "WIDTH", "beside", "command", "cut", "labelled", "notes_within", "screen", "table",
-           "wrapped"]
+__all__ = [
+    "LINES",
+    "WIDTH",
+    "command",
+    "cut",
+    "labelled_lines",
+    "notes_within",
+    "screen",
+    "table",
+    "two_columns",
+    "wrap_text",
+]
 
 #: columns and lines of a terminal that nobody has made larger, the prompt's own left out
 WIDTH: Final = 80
@@ -28,7 +38,7 @@ def table(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> str:
     return "\n".join(lines)
 
 
-def beside(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> list[str]:
+def two_columns(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> list[str]:
     """Return rows as aligned columns, in two halves side by side where the terminal is wide enough."""
     single = table(rows, right=right).splitlines()
     half = (len(rows) + 1) // 2
@@ -44,7 +54,7 @@ def cut(text: str, width: int = WIDTH) -> str:
     return text if len(text) <= width else f"{text[:max(0, width - 1)].rstrip()}…"
 
 
-def wrapped(text: str, first: str = "", most: int | None = None) -> list[str]:
+def wrap_text(text: str, first: str = "", most: int | None = None) -> list[str]:
     """Return a text in lines of a terminal's width; what comes first stands alone in its columns.
 
     Args:
@@ -57,7 +67,7 @@ def wrapped(text: str, first: str = "", most: int | None = None) -> list[str]:
     return lines or [first.rstrip()]
 
 
-def labelled(parts: Mapping[str, Sequence[str]], most: int) -> list[str]:
+def labelled_lines(parts: Mapping[str, Sequence[str]], most: int) -> list[str]:
     """Return parts behind their labels, in so many lines at most.
 
     Of the longest label the parts at the end are left out first, and counted; where there are more labels than lines,
@@ -74,7 +84,7 @@ def labelled(parts: Mapping[str, Sequence[str]], most: int) -> list[str]:
     def lines(most_each: int | None = None) -> list[str]:
         told = {label: "; ".join([*of, *([f"and {left[label]} more"] if left[label] else [])])
                 for label, of in kept.items()}
-        return [line for label, text in told.items() for line in wrapped(text, f"{label:<{width}}", most_each)]
+        return [line for label, text in told.items() for line in wrap_text(text, f"{label:<{width}}", most_each)]
 
     while len(lines()) > most and any(len(of) > 1 for of in kept.values()):
         longest = max(kept, key=lambda label: (len(kept[label]) > 1, sum(map(len, kept[label]))))
@@ -86,7 +96,7 @@ def labelled(parts: Mapping[str, Sequence[str]], most: int) -> list[str]:
     counted = ", ".join(f"{label} ({len(parts[label])})" for label in beyond)
     for label in beyond:
         del kept[label]
-    return [*lines(1), *wrapped(f"{counted}: --verbose", f"{'more':<{width}}", 1)]
+    return [*lines(1), *wrap_text(f"{counted}: --verbose", f"{'more':<{width}}", 1)]
 
 
 def command(words: Sequence[str]) -> list[str]:
@@ -117,7 +127,7 @@ def notes_within(room: int, notes: Sequence[str], hidden: int = 0) -> list[str]:
     """
     lines = list[str]()
     for number, note in enumerate(notes):
-        more = wrapped(note, "- ")
+        more = wrap_text(note, "- ")
         if len(lines) + len(more) >= room:
             hidden += len(notes) - number
             break

@@ -10,7 +10,7 @@ from importlib.resources import files
 from typing import Any, Final
 
 from heatertune.plc import Scaling, Words
-from heatertune.plc.typed import value_texts
+from heatertune.plc.keyed_entry import value_texts
 from heatertune.report.html import Markup, page, text_of
 from heatertune.units import written
 

@@ -10,10 +10,10 @@ from typing import Any
 from heatertune.plc import controller_for
 from heatertune.proof.verdict import samples_told
 from heatertune.report import plots
-from heatertune.report.conditions import assumed, limits, specification
+from heatertune.report.commissioning_record import head, record, remedies
+from heatertune.report.conditions import assumption_text, limits, specification
 from heatertune.report.glossary import glossary
 from heatertune.report.html import bullets, page, picture, table, text_of
-from heatertune.report.record import head, record, remedies
 from heatertune.report.text import (
     NOT_IDENTIFIED,
     criterion_value,
@@ -238,5 +238,5 @@ def _comparison(documents: Documents) -> str:
 
 _APPENDIX: Mapping[str, Callable[[Documents], str]] = {
     "specification": specification, "proof": _proof, "limits": limits, "remedies": remedies, "design": _design,
-    "model": _model, "log": _log, "assumed": assumed, "comparison": _comparison,
+    "model": _model, "log": _log, "assumed": assumption_text, "comparison": _comparison,
 }

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Panel", "drawn", "panels", "thinned"]
+__all__ = ["Panel", "draw_figure", "panels", "thinned"]
 
 _POINTS: Final = 600  # what a card's width can show
 
@@ -43,7 +43,7 @@ def panels(value: object) -> Sequence[Panel]:
     raise TypeError(f"no picture of a {type(value).__name__}")
 
 
-def drawn(value: object, figure: Figure | None = None) -> tuple[Figure, list[Axes]]:
+def draw_figure(value: object, figure: Figure | None = None) -> tuple[Figure, list[Axes]]:
     """Return a figure of a value, and its axes; `figure`: an empty one to be used."""
     parts = panels(value)
     heights = [part.height_in for part in parts]

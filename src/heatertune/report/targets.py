@@ -9,7 +9,7 @@ import numpy as np
 
 from heatertune.report.html import page, picture, text_of
 from heatertune.report.html import table as html_table
-from heatertune.report.layout import cut, table, wrapped
+from heatertune.report.layout import cut, table, wrap_text
 from heatertune.report.style import LOOK, new_figure
 from heatertune.report.text import figure
 
@@ -41,8 +41,8 @@ def targets_brief(document: Document) -> str:
     told = "costs: how much larger the integral of the error is than that of the ideal controller on this heater"
     own = ", ".join(f"{row['target']} {row['sample_time_s']:g} s" for row in document["rows"] if "sample_time_s" in row)
     return "\n".join([
-        _where(document), *map(cut, table(rows, right=(2, 3, 4, 5)).splitlines()), *wrapped(told),
-        *(wrapped(f"TA as the controller has it, not as designed: {own}") if own else [])])
+        _where(document), *map(cut, table(rows, right=(2, 3, 4, 5)).splitlines()), *wrap_text(told),
+        *(wrap_text(f"TA as the controller has it, not as designed: {own}") if own else [])])
 
 
 def _brief(row: Document) -> tuple[str, ...]:

@@ -7,19 +7,43 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from heatertune.plc.controller import controller_for
+from heatertune.plc.keyed_entry import KeyedEntry, setpoint_entry, typed_table, typed_words, word_text
 from heatertune.plc.targets import GROUPS, NAMES, TARGETS
-from heatertune.plc.typed import TypedWord, setpoint_entry, typed_table, typed_words, word_text
 from heatertune.proof.verdict import samples_told, verdict_line
 from heatertune.proof.words_file import words_of
 from heatertune.report.layout import table
 from heatertune.units import NOMENCLATURE, written
 
 __all__ = [
-    "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
-    "feed_forward_lines", "figure", "forms_lines", "holder", "hypothesis_rows", "hypothesis_table", "limit_text",
+    "NOT_IDENTIFIED",
+    "advice_table",
+    "alternatives_table",
+    "criteria_table",
+    "criterion_value",
+    "design_lines",
+    "feed_forward_lines",
+    "figure",
+    "forms_lines",
+    "holder",
+    "hypothesis_rows",
+    "hypothesis_table",
+    "keyed_entries",
+    "limit_text",
     "main_file",
-    "model_lines", "model_rows", "outcome_lines", "pareto_table", "quantity", "ramp_note", "samples_rows",
-    "samples_table", "search_notes", "setpoint_text", "spaced", "summary", "typed", "unit_text", "validation_lines",
+    "model_lines",
+    "model_rows",
+    "outcome_lines",
+    "pareto_table",
+    "quantity",
+    "ramp_note",
+    "readable_name",
+    "samples_rows",
+    "samples_table",
+    "search_notes",
+    "setpoint_text",
+    "summary",
+    "unit_text",
+    "validation_lines",
     "words_table",
 ]
 
@@ -175,12 +199,12 @@ def pareto_table(front: Document) -> str:
 
 def words_table(words: Document) -> str:
     """Return the words in the order in which they are typed in, and how they were found."""
-    heads, values, cells = typed_table(typed(words))
+    heads, values, cells = typed_table(keyed_entries(words))
     notes = [f"- {note}" for note in (*ramp_note(words), *search_notes(words))]
     return "\n".join([table([heads, *cells], right=values), *notes])
 
 
-def typed(words: Document) -> tuple[TypedWord, ...]:
+def keyed_entries(words: Document) -> tuple[KeyedEntry, ...]:
     """Return the words of a document as they are typed in."""
     return typed_words(words_of(words, words["target"], "words.json"), words["setpoint_degC"])
 
@@ -243,7 +267,8 @@ def criteria_table(proof: Document) -> str:
     for name, criterion in proof["criteria"].items():
         limit = "" if criterion["limit"] is None else f"{criterion['bound']} {figure(criterion['limit'])}"
         verdict = "" if criterion["limit"] is None else "ok" if criterion["ok"] else "FAIL"
-        rows.append((spaced(name), criterion_value(criterion), limit, criterion["unit"], verdict, criterion["where"]))
+        rows.append((readable_name(name), criterion_value(criterion), limit, criterion["unit"], verdict,
+                     criterion["where"]))
     return "\n".join([table(rows, right=(1,)), *[f"fault: {fault}" for fault in proof["faults"]]])
 
 
@@ -266,7 +291,7 @@ def samples_rows(samples: Document) -> list[tuple[str, ...]]:
         numbers = ["never" if spot[key] is None else figure(spot[key]) for key in ("median", "p95", "p99", "worst")]
         limit = "" if spot["limit"] is None else f"{spot.get('bound', '<=')} {figure(spot['limit'])}"
         kept = "" if spot["limit"] is None else f"{100.0 * spot['passing']:.4g} %"
-        rows.append((spaced(name), *numbers, limit, spot["unit"], kept))
+        rows.append((readable_name(name), *numbers, limit, spot["unit"], kept))
     return rows
 
 
@@ -282,7 +307,7 @@ def advice_table(advice: Document) -> str:
         f"- at the end {figure(seen['distance_degC'], 2)} °C short of the setpoint, swinging by "
         f"±{figure(seen['swing_degC'], 2)} °C; {seen['swings']} wide swings{decay}",
     ]
-    aim = f"effect on {spaced(advice['aim'])}"
+    aim = f"effect on {readable_name(advice['aim'])}"
     rows = [("", "Kp", "Ki", "Kd", "verdict", "overshoot %", "settling s", "IAE °C·s", aim, "fails by")]
     for case in advice["cases"]:
         numbers = [_reached(case.get(name)) for name in ("overshoot", "settling_time", "iae")]
@@ -314,7 +339,7 @@ def feed_forward_lines(fed: Document) -> str:
     ])
 
 
-def spaced(name: str) -> str:
+def readable_name(name: str) -> str:
     """Return a name as people read it."""
     return name.replace("_", " ")
 

@@ -15,11 +15,11 @@ from heatertune.log.values import Log
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.search.uncertain import interval_ends
 from heatertune.report.style import LOOK
-from heatertune.studio.live_log import Trace
-from heatertune.studio.loop import Look
+from heatertune.studio.downsample import downsample, step_corners, straight
+from heatertune.studio.live_log import RecordedTrace
+from heatertune.studio.loop import LoopView
 from heatertune.studio.picture import Line, Picture, course_of
-from heatertune.studio.session import Pinned
-from heatertune.studio.thinned import stepped, straight, thinned
+from heatertune.studio.session import PinnedDesign
 
 __all__ = ["Options", "heater_chart", "key_of", "live_charts", "log_chart", "loop_chart", "zooms"]
 
@@ -53,20 +53,20 @@ _BAND: Final = 1.96  # of a normal distribution, 95 %
 
 def log_chart(log: Log, fitted: FittedModel) -> Options:
     """Return log, model and the band in which 95 % of the model's errors lie."""
-    kept = thinned(log.time_s, log.temperature_degC, _PIXELS)
+    kept = downsample(log.time_s, log.temperature_degC, _PIXELS)
     measured = _line("log", log.time_s[kept], log.temperature_degC[kept], "log")
     lines = [_named(measured, "log", lower=-1)]  # both end at one point
     residuals = fitted.residuals
     if residuals is not None:
         wide = _BAND * float(np.sqrt(np.mean((residuals.measured_degC - residuals.simulated_degC) ** 2)))
-        kept = thinned(residuals.time_s, residuals.simulated_degC, _PIXELS)
+        kept = downsample(residuals.time_s, residuals.simulated_degC, _PIXELS)
         time, simulated = residuals.time_s[kept], residuals.simulated_degC[kept]
         model = _line("model", time, simulated, "model")
         lines += [*_band(time, simulated - wide, simulated + wide), _named(model, "model")]
     return _chart("time [s]", "temperature [°C]", lines)
 
 
-def live_charts(trace: Trace) -> tuple[Options, Options | None]:
+def live_charts(trace: RecordedTrace) -> tuple[Options, Options | None]:
     """Return temperature and setpoint of a loop that is being recorded, and its power, None where it shows none."""
     def line(name: str, values: Array, look: str) -> dict[str, Any]:
         return _with_gaps(_line(name, trace.time_s, values, look), trace.part)
@@ -103,7 +103,7 @@ def _rise(model: HeaterModel, time: Array) -> Array:
     return np.asarray(_STEP_PCT * model.gain_degC_per_pct * covered)
 
 
-def loop_chart(look: Look, picture: Picture, pinned: Sequence[Pinned] = ()) -> Options:
+def loop_chart(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()) -> Options:
     """Return temperature and power of the loop over one time axis: nominal run, wish, designs kept, and the proof's.
 
     Args:
@@ -128,8 +128,8 @@ def loop_chart(look: Look, picture: Picture, pinned: Sequence[Pinned] = ()) -> O
     words["z"] = 4  # over the worst run
     words["markArea"] = _walls(picture, low - room, high + room)
     words["markLine"] = _setpoint_and_parts(picture)
-    asked = stepped(nominal.time_s, nominal.power_asked_pct)
-    kept = thinned(picture.place(asked[0]), asked[1], _PIXELS)
+    asked = step_corners(nominal.time_s, nominal.power_asked_pct)
+    kept = downsample(picture.place(asked[0]), asked[1], _PIXELS)
     power = _over(picture, "power asked for", (asked[0][kept], asked[1][kept]), "realised", within=_POWER_WITHIN)
     crowd = [_crowd(picture)] if picture.crowd else []
     second = {"xAxisIndex": 1, "yAxisIndex": 1}
@@ -148,7 +148,7 @@ def zooms(picture: Picture) -> list[tuple[str, float, float]]:
     return [("whole story", 0.0, ends[-1]), *((name, begin, end - 1e-3 * (end - begin)) for name, begin, end in found)]
 
 
-def key_of(look: Look, picture: Picture, pinned: Sequence[Pinned] = ()) -> list[tuple[str, str, str]]:
+def key_of(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()) -> list[tuple[str, str, str]]:
     """Return what the lines of the loop's picture are: name, colour and SVG dashes."""
     names = [("nominal run", "realised")]
     names += [] if picture.worst is None else [(f"worst run: {picture.worst[0]}", "worst")]

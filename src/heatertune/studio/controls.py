@@ -10,16 +10,16 @@ from nicegui import ui
 from heatertune.pid.tune import STRUCTURES
 from heatertune.plc import NAMES, controller_for
 from heatertune.plc.inputs import INPUTS
-from heatertune.proof.period import SWITCHES
 from heatertune.proof.presets import PRESETS
+from heatertune.proof.ripple_and_wear import SWITCHES
 from heatertune.report.text import figure
-from heatertune.studio.grey import MOVE, MOVED
-from heatertune.studio.parts import explained
-from heatertune.studio.settings import SLIDERS, Settings, Slider
+from heatertune.studio.parts import explain_label
+from heatertune.studio.settings import SLIDERS, Slider, StudioSettings
+from heatertune.studio.stale import MOVE, MOVED
 
 __all__ = ["Controls"]
 
-Moved = Callable[..., object]
+ChangeCallback = Callable[..., object]
 
 _PLAIN: Final = "a plain range"
 _KINDS: Final = {"ssr": "SSR", "contactor": "contactor", "relay": "relay"}
@@ -32,7 +32,7 @@ _FACTS: Final = tuple(slider for slider in SLIDERS if slider is not _LARGE)
 class Controls:
     """The column of controls; `moved` is called with the fields that the user changed."""
 
-    def __init__(self, moved: Moved, seen: Callable[[int], object]) -> None:
+    def __init__(self, moved: ChangeCallback, seen: Callable[[int], object]) -> None:
         self._moved, self._seen = moved, seen
         self._silent = False
         self._placed: dict[str, str] = {}
@@ -57,7 +57,7 @@ class Controls:
         return made.props("outlined dense options-dense").classes("w-full")
 
     def _add_large(self) -> None:
-        meaning = explained(_LARGE.label)
+        meaning = explain_label(_LARGE.label)
         with ui.element("div").classes("large").props(f'title="{meaning}"'):
             with ui.element("div").classes("ends").props("aria-hidden=true"):
                 ui.label("calm")
@@ -80,7 +80,7 @@ class Controls:
         group.on("change", lambda e: self._chose(*e.args), js_handler=MOVED)
 
     def _add_fact(self, fact: Slider) -> None:
-        meaning = explained(fact.label)
+        meaning = explain_label(fact.label)
         with ui.element("label").classes("fact").props(f'title="{meaning}"' if meaning else ""):
             ui.html(fact.label, sanitize=False, tag="span")
             with ui.element("span").classes("typed"):
@@ -118,7 +118,7 @@ class Controls:
         if not self._silent:
             self._moved(**fields)
 
-    def show(self, settings: Settings, chosen: dict[str, float]) -> None:
+    def show(self, settings: StudioSettings, chosen: dict[str, float]) -> None:
         """Show settings; `chosen` holds what the program took where it may choose."""
         self._silent = True  # what is shown was not moved by the user
         try:

@@ -8,18 +8,18 @@ from collections.abc import Mapping
 from typing import Final
 
 from heatertune.chain.documents import words_document
-from heatertune.chain.whole import dossier
+from heatertune.chain.pipeline import dossier
 from heatertune.codec import encode
 from heatertune.documents import DATA, plain, to_json
 from heatertune.plc import controller_for
-from heatertune.studio.session import Standing
+from heatertune.studio.session import FrontDesign
 
 __all__ = ["export_zip", "report_page"]
 
 _EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # the earliest a zip can hold: no date
 
 
-def export_zip(standing: Standing, *, force: bool) -> bytes:
+def export_zip(standing: FrontDesign, *, force: bool) -> bytes:
     """Return the export files with `data/words.json` and `data/proof.json`, as `heatertune export-db` writes them.
 
     The main file of the controller comes first.
@@ -43,7 +43,7 @@ def export_zip(standing: Standing, *, force: bool) -> bytes:
     return packed.getvalue()
 
 
-def report_page(standing: Standing, files: Mapping[str, str | bytes]) -> str:
+def report_page(standing: FrontDesign, files: Mapping[str, str | bytes]) -> str:
     """Return `report.html` of a proven design, as left where a trace was held against it.
 
     Args:
@@ -54,5 +54,5 @@ def report_page(standing: Standing, files: Mapping[str, str | bytes]) -> str:
 
     gains = standing.look.gains
     documents = dossier(standing.log, standing.fitted, gains.design, standing.proof, files, gains.search, gains.recipe)
-    left = {} if standing.left is None else {"as_left": plain(encode(standing.left))}
+    left = {} if standing.as_left is None else {"as_left": plain(encode(standing.as_left))}
     return render(documents | left)

@@ -10,9 +10,9 @@ from nicegui import ui
 
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.files import read_bytes
+from heatertune.studio.access import LARGEST_LOG
 from heatertune.studio.charts import live_charts
-from heatertune.studio.gate import LARGEST_LOG
-from heatertune.studio.live_log import Asked, LiveLog
+from heatertune.studio.live_log import LiveLog, RecordingRequest
 from heatertune.studio.parts import card, chart, draw
 from heatertune.studio.wording import for_page
 from heatertune.studio.work import Work
@@ -73,7 +73,7 @@ class LiveCard:
         self._form.set_visibility(not runs)
         self._error.set_text(f"error: {for_page(error)}" if error else "")
         self._state.set_text("" if live is None else live.state)
-        self._now.set_text("" if live is None else live.now)
+        self._now.set_text("" if live is None else live.latest)
         for element, seen in (
                 (self._error, bool(error)), (self._state, bool(self._state.text)), (self._now, bool(self._now.text)),
                 (self._start, not runs), (self._stop, runs), (self._away, not runs),
@@ -94,7 +94,8 @@ class LiveCard:
                 draw(element, options)
 
     async def _begin(self) -> None:
-        await self._work.record(Asked(address=self._address.value, where=self._where.value, log=self._log.value,
+        await self._work.record(RecordingRequest(address=self._address.value, where=self._where.value,
+                                                 log=self._log.value,
                                       every=self._every.value, append=self._append.value))
 
     async def _end(self) -> None:

@@ -12,11 +12,11 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.live.client.address import address_of
-from heatertune.live.places import ROLES, places_given
-from heatertune.live.recorder import Recorded, Recording, record
-from heatertune.studio.thinned import thinned
+from heatertune.live.recorder import RecordingSetup, RecordingState, record
+from heatertune.live.signal_map import ROLES, places_given
+from heatertune.studio.downsample import downsample
 
-__all__ = ["Asked", "LiveLog", "Trace"]
+__all__ = ["LiveLog", "RecordedTrace", "RecordingRequest"]
 
 Array = npt.NDArray[np.float64]
 
@@ -25,7 +25,7 @@ _PIXELS: Final = 700
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class RecordingRequest:
     """What the user typed.
 
     Attributes:
@@ -44,7 +44,7 @@ class Asked:
     append: bool = False
 
 
-class Trace(NamedTuple):
+class RecordedTrace(NamedTuple):
     """What was recorded, as a picture shows it; shape (n,) each, NaN where the PLC does not show it.
 
     Attributes:
@@ -68,22 +68,22 @@ class LiveLog:
         is_over: whether it has ended.
     """
 
-    def __init__(self, asked: Asked) -> None:
+    def __init__(self, request: RecordingRequest) -> None:
         """Take what the user typed.
 
         Raises:
-            HeatertuneError: no address, no log, a time that is none; as `heatertune.live.places.places_given`.
+            HeatertuneError: no address, no log, a time that is none; as `heatertune.live.signal_map.places_given`.
         """
-        self.address, where = asked.address.strip(), asked.where.strip()
-        if not asked.log.strip():
+        self.address, where = request.address.strip(), request.where.strip()
+        if not request.log.strip():
             raise InputError("the log to write: expected a file's name, as log.csv")
-        self.path = Path(asked.log.strip()).expanduser().absolute()
+        self.path = Path(request.log.strip()).expanduser().absolute()
         self._address = address_of(self.address)
         is_design = bool(where) and Path(where).expanduser().is_dir()
         self._places = places_given(design=where if is_design else None,
                                     map_file=where if where and not is_design else None)
-        self._settings = Recording(every_s=_seconds(asked.every), append=asked.append)
-        self.so_far: Recorded | None = None
+        self._settings = RecordingSetup(every_s=_seconds(request.every), append=request.append)
+        self.so_far: RecordingState | None = None
         self.is_over = False
         self._ended = Event()
         self._rows: list[tuple[float, ...]] = []
@@ -111,22 +111,22 @@ class LiveLog:
         """How many rows were written."""
         return 0 if self.so_far is None else self.so_far.rows
 
-    def _shown(self, so_far: Recorded) -> None:
+    def _shown(self, so_far: RecordingState) -> None:
         self.so_far = so_far
         if so_far.last is None or so_far.rows == self._counted:
             return
         self._counted = so_far.rows
-        seen = (so_far.last.seen.get(role, np.nan) for role in ROLES)
+        seen = (so_far.last.signals.get(role, np.nan) for role in ROLES)
         self._rows.append((so_far.last.time_s, *seen, float(so_far.gaps)))
         if len(self._rows) > _MOST_ROWS:
             rows = np.array(self._rows)
-            self._rows = [self._rows[number] for number in thinned(rows[:, 0], rows[:, 1], _MOST_ROWS // 10)]
+            self._rows = [self._rows[number] for number in downsample(rows[:, 0], rows[:, 1], _MOST_ROWS // 10)]
 
     @property
-    def trace(self) -> Trace:
+    def trace(self) -> RecordedTrace:
         """What was recorded, thinned to what a picture shows."""
-        rows = np.array(self._rows).reshape(-1, len(Trace._fields))
-        return Trace(*rows[thinned(rows[:, 0], rows[:, 1], _PIXELS)].T)
+        rows = np.array(self._rows).reshape(-1, len(RecordedTrace._fields))
+        return RecordedTrace(*rows[downsample(rows[:, 0], rows[:, 1], _PIXELS)].T)
 
     @property
     def state(self) -> str:
@@ -145,13 +145,13 @@ class LiveLog:
         return f"Recording {where}{gaps}; the PLC is only read."
 
     @property
-    def now(self) -> str:
+    def latest(self) -> str:
         """The latest row in numbers; "" where there is none."""
         if self.so_far is None or self.so_far.last is None:
             return ""
         last = self.so_far.last
         units = {"temperature": "{:.2f} °C", "power": "{:.1f} %", "setpoint": "setpoint {:.1f} °C"}
-        seen = [units[role].format(last.seen[role]) for role in ROLES if role in last.seen]
+        seen = [units[role].format(last.signals[role]) for role in ROLES if role in last.signals]
         return f"{last.time_s:.0f} s: {', '.join(seen)}; {self.rows} rows"
 
 

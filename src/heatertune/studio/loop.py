@@ -8,26 +8,34 @@ from typing import Any, Final
 
 from heatertune import chain
 from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.pid.design_provenance import DesignProvenance
 from heatertune.pid.loop.robustness import margins, worst
-from heatertune.pid.recipe import Recipe
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
-from heatertune.plc.choose import search_document
-from heatertune.plc.cooler import cooled
-from heatertune.plc.cycle import switched
+from heatertune.plc.cooler import with_cooling
+from heatertune.plc.cycle import with_pwm_period
 from heatertune.plc.design import loop_fit
-from heatertune.progress import Told
+from heatertune.plc.word_selection import search_document
+from heatertune.progress import ProgressCallback
 from heatertune.proof import Proof, Trace, simulate_wish
-from heatertune.proof.asked import made_for
-from heatertune.proof.closing import Asked, Closed, closed
-from heatertune.proof.drawn import sample_document
-from heatertune.proof.exported import as_exported
+from heatertune.proof.design_request import made_for
+from heatertune.proof.monte_carlo.run import sample_document
+from heatertune.proof.redesign import DesignRequest, DesignResult, find_passing_design
+from heatertune.proof.text_comparison import as_exported
 from heatertune.settings import Conditions
-from heatertune.studio.settings import Settings
+from heatertune.studio.settings import StudioSettings
 
 __all__ = [
-    "DRAWN", "Found", "Gains", "Look", "designed", "first_look", "full_proof", "on_drawn_heaters", "optimum",
+    "DRAWN",
+    "CandidateWords",
+    "DesignOutcome",
+    "LoopView",
+    "find_design",
+    "first_look",
+    "full_proof",
+    "on_drawn_heaters",
+    "optimum",
 ]
 
 #: heaters that are drawn at a time
@@ -35,13 +43,14 @@ DRAWN: Final = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Gains:
+class CandidateWords:
     """A design and the words it became.
 
     Attributes:
         design: as wished.
         words: what the controller will hold.
-        search: how the words were found, see `heatertune.plc.choose.search_document`; None: each rounded on its own.
+        search: how the words were found, see `heatertune.plc.word_selection.search_document`; None: each rounded on its
+            own.
         recipe: how the design became the words; None: not told.
         conditions: of the proof, where the design came with some; None: those of the settings.
         proof: of the words, where it is made already.
@@ -50,13 +59,13 @@ class Gains:
     design: PidDesign
     words: Words
     search: Any = None
-    recipe: Recipe | None = None
+    recipe: DesignProvenance | None = None
     conditions: Conditions | None = None
     proof: Proof | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Look:
+class LoopView:
     """What the page shows at once.
 
     Attributes:
@@ -68,8 +77,8 @@ class Look:
         wish: the unrounded design on the same heater; None for a controller that is no PID.
     """
 
-    settings: Settings
-    gains: Gains
+    settings: StudioSettings
+    gains: CandidateWords
     realised: PidDesign | None
     margins: Margins | None
     proof: Proof
@@ -78,11 +87,11 @@ class Look:
     @property
     def conditions(self) -> Conditions:
         """What the proof assumes."""
-        return self.gains.conditions or self.settings.assumed
+        return self.gains.conditions or self.settings.conditions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Found:
+class DesignOutcome:
     """What `heatertune design` finds.
 
     Attributes:
@@ -90,11 +99,11 @@ class Found:
         gains: as the page shows them, the proof with them.
     """
 
-    closed: Closed
-    gains: Gains
+    result: DesignResult
+    gains: CandidateWords
 
 
-def first_look(fitted: FittedModel, settings: Settings, gains: Gains | None = None) -> Look:
+def first_look(fitted: FittedModel, settings: StudioSettings, gains: CandidateWords | None = None) -> LoopView:
     """Return the loop on the nominal heater; quick gains where none are given.
 
     Raises:
@@ -102,9 +111,9 @@ def first_look(fitted: FittedModel, settings: Settings, gains: Gains | None = No
         OutOfRange, InputError: the heater cannot hold the setpoint, the sensor does not see it, …
     """
     gains = gains or _quick(fitted, settings)
-    proof = chain.prove(gains.words, fitted, gains.conditions or settings.assumed, first_look=True)
+    proof = chain.prove(gains.words, fitted, gains.conditions or settings.conditions, first_look=True)
     real, nominal = proof.design, proof.nominal
-    return Look(
+    return LoopView(
         settings=settings, gains=gains, realised=real, proof=proof,
         margins=None if real is None else worst([margins(plant, real) for plant in _plants(fitted, settings)]),
         wish=None if real is None else simulate_wish(
@@ -113,7 +122,7 @@ def first_look(fitted: FittedModel, settings: Settings, gains: Gains | None = No
     )
 
 
-def optimum(fitted: FittedModel, settings: Settings, progress: Told = str) -> Gains:
+def optimum(fitted: FittedModel, settings: StudioSettings, progress: ProgressCallback = str) -> CandidateWords:
     """Return the design and the words with which `heatertune design` begins for the same settings.
 
     Raises:
@@ -122,17 +131,17 @@ def optimum(fitted: FittedModel, settings: Settings, progress: Told = str) -> Ga
     """
     asked = _request(settings)
     design, choice = made_for(fitted, asked, progress, str)
-    words = cooled(choice.words, asked.conditions.cooling_gain)
-    words = switched(controller_for(asked.target).cycle, words, asked.conditions.pwm_period_s)
-    return Gains(design=design, words=words, search=search_document(choice, fitted))
+    words = with_cooling(choice.words, asked.conditions.cooling_gain)
+    words = with_pwm_period(controller_for(asked.target).cycle, words, asked.conditions.pwm_period_s)
+    return CandidateWords(design=design, words=words, search=search_document(choice, fitted))
 
 
-def full_proof(fitted: FittedModel, look: Look, progress: Told = str) -> Proof:
+def full_proof(fitted: FittedModel, look: LoopView, progress: ProgressCallback = str) -> Proof:
     """Return the proof of the same words on every heater under every open point; errors as in `first_look`."""
     return as_exported(chain.prove(look.gains.words, fitted, look.conditions, progress=progress))
 
 
-def on_drawn_heaters(fitted: FittedModel, look: Look) -> dict[str, Any]:
+def on_drawn_heaters(fitted: FittedModel, look: LoopView) -> dict[str, Any]:
     """Return what the same words do on `DRAWN` heaters and days drawn at random, as `verify --samples` does.
 
     Raises:
@@ -141,32 +150,33 @@ def on_drawn_heaters(fitted: FittedModel, look: Look) -> dict[str, Any]:
     return sample_document(look.gains.words, fitted, DRAWN, look.conditions)
 
 
-def designed(fitted: FittedModel, settings: Settings, progress: Told = str) -> Found:
+def find_design(fitted: FittedModel, settings: StudioSettings, progress: ProgressCallback = str) -> DesignOutcome:
     """Return what `heatertune design` finds for the same settings: the optimum, changed by as little as makes it pass.
 
     Raises:
         InputError: no design keeps the limits.
         NotRepresentable: as in `first_look`.
     """
-    found = closed(fitted, _request(settings), progress=progress)
-    return Found(closed=found, gains=Gains(
-        design=found.wished, words=found.proof.words, search=search_document(found.choice, fitted, found.notes),
+    found = find_passing_design(fitted, _request(settings), progress=progress)
+    return DesignOutcome(result=found, gains=CandidateWords(
+        design=found.ideal, words=found.proof.words, search=search_document(found.choice, fitted, found.notes),
         recipe=found.recipe, conditions=found.conditions, proof=found.proof))
 
 
-def _request(settings: Settings) -> Asked:
-    return Asked(target=settings.target, scaling=settings.scaling, tuned=settings.tuned, conditions=settings.assumed)
+def _request(settings: StudioSettings) -> DesignRequest:
+    return DesignRequest(target=settings.target, scaling=settings.scaling, tune_settings=settings.tune_settings,
+                         conditions=settings.conditions)
 
 
-def _plants(fitted: FittedModel, settings: Settings) -> tuple[HeaterModel, ...]:
+def _plants(fitted: FittedModel, settings: StudioSettings) -> tuple[HeaterModel, ...]:
     """Return the possible heaters with the delay of the target's input module and output."""
     return loop_fit(fitted, settings.target, settings.scaling).plants
 
 
-def _quick(fitted: FittedModel, settings: Settings) -> Gains:
+def _quick(fitted: FittedModel, settings: StudioSettings) -> CandidateWords:
     controller = controller_for(settings.target)
     design = quick_tune(
         _plants(fitted, settings), structure=settings.structure, ms=settings.ms, sample_time_s=settings.sample_time_s,
         timer=controller.timer, derivative_filter=controller.derivative_filter,
     )
-    return Gains(design=design, words=chain.encode(design, settings.target, scaling=settings.scaling))
+    return CandidateWords(design=design, words=chain.encode(design, settings.target, scaling=settings.scaling))

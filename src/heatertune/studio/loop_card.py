@@ -12,10 +12,10 @@ from nicegui import background_tasks, ui
 
 from heatertune.proof import Proof
 from heatertune.studio import charts, views
-from heatertune.studio.loop import Look
+from heatertune.studio.loop import LoopView
 from heatertune.studio.parts import card, chart, draw, html
 from heatertune.studio.picture import Picture, picture_of
-from heatertune.studio.session import Pinned
+from heatertune.studio.session import PinnedDesign
 
 __all__ = ["LoopCard"]
 
@@ -31,7 +31,7 @@ _first_picture = lru_cache(_KEPT)(picture_of)
 _loop_chart = lru_cache(_KEPT)(charts.loop_chart)
 
 
-class _Abandoned(Exception):
+class _WindowGone(Exception):
     """No window shows the proof any more."""
 
 
@@ -53,7 +53,7 @@ class LoopCard:
                 ui.html("The picture in numbers", sanitize=False, tag="summary")
                 self._numbers = html().props("id=loop-numbers")
 
-    def show(self, look: Look, proof: Proof | None, pinned: Sequence[Pinned]) -> None:
+    def show(self, look: LoopView, proof: Proof | None, pinned: Sequence[PinnedDesign]) -> None:
         """Show a loop; `proof`: its full one, None until it is done."""
         wanted = (look, proof, *((pin.name, pin.look) for pin in pinned))
         if len(wanted) == len(self._shown) and all(a is b or a == b for a, b in zip(wanted, self._shown, strict=True)):
@@ -73,19 +73,19 @@ class LoopCard:
         return len(self._shown) > 1 and self._shown[1] is proof
 
     async def _with_all_runs(
-        self, shown: tuple[object, ...], look: Look, proof: Proof, pinned: Sequence[Pinned]
+        self, shown: tuple[object, ...], look: LoopView, proof: Proof, pinned: Sequence[PinnedDesign]
     ) -> None:
         await asyncio.sleep(_REST_S)
         while self._shown is shown:
             try:
                 picture = await _picture_with_all_runs(proof)
-            except _Abandoned:  # and wanted again meanwhile
+            except _WindowGone:  # and wanted again meanwhile
                 continue
             if self._shown is shown:
                 self._draw(look, picture, pinned)
             return
 
-    def _draw(self, look: Look, picture: Picture, pinned: Sequence[Pinned]) -> None:
+    def _draw(self, look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign]) -> None:
         self._picture = picture
         draw(self._chart, _loop_chart(look, picture, tuple(pinned)))
         self._key.set_content(views.key(charts.key_of(look, picture, pinned)))
@@ -116,7 +116,7 @@ async def _picture_with_all_runs(proof: Proof) -> Picture:
 
         def before_run() -> None:
             if not any(card.shows(proof) for card in cards):
-                raise _Abandoned
+                raise _WindowGone
 
         _drawn[id(proof)] = asyncio.create_task(asyncio.to_thread(picture_of, proof, before_run))
         _drawn[id(proof)].add_done_callback(lambda _: _drawn.pop(id(proof)))

@@ -13,17 +13,17 @@ from heatertune.errors import HeatertuneError, InputError
 from heatertune.proof.pwm_period import with_pwm
 from heatertune.proof.verdict import NOT_PROVEN
 from heatertune.studio import charts, views
+from heatertune.studio.access import LARGEST_LOG
+from heatertune.studio.as_left_card import LeftCard
 from heatertune.studio.controls import Controls
-from heatertune.studio.drawn_card import DrawnCard
-from heatertune.studio.gate import LARGEST_LOG
-from heatertune.studio.grey import NUMBER_SEEN, Grey
-from heatertune.studio.left_card import LeftCard
 from heatertune.studio.live_card import LiveCard
 from heatertune.studio.loop_card import LoopCard
-from heatertune.studio.mend import assumed_told
+from heatertune.studio.monte_carlo_card import DrawnCard
 from heatertune.studio.parts import card, chart, draw, html
-from heatertune.studio.sheet import Dropped
+from heatertune.studio.sheet import DroppedFile
 from heatertune.studio.sheet_card import SheetCard
+from heatertune.studio.stale import NUMBER_SEEN, Grey
+from heatertune.studio.suggest import assumed_told
 from heatertune.studio.wording import for_page
 from heatertune.studio.work import Work
 
@@ -67,7 +67,7 @@ class Page:
             choose.on("click", js_handler=f"() => runMethod({self._upload.id}, 'pickFiles', [])")
         with ui.element("div").classes("studio"):
             with ui.element("section").classes("card controls").props('aria-label="Settings"'):
-                self._controls = Controls(self._moved, self._grey.seen)
+                self._controls = Controls(self._moved, self._grey.note_moves)
             with ui.element("div").classes("results"):
                 self._build_results()
         ui.dark_mode(None)
@@ -152,7 +152,7 @@ class Page:
         session, kind = self.session, fields.get("switch_kind")
         if kind is None or session.look is None or session.fitted is None:
             return {}
-        gains, assumed = session.look.gains, replace(session.settings.assumed, pwm_period_s=None)
+        gains, assumed = session.look.gains, replace(session.settings.conditions, pwm_period_s=None)
         _, proposed = with_pwm(gains.design, session.fitted, kind, assumed, words=gains.words)
         return {"pwm_period_s": None if kind == "ssr" else proposed.pwm_period_s}
 
@@ -170,12 +170,12 @@ class Page:
         self._upload.reset()
         await self._read(name, content)
 
-    async def _use(self, dropped: Dropped) -> None:
-        log, known = dropped.taken()
+    async def _use(self, dropped: DroppedFile) -> None:
+        log, known = dropped.to_log()
         await self.work.take(log, known)
 
-    async def _hold(self, dropped: Dropped, number: int) -> None:
-        await self.work.hold(dropped.taken()[0], dropped.assumed.about, number)
+    async def _hold(self, dropped: DroppedFile, number: int) -> None:
+        await self.work.hold(dropped.to_log()[0], dropped.assumptions.about, number)
 
     def _pin(self) -> None:
         try:
@@ -207,9 +207,9 @@ class Page:
         self._show_mend()
         self.show_progress()
         self._sheet.show(proven=session.proof is not None)
-        self._left.show(session.left, session.verdict)
-        self._drawn.show(session.drawn, ready=self.work.can_draw)
-        self._grey.show(computing=session.computing, number=session.number)
+        self._left.show(session.as_left, session.verdict)
+        self._drawn.show(session.samples, ready=self.work.can_draw)
+        self._grey.show(computing=session.is_computing, number=session.number)
         if session.log is not None and session.fitted is not None:
             self._show_heater()
         self._found.set_visibility(session.look is not None)
@@ -219,7 +219,7 @@ class Page:
 
     def _show_look(self) -> None:
         session, look = self.session, self.session.look
-        seen = look, session.proof, session.pinned
+        seen = look, session.proof, session.pinned_designs
         if look is None or seen == self._seen:
             return
         self._seen = seen
@@ -228,7 +228,7 @@ class Page:
                               (self._criteria, views.criteria(session.proof or look.proof))):
             area.set_content(content)
         # the full proof is of the loop in front alone
-        self._loop.show(look, session.proof if look is session.front else None, session.pinned)
+        self._loop.show(look, session.proof if look is session.front else None, session.pinned_designs)
 
     def _show_heater(self) -> None:
         session = self.session
@@ -261,26 +261,26 @@ class Page:
         self._verdict.set_text(views.verdict_text(verdict, proof, last=session.look is not None))
         judged = verdict in ("PASS", "FAIL", NOT_PROVEN)
         self._verdict.classes(remove="pass fail not-proven", add=verdict.lower().replace(" ", "-") if judged else "")
-        self._zip.set_enabled(not session.computing and (verdict == "PASS" or (judged and bool(self._force.value))))
-        self._report.set_enabled(judged and not session.computing)
-        self._optimum.set_enabled(session.fitted is not None and not session.awaited and not session.taken)
+        self._zip.set_enabled(not session.is_computing and (verdict == "PASS" or (judged and bool(self._force.value))))
+        self._report.set_enabled(judged and not session.is_computing)
+        self._optimum.set_enabled(session.fitted is not None and not session.is_awaited and not session.has_design)
         self._force.set_visibility(judged and verdict != "PASS")
 
     def _show_mend(self) -> None:
         session = self.session
-        mend, assumed = session.mend, assumed_told(session.settings)
-        self._mend_told.set_text(" ".join(filter(None, (assumed, mend.told if mend else ""))))
+        mend, assumed = session.suggestion, assumed_told(session.settings)
+        self._mend_told.set_text(" ".join(filter(None, (assumed, mend.message if mend else ""))))
         self._mend_button.set_text(mend.button if mend else "")
         self._mend_button.set_visibility(bool(mend and mend.button))
-        self._back.set_visibility(session.taken or bool(assumed))
-        self._mend.set_visibility(session.taken or bool(assumed or mend))
+        self._back.set_visibility(session.has_design or bool(assumed))
+        self._mend.set_visibility(session.has_design or bool(assumed or mend))
 
     def _show_pinned(self) -> None:
-        pinned = self.session.pinned
+        pinned = self.session.pinned_designs
         if pinned == self._pins_seen:
             return
         self._pins_seen = pinned
-        self._compared.set_content(views.compared(pinned))
+        self._compared.set_content(views.comparison_html(pinned))
         self._letters.clear()
         with self._letters:
             for pin in pinned:

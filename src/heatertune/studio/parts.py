@@ -7,7 +7,7 @@ from nicegui import ui
 from heatertune.studio.charts import Options
 from heatertune.terms import terms_in
 
-__all__ = ["card", "chart", "draw", "explained", "html"]
+__all__ = ["card", "chart", "draw", "explain_label", "html"]
 
 
 def card(title: str, props: str = "", *, wide: bool = False) -> ui.element:
@@ -18,7 +18,7 @@ def card(title: str, props: str = "", *, wide: bool = False) -> ui.element:
     return made
 
 
-def explained(label: str) -> str:
+def explain_label(label: str) -> str:
     """Return what the terms of a label mean, "" where it has none."""
     return "; ".join(f"{term.names[0]}: {term.meaning}" for term in terms_in(label))
 

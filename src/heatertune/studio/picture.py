@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.proof import Proof, Trace
+from heatertune.proof.criterion_table import band_of, phases_measured
 from heatertune.proof.loop import plant_row
-from heatertune.proof.measured import band_of, phases_measured
-from heatertune.proof.scenario import WAYS, Phase, named
-from heatertune.studio.thinned import straight, thinned
+from heatertune.proof.scenario import WAYS, Phase, event_name
+from heatertune.studio.downsample import downsample, straight
 
-__all__ = ["Line", "Part", "Picture", "Wall", "course_of", "parts_of", "picture_of", "torn", "walls_of"]
+__all__ = ["Line", "Picture", "PicturePart", "Wall", "course_of", "parts_of", "picture_of", "torn", "walls_of"]
 
 Array = npt.NDArray[np.float64]
 #: instants [s] and temperatures [°C], both of shape (n,)
@@ -39,7 +39,7 @@ class Wall:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class PicturePart:
     """A part of the story.
 
     Attributes:
@@ -77,7 +77,7 @@ class Picture:
     runs: int
     worst: tuple[str, Line] | None
     walls: tuple[Wall, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[PicturePart, ...]
     torn: tuple[tuple[float, float], ...]
 
     def place(self, time: npt.ArrayLike) -> Array:
@@ -96,7 +96,7 @@ def picture_of(proof: Proof, before_run: Callable[[], object] = bool) -> Picture
     gone = tuple(torn(proof))
     for run in range(len(proof.runs) if len(proof.runs) > 1 else 0):
         before_run()
-        time, temperature = course_of(proof.traced(run), proof, _PIXELS_BEHIND)
+        time, temperature = course_of(proof.trace(run), proof, _PIXELS_BEHIND)
         kept = straight(_place(time, gone), temperature, _WITHIN * float(np.ptp(temperature)))
         line = np.round(time[kept]).astype(np.intp), np.round(temperature[kept], 1)
         lines[line[0].tobytes() + line[1].tobytes()] = line
@@ -116,11 +116,11 @@ def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS) -> Line:
     gone = torn(proof)
     seen = np.all([(time <= begin) | (time >= end) for begin, end in gone], axis=0)
     time, temperature = time[seen], temperature[seen]
-    kept = thinned(_place(time, gone), temperature, pixels)
+    kept = downsample(_place(time, gone), temperature, pixels)
     return time[kept], temperature[kept]
 
 
-def parts_of(trace: Trace, proof: Proof) -> list[Part]:
+def parts_of(trace: Trace, proof: Proof) -> list[PicturePart]:
     """Return what a run does in each part of the story."""
     band = band_of(proof.limits, trace.resolution_degC)
     found = []
@@ -128,8 +128,8 @@ def parts_of(trace: Trace, proof: Proof) -> list[Part]:
         time, temperature = trace.course(phase.begin_s, phase.end_s)
         outside = np.flatnonzero(np.abs(temperature - phase.setpoint_degC) > band)
         last = int(outside[-1]) + 1 if len(outside) else 0
-        found.append(Part(
-            name=named(event), begin_s=phase.begin_s, rest_s=phase.rest_s, end_s=phase.end_s,
+        found.append(PicturePart(
+            name=event_name(event), begin_s=phase.begin_s, rest_s=phase.rest_s, end_s=phase.end_s,
             setpoint_degC=phase.setpoint_degC, highest_degC=float(temperature.max()),
             lowest_degC=float(temperature.min()), within_s=None if last == len(time) else float(time[last])))
     return found
@@ -137,7 +137,7 @@ def parts_of(trace: Trace, proof: Proof) -> list[Part]:
 
 def walls_of(proof: Proof, run: int) -> Iterator[Wall]:
     """Return where the line of a run may not be: beyond its overshoot, and out of the band once it has to be there."""
-    trace, limits = proof.traced(run), proof.limits
+    trace, limits = proof.trace(run), proof.limits
     band, row = band_of(limits, trace.resolution_degC), plant_row(trace.model, trace.scenario)
     before = trace.scenario.setpoint_degC
     step = abs(before - float(row[5]))

@@ -18,12 +18,12 @@ from heatertune.model.values import FittedModel
 from heatertune.proof import Proof
 from heatertune.proof.as_left import AsLeft
 from heatertune.settings import FitSettings
-from heatertune.studio.loop import Found, Gains, Look
-from heatertune.studio.mend import Mend, mend_for
-from heatertune.studio.settings import Settings, settings_for
-from heatertune.studio.sources import Source
+from heatertune.studio.loop import CandidateWords, DesignOutcome, LoopView
+from heatertune.studio.settings import StudioSettings, settings_for
+from heatertune.studio.sources import LogSource
+from heatertune.studio.suggest import SuggestedChange, mend_for
 
-__all__ = ["MOST_PINNED", "Pinned", "Session", "Standing", "Ticket"]
+__all__ = ["MOST_PINNED", "FrontDesign", "PinnedDesign", "Session", "Ticket"]
 
 MOST_PINNED: Final = 4
 #: what a design depends on: number of the heater, settings, and how the gains were found
@@ -37,7 +37,7 @@ _KEPT: Final = 200  # looks and proofs remembered, the oldest forgotten first
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pinned:
+class PinnedDesign:
     """A design set aside for comparison.
 
     Attributes:
@@ -47,12 +47,12 @@ class Pinned:
     """
 
     name: str
-    look: Look
+    look: LoopView
     verdict: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Standing:
+class FrontDesign:
     """A proven design as it stands on the page, all of one piece: what is downloaded is made of nothing else.
 
     Attributes:
@@ -62,9 +62,9 @@ class Standing:
 
     log: Log
     fitted: FittedModel
-    look: Look
+    look: LoopView
     proof: Proof
-    left: AsLeft | None = None
+    as_left: AsLeft | None = None
 
     def export(self, *, force: bool) -> dict[str, str | bytes]:
         """Return the export files, name → content.
@@ -92,36 +92,36 @@ class Session:
     def __init__(self) -> None:
         self.log: Log | None = None
         self.fitted: FittedModel | None = None
-        self.settings = Settings()
-        self.look: Look | None = None
+        self.settings = StudioSettings()
+        self.look: LoopView | None = None
         self.error = self.file_error = self.fault = ""
         self._heater = 0
         self._begun = 0
         self.coming: Log | None = None
         self.known = FitSettings()
-        self._gains: dict[Ticket, Gains] = {}
-        self._found: dict[Ticket, Found | None] = {}
+        self._gains: dict[Ticket, CandidateWords] = {}
+        self._found: dict[Ticket, DesignOutcome | None] = {}
         self._taken: set[Ticket] = set()
         self._numbers: dict[Ticket, int] = {}
-        self._looks: dict[Ticket, Look] = {}
+        self._looks: dict[Ticket, LoopView] = {}
         self._proofs: dict[Ticket, Proof] = {}
         self._refused: dict[Ticket, str] = {}
         self._left: dict[Ticket, tuple[Proof, AsLeft]] = {}
         self._drawn: dict[Ticket, tuple[Proof, Mapping[str, Any]]] = {}
-        self._pins: list[tuple[str, Look, Ticket]] = []
+        self._pins: list[tuple[str, LoopView, Ticket]] = []
         self._before: dict[str, Any] = {}
 
-    def load(self, source: Source) -> None:
+    def load(self, source: LogSource) -> None:
         """Begin with what a path holds; a log without its heater waits for the fit."""
         self.settings = source.settings
         ticket = self.begin(source.log)
         if source.fitted is not None:
             self.fit_done(ticket, source.fitted)
-            self.file_error = source.left
-            if source.found is not None:
+            self.file_error = source.as_left
+            if source.outcome is not None:
                 self.settings = source.settings
                 self._taken.add(self.key)
-                self.found(self.key, source.found)
+                self.take_design(self.key, source.outcome)
 
     def begin(self, log: Log, known: FitSettings | None = None) -> int:
         """Take a new log; return the ticket of its fit. Heater and loop of the log before stay until it is done."""
@@ -173,21 +173,21 @@ class Session:
     @property
     def ticket(self) -> Ticket:
         """What the design depends on: the heater, all settings, and whether it is designed, an optimum, or quick."""
-        return *self.key, "designed" if self.taken else "optimum" if self._words_key() in self._gains else _QUICK
+        return *self.key, "designed" if self.has_design else "optimum" if self._words_key() in self._gains else _QUICK
 
     @property
     def key(self) -> Ticket:
         """What a search for a design depends on: the heater and all settings."""
         return self._heater, self.settings
 
-    def gains(self) -> Gains | None:
+    def gains(self) -> CandidateWords | None:
         """Return the design that was found for the settings, or an optimum that serves them; None: quick will do."""
-        found = self._found.get(self.key) if self.taken else None
+        found = self._found.get(self.key) if self.has_design else None
         return self._gains.get(self._words_key()) if found is None else found.gains
 
-    def _words_key(self, settings: Settings | None = None, heater: int | None = None) -> Ticket:
+    def _words_key(self, settings: StudioSettings | None = None, heater: int | None = None) -> Ticket:
         now = settings or self.settings
-        asked = (now.target, now.tuned, now.scaling, now.spec, now.limits, now.tolerance_degC, now.assumptions,
+        asked = (now.target, now.tune_settings, now.scaling, now.spec, now.limits, now.tolerance_degC, now.assumptions,
                  now.pwm_period_s)
         return self._heater if heater is None else heater, *asked
 
@@ -195,7 +195,7 @@ class Session:
         """Return whether a design was found in haste, for the eye alone: another one is proven in its place."""
         return bool(ticket[-1] == _QUICK)
 
-    def optimum_done(self, ticket: Ticket, look: Look) -> None:
+    def optimum_done(self, ticket: Ticket, look: LoopView) -> None:
         """Take the loop of an optimum in the place of the quick design of a ticket, set aside or in front."""
         heater, settings, _ = ticket
         better = (heater, settings, "optimum")
@@ -212,7 +212,7 @@ class Session:
             self.look, self.error = look, self._refused.get(self.ticket, "")
         return look is not None
 
-    def look_done(self, ticket: Ticket, look: Look) -> bool:
+    def look_done(self, ticket: Ticket, look: LoopView) -> bool:
         """Take a loop; return whether it is shown: not where the settings moved on."""
         _keep(self._looks, ticket, look)
         if look.gains.proof is not None:
@@ -225,7 +225,7 @@ class Session:
             self.fail(problem)
         return ticket == self.ticket
 
-    def found(self, key: Ticket, design: Found | None) -> None:
+    def take_design(self, key: Ticket, design: DesignOutcome | None) -> None:
         """Take what was found for settings; None: nothing."""
         _keep(self._found, key, design)
         if design is None:
@@ -244,9 +244,9 @@ class Session:
             self._serve(found)
         self.known_look()
 
-    def _serve(self, found: Found) -> None:
+    def _serve(self, found: DesignOutcome) -> None:
         """Let a plain optimum that was taken serve other settings of the proof, too."""
-        if not found.closed.notes:
+        if not found.result.notes:
             _keep(self._gains, self._words_key(), replace(found.gains, recipe=None, conditions=None, proof=None))
 
     def allow(self, moved: Mapping[str, Any]) -> None:
@@ -261,29 +261,29 @@ class Session:
         self._before = {}
 
     @property
-    def taken(self) -> bool:
+    def has_design(self) -> bool:
         """Whether a design was found for the settings and is in front."""
         return self.key in self._taken and self._found.get(self.key) is not None
 
     @property
-    def sought(self) -> bool:
+    def is_searching(self) -> bool:
         """Whether a design is to be found for the settings: the user asked for it, or their words fail."""
         wanted = self.key in self._taken or (self.verdict == "FAIL" and not self.error)
         return self.fitted is not None and wanted and self.key not in self._found
 
     @property
-    def awaited(self) -> bool:
+    def is_awaited(self) -> bool:
         """Whether the user waits for it."""
-        return self.sought and self.key in self._taken
+        return self.is_searching and self.key in self._taken
 
     @property
-    def mend(self) -> Mend | None:
+    def suggestion(self) -> SuggestedChange | None:
         """What would pass where the words in front fail, or what it cost; None where neither is known."""
         found = self._found.get(self.key)
-        if found is None or not (self.taken or self.verdict == "FAIL"):
+        if found is None or not (self.has_design or self.verdict == "FAIL"):
             return None
-        mend = mend_for(found.closed, self.settings)
-        return replace(mend, button="") if self.taken and not mend.moved else mend
+        mend = mend_for(found.result, self.settings)
+        return replace(mend, button="") if self.has_design and not mend.changes else mend
 
     def proof_done(self, ticket: Ticket, proof: Proof) -> bool:
         """Take a full proof; return whether it is that of the design in front."""
@@ -297,7 +297,7 @@ class Session:
             self.fail(problem)
 
     @property
-    def front(self) -> Look | None:
+    def front(self) -> LoopView | None:
         """The loop that is seen, where it is that of the very settings in front; else None."""
         return self.look if not self.error and self.look is self._looks.get(self.ticket) else None
 
@@ -315,7 +315,7 @@ class Session:
         self._left.pop(self.ticket, None)
 
     @property
-    def left(self) -> AsLeft | None:
+    def as_left(self) -> AsLeft | None:
         """The trace beside the proof of the design in front; None where none was held against that very proof."""
         return self._of_front(self._left)
 
@@ -324,7 +324,7 @@ class Session:
         _keep(self._drawn, ticket, (proof, samples))
 
     @property
-    def drawn(self) -> Mapping[str, Any] | None:
+    def samples(self) -> Mapping[str, Any] | None:
         """What the design in front does on drawn heaters; None where it was not asked for, or is not proven."""
         return self._of_front(self._drawn)
 
@@ -345,9 +345,9 @@ class Session:
         return proof.verdict if proof is not None else "not proven" if ticket in self._refused else "proving…"
 
     @property
-    def pinned(self) -> tuple[Pinned, ...]:
+    def pinned_designs(self) -> tuple[PinnedDesign, ...]:
         """The designs set aside, the oldest first."""
-        return tuple(Pinned(name=name, look=look, verdict=self._verdict_of(ticket))
+        return tuple(PinnedDesign(name=name, look=look, verdict=self._verdict_of(ticket))
                      for name, look, ticket in self._pins)
 
     def pin(self) -> None:
@@ -370,7 +370,7 @@ class Session:
         """Let a design go."""
         self._pins = [pin for pin in self._pins if pin[0] != name]
 
-    def unproven(self) -> list[tuple[Ticket, Look]]:
+    def unproven(self) -> list[tuple[Ticket, LoopView]]:
         """Return tickets and loops that wait for their full proof: the one in front, then those set aside."""
         front = {} if self.front is None else {self.ticket: self.front}
         waiting = front | {ticket: look for _, look, ticket in self._pins}
@@ -378,32 +378,32 @@ class Session:
         return [(ticket, look) for ticket, look in waiting.items() if ticket not in done]
 
     @property
-    def computing(self) -> bool:
+    def is_computing(self) -> bool:
         """Whether what is seen is on its way to something else: a fit, a loop, a proof or a search."""
         on_its_way = self.fitted is not None and not self.error and (self.front is None or self.verdict == "proving…")
-        return self.coming is not None or self.awaited or on_its_way
+        return self.coming is not None or self.is_awaited or on_its_way
 
     @property
     def number(self) -> int:
         """Number of the design in front, another one for every other: a download tells which it means."""
         return self._numbers.setdefault(self.ticket, len(self._numbers) + 1)
 
-    def standing(self, number: int | None = None) -> Standing:
+    def front_design(self, number: int | None = None) -> FrontDesign:
         """Return the proven design in front; with a number, only where it is that one.
 
         Raises:
             ExportRefused: it is another one, or it is not proven.
         """
-        if number is not None and (number != self.number or self.computing):
+        if number is not None and (number != self.number or self.is_computing):
             raise ExportRefused("the design changed meanwhile: look at it and try again")
         look, proof = self.front, self.proof
         if look is None or proof is None or self.log is None or self.fitted is None:
             raise ExportRefused("the words are not proven yet")
-        return Standing(log=self.log, fitted=self.fitted, look=look, proof=proof, left=self.left)
+        return FrontDesign(log=self.log, fitted=self.fitted, look=look, proof=proof, as_left=self.as_left)
 
     def export(self, *, force: bool) -> dict[str, str | bytes]:
         """Return the export files of the design in front, name → content; errors as in `standing` and its `export`."""
-        return self.standing().export(force=force)
+        return self.front_design().export(force=force)
 
 
 def _keep(memory: dict[Ticket, Any], key: Ticket, value: Any) -> None:

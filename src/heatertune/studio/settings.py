@@ -10,14 +10,14 @@ from heatertune.errors import OutOfRange
 from heatertune.model.values import FittedModel
 from heatertune.plc import NAMES, Scaling, controller_for
 from heatertune.plc.inputs import has_ends
-from heatertune.proof.heaters import default_setpoint, labelled
-from heatertune.proof.period import SWITCHES
+from heatertune.proof.heaters import default_setpoint, labelled_heaters
 from heatertune.proof.presets import PRESETS
+from heatertune.proof.ripple_and_wear import SWITCHES
 from heatertune.proof.specification import GENERAL
 from heatertune.settings import Conditions, TuneSettings
 from heatertune.units import check
 
-__all__ = ["SLIDERS", "Settings", "Slider", "settings_for", "sliders_for"]
+__all__ = ["SLIDERS", "Slider", "StudioSettings", "settings_for", "sliders_for"]
 
 _SENSOR_STEP: Final = 50.0  # sensors are sold in such ranges [°C]
 #: where nothing is said
@@ -58,7 +58,7 @@ SLIDERS: Final = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class StudioSettings:
     """What a design is made and proven for; equal settings mean the same design.
 
     Attributes:
@@ -74,7 +74,7 @@ class Settings:
         tolerance_degC: how far from the setpoint is still right [°C]; None: as the proof takes it.
         limits: of the proof that are other than its own, as "overshoot=24%".
         assumptions: open point of the controller's manual and the setting that is taken as known.
-        switch_kind: one of `heatertune.proof.period.SWITCHES`; it tells how long contacts last.
+        switch_kind: one of `heatertune.proof.ripple_and_wear.SWITCHES`; it tells how long contacts last.
         spec: what words must keep, one of `heatertune.proof.presets.PRESETS`.
 
     Raises:
@@ -105,7 +105,7 @@ class Settings:
                 raise OutOfRange(name, getattr(self, name), f"one of {', '.join(known)}")
         if self.sample_time_s is not None:  # 0 means a continuous design elsewhere
             check("sample_time_s", self.sample_time_s, above=0.0)
-        _ = self.scaling, self.tuned, self.assumed
+        _ = self.scaling, self.tune_settings, self.conditions
 
     @property
     def scaling(self) -> Scaling:
@@ -121,7 +121,7 @@ class Settings:
         return self.scaling.span_degC / controller_for(self.target).sensor(self.scaling).counts
 
     @property
-    def assumed(self) -> Conditions:
+    def conditions(self) -> Conditions:
         """What the proof assumes."""
         return Conditions(
             setpoint_degC=self.setpoint_degC, noise_degC=self.noise_degC, pwm_period_s=self.pwm_period_s,
@@ -129,17 +129,17 @@ class Settings:
             spec=None if self.spec == GENERAL else self.spec)
 
     @property
-    def tuned(self) -> TuneSettings:
+    def tune_settings(self) -> TuneSettings:
         """What the design is asked for."""
         return TuneSettings(structure=self.structure, ms=self.ms, sample_time_s=self.sample_time_s)
 
 
-assert {slider.field for slider in SLIDERS} <= {field.name for field in fields(Settings)}
+assert {slider.field for slider in SLIDERS} <= {field.name for field in fields(StudioSettings)}
 
 
-def settings_for(fitted: FittedModel, start: Settings) -> Settings:
+def settings_for(fitted: FittedModel, start: StudioSettings) -> StudioSettings:
     """Return settings that suit a new heater: the sensor's range reaches beyond the setpoint and ambient."""
-    places = [default_setpoint(fitted), *(float(model.ambient_degC or 0.0) for _, model in labelled(fitted))]
+    places = [default_setpoint(fitted), *(float(model.ambient_degC or 0.0) for _, model in labelled_heaters(fitted))]
     high = max(2.0, math.ceil(_ABOVE * max(places) / _SENSOR_STEP)) * _SENSOR_STEP
     low = min(0.0, math.floor(min(places) / _SENSOR_STEP) * _SENSOR_STEP)
     return replace(start, sample_time_s=None, pwm_period_s=None, setpoint_degC=None, low_degC=low, high_degC=high)
@@ -147,7 +147,7 @@ def settings_for(fitted: FittedModel, start: Settings) -> Settings:
 
 def sliders_for(fitted: FittedModel) -> tuple[Slider, ...]:
     """Return the sliders with ends that suit a heater: times up to a third of it, setpoints all its models can hold."""
-    models = [model for _, model in labelled(fitted)]
+    models = [model for _, model in labelled_heaters(fitted)]
     slowest = max(sum(model.lags_s) + model.dead_time_s for model in models)
     ambients = [float(model.ambient_degC or 0.0) for model in models]
     spans = [sorted((ambient, ambient + 100.0 * model.gain_degC_per_pct))

@@ -20,12 +20,12 @@ from heatertune.log.cells import Sheet, plain_cells, read_sheet
 from heatertune.log.columns import NO_COLUMN, find_columns, with_names
 from heatertune.log.names import role_of
 from heatertune.log.quality import is_quality
-from heatertune.log.tags import Tags, places
+from heatertune.log.tags import TagSelection, places
 from heatertune.log.values import Log
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.units import check
 
-__all__ = ["IGNORED", "ROLES", "TAG_ROLES", "Assumed", "Column", "Dropped", "changed"]
+__all__ = ["IGNORED", "ROLES", "TAG_ROLES", "DroppedFile", "SheetAssumptions", "SheetColumn", "change_sheet"]
 
 IGNORED: Final = "ignored"
 #: of a column, as the user chooses them
@@ -46,7 +46,7 @@ _MOST_TAGS: Final = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
+class SheetColumn:
     """One column of a file, or one tag of a long table.
 
     Attributes:
@@ -65,7 +65,7 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Assumed:
+class SheetAssumptions:
     """What the file does not say and the user may.
 
     Attributes:
@@ -88,10 +88,10 @@ class Assumed:
     def __post_init__(self) -> None:
         if self.power_pct is not None:
             check("constant power", self.power_pct, least=0.0, most=100.0)
-        _ = self.known, self.about
+        _ = self.fit_settings, self.about
 
     @property
-    def known(self) -> FitSettings:
+    def fit_settings(self) -> FitSettings:
         """What the fit is told; a constant power begins from none, where nothing else is said."""
         before = 0.0 if self.power_before_pct is None and self.power_pct is not None else self.power_before_pct
         return FitSettings(ambient_degC=self.ambient_degC, power_before_pct=before)
@@ -104,7 +104,7 @@ class Assumed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Dropped:
+class DroppedFile:
     """A file and how it is understood.
 
     Attributes:
@@ -122,27 +122,27 @@ class Dropped:
     name: str
     content: bytes = field(repr=False)
     settings: ReadSettings = field(default_factory=ReadSettings)
-    assumed: Assumed = field(default_factory=Assumed)
+    assumptions: SheetAssumptions = field(default_factory=SheetAssumptions)
     log: Log | None = None
     problem: str = ""
-    columns: tuple[Column, ...] = ()
-    tags: tuple[Column, ...] = ()
+    columns: tuple[SheetColumn, ...] = ()
+    tags: tuple[SheetColumn, ...] = ()
     zones: tuple[str, ...] = ()
     lines: tuple[str, ...] = ()
 
     @classmethod
     def of(
-        cls, name: str, content: bytes, settings: ReadSettings | None = None, assumed: Assumed | None = None
-    ) -> Dropped:
+        cls, name: str, content: bytes, settings: ReadSettings | None = None, assumed: SheetAssumptions | None = None
+    ) -> DroppedFile:
         """Return how a file is understood; whatever it holds, this never fails."""
         plain = Path(name.replace("\\", "/").replace("\0", "")).name or "log.csv"
-        settings, assumed = settings or ReadSettings(), assumed or Assumed()
+        settings, assumed = settings or ReadSettings(), assumed or SheetAssumptions()
         log, problem = None, ""
         try:
             log = _assuming(replace(read_log(plain, settings, content=content), source=plain), assumed)
         except HeatertuneError as refused:
             problem = _spreadsheet(content) or str(refused)
-        given: dict[str, Any] = {"settings": settings, "assumed": assumed, "log": log, "problem": problem}
+        given: dict[str, Any] = {"settings": settings, "assumptions": assumed, "log": log, "problem": problem}
         try:
             sheet = plain_cells(with_names(read_sheet(Path(plain), content, settings.skip_rows, settings.tag)))
         except (LogError, IndexError):
@@ -160,7 +160,7 @@ class Dropped:
         """Whether the file is a long table: a row for each tag."""
         return bool(self.tags)
 
-    def with_role(self, number: int, role: str, *, tag: bool = False) -> Dropped:
+    def with_role(self, number: int, role: str, *, tag: bool = False) -> DroppedFile:
         """Return the file with another role of a column, or of a tag; who had that role has none."""
         known, options = (self.tags, _TAG_OPTIONS) if tag else (self.columns, _options(long=self.is_long))
         roles = [IGNORED if one.role == role else one.role for one in known]
@@ -187,25 +187,25 @@ class Dropped:
         """The zone whose rows are read, "" where no column tells zones apart."""
         return self.settings.tag or "" if self.zones else ""
 
-    def read(self, **changed: Any) -> Dropped:
+    def read(self, **changed: Any) -> DroppedFile:
         """Return the file read with other settings; what is out of range is told and changes nothing."""
         try:
-            return Dropped.of(self.name, self.content, replace(self.settings, **changed), self.assumed)
+            return DroppedFile.of(self.name, self.content, replace(self.settings, **changed), self.assumptions)
         except HeatertuneError as refused:
-            return self.refused(refused)
+            return self.with_problem(refused)
 
-    def assume(self, **changed: float | None) -> Dropped:
+    def assume(self, **changed: float | None) -> DroppedFile:
         """Return the file with other assumptions; errors as in `read`."""
         try:
-            return Dropped.of(self.name, self.content, self.settings, replace(self.assumed, **changed))
+            return DroppedFile.of(self.name, self.content, self.settings, replace(self.assumptions, **changed))
         except HeatertuneError as refused:
-            return self.refused(refused)
+            return self.with_problem(refused)
 
-    def refused(self, problem: HeatertuneError) -> Dropped:
+    def with_problem(self, problem: HeatertuneError) -> DroppedFile:
         """Return the file with what is wrong with the last change."""
         return replace(self, problem=str(problem), log=None)
 
-    def taken(self) -> tuple[Log, FitSettings]:
+    def to_log(self) -> tuple[Log, FitSettings]:
         """Return the log, and what is known beside it.
 
         Raises:
@@ -213,27 +213,27 @@ class Dropped:
         """
         if self.log is None:
             raise InputError(self.problem)
-        return self.log, self.assumed.known
+        return self.log, self.assumptions.fit_settings
 
 
-def changed(dropped: Dropped, change: str, place: int, value: str) -> Dropped:
+def change_sheet(dropped: DroppedFile, change: str, place: int, value: str) -> DroppedFile:
     """Return a file with one thing changed as the page names it; a value without meaning is told.
 
     Args:
         dropped: the file.
-        change: "column", "tag" (its role), a field of `Assumed`, or one of `_SAID`.
+        change: "column", "tag" (its role), a field of `SheetAssumptions`, or one of `_SAID`.
         place: of the column or tag.
         value: as typed or chosen.
     """
     if change in ("column", "tag"):
         return dropped.with_role(place, value, tag=change == "tag")
     try:
-        if change in Assumed.__slots__:
+        if change in SheetAssumptions.__slots__:
             return dropped.assume(**{change: _number(value)})
         option, meant = _SAID[change]
         return dropped.read(**{option: meant(value)})
     except HeatertuneError as refused:
-        return dropped.refused(refused)
+        return dropped.with_problem(refused)
 
 
 def _number(text: str) -> float | None:
@@ -268,7 +268,7 @@ def _options(*, long: bool) -> Mapping[str, str]:
     return _LONG_OPTIONS if long else _OPTIONS
 
 
-def _assuming(log: Log, assumed: Assumed) -> Log:
+def _assuming(log: Log, assumed: SheetAssumptions) -> Log:
     """Return a log without power with a constant one, which is told, where the user says so."""
     if assumed.power_pct is None or log.power_pct is not None:
         return log
@@ -302,7 +302,7 @@ def _reading(sheet: Sheet, settings: ReadSettings) -> dict[str, Any]:
 
 
 def _long_places(sheet: Sheet, settings: ReadSettings) -> tuple[int | None, int | None]:
-    asked = Tags(
+    asked = TagSelection(
         temperature=settings.tag, power=settings.power_tag, setpoint=settings.setpoint_tag, column=settings.tag_column,
         value=settings.temperature_column)
     try:
@@ -311,7 +311,7 @@ def _long_places(sheet: Sheet, settings: ReadSettings) -> tuple[int | None, int 
         return None, None
 
 
-def _columns(sheet: Sheet, reading: Mapping[str, Any], log: Log | None) -> tuple[Column, ...]:
+def _columns(sheet: Sheet, reading: Mapping[str, Any], log: Log | None) -> tuple[SheetColumn, ...]:
     long = reading.get("tag_column") is not None and bool(_tags(sheet, reading))
     taken: dict[int, str] = {}
     for role, option in _options(long=long).items():
@@ -320,7 +320,7 @@ def _columns(sheet: Sheet, reading: Mapping[str, Any], log: Log | None) -> tuple
             taken.setdefault(place, role)
     names = sheet.header or tuple(f"{i + 1}" for i in range(len(sheet.rows[0])))
     return tuple(
-        Column(name=name, role=taken.get(i, IGNORED), roles=_LONG_ROLES if long else ROLES,
+        SheetColumn(name=name, role=taken.get(i, IGNORED), roles=_LONG_ROLES if long else ROLES,
                unit=_unit(taken.get(i, IGNORED), reading, log),
                cells=tuple(row[i] for row in islice(sheet.rows, _ROWS)))
         for i, name in enumerate(names))
@@ -338,7 +338,7 @@ def _unit(role: str, reading: Mapping[str, Any], log: Log | None) -> str:
     return f"{reading['power_full_scale']:g}" if role == "power" and "power_full_scale" in reading else ""
 
 
-def _tags(sheet: Sheet, reading: Mapping[str, Any]) -> tuple[Column, ...]:
+def _tags(sheet: Sheet, reading: Mapping[str, Any]) -> tuple[SheetColumn, ...]:
     """Return the tags of a long table with their first values; none of a table with a column for each."""
     tag, value = (_place(sheet, reading.get(name)) for name in ("tag_column", "temperature_column"))
     wide = "power_column" in reading or tag is None or value is None or tag == value
@@ -349,7 +349,7 @@ def _tags(sheet: Sheet, reading: Mapping[str, Any]) -> tuple[Column, ...]:
         cells.setdefault(row[tag], []).append(row[value])
     taken = {reading.get(option): role for role, option in _TAG_OPTIONS.items()}
     return tuple(
-        Column(name=name, role=taken.get(name, IGNORED), roles=TAG_ROLES, cells=tuple(held[:_ROWS]),
+        SheetColumn(name=name, role=taken.get(name, IGNORED), roles=TAG_ROLES, cells=tuple(held[:_ROWS]),
                unit=_unit(taken.get(name, IGNORED), reading, None))
         for name, held in islice(cells.items(), _MOST_TAGS))
 
@@ -364,7 +364,7 @@ def _place(sheet: Sheet, said: Any) -> int | None:
     return number - 1 if 1 <= number <= len(sheet.rows[0]) else None
 
 
-def _reference(columns: tuple[Column, ...], place: int) -> str:
+def _reference(columns: tuple[SheetColumn, ...], place: int) -> str:
     """Return the name of a column where it has one of its own, else its number."""
     names = [column.name for column in columns]
     own = names.count(names[place]) == 1 and not names[place].isdecimal() and names[place] not in ("", NO_COLUMN)

@@ -9,9 +9,9 @@ from typing import Any, Final
 from nicegui import ui
 
 from heatertune.report.html import text_of
-from heatertune.studio.grey import NUMBER_SEEN
-from heatertune.studio.sheet import Dropped, changed
+from heatertune.studio.sheet import DroppedFile, change_sheet
 from heatertune.studio.sheet_view import sheet
+from heatertune.studio.stale import NUMBER_SEEN
 
 __all__ = ["SheetCard"]
 
@@ -29,10 +29,10 @@ class SheetCard:
     """
 
     def __init__(
-        self, use: Callable[[Dropped], Awaitable[object]], hold: Callable[[Dropped, int], Awaitable[object]]
+        self, use: Callable[[DroppedFile], Awaitable[object]], hold: Callable[[DroppedFile, int], Awaitable[object]]
     ) -> None:
         self._use, self._hold = use, hold
-        self._dropped: Dropped | None = None
+        self._dropped: DroppedFile | None = None
         self._in_turn = asyncio.Lock()  # a change is read in a thread: no button may act on what was there before it
         self._card = ui.element("section").classes("card wide sheet").props('aria-labelledby="sheet-title"')
         with self._card:
@@ -47,7 +47,7 @@ class SheetCard:
 
     async def open(self, name: str, content: bytes) -> None:
         """Show how a file is understood."""
-        self._show(await asyncio.to_thread(Dropped.of, name, content))
+        self._show(await asyncio.to_thread(DroppedFile.of, name, content))
         self._title.client.run_javascript("document.getElementById('sheet-title').focus()")
 
     def show(self, *, proven: bool) -> None:
@@ -61,7 +61,7 @@ class SheetCard:
         self._content.set_content("")
         self._card.set_visibility(False)
 
-    def _show(self, dropped: Dropped) -> None:
+    def _show(self, dropped: DroppedFile) -> None:
         self._dropped = dropped
         self._title.set_content(f"The file as read: {text_of(dropped.name)}")
         self._content.set_content(sheet(dropped))
@@ -75,7 +75,7 @@ class SheetCard:
             before = self._dropped
             if before is None:
                 return
-            after = await asyncio.to_thread(changed, before, change, int(place), str(value))
+            after = await asyncio.to_thread(change_sheet, before, change, int(place), str(value))
             if self._dropped is not before:  # put away meanwhile, or another file is there
                 return
             self._show(after)
@@ -92,7 +92,7 @@ class SheetCard:
         if dropped is not None:
             await self._hold(dropped, number)
 
-    async def _closed_with(self) -> Dropped | None:
+    async def _closed_with(self) -> DroppedFile | None:
         """Close the sheet and return it with every change that came before; None where it holds no log."""
         async with self._in_turn:
             dropped = self._dropped

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from heatertune.log.values import Log
 from heatertune.report.html import bullets, text_of
-from heatertune.studio.sheet import IGNORED, Column, Dropped
-from heatertune.studio.thinned import stepped, thinned
+from heatertune.studio.downsample import downsample, step_corners
+from heatertune.studio.sheet import IGNORED, DroppedFile, SheetColumn
 from heatertune.studio.wording import for_page
 
 __all__ = ["preview", "sheet"]
@@ -28,13 +28,13 @@ _WIDE, _HIGH, _LOW = 640, 150, 34  # of the preview: its width, the temperature'
 _EDGE: Final = 8
 
 
-def sheet(dropped: Dropped) -> str:
+def sheet(dropped: DroppedFile) -> str:
     """Return first rows with the role and unit of each column, preview and assumptions."""
     return "".join((_told(dropped), _table(dropped), _rest(dropped), preview(dropped.log) if dropped.log else "",
                     _assumptions(dropped), _repairs(dropped.log)))
 
 
-def _told(dropped: Dropped) -> str:
+def _told(dropped: DroppedFile) -> str:
     if dropped.problem:
         return f'<p class="error" role="alert">error: {text_of(for_page(dropped.problem))}</p>'
     assert dropped.log is not None
@@ -44,7 +44,7 @@ def _told(dropped: Dropped) -> str:
     return f'<p role="status" data-field="taken">{line}</p>'
 
 
-def _table(dropped: Dropped) -> str:
+def _table(dropped: DroppedFile) -> str:
     if not dropped.columns:
         return f"<pre>{text_of(chr(10).join(dropped.lines))}</pre>" if dropped.lines else ""
     shown = "".join(_column(column, place, "column") for place, column in enumerate(dropped.columns[:_MOST_COLUMNS]))
@@ -58,7 +58,7 @@ def _table(dropped: Dropped) -> str:
     return text
 
 
-def _column(column: Column, place: int, kind: str) -> str:
+def _column(column: SheetColumn, place: int, kind: str) -> str:
     """Return one column: its name, role, unit and first cells."""
     name = text_of(column.name)
     role = _select(f"role of {kind} {column.name}", kind, place, {role: role for role in column.roles}, column.role)
@@ -67,7 +67,7 @@ def _column(column: Column, place: int, kind: str) -> str:
     return f'<div class="read-column{used}"><b>{name}</b>{role}{_unit(column, place)}<ol>{cells}</ol></div>'
 
 
-def _unit(column: Column, place: int) -> str:
+def _unit(column: SheetColumn, place: int) -> str:
     if column.role == "power":
         return _number("reading at full power", "power_full_scale", place, column.unit, "at full power")
     if column.role == "time" and column.unit == "stamps":
@@ -79,7 +79,7 @@ def _unit(column: Column, place: int) -> str:
     return _select(f"unit of {column.name}", option, place, {"": "unit?", **known}, column.unit)
 
 
-def _rest(dropped: Dropped) -> str:
+def _rest(dropped: DroppedFile) -> str:
     """Return what else tells how the file is read."""
     settings, parts = dropped.settings, []
     if dropped.columns and not any(column.role == "time" for column in dropped.columns):
@@ -93,9 +93,9 @@ def _rest(dropped: Dropped) -> str:
     return f'<div class="fields">{"".join(parts)}</div>'
 
 
-def _assumptions(dropped: Dropped) -> str:
+def _assumptions(dropped: DroppedFile) -> str:
     """Return what the file does not say: ambient, power before, and a constant power where none is logged."""
-    assumed, powered = dropped.assumed, any(column.role == "power" for column in (*dropped.columns, *dropped.tags))
+    assumed, powered = dropped.assumptions, any(column.role == "power" for column in (*dropped.columns, *dropped.tags))
     fields = [_number("ambient temperature in °C, if known", "ambient_degC", 0, assumed.ambient_degC,
                       "°C ambient (empty: found by the fit)"),
               _number("power before the log in percent, if known", "power_before_pct", 0, assumed.power_before_pct,
@@ -156,8 +156,8 @@ def _path(
     held: bool = False,
 ) -> str:
     (low, high), (top, bottom) = range_, place
-    time, values = stepped(time, values) if held else (time, values)
-    kept = thinned(time, values, _WIDE // 2)
+    time, values = step_corners(time, values) if held else (time, values)
+    kept = downsample(time, values, _WIDE // 2)
     x, y = time[kept], values[kept]
     across = (x - time[0]) / (time[-1] - time[0]) * _WIDE
     down = bottom - (y - low) / max(high - low, 1e-9) * (bottom - top)

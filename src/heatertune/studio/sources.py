@@ -16,19 +16,19 @@ from heatertune.model.document import from_document
 from heatertune.model.values import FittedModel
 from heatertune.options import options_of
 from heatertune.pid import document as pid_document
-from heatertune.pid.recipe import Recipe
+from heatertune.pid.design_provenance import DesignProvenance
 from heatertune.pid.values import PidDesign
-from heatertune.plc.choose import search_document
-from heatertune.progress import Told
-from heatertune.proof.asked import Closed
+from heatertune.plc.word_selection import search_document
+from heatertune.progress import ProgressCallback
+from heatertune.proof.design_request import DesignResult
 from heatertune.proof.presets import PRESETS
-from heatertune.proof.recipes import demand_same_files, made_again
+from heatertune.proof.rebuild_words import demand_same_files, made_again
 from heatertune.proof.specification import GENERAL
 from heatertune.settings import Conditions, FitSettings
-from heatertune.studio.loop import Found, Gains
-from heatertune.studio.settings import Settings
+from heatertune.studio.loop import CandidateWords, DesignOutcome
+from heatertune.studio.settings import StudioSettings
 
-__all__ = ["Source", "fit_log", "read_source"]
+__all__ = ["LogSource", "fit_log", "read_source"]
 
 #: what a design says of the limit it was asked for
 _MS: Final = re.compile(r"Ms <= (\d+(?:\.\d+)?)")
@@ -37,7 +37,7 @@ _SHOWN: Final = ("setpoint_degC", "pwm_period_s", "tolerance_degC", "limit", "no
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Source:
+class LogSource:
     """What a path holds: a log, settings to begin with, and the heater where it is known already.
 
     Attributes:
@@ -49,13 +49,13 @@ class Source:
     """
 
     log: Log
-    settings: Settings
+    settings: StudioSettings
     fitted: FittedModel | None = None
-    found: Found | None = None
-    left: str = ""
+    outcome: DesignOutcome | None = None
+    as_left: str = ""
 
 
-def read_source(source: str) -> Source:
+def read_source(source: str) -> LogSource:
     """Return what a log file, a built-in table or a folder holds.
 
     Raises:
@@ -64,40 +64,40 @@ def read_source(source: str) -> Source:
     """
     if not Path(source).is_dir():
         built_in = source.lower() in BUILT_IN
-        return Source(log=chain.read_log(source, errata=built_in), settings=Settings())
+        return LogSource(log=chain.read_log(source, errata=built_in), settings=StudioSettings())
     documents = read_documents(Path(source))
     held = documents["log"]
     columns = {name: held[name] for name in ("name", "source", "time_s", "temperature_degC", "power_pct",
                                               "setpoint_degC")}
     log = Log(**columns, repairs=tuple(held["repairs"]), doubts=tuple(held["doubts"]))
     fitted, design, recipe = from_document(documents["model"]), *pid_document.parts_of(documents["pid"])
-    settings = Settings(target=documents["words"]["target"], structure=documents["pid"]["structure"])
+    settings = StudioSettings(target=documents["words"]["target"], structure=documents["pid"]["structure"])
     if recipe is None:
-        return Source(log=log, settings=settings, fitted=fitted)
+        return LogSource(log=log, settings=settings, fitted=fitted)
     found = _found(design, fitted, recipe, source)
     words, verdict = documents["words"]["words"], documents["proof"]["verdict"]
-    if dict(found.gains.words.values) != words or found.closed.proof.verdict != verdict:
-        return Source(log=log, settings=settings, fitted=fitted, left=(
+    if dict(found.gains.words.values) != words or found.result.proof.verdict != verdict:
+        return LogSource(log=log, settings=settings, fitted=fitted, as_left=(
             f"{source}: another design is shown: its {verdict} is of other words or runs than its pid.json makes"))
     lost = ", ".join(_without_place(recipe))
-    return Source(
-        log=log, settings=_as_made(settings, design, recipe), fitted=fitted, found=found,
-        left=f"{source}: the page has no place for {lost}; moving a setting leaves that out" if lost else "")
+    return LogSource(
+        log=log, settings=_as_made(settings, design, recipe), fitted=fitted, outcome=found,
+        as_left=f"{source}: the page has no place for {lost}; moving a setting leaves that out" if lost else "")
 
 
-def _found(design: PidDesign, fitted: FittedModel, recipe: Recipe, source: str) -> Found:
+def _found(design: PidDesign, fitted: FittedModel, recipe: DesignProvenance, source: str) -> DesignOutcome:
     """Return the design of a folder as the page takes one that it found; errors as the stages."""
     demand_same_files(recipe, (), source)
     choice = made_again(design, fitted, recipe)
     proof = chain.prove(choice.words, fitted, recipe.conditions)
-    closed = Closed(wished=design, choice=choice, proof=proof, conditions=recipe.conditions, recipe=recipe,
+    closed = DesignResult(ideal=design, choice=choice, proof=proof, conditions=recipe.conditions, recipe=recipe,
                     notes=(": ".join(filter(None, (f"This is the design of {source}", recipe.way_on))),))
-    return Found(closed=closed, gains=Gains(
+    return DesignOutcome(result=closed, gains=CandidateWords(
         design=design, words=choice.words, search=search_document(choice, fitted), recipe=recipe,
         conditions=recipe.conditions, proof=proof))
 
 
-def _as_made(start: Settings, design: PidDesign, recipe: Recipe) -> Settings:
+def _as_made(start: StudioSettings, design: PidDesign, recipe: DesignProvenance) -> StudioSettings:
     """Return the settings of a design, as far as the page has them."""
     asked, (low, high), ms = recipe.conditions, recipe.range_degC, _MS.search(design.method)
     return replace(
@@ -108,7 +108,7 @@ def _as_made(start: Settings, design: PidDesign, recipe: Recipe) -> Settings:
         assumptions=tuple(asked.switches.items()), spec=asked.spec if asked.spec in PRESETS else GENERAL)
 
 
-def _without_place(recipe: Recipe) -> Iterator[str]:
+def _without_place(recipe: DesignProvenance) -> Iterator[str]:
     """Yield the options of a design that the page does not have."""
     asked = recipe.conditions
     placed = {*_SHOWN, *(["spec"] if asked.spec in PRESETS else [])}
@@ -117,6 +117,6 @@ def _without_place(recipe: Recipe) -> Iterator[str]:
                 if name not in placed and getattr(asked, name) != one.default)
 
 
-def fit_log(log: Log, progress: Told = str, known: FitSettings | None = None) -> FittedModel:
+def fit_log(log: Log, progress: ProgressCallback = str, known: FitSettings | None = None) -> FittedModel:
     """Return the heater behind a log, as `heatertune design` finds it; arguments and errors as there."""
     return chain.fit(log, known, companions=True, progress=progress)

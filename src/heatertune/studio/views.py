@@ -11,21 +11,32 @@ from heatertune.model.document import to_document
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
-from heatertune.plc.typed import FIRST, THEN, TypedWord, typed_words
+from heatertune.plc.keyed_entry import FIRST, THEN, KeyedEntry, typed_words
 from heatertune.proof import Proof
-from heatertune.proof.period import life
+from heatertune.proof.ripple_and_wear import life
 from heatertune.proof.verdict import verdict_line
 from heatertune.report.html import Markup, bullets, table, text_of
 from heatertune.report.text import criterion_value, figure, model_rows
-from heatertune.studio.loop import Look
+from heatertune.studio.loop import LoopView
 from heatertune.studio.picture import Picture
-from heatertune.studio.session import Pinned
+from heatertune.studio.session import PinnedDesign
 from heatertune.studio.wording import for_page
 from heatertune.terms import the_term
 
 __all__ = [
-    "compared", "criteria", "diagnosis", "export_name", "in_words", "key", "lasting", "notes", "proving_text",
-    "rounding", "sentence", "verdict_text", "words",
+    "comparison_html",
+    "criteria",
+    "diagnosis",
+    "duration_text",
+    "export_name",
+    "in_words",
+    "key",
+    "notes",
+    "proving_text",
+    "rounding",
+    "sentence",
+    "verdict_text",
+    "words",
 ]
 
 _PARTS = (("K", "gain_pct_per_degC", "%/°C"), ("TN", "integral_time_s", "s"), ("TV", "derivative_time_s", "s"),
@@ -58,7 +69,7 @@ def _folded(title: str, items: Sequence[str]) -> str:
     return f"<details><summary>{title} ({len(items)})</summary>{bullets([for_page(item) for item in items])}</details>"
 
 
-def words(look: Look) -> str:
+def words(look: LoopView) -> str:
     """Return the words as the programming tool shows them, in the order of typing, each to be copied."""
     rows = typed_words(look.gains.words, look.proof.scenario.setpoint_degC)
     twice = any(row.changes for row in rows)
@@ -70,7 +81,7 @@ def words(look: Look) -> str:
             + _copy(whole, "Copy all", "Copy all words"))
 
 
-def _word_row(row: TypedWord, *, twice: bool) -> str:
+def _word_row(row: KeyedEntry, *, twice: bool) -> str:
     cells = "".join(f'<td data-label="{head}">{text_of(text)}</td>' for head, text in
                     (("address", row.address), ("name", row.name), ("type", row.format)))
     typed = _typed(row, twice=twice)
@@ -80,7 +91,7 @@ def _word_row(row: TypedWord, *, twice: bool) -> str:
     return f'<tr>{cells}<td class="meaning">{text_of(row.meaning)}</td></tr>'
 
 
-def _typed(row: TypedWord, *, twice: bool) -> tuple[str, ...]:
+def _typed(row: KeyedEntry, *, twice: bool) -> tuple[str, ...]:
     """Return the values in the controller's own format: first and then, or the one."""
     return (row.first_text, row.then_text if row.changes else "") if twice else (row.then_text,)
 
@@ -90,7 +101,7 @@ def _copy(text: str, label: str, said: str) -> str:
             f"{label}</button>")
 
 
-def rounding(look: Look) -> str:
+def rounding(look: LoopView) -> str:
     """Return the design as wished and as the words realise it, as HTML."""
     wish, real = look.gains.design, look.realised
     if real is None:
@@ -147,7 +158,7 @@ def sentence(proof: Proof, switch_kind: str) -> str:
     worst = " at worst" if proof.open_points else ", nominal run"
     parts = []
     if settling is not None:
-        parts.append("never settles" if math.isinf(settling) else f"settles in {lasting(settling)}")
+        parts.append("never settles" if math.isinf(settling) else f"settles in {duration_text(settling)}")
     if overshoot is not None:
         parts.append(f"overshoots {figure(overshoot, 2)} %{worst}" if overshoot > _SEEN_PCT else f"no overshoot{worst}")
     if clicks is not None and math.isfinite(clicks):
@@ -158,7 +169,7 @@ def sentence(proof: Proof, switch_kind: str) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
-def lasting(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
     """Return a time as people say it."""
     if seconds < 2.0 * _MINUTE_S:
         return f"{seconds:.0f} s"
@@ -177,9 +188,9 @@ def key(names: Sequence[tuple[str, str, str]]) -> str:
 
 def in_words(picture: Picture, runs: int) -> str:
     """Return the picture's numbers as a table: what the nominal run does in each part of the story."""
-    rows = [[part.name, lasting(part.begin_s), figure(part.setpoint_degC), figure(part.highest_degC),
+    rows = [[part.name, duration_text(part.begin_s), figure(part.setpoint_degC), figure(part.highest_degC),
              figure(part.lowest_degC),
-             "never" if part.within_s is None else f"in {lasting(part.within_s - part.begin_s)}"]
+             "never" if part.within_s is None else f"in {duration_text(part.within_s - part.begin_s)}"]
             for part in picture.parts]
     told = f"The nominal run of {runs}" if runs > 1 else "The nominal run"
     heads = ("part", "from", "asked", "most", "least", "settled")
@@ -191,7 +202,7 @@ def proving_text(done: str) -> str:
     return f"Proving the words on every possible heater{', ' if done else ''}{done}…"
 
 
-def notes(look: Look) -> str:
+def notes(look: LoopView) -> str:
     """Return how the gains and the words were found and how the loop is switched, as HTML."""
     held, search = look.gains.words, look.gains.search
     settings, actuator = look.settings, look.proof.actuator
@@ -210,7 +221,7 @@ def notes(look: Look) -> str:
     return bullets([for_page(sentence) for sentence in sentences])
 
 
-def compared(pinned: Sequence[Pinned]) -> str:
+def comparison_html(pinned: Sequence[PinnedDesign]) -> str:
     """Return the designs set aside side by side, as HTML; what is not as in the first is marked."""
     if not pinned:
         return "<p>Keep a design to compare it with the next one; four can stand side by side.</p>"
@@ -227,7 +238,7 @@ def _differing(values: Sequence[str]) -> Iterator[str]:
         yield f"<td>{text}</td>" if value == values[0] else f"<td><mark>{text}</mark></td>"
 
 
-def _side_by_side(pinned: Sequence[Pinned]) -> Iterator[tuple[str, list[str]]]:
+def _side_by_side(pinned: Sequence[PinnedDesign]) -> Iterator[tuple[str, list[str]]]:
     """Return the rows of the comparison: what it is, and its text for each design."""
     settings = [pin.look.settings for pin in pinned]
     yield "controller", [one.target for one in settings]
@@ -247,12 +258,12 @@ def _side_by_side(pinned: Sequence[Pinned]) -> Iterator[tuple[str, list[str]]]:
     yield "verdict", [pin.verdict for pin in pinned]
 
 
-def _words_of(pin: Pinned) -> dict[str, str]:
+def _words_of(pin: PinnedDesign) -> dict[str, str]:
     rows = typed_words(pin.look.gains.words, pin.look.proof.scenario.setpoint_degC)
     return {row.name: row.then_text for row in rows}
 
 
-def export_name(log: Log, look: Look) -> str:
+def export_name(log: Log, look: LoopView) -> str:
     """Return the name of the zip and the report, without ending."""
     kept = "".join(c if c.isalnum() or c in "-_" else "-" for c in log.name)
     return f"{kept}-{look.settings.target}"

@@ -15,12 +15,12 @@ from typing import Any, Final, Protocol
 from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import HeatertuneError
 from heatertune.log.values import Log
-from heatertune.progress import Told
+from heatertune.progress import ProgressCallback
 from heatertune.settings import FitSettings
+from heatertune.studio.as_left_session import held_against
 from heatertune.studio.downloads import export_zip, report_page
-from heatertune.studio.left import held_against
-from heatertune.studio.live_log import Asked, LiveLog
-from heatertune.studio.loop import DRAWN, Look, designed, first_look, full_proof, on_drawn_heaters, optimum
+from heatertune.studio.live_log import LiveLog, RecordingRequest
+from heatertune.studio.loop import DRAWN, LoopView, find_design, first_look, full_proof, on_drawn_heaters, optimum
 from heatertune.studio.session import Session, Ticket
 from heatertune.studio.sources import fit_log, read_source
 from heatertune.studio.views import export_name
@@ -49,7 +49,7 @@ class Follower(Protocol):
         """Show the loop that is being recorded."""
 
 
-class _Abandoned(Exception):
+class _ResultNotNeeded(Exception):
     """Nobody wants the result any more."""
 
 
@@ -130,12 +130,12 @@ class Work:
         ticket, self._fitting = session.begin(log, known), True
         self.tell()
 
-        def run(tell: Told) -> Any:
+        def run(tell: ProgressCallback) -> Any:
             return fit_log(log, tell, known)
 
         try:
             fitted = await self._told(run, f"fitting {log.name}", lambda: session.is_coming(ticket))
-        except _Abandoned:
+        except _ResultNotNeeded:
             return
         except Exception as problem:
             session.fit_refused(ticket, self._kind(problem))
@@ -189,13 +189,13 @@ class Work:
                     await self._optimise(ticket, look)
                     continue
 
-                def run(tell: Told) -> Any:
+                def run(tell: ProgressCallback) -> Any:
                     return full_proof(fitted, look, tell)  # type: ignore[arg-type]  # noqa: B023 - runs before the next
 
                 try:
                     proof = await self._told(run, "", lambda: ticket in dict(session.unproven()))  # noqa: B023 - as run
                     session.proof_done(ticket, proof)
-                except _Abandoned:
+                except _ResultNotNeeded:
                     continue
                 except Exception as problem:
                     session.proof_refused(ticket, self._kind(problem))
@@ -203,17 +203,17 @@ class Work:
         finally:
             self._proving = False
 
-    async def _optimise(self, ticket: Ticket, look: Look) -> None:
+    async def _optimise(self, ticket: Ticket, look: LoopView) -> None:
         """Put the optimum with which `heatertune design` begins in the place of a quick design."""
         session, fitted = self.session, self.session.fitted
 
-        def run(tell: Told) -> Look:
+        def run(tell: ProgressCallback) -> LoopView:
             gains = optimum(fitted, look.settings, tell)  # type: ignore[arg-type]  # there is a look, so a heater
             return first_look(fitted, look.settings, gains)  # type: ignore[arg-type]  # likewise
 
         try:
             session.optimum_done(ticket, await self._told(run, "", lambda: ticket in dict(session.unproven())))
-        except _Abandoned:
+        except _ResultNotNeeded:
             return
         except Exception as problem:
             session.proof_refused(ticket, self._kind(problem))
@@ -227,9 +227,9 @@ class Work:
 
     async def mend(self) -> None:
         """Show what would pass in place of the design in front."""
-        mend = self.session.mend
+        mend = self.session.suggestion
         if mend is not None:
-            self.session.allow(mend.moved)
+            self.session.allow(mend.changes)
             await self.design()
 
     async def take_back(self) -> None:
@@ -244,26 +244,26 @@ class Work:
             return
         self._seeking, session = True, self.session
         try:
-            while session.sought:
-                key, fitted, settings, awaited = session.key, session.fitted, session.settings, session.awaited
+            while session.is_searching:
+                key, fitted, settings, awaited = session.key, session.fitted, session.settings, session.is_awaited
                 if not awaited and time.monotonic() < self._moved_at + _SEEK_S:
                     await asyncio.sleep(_TICK_S)
                     continue
 
-                def run(tell: Told) -> Any:
-                    return designed(fitted, settings, tell)  # type: ignore[arg-type]  # noqa: B023 - runs before the next
+                def run(tell: ProgressCallback) -> Any:
+                    return find_design(fitted, settings, tell)  # type: ignore[arg-type]  # noqa: B023 - runs before the next
 
                 try:
                     what = "searching the design" if awaited else "looking for what would pass"
-                    session.found(key, await self._told(run, what, lambda: key == session.key))  # noqa: B023 - as run
-                except _Abandoned:
+                    session.take_design(key, await self._told(run, what, lambda: key == session.key))  # noqa: B023 - as run
+                except _ResultNotNeeded:
                     continue
                 except Exception as problem:
-                    session.found(key, None)
+                    session.take_design(key, None)
                     kind = self._kind(problem)
                     if key == session.key and awaited:
                         session.fault = str(kind)
-                if session.taken:
+                if session.has_design:
                     await self.look()
                 self.tell()
         finally:
@@ -282,10 +282,10 @@ class Work:
         self._held += 1
         newest = self._held
         try:
-            standing, ticket = session.standing(number), session.ticket
+            standing, ticket = session.front_design(number), session.ticket
             left = await self._told(lambda tell: held_against(standing, log, about, tell),
                                     f"holding {log.name} against the proof", lambda: newest == self._held)
-        except _Abandoned:
+        except _ResultNotNeeded:
             return
         except Exception as problem:
             session.refuse_file(self._kind(problem))
@@ -297,7 +297,7 @@ class Work:
         """Run the proven design in front on drawn heaters; what it shows stays with that design."""
         if not self.can_draw:
             return
-        proven, ticket, what = self.session.standing(), self.session.ticket, f"running {DRAWN:,} drawn heaters"
+        proven, ticket, what = self.session.front_design(), self.session.ticket, f"running {DRAWN:,} drawn heaters"
         self._drawing, self.session.fault = True, ""
         self.tell()
         try:
@@ -312,14 +312,14 @@ class Work:
     @property
     def can_draw(self) -> bool:
         """Whether there is a proven design to be run on drawn heaters, and none is just now."""
-        return self.session.proof is not None and not self.session.computing and not self._drawing
+        return self.session.proof is not None and not self.session.is_computing and not self._drawing
 
     def put_trace_away(self) -> None:
         """Forget the trace beside the design in front, on every page."""
         self.session.put_trace_away()
         self.tell()
 
-    async def record(self, asked: Asked) -> None:
+    async def record(self, request: RecordingRequest) -> None:
         """Record a running loop until its end is asked for; why that cannot be is told where it was asked for.
 
         Where one is being recorded already, by another window, that one goes on.
@@ -328,7 +328,7 @@ class Work:
             return
         self.live_error = ""
         try:
-            self.live = live = LiveLog(asked)
+            self.live = live = LiveLog(request)
         except HeatertuneError as problem:
             self.tell_recording(problem)
             return
@@ -361,7 +361,7 @@ class Work:
         self.live_error = ""
         self._each(lambda page: page.show_live())
 
-    async def _told(self, run: Callable[[Told], Any], what: str, wanted: Callable[[], bool]) -> Any:
+    async def _told(self, run: Callable[[ProgressCallback], Any], what: str, wanted: Callable[[], bool]) -> Any:
         """Return what a thread gives, how far it is shown meanwhile.
 
         Args:
@@ -376,7 +376,7 @@ class Work:
 
         def tell(message: str) -> None:
             if unwanted:
-                raise _Abandoned
+                raise _ResultNotNeeded
             said.append(message)
 
         task = asyncio.create_task(asyncio.to_thread(run, tell))
@@ -408,12 +408,12 @@ class Work:
         Raises:
             ExportRefused: another one is in front by now, or it must not leave.
         """
-        standing = self.session.standing(number)
+        standing = self.session.front_design(number)
         return export_name(standing.log, standing.look), export_zip(standing, force=force)
 
     async def report(self, number: int, *, force: bool) -> tuple[str, bytes]:
         """Return name and content of the report; errors as in `zip`."""
-        standing = self.session.standing(number)
+        standing = self.session.front_design(number)
         files = standing.export(force=force) if force or standing.proof.verdict == "PASS" else {}
         page: str = await self._told(lambda _: report_page(standing, files), "drawing the report", lambda: True)
         return export_name(standing.log, standing.look), page.encode()

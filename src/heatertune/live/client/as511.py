@@ -17,10 +17,10 @@ import serial
 
 from heatertune.errors import LinkDown, PlcRefused, ReplyLost
 from heatertune.live.client.address import Address
-from heatertune.live.client.base import Asking
+from heatertune.live.client.base import RequestConnection
 from heatertune.live.memory import OWN
 
-__all__ = ["As511Client", "connected"]
+__all__ = ["As511Client", "open_client"]
 
 #: bytes of one request
 _MOST: Final = 512
@@ -46,14 +46,14 @@ class _Refused(Exception):
     """Raised when the CPU says no."""
 
 
-class _Place(NamedTuple):
+class _BlockAddress(NamedTuple):
     """Where a block is: address of its first data word, and its bytes."""
 
     address: int
     length: int
 
 
-class As511Client(Asking):
+class As511Client(RequestConnection):
     """See `heatertune.live.client.client.Client`."""
 
     most = _MOST
@@ -63,7 +63,7 @@ class As511Client(Asking):
         """Take a serial line that is open."""
         super().__init__(address)
         self._line, self._sent = line, False
-        self._places: dict[int, _Place] = {}
+        self._places: dict[int, _BlockAddress] = {}
         self._again = 0.0
 
     def read(self, number: int, start: int, count: int) -> bytes:
@@ -138,18 +138,19 @@ class As511Client(Asking):
 
         return self._asked(asked, what)
 
-    def _within(self, place: _Place, start: int, count: int, what: str) -> int:
+    def _within(self, place: _BlockAddress, start: int, count: int, what: str) -> int:
         """Return the address of bytes of a block; refuse those that it has not."""
         if start < 0 or count < 1 or start + count > place.length:
             raise self._refused(what, f"it has {place.length} bytes")
         return place.address + start
 
-    def _info(self, number: int) -> _Place:
+    def _info(self, number: int) -> _BlockAddress:
         """Return where a block is."""
         found = self._exchange(_BLOCK_INFO, bytes((_DATA_BLOCK, _db(number))))
         if len(found) != 13 or found[0] or found[3:7] != bytes((0x70, 0x70, 0x40 + _DATA_BLOCK, _db(number))):
             raise ConnectionError(f"{found.hex(' ')} is not where DB{_db(number)} is")
-        return _Place(int.from_bytes(found[1:3], "big"), 2 * (int.from_bytes(found[11:13], "big") - _HEADER_WORDS))
+        return _BlockAddress(int.from_bytes(found[1:3], "big"),
+                             2 * (int.from_bytes(found[11:13], "big") - _HEADER_WORDS))
 
     def _exchange(self, function: int, body: bytes, *, replies: bool = True) -> bytes:
         """Run one function of the CPU, and return what it replies."""
@@ -222,7 +223,7 @@ def _db(number: int) -> int:
     return _OWN_DB if number == OWN else number
 
 
-def connected(address: Address, timeout_s: float) -> As511Client:
+def open_client(address: Address, timeout_s: float) -> As511Client:
     """Return a client whose line is open, and at whose other end a CPU answers.
 
     Raises:

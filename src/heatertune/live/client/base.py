@@ -13,7 +13,7 @@ from typing import Any, Final, Self, TypeVar
 from heatertune.errors import LinkDown, PlcRefused, ReplyLost
 from heatertune.live.client.address import Address
 
-__all__ = ["Asking", "close_by_reset"]
+__all__ = ["RequestConnection", "close_by_reset"]
 
 Answer = TypeVar("Answer")
 
@@ -35,7 +35,7 @@ def close_by_reset(connection: Any) -> None:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER)
 
 
-class Asking:
+class RequestConnection:
     """A connection that is closed at the first request without an answer."""
 
     def __init__(self, address: Address) -> None:

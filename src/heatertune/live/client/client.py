@@ -81,7 +81,7 @@ def connect(address: Address, timeout_s: float = _TIMEOUT_S) -> Client:
     """
     demand_library(address.protocol)
     module = import_module(f"heatertune.live.client.{address.protocol}")
-    client: Client = module.connected(address, timeout_s)
+    client: Client = module.open_client(address, timeout_s)
     return client
 
 

@@ -11,10 +11,10 @@ from pymodbus.pdu import ExceptionResponse
 
 from heatertune.errors import LinkDown
 from heatertune.live.client.address import Address
-from heatertune.live.client.base import Asking, close_by_reset
+from heatertune.live.client.base import RequestConnection, close_by_reset
 from heatertune.live.memory import OWN
 
-__all__ = ["ModbusClient", "connected"]
+__all__ = ["ModbusClient", "open_client"]
 
 #: registers that one request reads or writes (Modbus Application Protocol 1.1b3, sections 6.3, 6.12)
 _MOST: Final = 123
@@ -26,7 +26,7 @@ _CODES: Final = {1: "the function is not known", 2: "there is no such register",
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # errors tell what happened
 
 
-class ModbusClient(Asking):
+class ModbusClient(RequestConnection):
     """See `heatertune.live.client.client.Client`."""
 
     most = 2 * _MOST
@@ -78,7 +78,7 @@ class ModbusClient(Asking):
             self._library.close()
 
 
-def connected(address: Address, timeout_s: float) -> ModbusClient:
+def open_client(address: Address, timeout_s: float) -> ModbusClient:
     """Return a client that is connected.
 
     Raises:

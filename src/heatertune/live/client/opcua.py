@@ -19,10 +19,10 @@ from asyncua import Client, ua
 
 from heatertune.errors import LinkDown, ReplyLost
 from heatertune.live.client.address import Address
-from heatertune.live.client.base import Asking, close_by_reset
+from heatertune.live.client.base import RequestConnection, close_by_reset
 from heatertune.live.memory import OWN
 
-__all__ = ["OpcuaClient", "connected"]
+__all__ = ["OpcuaClient", "open_client"]
 
 #: bytes of a block; the protocol sets no limit to a variable
 _MOST: Final = 65535
@@ -40,7 +40,7 @@ Answer = TypeVar("Answer")
 logging.getLogger("asyncua").addHandler(logging.NullHandler())  # errors tell what happened
 
 
-class OpcuaClient(Asking):
+class OpcuaClient(RequestConnection):
     """See `heatertune.live.client.client.Client`."""
 
     most = _MOST
@@ -140,7 +140,7 @@ class OpcuaClient(Asking):
         _end(self._library, self._loop)
 
 
-def connected(address: Address, timeout_s: float) -> OpcuaClient:
+def open_client(address: Address, timeout_s: float) -> OpcuaClient:
     """Return a client that is connected, without encryption and as nobody.
 
     Raises:

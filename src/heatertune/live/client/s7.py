@@ -14,9 +14,9 @@ from snap7.logo import Logo
 
 from heatertune.errors import LinkDown
 from heatertune.live.client.address import Address
-from heatertune.live.client.base import Asking, close_by_reset
+from heatertune.live.client.base import RequestConnection, close_by_reset
 
-__all__ = ["S7Client", "connected"]
+__all__ = ["S7Client", "open_client"]
 
 #: what fits into one message of 240 bytes, the smallest that PLCs agree to, both ways
 _MOST: Final = 212
@@ -24,7 +24,7 @@ _MOST: Final = 212
 logging.getLogger("snap7").addHandler(logging.NullHandler())  # errors tell what happened
 
 
-class S7Client(Asking):
+class S7Client(RequestConnection):
     """See `heatertune.live.client.client.Client`."""
 
     most = _MOST
@@ -90,7 +90,7 @@ def _waiting(kind: Any, timeout_s: float) -> Any:
     return Waiting
 
 
-def connected(address: Address, timeout_s: float) -> S7Client:
+def open_client(address: Address, timeout_s: float) -> S7Client:
     """Return a client that is connected.
 
     Raises:

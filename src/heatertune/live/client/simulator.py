@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from heatertune.errors import PlcRefused
 from heatertune.live.client.client import Client
-from heatertune.live.memory import OWN, OWN_LENGTH, Told
+from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
 
 __all__ = ["told_by"]
 
 
-def told_by(client: Client) -> Told | None:
+def told_by(client: Client) -> SimulatorStatus | None:
     """Return what the simulator's own block says; None: this is no simulator.
 
     Raises:
         LinkError: no answer.
     """
     try:
-        told = Told(client.read(OWN, 0, OWN_LENGTH))
+        told = SimulatorStatus(client.read(OWN, 0, OWN_LENGTH))
     except PlcRefused:
         return None
     return told if told.marked else None

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from heatertune.model.experiment.doublet import Plan, best_step
+from heatertune.model.experiment.doublet import ExperimentPlan, best_step
 from heatertune.model.experiment.prior import QUANTITIES, ExperimentSetup, Prior
 from heatertune.model.experiment.relay import RelayPlan
 
@@ -18,7 +18,7 @@ SCHEMA: Final = "heatertune/plan/1"
 _Z95 = 1.96  # half width of a 95 % interval in standard errors
 
 
-def to_document(prior: Prior, setup: ExperimentSetup, tried: list[Plan]) -> dict[str, Any]:
+def to_document(prior: Prior, setup: ExperimentSetup, tried: list[ExperimentPlan]) -> dict[str, Any]:
     """Return the document of the experiments tried, the last of which is proposed.
 
     Args:
@@ -53,7 +53,7 @@ def to_document(prior: Prior, setup: ExperimentSetup, tried: list[Plan]) -> dict
     return document
 
 
-def _quantity(prior: Prior, plan: Plan, index: int) -> dict[str, Any]:
+def _quantity(prior: Prior, plan: ExperimentPlan, index: int) -> dict[str, Any]:
     """Return one quantity: its range over the prior, the interval on the first heater, the worst of all."""
     values, half = prior.values[:, index], _Z95 * plan.errors[:, index]
     worst = int(np.argmax(plan.shares[:, index])) if index < plan.shares.shape[1] else int(np.argmax(half))

@@ -12,7 +12,7 @@ from heatertune.errors import OutOfRange
 from heatertune.model.experiment.prior import ExperimentSetup, Prior, errors, peaks, rests, shares
 from heatertune.model.response import Schedule
 
-__all__ = ["REST_READINGS", "Plan", "assessed", "best_step", "plan_doublet", "within_limit"]
+__all__ = ["REST_READINGS", "ExperimentPlan", "assess_plan", "best_step", "plan_doublet", "within_limit"]
 
 Array = npt.NDArray[np.float64]
 
@@ -27,7 +27,7 @@ REST_READINGS = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plan:
+class ExperimentPlan:
     """An experiment and what it would make known.
 
     Attributes:
@@ -52,13 +52,13 @@ class Plan:
         return float(self.shares.max())
 
 
-def plan_doublet(prior: Prior, setup: ExperimentSetup, duration_s: float, *, seed: int = 1) -> Plan:
+def plan_doublet(prior: Prior, setup: ExperimentSetup, duration_s: float, *, seed: int = 1) -> ExperimentPlan:
     """Return the best doublet of a duration, or the best plain step where no doublet is better.
 
     Raises:
         OutOfRange: the limit leaves less than 0.1 % of power.
     """
-    noise = setup.noise.thinned(max(1, int(duration_s / setup.noise.sample_time_s / _READINGS)))
+    noise = setup.noise.average(max(1, int(duration_s / setup.noise.sample_time_s / _READINGS)))
     step = best_step(prior, setup, duration_s)
     at = float(step.schedule.time_s[0]) / duration_s
     width = setup.most_pct - setup.least_pct
@@ -79,7 +79,7 @@ def plan_doublet(prior: Prior, setup: ExperimentSetup, duration_s: float, *, see
     return best if best.worst < step.worst else step
 
 
-def best_step(prior: Prior, setup: ExperimentSetup, duration_s: float) -> Plan:
+def best_step(prior: Prior, setup: ExperimentSetup, duration_s: float) -> ExperimentPlan:
     """Return the best plain step of a duration: as high as the limit lets it be, at the best instant."""
     tried = [_made(prior, setup, duration_s, np.array([at]), np.array([setup.most_pct])) for at in _STEP_AT]
     return replace(min(tried, key=lambda plan: plan.worst), kind="step")
@@ -102,7 +102,8 @@ def within_limit(prior: Prior, setup: ExperimentSetup, schedule: Schedule, *, di
     return replace(schedule, power_pct=power)
 
 
-def assessed(kind: str, prior: Prior, setup: ExperimentSetup, schedule: Schedule, duration_s: float) -> Plan:
+def assess_plan(kind: str, prior: Prior, setup: ExperimentSetup, schedule: Schedule,
+                duration_s: float) -> ExperimentPlan:
     """Return the plan of a schedule, its figures from all readings.
 
     Args:
@@ -113,16 +114,16 @@ def assessed(kind: str, prior: Prior, setup: ExperimentSetup, schedule: Schedule
         duration_s: of the experiment [s].
     """
     std_errors = errors(prior, schedule, setup.noise, duration_s)
-    return Plan(
+    return ExperimentPlan(
         kind=kind, schedule=schedule, duration_s=duration_s, errors=std_errors, shares=shares(prior, std_errors),
         peaks_degC=peaks(prior, schedule),
     )
 
 
-def _made(prior: Prior, setup: ExperimentSetup, duration: float, at: Array, power: Array) -> Plan:
+def _made(prior: Prior, setup: ExperimentSetup, duration: float, at: Array, power: Array) -> ExperimentPlan:
     """Return the plan as a person can carry it out: switched with a reading, powers of one digit after the point."""
     first = REST_READINGS * setup.noise.sample_time_s
-    instants = np.array([min(duration, max(first, setup.noise.rounded(share * duration))) for share in at])
+    instants = np.array([min(duration, max(first, setup.noise.nearest_reading(share * duration))) for share in at])
     schedule = _drawn(setup, duration, instants / duration, power)
     schedule = within_limit(prior, setup, schedule, digit_pct=_DIGIT_PCT)
     last = np.append(np.diff(schedule.time_s) > 0.0, True)  # of two steps at one instant the later one holds
@@ -131,7 +132,7 @@ def _made(prior: Prior, setup: ExperimentSetup, duration: float, at: Array, powe
     if not steps.any():
         raise OutOfRange("limit_degC", setup.limit_degC, "higher: it leaves less than 0.1 % of power")
     schedule = replace(schedule, time_s=schedule.time_s[steps], power_pct=schedule.power_pct[steps])
-    return assessed("doublet", prior, setup, schedule, duration)
+    return assess_plan("doublet", prior, setup, schedule, duration)
 
 
 def _drawn(setup: ExperimentSetup, duration: float, at: Array, power: Array) -> Schedule:

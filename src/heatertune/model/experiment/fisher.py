@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from heatertune.errors import OutOfRange
 from heatertune.units import check
 
-__all__ = ["Noise", "covariance"]
+__all__ = ["ReadingNoise", "covariance"]
 
 Array = npt.NDArray[np.float64]
 
@@ -24,7 +24,7 @@ _SINGULAR = 1e-9  # of the largest scaled column: what is left of one after the 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Noise:
+class ReadingNoise:
     """What disturbs the readings.
 
     Attributes:
@@ -55,11 +55,11 @@ class Noise:
         """Variance of the rounding to the sensor's digits [°C²]."""
         return self.resolution_degC**2 / 12.0
 
-    def rounded(self, time_s: float) -> float:
+    def nearest_reading(self, time_s: float) -> float:
         """Return the instant of the nearest reading [s]."""
         return round(time_s / self.sample_time_s) * self.sample_time_s
 
-    def thinned(self, times: int) -> Noise:
+    def average(self, times: int) -> ReadingNoise:
         """Return the noise of the means of `times` readings each, which hold nearly all that the readings tell."""
         if times == 1:
             return self
@@ -72,7 +72,7 @@ class Noise:
         )
 
 
-def covariance(jacobian: Array, noise: Noise) -> Array:
+def covariance(jacobian: Array, noise: ReadingNoise) -> Array:
     """Return the covariance of the least-squares estimate, shape (g, q, q); infinite where nothing is identified.
 
     Args:
@@ -93,7 +93,7 @@ def covariance(jacobian: Array, noise: Noise) -> Array:
     return np.where(lost[:, None, None], np.inf, spread)
 
 
-def _correlated(columns: Array, noise: Noise) -> Array:
+def _correlated(columns: Array, noise: ReadingNoise) -> Array:
     """Return R·columns: R = σ²·ρ^|i−j| + rounding on the diagonal, without building R."""
     rho = noise.correlation
     forward = lfilter([1.0], [1.0, -rho], columns, axis=1)

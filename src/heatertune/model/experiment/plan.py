@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from heatertune.errors import InputError, UnknownName
-from heatertune.model.experiment.doublet import Plan, plan_doublet
+from heatertune.model.experiment.doublet import ExperimentPlan, plan_doublet
 from heatertune.model.experiment.prior import ExperimentSetup, Prior, demand_room
 from heatertune.model.experiment.relay import plan_relay
 
@@ -22,7 +22,7 @@ _DURATIONS = (0.25, 0.5, 0.75, 1.0)  # of the longest
 
 def propose(
     prior: Prior, setup: ExperimentSetup, *, kind: str = "best", progress: Callable[[str], object] = str
-) -> list[Plan]:
+) -> list[ExperimentPlan]:
     """Return the best experiment of each duration tried, the shortest first; the last one is the proposal.
 
     Durations grow until the aim is reached or the longest is used.
@@ -41,9 +41,9 @@ def propose(
     if kind not in KINDS:
         raise UnknownName("kind of experiment", kind, KINDS)
     demand_room(prior, setup)
-    plans: list[Plan] = []
+    plans: list[ExperimentPlan] = []
     for share in _DURATIONS:
-        duration = min(setup.longest_s, setup.noise.rounded(share * setup.longest_s))
+        duration = min(setup.longest_s, setup.noise.nearest_reading(share * setup.longest_s))
         progress(f"searching the best experiment of {duration:g} s on {len(prior.models)} heaters")
         made = [] if kind == "relay" else [plan_doublet(prior, setup, duration)]
         relay = None if kind == "doublet" else plan_relay(prior, setup, duration)

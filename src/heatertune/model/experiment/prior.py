@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.experiment.fisher import Noise, covariance
+from heatertune.model.experiment.fisher import ReadingNoise, covariance
 from heatertune.model.response import Schedule, peak_rise, rows_of, sensitivities
 from heatertune.model.values import FittedModel, Fopdt, HeaterModel
 from heatertune.units import check
@@ -94,7 +94,7 @@ class ExperimentSetup:
     """
 
     limit_degC: float
-    noise: Noise
+    noise: ReadingNoise
     longest_s: float
     base_pct: float = 0.0
     least_pct: float = 0.0
@@ -177,7 +177,7 @@ def peaks(prior: Prior, schedule: Schedule) -> Array:
     return highest
 
 
-def errors(prior: Prior, schedule: Schedule, noise: Noise, duration_s: float) -> Array:
+def errors(prior: Prior, schedule: Schedule, noise: ReadingNoise, duration_s: float) -> Array:
     """Return the expected standard error of each quantity on each heater, shape (g, 4); 0 for a known ambient."""
     instants = np.arange(0.0, duration_s + 0.5 * noise.sample_time_s, noise.sample_time_s)
     std_errors = np.zeros((len(prior.models), len(QUANTITIES)))

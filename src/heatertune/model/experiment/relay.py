@@ -9,10 +9,10 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.model.experiment.doublet import REST_READINGS, Plan
-from heatertune.model.experiment.fisher import Noise
+from heatertune.model.experiment.doublet import REST_READINGS, ExperimentPlan
+from heatertune.model.experiment.fisher import ReadingNoise
 from heatertune.model.experiment.prior import ExperimentSetup, Prior, errors, peaks, rests, shares
-from heatertune.model.relay.relay import Relay, simulate_relay
+from heatertune.model.relay.relay import TwoLevelRelay, simulate_relay
 from heatertune.model.response import Schedule
 from heatertune.model.values import HeaterModel
 
@@ -30,7 +30,7 @@ _SWITCHES = 6  # up to the end of the second whole period: fewer tell nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RelayPlan(Plan):
+class RelayPlan(ExperimentPlan):
     """A relay test and what it would make known.
 
     The schedule is the one expected on the working model: on the real heater the relay decides.
@@ -41,7 +41,7 @@ class RelayPlan(Plan):
         periods_s: expected period on each heater, shape (g,).
     """
 
-    relay: Relay
+    relay: TwoLevelRelay
     rest_s: float
     periods_s: Array
 
@@ -55,8 +55,8 @@ def plan_relay(prior: Prior, setup: ExperimentSetup, duration_s: float) -> Relay
     """
     noise = setup.noise
     hysteresis = math.ceil(100.0 * max(_CHATTER * noise.std_degC, noise.resolution_degC) - 1e-9) / 100.0
-    thinned = noise.thinned(max(1, int(duration_s / noise.sample_time_s / _READINGS)))
-    ranked: list[tuple[float, Relay]] = []
+    thinned = noise.average(max(1, int(duration_s / noise.sample_time_s / _READINGS)))
+    ranked: list[tuple[float, TwoLevelRelay]] = []
     for relay in _relays(prior, setup, hysteresis):
         tested = _tested(prior, setup, relay, duration_s)
         if tested is not None:
@@ -74,10 +74,10 @@ def plan_relay(prior: Prior, setup: ExperimentSetup, duration_s: float) -> Relay
 
 
 def _rest_s(setup: ExperimentSetup, duration_s: float) -> float:
-    return setup.noise.rounded(max(_REST * duration_s, REST_READINGS * setup.noise.sample_time_s))
+    return setup.noise.nearest_reading(max(_REST * duration_s, REST_READINGS * setup.noise.sample_time_s))
 
 
-def _relays(prior: Prior, setup: ExperimentSetup, hysteresis: float) -> list[Relay]:
+def _relays(prior: Prior, setup: ExperimentSetup, hysteresis: float) -> list[TwoLevelRelay]:
     """Return the relays that swing on every heater once they are on, powers in whole percent."""
     relays = []
     room = setup.most_pct - setup.least_pct
@@ -91,12 +91,13 @@ def _relays(prior: Prior, setup: ExperimentSetup, hysteresis: float) -> list[Rel
         for at in _AT:
             setpoint = round(coolest + at * (warmest - coolest), 1)
             if coolest < setpoint < warmest:
-                relays.append(Relay(setpoint_degC=setpoint, hysteresis_degC=hysteresis, high_pct=high, low_pct=low))
+                relays.append(TwoLevelRelay(setpoint_degC=setpoint, hysteresis_degC=hysteresis, high_pct=high,
+                                            low_pct=low))
     return relays
 
 
 def _tested(
-    prior: Prior, setup: ExperimentSetup, relay: Relay, duration_s: float, *, sample_time_s: float | None = None
+    prior: Prior, setup: ExperimentSetup, relay: TwoLevelRelay, duration_s: float, *, sample_time_s: float | None = None
 ) -> list[Schedule] | None:
     """Return the powers on each heater, None where one passes the limit or swings too seldom."""
     schedules, rest_s = [], _rest_s(setup, duration_s)
@@ -116,7 +117,7 @@ def _tested(
 
 
 def _assessed(
-    prior: Prior, schedules: list[Schedule], noise: Noise, duration_s: float
+    prior: Prior, schedules: list[Schedule], noise: ReadingNoise, duration_s: float
 ) -> tuple[Array, Array, Array]:
     """Return standard errors, shares and peaks: on each heater of the powers that the relay sets there."""
     std_errors, widths, highest = [], [], []

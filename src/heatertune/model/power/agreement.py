@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from statistics import NormalDist
 
-from heatertune.model.hearing import Remark
+from heatertune.model.diagnostics import Remark
 from heatertune.model.intervals import RATIO
 from heatertune.model.values import OneLog
 from heatertune.units import NOMENCLATURE

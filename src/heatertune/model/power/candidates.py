@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import Log
-from heatertune.model.judgement import HeldOut
-from heatertune.model.power.judge import unseen
-from heatertune.model.power.loads import bic_of
+from heatertune.model.check_results import HeldOut
+from heatertune.model.power.alternative_models import Rival
+from heatertune.model.power.fit_checks import unseen
+from heatertune.model.power.load_steps import bic_of
 from heatertune.model.power.nonlinear import Bend
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
-from heatertune.model.power.rivals import Rival
 from heatertune.model.statistics import fit_pct
 from heatertune.model.values import Candidate, HeaterModel
 
@@ -25,7 +25,7 @@ Array = npt.NDArray[np.float64]
 _NEAR = 10.0  # BIC points
 
 
-class _Tried(NamedTuple):
+class _CandidateTrial(NamedTuple):
     model: HeaterModel
     simulated_degC: Array
     bic: float
@@ -56,9 +56,10 @@ def candidates_of(
     """
     record = problems[0].readings.temperature_degC
     tried = [*_orders(problems, fits, left_out, open_lag=open_lag)]
-    tried += [_Tried(r.model, r.fit.simulated_degC, bic_of(r.problem, r.fit), r.law, None, True) for r in rivals]
+    tried += [_CandidateTrial(r.model, r.fit.simulated_degC, bic_of(r.problem, r.fit), r.law, None,
+                              True) for r in rivals]
     if bend is not None:
-        tried += [_Tried(end.model, bend.simulated_degC, bend.bic, f"power logged, {end.at}", None, True)
+        tried += [_CandidateTrial(end.model, bend.simulated_degC, bend.bic, f"power logged, {end.at}", None, True)
                   for end in dict.fromkeys(bend.ends)]
     least = min(trial.bic for trial in tried)
     return tuple(
@@ -74,16 +75,17 @@ def candidates_of(
 
 def _orders(
     problems: Sequence[PowerProblem], fits: Sequence[PowerFit], left_out: HeldOut, *, open_lag: bool
-) -> list[_Tried]:
+) -> list[_CandidateTrial]:
     """Return one lag, two where the second is seen, and the integrator where the time constant is open upwards."""
     (problem, other), (one, two) = problems, fits
     assert one.model is not None
-    tried = [_Tried(one.model, one.simulated_degC, bic_of(problem, one), "power logged", left_out, True)]
+    tried = [_CandidateTrial(one.model, one.simulated_degC, bic_of(problem, one), "power logged", left_out, True)]
     if second_is_seen(two) and two.model is not None:
-        tried.append(_Tried(two.model, two.simulated_degC, bic_of(other, two), "power logged", unseen(other, two)))
+        tried.append(_CandidateTrial(two.model, two.simulated_degC, bic_of(other, two), "power logged",
+                                     unseen(other, two)))
     if open_lag:
         far = problem.far()
         if far.model is not None:
             law = "power logged, as an integrator"
-            tried.append(_Tried(far.model, far.simulated_degC, bic_of(problem, far), law))
+            tried.append(_CandidateTrial(far.model, far.simulated_degC, bic_of(problem, far), law))
     return tried

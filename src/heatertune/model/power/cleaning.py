@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import Log
-from heatertune.model.outliers import tamed, without_outliers
-from heatertune.model.power.loads import bic_of
+from heatertune.model.outliers import replace_outliers, without_outliers
+from heatertune.model.power.load_steps import bic_of
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.segments import MOST, Segments, gaps, jumps, part
 
-__all__ = ["Cleaned", "cleaned"]
+__all__ = ["CleanedFit", "clean_log"]
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
@@ -25,7 +25,7 @@ _PASSES = 4  # of finding outliers
 _ROUNDS = 3  # of finding jumps: a large one hides others
 
 
-class Cleaned(NamedTuple):
+class CleanedFit(NamedTuple):
     """A log in segments with nothing but the outliers replaced, and one lag fitted to just that.
 
     Attributes:
@@ -53,7 +53,7 @@ class Cleaned(NamedTuple):
         return np.asarray(self.fit.linear @ self.whole.basis(self.fit.vector))
 
 
-def cleaned(log: Log, problem: PowerProblem) -> tuple[Log, Cleaned, tuple[str, ...]]:
+def clean_log(log: Log, problem: PowerProblem) -> tuple[Log, CleanedFit, tuple[str, ...]]:
     """Return what is left of a log, one lag fitted to it, and sentences about its disturbances.
 
     Args:
@@ -73,7 +73,7 @@ def cleaned(log: Log, problem: PowerProblem) -> tuple[Log, Cleaned, tuple[str, .
     return (log if rows.all() else part(log, rows)), clean, tuple(segments.notes(log))
 
 
-def _jumps(clean: Cleaned) -> Places:
+def _jumps(clean: CleanedFit) -> Places:
     """Return the places of jumps, whichever power was on before the log."""
     measured = clean.whole.readings.temperature_degC
     places = jumps(measured, clean.simulated_degC)
@@ -98,18 +98,18 @@ def _part(problem: PowerProblem, rows: npt.NDArray[np.bool_]) -> PowerProblem:
     ))
 
 
-def _without_outliers(problem: PowerProblem) -> Cleaned:
+def _without_outliers(problem: PowerProblem) -> CleanedFit:
     """Return one lag without the outliers, found from the readings as they are and with the wild ones tamed.
 
     Wild readings would hide the others; but the pulses of a fast heater look wild too, and may not stay tamed.
     """
     measured = problem.readings.temperature_degC
-    smooth = tamed(measured)
+    smooth = replace_outliers(measured)
     starts = [measured] if np.array_equal(smooth, measured) else [measured, smooth]
     return min((_settled(problem, start) for start in starts), key=lambda clean: clean.bic)
 
 
-def _settled(problem: PowerProblem, start: Array) -> Cleaned:
+def _settled(problem: PowerProblem, start: Array) -> CleanedFit:
     clean, readings = _fitted(problem, start, np.empty(0, dtype=np.intp)), problem.readings
     begun = np.searchsorted(readings.time_s, readings.restart_s)
     for _ in range(_PASSES):
@@ -123,6 +123,6 @@ def _settled(problem: PowerProblem, start: Array) -> Cleaned:
     return clean
 
 
-def _fitted(problem: PowerProblem, readings_degC: Array, outliers: Places) -> Cleaned:
-    thin = replace(problem, readings=replace(problem.readings, temperature_degC=readings_degC)).thinned(_READINGS)
-    return Cleaned(problem, readings_degC, outliers, thin, thin.fit())
+def _fitted(problem: PowerProblem, readings_degC: Array, outliers: Places) -> CleanedFit:
+    thin = replace(problem, readings=replace(problem.readings, temperature_degC=readings_degC)).average(_READINGS)
+    return CleanedFit(problem, readings_degC, outliers, thin, thin.fit())

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from heatertune.log.values import Log
 from heatertune.model.intervals import Interval, identified_parts
 from heatertune.model.outliers import sensor_step
-from heatertune.model.power.columns import COLUMNS, DRIFT
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.regressors import COLUMNS, DRIFT
 from heatertune.model.values import Candidate, HeaterModel
 
 __all__ = ["limit_notes", "log_notes", "longest_hold_s", "notes_of", "rival_notes"]

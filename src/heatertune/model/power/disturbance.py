@@ -19,9 +19,9 @@ import numpy.typing as npt
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.disturbance import DisturbanceEffect
-from heatertune.model.power.columns import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import FAR, PowerProblem
-from heatertune.model.power.readings import Readings
+from heatertune.model.power.regressors import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE
 from heatertune.model.statistics import ar1_bic
 
 __all__ = ["without_disturbance"]
@@ -119,7 +119,7 @@ def _problem(log: Log, most: int = _READINGS) -> _Problem:
     power = Readings.of(log)
     changes = np.concatenate([[True], np.diff(log.disturbance) != 0.0])
     course = replace(power, edge_s=log.time_s[changes], level_pct=log.disturbance[changes])
-    thin = power.thinned(most)
+    thin = power.average(most)
     held = PowerProblem(readings=thin, two_lags=True)
     length, sample = float(np.ptp(log.time_s)), float(np.median(np.diff(log.time_s)))
     lags = (math.log(0.5 * sample), math.log(FAR * length))

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from heatertune.model.power.loads import bic_of, left_over, with_loads
+from heatertune.model.power.load_steps import bic_of, left_over, with_loads
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.start import is_plain_rest, starts
 
-__all__ = ["Way", "refitted", "with_events", "without_events"]
+__all__ = ["Way", "refit_all", "with_events", "without_events"]
 
 _NEAR = 10.0  # BIC points
 _FEW = 3.0  # sampling intervals
@@ -53,12 +53,12 @@ def without_events(way: Way) -> Way:
         return way
     problems = [replace(problem, drift=False, loads_s=()) for problem in way.problems]
     return Way(problems, [min((near, problem.fit()), key=lambda fit: bic_of(problem, fit))
-                          for problem, near in zip(problems, refitted(problems, way.fits), strict=True)])
+                          for problem, near in zip(problems, refit_all(problems, way.fits), strict=True)])
 
 
-def refitted(problems: Sequence[PowerProblem], fits: Sequence[PowerFit]) -> list[PowerFit]:
+def refit_all(problems: Sequence[PowerProblem], fits: Sequence[PowerFit]) -> list[PowerFit]:
     """Return the fits that fits of similar problems lead to."""
-    return [problem.refined(fit.vector[None, :]) for problem, fit in zip(problems, fits, strict=True)]
+    return [problem.refine(fit.vector[None, :]) for problem, fit in zip(problems, fits, strict=True)]
 
 
 def _worth(way: Way) -> tuple[bool, float]:
@@ -78,7 +78,7 @@ def _begun(way: Way, start: PowerProblem) -> Way:
     if start.power_before_pct == way.problems[0].power_before_pct and not start.at_rest:
         return way
     others = [replace(p, power_before_pct=start.power_before_pct, at_rest=start.at_rest) for p in way.problems]
-    near = refitted(others, way.fits)
+    near = refit_all(others, way.fits)
     if not start.at_rest:
         return Way(others, near)
     # a free initial state may have led far off
@@ -91,7 +91,7 @@ def _drifting(way: Way) -> Way:
     if not any(map(left_over, *way)):
         return way
     others = [replace(problem, drift=True) for problem in way.problems]
-    tried = Way(others, refitted(others, way.fits))
+    tried = Way(others, refit_all(others, way.fits))
     worth = [bic_of(*before) - bic_of(*after) for before, after in
              zip(zip(*way, strict=True), zip(*tried, strict=True), strict=True)]
     return tried if min(worth) > _NEAR else way

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import Log
-from heatertune.model.hearing import Remark
-from heatertune.model.power.sanity import follows_temperature
+from heatertune.model.diagnostics import Remark
+from heatertune.model.power.causality import follows_temperature
 
 __all__ = ["closed_loop", "feedback_notes", "is_feedback", "loop_remarks"]
 

@@ -9,24 +9,24 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.model.hearing import Remark, fast_remarks, findings_of, poor_remarks
+from heatertune.model.diagnostics import Remark, fast_remarks, findings_of, poor_remarks
 from heatertune.model.intervals import RATIO, Interval, identified_parts
 from heatertune.model.power.agreement import agreement_remarks, disagreements
-from heatertune.model.power.alias import alias_remarks
+from heatertune.model.power.aliasing import alias_remarks
+from heatertune.model.power.alternative_models import lies_inside, widen_intervals
 from heatertune.model.power.candidates import second_is_seen
-from heatertune.model.power.columns import AMBIENT, DRIFT, GAIN
 from heatertune.model.power.diagnosis import limit_notes, log_notes, longest_hold_s, rival_notes
-from heatertune.model.power.ends import AtEnd, ends_of, told_apart
-from heatertune.model.power.explained import Explained
-from heatertune.model.power.family import open_ends
-from heatertune.model.power.fit_power import Weighed, outcome_of, values_at_ends, values_of, weighed
+from heatertune.model.power.explanation import Explanation
+from heatertune.model.power.fit_power import WeighedFit, outcome_of, values_at_ends, values_of, weigh_fit
+from heatertune.model.power.interval_ends import AtEnd, ends_of, told_apart
 from heatertune.model.power.joint import LAG, JointFit, JointProblem
 from heatertune.model.power.joint_intervals import joint_held_at, joint_intervals
-from heatertune.model.power.loads import bic_of
+from heatertune.model.power.load_steps import bic_of
 from heatertune.model.power.nonlinear import bend_remarks
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.plausible_heaters import open_ends
 from heatertune.model.power.power_share import share_remarks
-from heatertune.model.power.rivals import lies_inside, widened
+from heatertune.model.power.regressors import AMBIENT, DRIFT, GAIN
 from heatertune.model.statistics import autocorrelation, fit_pct
 from heatertune.model.values import Candidate, FittedModel, Fopdt, OneLog, Residuals
 
@@ -50,7 +50,7 @@ class _Joint(NamedTuple):
 
 
 def fit_logs(
-    logs: Sequence[Explained], *, open_start: bool, seed: int, least_dead_time_s: float
+    logs: Sequence[Explanation], *, open_start: bool, seed: int, least_dead_time_s: float
 ) -> FittedModel:
     """Return the one FOPDT behind several logs with power.
 
@@ -65,7 +65,7 @@ def fit_logs(
         least_dead_time_s: no dead time below this is believed.
     """
     logs, best = _drifting(logs)
-    weights = [weighed(log, open_start=open_start, seed=seed) for log in logs]
+    weights = [weigh_fit(log, open_start=open_start, seed=seed) for log in logs]
     inside = joint_intervals(best.problem, best.fit, seed=seed)
     rivals = [rival for rival in _rivals(best, logs, weights)
               if rival.shifted or not lies_inside(_fopdt(rival), inside)]
@@ -75,9 +75,9 @@ def fit_logs(
     # the ambient told is the first log's, whatever another's was
     others += [values_of(log.model) | {"ambient_degC": math.nan} for log in logs if apart]
     others += [end for log in logs for end in values_at_ends(log.bend)]
-    as_read = widened(inside, others)
+    as_read = widen_intervals(inside, others)
     ci95: dict[str, Interval | None] = {
-        **widened(as_read, [values_of(_fopdt(rival)) for rival in rivals if rival.shifted])}
+        **widen_intervals(as_read, [values_of(_fopdt(rival)) for rival in rivals if rival.shifted])}
     lag = ci95["time_constant_s"]
     assert lag is not None
     candidates = (*_candidates(best, rivals, _others(best, logs, open_lag=lag.high is None), logs),
@@ -94,7 +94,7 @@ def fit_logs(
               *_aliases(logs),
               *(remark._replace(sentence=f"{log.log.name}: {remark.sentence}")
                 for log in logs for remark in bend_remarks(log.bend))]
-    fit = _fit_pct([log.cleaned for log in logs], _simulated(best, logs))
+    fit = _fit_pct([log.clean_temperature for log in logs], _simulated(best, logs))
     outcome = outcome_of(fit, resolved=resolved)
     return FittedModel(
         model=model,
@@ -113,7 +113,7 @@ def fit_logs(
                *(remark.sentence for remark in checks)),
         residuals=Residuals(
             time_s=first.log.time_s, measured_degC=first.log.temperature_degC, simulated_degC=simulated,
-            autocorrelation=autocorrelation(first.cleaned - simulated),
+            autocorrelation=autocorrelation(first.clean_temperature - simulated),
         ),
         logs=tuple(alone),
     )
@@ -123,14 +123,14 @@ def _joint(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], law: str,
     """Return one heater for all logs, sought from where the fits of each lie."""
     problem = JointProblem.of(problems, fits)
     starts = [np.array([math.log(fit.linear[GAIN]), *fit.vector]) for fit in fits]
-    return _Joint(problem, problem.refined(np.array([*starts, np.mean(starts, axis=0)])), law, sentence)
+    return _Joint(problem, problem.refine(np.array([*starts, np.mean(starts, axis=0)])), law, sentence)
 
 
-def _drifting(logs: Sequence[Explained]) -> tuple[Sequence[Explained], _Joint]:
+def _drifting(logs: Sequence[Explanation]) -> tuple[Sequence[Explanation], _Joint]:
     """Return logs and heater with a drift in each log that asks for it once the heater is that of all logs."""
     joint = _joint([log.problems[0] for log in logs], [log.fits[0] for log in logs], _LAW)
     for place, log in enumerate(logs):
-        changed = [*logs[:place], log.drifting(), *logs[place + 1 :]]
+        changed = [*logs[:place], log.with_drift(), *logs[place + 1 :]]
         if any(fit.model is None for fit in changed[place].fits):
             continue
         trial = _joint([log.problems[0] for log in changed], [log.fits[0] for log in changed], _LAW)
@@ -139,7 +139,7 @@ def _drifting(logs: Sequence[Explained]) -> tuple[Sequence[Explained], _Joint]:
     return logs, joint
 
 
-def _rivals(best: _Joint, logs: Sequence[Explained], weights: Sequence[Weighed]) -> Iterator[_Joint]:
+def _rivals(best: _Joint, logs: Sequence[Explanation], weights: Sequence[WeighedFit]) -> Iterator[_Joint]:
     """Return one heater for all logs, those that allow it read in another way; none that other logs speak against."""
     at_best = best.problem.bic(best.fit)
     for law in dict.fromkeys(rival.law for weight in weights for rival in weight.rivals):
@@ -159,7 +159,7 @@ def _rivals(best: _Joint, logs: Sequence[Explained], weights: Sequence[Weighed])
             yield other
 
 
-def _others(best: _Joint, logs: Sequence[Explained], *, open_lag: bool) -> Iterator[_Joint]:
+def _others(best: _Joint, logs: Sequence[Explanation], *, open_lag: bool) -> Iterator[_Joint]:
     """Return two lags where every log sees the second, and the integrator where the time constant is open upwards."""
     if all(second_is_seen(log.fits[1]) for log in logs):
         two = _joint([log.problems[1] for log in logs], [log.fits[1] for log in logs], _LAW)
@@ -170,12 +170,12 @@ def _others(best: _Joint, logs: Sequence[Explained], *, open_lag: bool) -> Itera
 
 
 def _candidates(
-    best: _Joint, rivals: Sequence[_Joint], others: Iterator[_Joint], logs: Sequence[Explained]
+    best: _Joint, rivals: Sequence[_Joint], others: Iterator[_Joint], logs: Sequence[Explanation]
 ) -> Iterator[Candidate]:
     """Return one lag, its rivals, and every other model that explains the logs nearly as well or better."""
     tried = [best, *rivals, *others]
     bics = [trial.problem.bic(trial.fit) for trial in tried]
-    cleaned = [log.cleaned for log in logs]
+    cleaned = [log.clean_temperature for log in logs]
     for place, (trial, bic) in enumerate(zip(tried, bics, strict=True)):
         if place > len(rivals) and bic - min(bics) >= _NEAR:
             continue
@@ -188,11 +188,12 @@ def _candidates(
             window_s=(min(float(log.log.time_s[0]) for log in logs), max(float(log.log.time_s[-1]) for log in logs)),
             fit_pct=_fit_pct(cleaned, simulated), rmse_degC=float(np.sqrt(np.mean(left**2))),
             delta_bic=bic - min(bics),
-            fits_pct={log.log.name: fit_pct(log.cleaned, made) for log, made in zip(logs, simulated, strict=True)},
+            fits_pct={log.log.name: fit_pct(log.clean_temperature, made) for log,
+                      made in zip(logs, simulated, strict=True)},
         )
 
 
-def _bent(log: Explained) -> Iterator[Candidate]:
+def _bent(log: Explanation) -> Iterator[Candidate]:
     """Yield the local heaters at both ends of what a log shows of a heater that is not linear."""
     bend = log.bend
     if bend is None:
@@ -205,36 +206,36 @@ def _bent(log: Explained) -> Iterator[Candidate]:
             rmse_degC=float(np.sqrt(np.mean((record - bend.simulated_degC) ** 2))), delta_bic=0.0)
 
 
-def _own(log: Explained) -> Candidate:
+def _own(log: Explanation) -> Candidate:
     """Return the heater of one log alone."""
-    left = log.cleaned - log.simulated_degC
+    left = log.clean_temperature - log.simulated_degC
     return Candidate(
         model=log.model, log=log.log.name, window_s=(float(log.log.time_s[0]), float(log.log.time_s[-1])),
-        law=f"{_LAW}, this log alone", fit_pct=fit_pct(log.cleaned, log.simulated_degC),
+        law=f"{_LAW}, this log alone", fit_pct=fit_pct(log.clean_temperature, log.simulated_degC),
         rmse_degC=float(np.sqrt(np.mean(left**2))), delta_bic=0.0,
     )
 
 
-def _alone(log: Explained, weight: Weighed, best: _Joint, place: int) -> OneLog:
+def _alone(log: Explanation, weight: WeighedFit, best: _Joint, place: int) -> OneLog:
     """Return what one log says alone, and what the one heater for all makes of it."""
     fit, model = best.fit.parts[place], log.model
     simulated = log.at_readings(best.problem.parts[place], fit)
-    ends = widened(weight.inside, [values_of(rival.model) for rival in weight.rivals])
+    ends = widen_intervals(weight.inside, [values_of(rival.model) for rival in weight.rivals])
     return OneLog(
-        name=log.log.name, fit_pct=fit_pct(log.cleaned, simulated),
-        alone_fit_pct=fit_pct(log.cleaned, log.simulated_degC),
+        name=log.log.name, fit_pct=fit_pct(log.clean_temperature, simulated),
+        alone_fit_pct=fit_pct(log.clean_temperature, log.simulated_degC),
         ambient_degC=float(fit.linear[AMBIENT]), drift_degC_per_s=float(fit.linear[DRIFT]),
-        noise_degC=float(np.std(log.cleaned - simulated)),
+        noise_degC=float(np.std(log.clean_temperature - simulated)),
         values={name: value for name, value in values_of(model).items() if name in ends and name != "ambient_degC"},
         ci95={name: limits for name, limits in ends.items() if name != "ambient_degC"},
     )
 
 
 def _ends(
-    best: _Joint, logs: Sequence[Explained], first: Candidate, ci95: Mapping[str, Interval | None],
+    best: _Joint, logs: Sequence[Explanation], first: Candidate, ci95: Mapping[str, Interval | None],
     least_dead_time_s: float,
 ) -> Iterator[Candidate]:
-    cleaned = [log.cleaned for log in logs]
+    cleaned = [log.clean_temperature for log in logs]
 
     def held(name: str, value: float) -> AtEnd | None:
         at = best._replace(fit=joint_held_at(best.problem, best.fit, name, value))
@@ -248,7 +249,7 @@ def _ends(
     return ends_of(first, values_of(_fopdt(best)), ci95, held, least_dead_time_s=least_dead_time_s)
 
 
-def _simulated(joint: _Joint, logs: Sequence[Explained]) -> list[Array]:
+def _simulated(joint: _Joint, logs: Sequence[Explanation]) -> list[Array]:
     pairs = zip(logs, joint.problem.parts, joint.fit.parts, strict=True)
     return [log.at_readings(part, fit) for log, part, fit in pairs]
 
@@ -266,19 +267,19 @@ def _fopdt(joint: _Joint) -> Fopdt:
     return model
 
 
-def _shares(best: _Joint, logs: Sequence[Explained]) -> Iterator[Remark]:
+def _shares(best: _Joint, logs: Sequence[Explanation]) -> Iterator[Remark]:
     """Yield what the power does not explain in each log, of the one heater for all."""
     for log, part, fit in zip(logs, best.problem.parts, best.fit.parts, strict=True):
         yield from share_remarks(log.log.name, [part], [fit], log.doubt)
 
 
-def _aliases(logs: Sequence[Explained]) -> Iterator[Remark]:
+def _aliases(logs: Sequence[Explanation]) -> Iterator[Remark]:
     for log in logs:
         for remark in alias_remarks(log.alias):
             yield remark._replace(sentence=f"{log.log.name}: {remark.sentence}")
 
 
-def _log_notes(best: _Joint, logs: Sequence[Explained]) -> Iterator[str]:
+def _log_notes(best: _Joint, logs: Sequence[Explanation]) -> Iterator[str]:
     for log, part, fit in zip(logs, best.problem.parts, best.fit.parts, strict=True):
         for note in (*log.notes, *log_notes(log.log, part, fit, log.outliers)):
             yield f"{log.log.name}: {note}"

@@ -5,28 +5,28 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from heatertune.model.hearing import DROP_PCT, fast_remarks, findings_of, level_remarks, poor_remarks
+from heatertune.model.check_results import Validation
+from heatertune.model.diagnostics import DROP_PCT, fast_remarks, findings_of, level_remarks, poor_remarks
 from heatertune.model.intervals import PERIOD, RATIO, Interval, identified_parts
-from heatertune.model.judgement import Validation
 from heatertune.model.measures import ultimate_period_s
-from heatertune.model.power.alias import alias_remarks
+from heatertune.model.power.aliasing import alias_remarks
+from heatertune.model.power.alternative_models import Rival, rivals_of, widen_intervals
 from heatertune.model.power.candidates import candidates_of, second_is_seen
 from heatertune.model.power.diagnosis import notes_of
-from heatertune.model.power.explained import Explained
-from heatertune.model.power.family import family_of
-from heatertune.model.power.judge import correlation_of, judged, judgement_remarks, predicts
+from heatertune.model.power.explanation import Explanation
+from heatertune.model.power.fit_checks import check_fit, correlation_of, judgement_remarks, predicts
+from heatertune.model.power.half_logs import halves_notes, interval_widening, said_by_halves, widening_notes
 from heatertune.model.power.nonlinear import Bend, bend_remarks
-from heatertune.model.power.parts import halves_notes, said_by_halves, widening, widening_notes
+from heatertune.model.power.plausible_heaters import family_of
 from heatertune.model.power.power_share import share_remarks
-from heatertune.model.power.rivals import Rival, rivals_of, widened
 from heatertune.model.power.uncertainty import intervals_by
 from heatertune.model.statistics import autocorrelation, fit_pct
-from heatertune.model.values import FittedModel, Fopdt, Outcome, Residuals
+from heatertune.model.values import FitOutcome, FittedModel, Fopdt, Residuals
 
-__all__ = ["fit_power", "outcome_of", "values_at_ends", "values_of", "weighed"]
+__all__ = ["fit_power", "outcome_of", "values_at_ends", "values_of", "weigh_fit"]
 
 
-class Weighed(NamedTuple):
+class WeighedFit(NamedTuple):
     """Of one lag: intervals, checks, other fits that the log does not rule out, and how far intervals were widened."""
 
     inside: dict[str, Interval]
@@ -38,17 +38,17 @@ class Weighed(NamedTuple):
 _POOR = 60.0  # fit [%] below which no interval means anything
 
 
-def weighed(explanation: Explained, *, open_start: bool, seed: int) -> Weighed:
+def weigh_fit(explanation: Explanation, *, open_start: bool, seed: int) -> WeighedFit:
     """Return what one lag is worth; `open_start`: nobody knows the power before the log."""
     problem, one = explanation.problems[0], explanation.fits[0]
-    wider = widening(problem, one)
+    wider = interval_widening(problem, one)
     narrow, inside = intervals_by(problem, one, [{}, wider], seed=seed)
-    validation = judged(problem, one)
+    validation = check_fit(problem, one)
     rivals = rivals_of(explanation.log, problem, one, narrow, validation.held_out, open_start=open_start)
-    return Weighed(inside, validation, rivals, wider)
+    return WeighedFit(inside, validation, rivals, wider)
 
 
-def fit_power(explanation: Explained, weight: Weighed, *, least_dead_time_s: float, seed: int) -> FittedModel:
+def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s: float, seed: int) -> FittedModel:
     """Return the FOPDT of a log with power, its intervals, and the candidates.
 
     Beside one lag: two lags, a time constant for heating and one for cooling, an integrator; a drift of the ambient
@@ -62,11 +62,11 @@ def fit_power(explanation: Explained, weight: Weighed, *, least_dead_time_s: flo
     """
     log, (one, two) = explanation.log, explanation.fits
     inside, validation, rivals, wider = weight
-    read_otherwise = widened(
+    read_otherwise = widen_intervals(
         inside, [*(values_of(rival.model) for rival in rivals if not rival.shifted), *values_at_ends(explanation.bend)])
-    as_read = widened(read_otherwise, said_by_halves(explanation.problems[0], one, validation, read_otherwise))
+    as_read = widen_intervals(read_otherwise, said_by_halves(explanation.problems[0], one, validation, read_otherwise))
     ci95: dict[str, Interval | None] = {
-        **widened(as_read, [values_of(rival.model) for rival in rivals if rival.shifted])}
+        **widen_intervals(as_read, [values_of(rival.model) for rival in rivals if rival.shifted])}
     lag = ci95["time_constant_s"]
     assert lag is not None
     candidates = candidates_of(
@@ -77,7 +77,7 @@ def fit_power(explanation: Explained, weight: Weighed, *, least_dead_time_s: flo
     assert ratio is not None
     resolved = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
     simulated = explanation.simulated_degC
-    fit = fit_pct(explanation.cleaned, simulated)
+    fit = fit_pct(explanation.clean_temperature, simulated)
     seen = second_is_seen(two)
     second = correlation_of(explanation.problems[1], two) if seen else None
     two_predict = (seen and validation.held_out.fit_pct < fit - DROP_PCT
@@ -106,7 +106,7 @@ def fit_power(explanation: Explained, weight: Weighed, *, least_dead_time_s: flo
         findings=(*findings_of([*poor_remarks(outcome, fit, log.name), *checks]), *open_),
         residuals=Residuals(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
-            autocorrelation=autocorrelation(explanation.cleaned - simulated),
+            autocorrelation=autocorrelation(explanation.clean_temperature - simulated),
         ),
         validation=validation,
     )
@@ -118,9 +118,9 @@ def values_at_ends(bend: Bend | None) -> list[dict[str, float]]:
     return [values_of(end.model.half_rule()) | {"ambient_degC": math.nan} for end in ends]
 
 
-def outcome_of(fit: float, *, resolved: bool) -> Outcome:
+def outcome_of(fit: float, *, resolved: bool) -> FitOutcome:
     """Return how a fit ended: by its fit [%] and by whether gain and time constant are known."""
-    return Outcome.POOR_FIT if fit < _POOR else Outcome.IDENTIFIED if resolved else Outcome.COMBINATIONS_ONLY
+    return FitOutcome.POOR_FIT if fit < _POOR else FitOutcome.IDENTIFIED if resolved else FitOutcome.COMBINATIONS_ONLY
 
 
 def values_of(model: Fopdt) -> dict[str, float]:

@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.model.judgement import InputCorrelation
-from heatertune.model.power.readings import Readings
+from heatertune.model.check_results import InputCorrelation
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.statistics import autocorrelation
 
 __all__ = ["input_correlation"]

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.least_squares import minimise
-from heatertune.model.power.columns import AMBIENT, DRIFT, FIRST_STATE, GAIN, SECOND_STATE
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.regressors import AMBIENT, DRIFT, FIRST_STATE, GAIN, SECOND_STATE
 
 __all__ = ["InputCurve", "fit_input_curve", "knots_of"]
 
@@ -72,7 +72,7 @@ def fit_input_curve(problem: PowerProblem, near: PowerFit) -> InputCurve | None:
     knots = knots_of(problem)
     if len(knots) < 3:
         return None
-    coarse = problem.thinned(_READINGS)
+    coarse = problem.average(_READINGS)
     ramps = [_ramp(coarse, *ends) for ends in pairwise(knots)]
     record = coarse.readings.temperature_degC
 

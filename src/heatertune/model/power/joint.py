@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.least_squares import Residuals, minimise
-from heatertune.model.power.columns import AMBIENT, GAIN
-from heatertune.model.power.open_loop import Fixed, PowerFit, PowerProblem, touching
+from heatertune.model.power.open_loop import FixedUnknowns, PowerFit, PowerProblem, parameters_on_bounds
+from heatertune.model.power.regressors import AMBIENT, GAIN
 from heatertune.model.statistics import ar1_bic, autocorrelation
 
 __all__ = ["DEAD", "FIRST_AMBIENT", "LAG", "POWER", "JointFit", "JointProblem"]
@@ -80,9 +80,9 @@ class JointProblem:
         """The readings of all logs, one log after the other [°C], shape (m,)."""
         return np.concatenate([part.readings.temperature_degC for part in self.parts])
 
-    def thinned(self, most: int) -> JointProblem:
+    def average(self, most: int) -> JointProblem:
         """Return the problem with each log's readings averaged to about `most`; neighbours' noise is taken as one."""
-        parts = tuple(part.thinned(most) for part in self.parts)
+        parts = tuple(part.average(most) for part in self.parts)
         counts = [math.sqrt(len(a.readings.time_s) / len(b.readings.time_s))
                   for a, b in zip(self.parts, parts, strict=True)]
         return replace(self, parts=parts, weights=self.weights * np.array(counts))
@@ -110,7 +110,7 @@ class JointProblem:
                 if i == 0 and z.shape[1] > FIRST_AMBIENT:
                     fixed[:, AMBIENT] = z[:, FIRST_AMBIENT]
                 own = np.ascontiguousarray(z[:, LAG : SECOND + 1])
-                weighted.append(weight * part.solve(own, record[rows], Fixed(values=fixed))[0])
+                weighted.append(weight * part.solve(own, record[rows], FixedUnknowns(values=fixed))[0])
             return np.concatenate(weighted, axis=1)
 
         return answer
@@ -128,7 +128,7 @@ class JointProblem:
         wider = replace(self, low=np.append(self.low, best - reach), high=np.append(self.high, best + reach))
         return wider, np.append(fit.vector, best)
 
-    def refined(self, starts: Array) -> JointFit:
+    def refine(self, starts: Array) -> JointFit:
         """Return the best fit that the starts (n, p), vectors of what is shared, lead to."""
         records = np.tile(self.records, (len(starts), 1))
         minima = minimise(self.residuals(records), starts, self.low, self.high, tolerance=1e-9)
@@ -145,12 +145,12 @@ class JointProblem:
     def at(self, vector: Array) -> JointFit:
         """Return the fit at a shared vector (p,), its gain not per lag."""
         gain = math.exp(vector[POWER])
-        return JointFit(vector=vector, parts=tuple(part.held(vector[LAG:], gain) for part in self.parts))
+        return JointFit(vector=vector, parts=tuple(part.fit_held(vector[LAG:], gain) for part in self.parts))
 
     def on_bound(self, fit: JointFit) -> tuple[str, ...]:
         """Return the names of the lags and the dead time that ended on a bound of the search."""
         low, high, z = (vector[LAG:] for vector in (self.low, self.high, fit.vector))
-        return touching(z, low, high)
+        return parameters_on_bounds(z, low, high)
 
     def bic(self, fit: JointFit) -> float:
         """Return the criterion over all logs; what they share counts once."""

@@ -14,9 +14,9 @@ import numpy.typing as npt
 from heatertune.model.intervals import RATIO as PER_LAG
 from heatertune.model.intervals import Interval, envelope, hull, interval
 from heatertune.model.least_squares import Minima, minimise
-from heatertune.model.power.columns import AMBIENT, GAIN
 from heatertune.model.power.joint import DEAD, FIRST_AMBIENT, LAG, POWER, JointFit, JointProblem
-from heatertune.model.power.uncertainty import LEAST_FREEDOM, READINGS, STEPS, colour, crossing
+from heatertune.model.power.regressors import AMBIENT, GAIN
+from heatertune.model.power.uncertainty import LEAST_FREEDOM, READINGS, STEPS, bound_crossing, colour
 from heatertune.model.statistics import ar1_weighted, block_resamples, student_t
 
 __all__ = ["joint_held_at", "joint_intervals"]
@@ -42,8 +42,8 @@ def joint_intervals(problem: JointProblem, fit: JointFit, *, seed: int) -> dict[
 
     An end on a bound of the search is open.
     """
-    thin, reported = problem.thinned(READINGS), problem.with_ambient(fit)[1]
-    fit = thin.refined(fit.vector[None, :])
+    thin, reported = problem.average(READINGS), problem.with_ambient(fit)[1]
+    fit = thin.refine(fit.vector[None, :])
     wider, best = thin.with_ambient(fit)
     measures = {name: measure for name, measure in _MEASURES.items()
                 if name != "ambient_degC" or len(best) > FIRST_AMBIENT}
@@ -140,14 +140,14 @@ def _profile(problem: JointProblem, best: Array, name: str, noise: Mapping[str, 
     for side in (-1.0, 1.0):
         values = np.clip(value + side * deviation * STEPS, *_ends(problem)[name])
         rise = np.array([0.0, *np.maximum(_held(problem, best, name, values).cost - least, 0.0)])
-        ends.append(crossing(np.array([value, *values]), rise, limit))
+        ends.append(bound_crossing(np.array([value, *values]), rise, limit))
     return Interval(low=ends[0], high=ends[1])
 
 
 def joint_held_at(problem: JointProblem, fit: JointFit, name: str, value: float) -> JointFit:
     """Return one heater for all logs with one number held: dead time [s], or gain per time constant."""
-    thin = problem.thinned(READINGS)
-    vector = _held(thin, thin.refined(fit.vector[None, :]).vector, name, np.array([value])).parameters[0].copy()
+    thin = problem.average(READINGS)
+    vector = _held(thin, thin.refine(fit.vector[None, :]).vector, name, np.array([value])).parameters[0].copy()
     if name == PER_LAG:
         vector[POWER] += vector[LAG]
     return problem.at(vector)

@@ -15,12 +15,13 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
-from heatertune.model.power.readings import Readings
 from heatertune.model.statistics import ar1_bic, fit_pct
 from heatertune.model.values import Candidate, HeaterModel
 
-__all__ = ["KnownController", "Rated", "compare", "offset_degC", "rate", "records", "replay_notes", "replayed"]
+__all__ = ["KnownController", "ModelOrderFit", "compare", "offset_degC", "rate", "records", "replay_controller",
+           "replay_notes"]
 
 Array = npt.NDArray[np.float64]
 
@@ -49,7 +50,8 @@ class KnownController(Protocol):
         """Return the power after each scan, from the cold state on, held to the next scan [%], same shape."""
 
 
-def replayed(log: Log, controller: KnownController, setpoint_degC: float | None, offset_degC: float = 0.0) -> Log:
+def replay_controller(log: Log, controller: KnownController, setpoint_degC: float | None,
+                      offset_degC: float = 0.0) -> Log:
     """Return the log with the power that the controller asked for, its readings being the log's plus an offset.
 
     The first scan is taken at the first reading, from the cold state. Between readings the temperature is taken as
@@ -94,7 +96,7 @@ def records(
     """
     kept: list[tuple[str, Log]] = []
     for controller in controllers:
-        replay = replayed(log, controller, setpoint_degC, offset_degC)
+        replay = replay_controller(log, controller, setpoint_degC, offset_degC)
         if all(np.max(np.abs(_power(replay) - _power(other))) > _SAME_PCT for _, other in kept):
             kept.append((controller.name, replay))
     return kept
@@ -131,7 +133,7 @@ def offset_degC(
     return best if tried[best] < tried[0.0] - _NEAR else 0.0
 
 
-class Rated(NamedTuple):
+class ModelOrderFit(NamedTuple):
     """One order of heater on one record of power."""
 
     bic: float
@@ -141,7 +143,8 @@ class Rated(NamedTuple):
     fit: PowerFit
 
 
-def rate(logs: Sequence[tuple[str, Log]], *, ambient_degC: float | None, power_before_pct: float) -> list[Rated]:
+def rate(logs: Sequence[tuple[str, Log]], *, ambient_degC: float | None,
+         power_before_pct: float) -> list[ModelOrderFit]:
     """Return one and two lags on each named record of power, the best by BIC first; none without a sensible heater."""
     rated = []
     for name, log in logs:
@@ -154,11 +157,11 @@ def rate(logs: Sequence[tuple[str, Log]], *, ambient_degC: float | None, power_b
             if fit.model is None or (fit.model.ambient_degC or 0.0) >= float(np.max(log.temperature_degC)):
                 continue  # no heater; or a room hotter than anything logged: what the log rests at, taken for it
             bic = ar1_bic(log.temperature_degC - fit.simulated_degC, fit.unknowns)
-            rated.append(Rated(bic, name, log, fit.model, fit))
+            rated.append(ModelOrderFit(bic, name, log, fit.model, fit))
     return sorted(rated, key=lambda rating: rating.bic)
 
 
-def compare(rated: Sequence[Rated]) -> tuple[list[Candidate], list[Candidate]]:
+def compare(rated: Sequence[ModelOrderFit]) -> tuple[list[Candidate], list[Candidate]]:
     """Return the candidates (within 10 BIC points of the best, and the best single lag) and all hypotheses."""
     hypotheses = [_candidate(rating, rated[0].bic) for rating in rated]
     single = next((hypothesis for hypothesis in hypotheses if len(hypothesis.model.lags_s) == 1), hypotheses[0])
@@ -166,7 +169,7 @@ def compare(rated: Sequence[Rated]) -> tuple[list[Candidate], list[Candidate]]:
     return near, hypotheses
 
 
-def _candidate(rated: Rated, leader: float) -> Candidate:
+def _candidate(rated: ModelOrderFit, leader: float) -> Candidate:
     log, fit = rated.log, rated.fit
     error = log.temperature_degC - fit.simulated_degC
     return Candidate(

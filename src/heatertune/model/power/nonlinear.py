@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC
-from heatertune.model.hearing import Remark
-from heatertune.model.power.bent_heater import CEILING, COOLING, LOSS, BentHeater, fit_bent_heater
-from heatertune.model.power.events import Way, refitted
+from heatertune.model.diagnostics import Remark
+from heatertune.model.power.events import Way, refit_all
 from heatertune.model.power.input_curve import InputCurve, fit_input_curve, knots_of
-from heatertune.model.power.loads import bic_of, coincides, left_over, with_loads
+from heatertune.model.power.load_steps import bic_of, coincides, left_over, with_loads
 from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.state_dependent import CEILING, COOLING, LOSS, BentHeater, fit_bent_heater
 from heatertune.model.statistics import ar1_bic
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
@@ -36,7 +36,7 @@ _ALIKE = 1.1  # ends nearer than that are one heater
 _USE = 0.75  # of the span of the readings: where the heater is used, if nobody says
 
 
-class End(NamedTuple):
+class LocalHeater(NamedTuple):
     """A local heater, and where it is one."""
 
     model: HeaterModel
@@ -51,13 +51,13 @@ class End(NamedTuple):
 class Bend(NamedTuple):
     """A shape that explains a log better than a straight line: its two ends, the one with more gain per lag first."""
 
-    ends: tuple[End, End]
+    ends: tuple[LocalHeater, LocalHeater]
     simulated_degC: Array
     bic: float
     sentence: str
 
 
-class Judged(NamedTuple):
+class LinearityResult(NamedTuple):
     """The linear way to be believed, the bend that explains the log better, if any, and what cannot be told."""
 
     way: Way
@@ -70,7 +70,7 @@ def bend_remarks(bend: Bend | None) -> tuple[Remark, ...]:
     return () if bend is None else (Remark("nonlinear", bend.sentence),)
 
 
-def judged_linear(plain: Way, eventful: Way) -> Judged:
+def judged_linear(plain: Way, eventful: Way) -> LinearityResult:
     """Return whether the heater is linear.
 
     Args:
@@ -78,12 +78,12 @@ def judged_linear(plain: Way, eventful: Way) -> Judged:
         eventful: with the drift and loads that a linear heater asks for.
     """
     if len(plain.problems[0].readings.restart_s) or not _misses(plain):
-        return Judged(eventful)
+        return LinearityResult(eventful)
     tried = [(bend, way) for way in _without_loads(plain, eventful) for bend in _bends(way)]
     bend, way = min(tried, key=lambda pair: pair[0].bic, default=(None, eventful))
     if bend is None or not _is_better(bend, eventful):
-        return Judged(eventful, None, _untold(eventful))
-    return Judged(way, bend)
+        return LinearityResult(eventful, None, _untold(eventful))
+    return LinearityResult(way, bend)
 
 
 def _is_better(bend: Bend, eventful: Way) -> bool:
@@ -93,7 +93,7 @@ def _is_better(bend: Bend, eventful: Way) -> bool:
     if kept == eventful.problems[0].loads_s:
         return bend.bic < eventful.bic - _NEAR
     problems = [replace(problem, loads_s=kept) for problem in eventful.problems]
-    honest = Way(*with_loads(problems, refitted(problems, eventful.fits), edges_dead_time_s=dead))
+    honest = Way(*with_loads(problems, refit_all(problems, eventful.fits), edges_dead_time_s=dead))
     # a load that no bend explains as well did set in with an edge
     return bend.bic < honest.bic - _NEAR and bend.bic < eventful.bic + _NEAR
 
@@ -110,8 +110,8 @@ def _misses(way: Way) -> bool:
     place = int(np.argmin([bic_of(*pair) for pair in zip(*way, strict=True)]))
     if not left_over(way.problems[place], way.fits[place]):
         return False
-    thin = way.problems[place].thinned(_READINGS)
-    fit = thin.refined(way.fits[place].vector[None, :])
+    thin = way.problems[place].average(_READINGS)
+    fit = thin.refine(way.fits[place].vector[None, :])
     left = thin.readings.temperature_degC - fit.simulated_degC
     noise = float(np.sqrt(np.mean(np.diff(left, 2) ** 2) / 6.0))
     return float(np.sqrt(np.mean(left**2))) > _MISFIT * noise
@@ -121,7 +121,7 @@ def _without_loads(plain: Way, eventful: Way) -> Iterator[Way]:
     yield plain
     if eventful.problems[0].drift:
         problems = [replace(problem, drift=True) for problem in plain.problems]
-        yield Way(problems, refitted(problems, plain.fits))
+        yield Way(problems, refit_all(problems, plain.fits))
 
 
 def _bends(way: Way) -> Iterator[Bend]:
@@ -149,7 +149,7 @@ def _of_curve(problem: PowerProblem, curve: InputCurve) -> Iterator[Bend]:
     use, lowest = _use(readings), float(readings.min())
     power = float(np.interp(use - lowest, rises, knots)) if rises[-1] > 0.0 else float(knots[-1])
     ends = tuple(
-        End(_heater(float(gains[i]), (lag, lag * ratio), dead, max(use - float(gains[i]) * power, lowest)),
+        LocalHeater(_heater(float(gains[i]), (lag, lag * ratio), dead, max(use - float(gains[i]) * power, lowest)),
             f"{knots[i]:.3g}…{knots[i + 1]:.3g} %")
         for i in (strong, weak)
     )
@@ -171,7 +171,7 @@ def _of_bent(problem: PowerProblem, bent: BentHeater, bend: int) -> Iterator[Ben
         return _heater(gain, (lag / stiff, second), dead, max(_use(readings) - gain * power, ambient))
 
     if bend == COOLING:
-        ends = (End(at(bent.lags_s[0], 1.0), "heating"), End(at(bent.lags_s[1], 1.0), "cooling"))
+        ends = (LocalHeater(at(bent.lags_s[0], 1.0), "heating"), LocalHeater(at(bent.lags_s[1], 1.0), "cooling"))
         if not _alike(*bent.lags_s):
             clause = (f"it warms with a time constant of {bent.lags_s[0]:.3g} s and cools with {bent.lags_s[1]:.3g} s, "
                       f"gain {bent.gain_degC_per_pct:.3g} °C/% at both")
@@ -180,19 +180,19 @@ def _of_bent(problem: PowerProblem, bent: BentHeater, bend: int) -> Iterator[Ben
         places = (float(readings.min()), float(readings.max()))
         stiff = [1.0 + 2.0 * bent.loss_per_degC * max(place - ambient, 0.0) for place in places]
         if not _alike(*stiff):
-            cold, hot = (End(at(bent.lags_s[0], s), f"{t:.3g} °C") for s, t in zip(stiff, places, strict=True))
+            cold, hot = (LocalHeater(at(bent.lags_s[0], s), f"{t:.3g} °C") for s, t in zip(stiff, places, strict=True))
             clause = (f"gain from {cold.model.gain_degC_per_pct:.3g} °C/% at {cold.at} to "
                       f"{hot.model.gain_degC_per_pct:.3g} °C/% at {hot.at}, and the time constant with it")
             yield _bend(problem, (cold, hot), bent.simulated_degC, bent.unknowns, clause)
     else:
         model = at(bent.lags_s[0], 1.0)
-        end = End(model, f"below {bent.ceiling_degC:.3g} °C")
+        end = LocalHeater(model, f"below {bent.ceiling_degC:.3g} °C")
         clause = (f"gain from {model.gain_degC_per_pct:.3g} °C/% at less than {bent.ceiling_degC:.4g} °C to 0 °C/% at "
                   "that temperature, which it does not pass")
         yield _bend(problem, (end, end), bent.simulated_degC, bent.unknowns, clause)
 
 
-def _bend(problem: PowerProblem, ends: Sequence[End], simulated: Array, unknowns: int, clause: str) -> Bend:
+def _bend(problem: PowerProblem, ends: Sequence[LocalHeater], simulated: Array, unknowns: int, clause: str) -> Bend:
     first, second = sorted(ends, key=lambda end: -end.rate)
     return Bend(
         (first, second), simulated, ar1_bic(problem.readings.temperature_degC - simulated, unknowns),

@@ -13,23 +13,23 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC
-from heatertune.model.power.columns import (
+from heatertune.model.power.log_arrays import Readings
+from heatertune.model.power.projection import ProjectionInput, Space, descend, paths, project, space, try_loads
+from heatertune.model.power.regressors import (
     AMBIENT,
     COLUMNS,
     DRIFT,
     FIRST_STATE,
     GAIN,
     SECOND_STATE,
-    Held,
+    HeldPower,
     columns,
 )
-from heatertune.model.power.projection import Asked, Space, descend, paths, project, space, try_loads
-from heatertune.model.power.readings import Readings
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["FAR", "Fixed", "PowerFit", "PowerProblem", "touching"]
+__all__ = ["FAR", "FixedUnknowns", "PowerFit", "PowerProblem", "parameters_on_bounds"]
 
 Array = npt.NDArray[np.float64]
 
@@ -42,7 +42,7 @@ FAR = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fixed:
+class FixedUnknowns:
     """Linear unknowns that are given, row by row.
 
     Attributes:
@@ -136,14 +136,14 @@ class PowerProblem:
         """How many columns the linear part has."""
         return COLUMNS + len(self.loads_s) + 2 * len(self.readings.restart_s)
 
-    def solve(self, z: Array, records: Array, fixed: Fixed | None = None) -> tuple[Array, Array]:
+    def solve(self, z: Array, records: Array, fixed: FixedUnknowns | None = None) -> tuple[Array, Array]:
         """Return residuals (n, m) and linear parts (n, columns) for vectors (n, 3) and one record each.
 
         The residuals are infinite where the gain has the wrong sign: that is no model.
         """
         given = self.nothing_more(len(z)) if fixed is None else fixed
         residuals, linear, cost = np.empty((len(z), records.shape[1])), np.zeros(given.values.shape), np.empty(len(z))
-        compiled(project)(self._asked(records, given), z, residuals, linear, cost, self._space)
+        compile_function(project)(self._asked(records, given), z, residuals, linear, cost, self._space)
         residuals[np.isinf(cost)] = np.inf
         return residuals, linear
 
@@ -151,11 +151,11 @@ class PowerProblem:
         """Return the residuals, shape (n, m), with the last load step at other instants (n,) [s]."""
         record = self.readings.temperature_degC[None, :]
         residuals = np.empty((len(instants), record.shape[1]))
-        compiled(try_loads)(self._asked(record, self.nothing_more(1)), _writable(vector), _writable(instants),
+        compile_function(try_loads)(self._asked(record, self.nothing_more(1)), _writable(vector), _writable(instants),
                             residuals, np.empty(self._width), self._space)
         return residuals
 
-    def cost(self, z: Array, records: Array, fixed: Fixed | None = None) -> Array:
+    def cost(self, z: Array, records: Array, fixed: FixedUnknowns | None = None) -> Array:
         """Return the sums of squares (n,), infinite for what is no model.
 
         Arguments as `solve`, but one record, shape (1, m), and one row of what is fixed may serve all vectors, which
@@ -163,14 +163,14 @@ class PowerProblem:
         """
         given = self.nothing_more(1) if fixed is None else fixed
         cost, left, linear = np.empty(len(z)), np.empty((1, records.shape[1])), np.zeros((1, self._width))
-        compiled(project)(self._asked(records, given), z, left, linear, cost, self._space)
+        compile_function(project)(self._asked(records, given), z, left, linear, cost, self._space)
         return cost
 
-    def nothing_more(self, rows: int) -> Fixed:
+    def nothing_more(self, rows: int) -> FixedUnknowns:
         """Return what the problem itself knows, for so many rows."""
-        return Fixed(values=np.tile(self.fixed, (rows, 1)))
+        return FixedUnknowns(values=np.tile(self.fixed, (rows, 1)))
 
-    def _asked(self, records: Array, fixed: Fixed) -> Asked:
+    def _asked(self, records: Array, fixed: FixedUnknowns) -> ProjectionInput:
         """Return log, records, known and law as the compiled code takes them."""
         return self._log, _writable(records), fixed.values, (fixed.gain_per_lag, self.sign)
 
@@ -179,18 +179,18 @@ class PowerProblem:
         return space(self._width, len(self.readings.time_s))
 
     @property
-    def _log(self) -> Held:
+    def _log(self) -> HeldPower:
         return *_arrays(self.readings), self.power_before, np.array(self.loads_s), _writable(self.readings.restart_s)
 
     def basis(self, z: Array) -> Array:
         """Return the columns whose sum, weighted by the linear part, is the temperature, shape (columns, m)."""
         basis = np.empty((self._width, len(self.readings.time_s)))
         lag = math.exp(z[0])
-        compiled(columns)(self._log, (lag, lag * z[2]), z[1], np.ones(1), basis)
+        compile_function(columns)(self._log, (lag, lag * z[2]), z[1], np.ones(1), basis)
         return basis
 
     def minimum(
-        self, starts: Array, records: Array, fixed: Fixed | None = None, *, held: int | None = None,
+        self, starts: Array, records: Array, fixed: FixedUnknowns | None = None, *, held: int | None = None,
         iterations: int = 15, tolerance: float = 1e-6,
     ) -> Array:
         """Return the vector that each start leads to for its record, shape (n, 3).
@@ -207,26 +207,27 @@ class PowerProblem:
         given = self.nothing_more(1) if fixed is None else fixed
         z = starts.copy()
         work = paths(self._width, len(self.readings.time_s))
-        compiled(descend)(self._asked(records, given), z, (self.low, high), iterations, tolerance, self._space, work)
+        compile_function(descend)(self._asked(records, given), z, (self.low, high), iterations, tolerance, self._space,
+                                  work)
         return z
 
     def fit(self) -> PowerFit:
         """Return the best fit from a grid of starts over lags and dead time."""
-        coarse = self.thinned(_COARSE)
+        coarse = self.average(_COARSE)
         grid = self._grid()
         record = coarse.readings.temperature_degC[None, :]
         starts = coarse.minimum(_best(grid, coarse.cost(grid, record), 8), record, iterations=30)
-        return self.refined(_best(starts, coarse.cost(starts, record), 3))
+        return self.refine(_best(starts, coarse.cost(starts, record), 3))
 
     def roughly(self) -> tuple[float, Array]:
         """Return the least sum of squares on a grid over lags and dead time, by a few readings, and its place (3,)."""
-        coarse = self.thinned(_ROUGH_READINGS)
+        coarse = self.average(_ROUGH_READINGS)
         grid = self._grid()[::_ROUGH].copy()  # rows side by side: of others `project` would be compiled once more
         cost = coarse.cost(grid, coarse.readings.temperature_degC[None, :])
         place = int(np.argmin(cost))
         return float(cost[place]) / len(coarse.readings.time_s), grid[place]
 
-    def refined(self, starts: Array) -> PowerFit:
+    def refine(self, starts: Array) -> PowerFit:
         """Return the best fit that the starts (n, 3) lead to."""
         records = self.readings.temperature_degC[None, :]
         z = self.minimum(starts, records, iterations=60, tolerance=1e-9)
@@ -239,15 +240,15 @@ class PowerProblem:
         z = self.minimum(starts, records, held=0, iterations=30)
         return self.at(z[np.argmin(self.cost(z, records))])
 
-    def held(self, vector: Array, gain: float) -> PowerFit:
+    def fit_held(self, vector: Array, gain: float) -> PowerFit:
         """Return the fit with lags and dead time (3,) and gain [°C/%] given, whatever this log's own bounds."""
         fixed = self.nothing_more(1)
         fixed.values[0, GAIN] = gain
         return self.at(vector, fixed)
 
-    def thinned(self, most: int) -> PowerProblem:
+    def average(self, most: int) -> PowerProblem:
         """Return the problem with its readings averaged to about `most`."""
-        return replace(self, readings=self.readings.thinned(most))
+        return replace(self, readings=self.readings.average(most))
 
     @property
     def power_before(self) -> float:
@@ -263,7 +264,7 @@ class PowerProblem:
         lag, ratio, late = np.meshgrid(lags, ratios, dead, indexing="ij")
         return np.column_stack([lag.ravel(), late.ravel(), ratio.ravel()])
 
-    def at(self, z: Array, fixed: Fixed | None = None) -> PowerFit:
+    def at(self, z: Array, fixed: FixedUnknowns | None = None) -> PowerFit:
         """Return the fit with lags and dead time (3,) given, and of the linear unknowns what is known (one row)."""
         record = self.readings.temperature_degC
         residuals, linear = self.solve(z[None, :], record[None, :], fixed)
@@ -272,11 +273,11 @@ class PowerProblem:
             simulated_degC=record + residuals[0],
             # lag and dead time, what is solved inside, and an instant for each load
             unknowns=2 + self.two_lags + int(np.isnan(self.fixed).sum()) + len(self.loads_s),
-            on_bound=touching(z, self.low, self.high),
+            on_bound=parameters_on_bounds(z, self.low, self.high),
         )
 
 
-def touching(vector: Array, low: Array, high: Array) -> tuple[str, ...]:
+def parameters_on_bounds(vector: Array, low: Array, high: Array) -> tuple[str, ...]:
     """Return the names of what ended on a bound of the search: first lag, dead time, second lag.
 
     A second lag as long as the first is on none: two equal lags are a heater. Vector and bounds are of shape (3,).

@@ -13,11 +13,11 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.model.hearing import Remark
+from heatertune.model.diagnostics import Remark
 from heatertune.model.power.candidates import second_is_seen
-from heatertune.model.power.columns import COLUMNS, DRIFT, GAIN
-from heatertune.model.power.loads import bic_of, edges_of
+from heatertune.model.power.load_steps import bic_of, edges_of
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.regressors import COLUMNS, DRIFT, GAIN
 
 __all__ = ["Contributions", "contributions_of", "share_remarks"]
 

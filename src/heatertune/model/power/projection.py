@@ -11,18 +11,18 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.model.power.columns import COLUMNS, GAIN, Held, columns, forced, of_lags, of_power
+from heatertune.model.power.regressors import COLUMNS, GAIN, HeldPower, columns, forced_response, of_lags, of_power
 
-__all__ = ["Asked", "Space", "descend", "paths", "project", "space", "try_loads"]
+__all__ = ["ProjectionInput", "Space", "descend", "paths", "project", "space", "try_loads"]
 
 Array = npt.NDArray[np.float64]
 #: log; temperatures, shape (n, m), or (1, m) where they are one and the same [°C]; linear unknowns that are given, nan
 #: where free, shape (n, columns) or (1, columns); and the law: see `Record`
-Asked = tuple[Held, Array, Array, tuple[bool, float]]
+ProjectionInput = tuple[HeldPower, Array, Array, tuple[bool, float]]
 #: the same of one vector: log; temperatures, shape (m,); linear unknowns, shape (columns,); and the law: whether the
 #: gain is given as gain per time constant, and its sign, see `PowerProblem`: with another sign the sum of squares is
 #: infinite
-Record = tuple[Held, Array, Array, tuple[bool, float]]
+Record = tuple[HeldPower, Array, Array, tuple[bool, float]]
 #: basis, first lag and lag ratio of its columns, normal matrix, right side, what elimination needs, places of the free
 #: unknowns, and the number 1
 Space = tuple[Array, Array, Array, Array, Array, npt.NDArray[np.int64], Array]
@@ -138,11 +138,12 @@ def _left_by(record: Record, lag: float, space: Space, out: Array, linear: Array
     return math.inf if no_model or not math.isfinite(total) else total
 
 
-def project(asked: Asked, vectors: Array, residuals: Array, linear: Array, cost: Array, space: Space) -> None:
+def project(request: ProjectionInput, vectors: Array, residuals: Array, linear: Array, cost: Array,
+            space: Space) -> None:
     """Fill residuals, linear parts and sums of squares of vectors.
 
     Args:
-        asked: see `Asked`.
+        request: see `Asked`.
         vectors: ln first lag, dead time, lag ratio, shape (n, 3); quickest with those of the same lags in a row.
         residuals: shape (n, m), or (1, m) where nobody asks for them [°C].
         linear: linear parts, shape (n, columns) or (1, columns) likewise.
@@ -151,34 +152,34 @@ def project(asked: Asked, vectors: Array, residuals: Array, linear: Array, cost:
     """
     for i in range(len(vectors)):
         k = min(i, len(residuals) - 1)
-        cost[i] = _residuals(_record(asked, i), vectors[i], space, residuals[k], linear[k])
+        cost[i] = _residuals(_record(request, i), vectors[i], space, residuals[k], linear[k])
 
 
-def _record(asked: Asked, i: int) -> Record:
+def _record(request: ProjectionInput, i: int) -> Record:
     """Return what is asked of a vector."""
-    log, records, fixed, law = asked
+    log, records, fixed, law = request
     return log, records[min(i, len(records) - 1)], fixed[min(i, len(fixed) - 1)], law
 
 
 def try_loads(
-    asked: Asked, vector: Array, instants: Array, residuals: Array, linear: Array, space: Space
+    request: ProjectionInput, vector: Array, instants: Array, residuals: Array, linear: Array, space: Space
 ) -> None:
     """Fill the residuals with the last load step at other instants; all other columns are made once.
 
     Args:
-        asked: see `Asked`, of one record.
+        request: see `Asked`, of one record.
         vector: ln first lag, dead time, lag ratio.
         instants: at which the last load begins to act, shape (n,) [s].
         residuals: shape (n, m) [°C]; infinite for what is no model.
         linear: of the last instant, shape (columns,).
         space: see `space`.
     """
-    log, lag, one = asked[0], math.exp(vector[0]), space[-1]
+    log, lag, one = request[0], math.exp(vector[0]), space[-1]
     lags, last = (lag, vector[2] * lag), COLUMNS + len(log[5]) - 1
     columns(log, lags, vector[1], one, space[0])
     for i in range(len(instants)):
-        forced(log[0], log[1], instants[i : i + 1], one, 0.0, lags, 0.0, space[0][last])
-        if math.isinf(_left_by(_record(asked, 0), lag, space, residuals[i], linear)):
+        forced_response(log[0], log[1], instants[i : i + 1], one, 0.0, lags, 0.0, space[0][last])
+        if math.isinf(_left_by(_record(request, 0), lag, space, residuals[i], linear)):
             residuals[i] = math.inf
 
 
@@ -248,7 +249,8 @@ def _keep_inside(z: Array, bounds: tuple[Array, Array]) -> None:
 
 
 def descend(
-    asked: Asked, vectors: Array, bounds: tuple[Array, Array], iterations: int, tolerance: float, space: Space,
+    request: ProjectionInput, vectors: Array, bounds: tuple[Array, Array], iterations: int, tolerance: float,
+    space: Space,
     work: Paths,
 ) -> None:
     """Move each vector (n, 3) to the local minimum that it leads to.
@@ -258,7 +260,7 @@ def descend(
     that is left after others gained nothing; or after three steps that gain no more.
 
     Args:
-        asked: see `Asked`.
+        request: see `Asked`.
         vectors: starts, shape (n, 3), moved in place.
         bounds: lower and upper bounds of a vector, each of shape (3,).
         iterations: most steps tried.
@@ -269,7 +271,7 @@ def descend(
     lines, small, linear = work
     r, tried, trial = lines[0], lines[1], small[8]
     for row in range(len(vectors)):
-        z, record = vectors[row], _record(asked, row)
+        z, record = vectors[row], _record(request, row)
         _keep_inside(z, bounds)
         cost = _residuals(record, z, space, r, linear)
         damping, resting, better = 1e-2, 0, True

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import MIN_SAMPLES, Log
-from heatertune.model.outliers import tamed
+from heatertune.model.outliers import replace_outliers
 
 __all__ = ["MOST", "Segments", "gaps", "jumps", "part"]
 
@@ -88,7 +88,7 @@ def jumps(record: Array, simulated: Array) -> Places:
     left = record - simulated
     step = np.diff(left)
     usual = 1.4826 * float(np.median(np.abs(step - np.median(step))))
-    limit = max(_SHARE * float(np.ptp(tamed(record))), _TIMES * usual)
+    limit = max(_SHARE * float(np.ptp(replace_outliers(record))), _TIMES * usual)
     places = 1 + np.flatnonzero(np.abs(step) > limit)
     lasting = [abs(_apart(left, int(place))) > _LASTS * abs(step[place - 1]) for place in places]
     return places[np.array(lasting, dtype=np.bool_)]

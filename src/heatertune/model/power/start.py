@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from heatertune.model.outliers import sensor_step
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.readings import Readings
 
 __all__ = ["is_plain_rest", "starts"]
 

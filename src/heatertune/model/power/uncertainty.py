@@ -16,14 +16,27 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.intervals import PERIOD, RATIO, Interval, envelope, hull, interval
-from heatertune.model.power.columns import AMBIENT, GAIN
-from heatertune.model.power.open_loop import FAR, Fixed, PowerFit, PowerProblem
-from heatertune.model.power.ultimate import fits_of_period, periods_of
+from heatertune.model.power.open_loop import FAR, FixedUnknowns, PowerFit, PowerProblem
+from heatertune.model.power.regressors import AMBIENT, GAIN
+from heatertune.model.power.ultimate_period import fits_of_period, periods_of
 from heatertune.model.statistics import ar1_weighted, autocorrelation, block_resamples, student_t
 
 __all__ = [
-    "LEAST_FREEDOM", "READINGS", "STEPS", "Noise", "bounds_of", "colour", "crossing", "held_at", "held_squares",
-    "intervals", "intervals_by", "noise_of", "reaches", "sensitivities", "value_of",
+    "LEAST_FREEDOM",
+    "READINGS",
+    "STEPS",
+    "ParameterNoise",
+    "bound_crossing",
+    "bounds_of",
+    "colour",
+    "held_at",
+    "held_squares",
+    "intervals",
+    "intervals_by",
+    "noise_of",
+    "reaches",
+    "sensitivities",
+    "value_of",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -42,7 +55,7 @@ _NEAR_STEPS = 4  # of them, that are tried first
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
+class ParameterNoise:
     """Standard deviations of the parameters, their inflation by colour, Student's 97.5 % point; what is not seen."""
 
     deviation: dict[str, float]
@@ -64,8 +77,8 @@ def intervals_by(
     problem: PowerProblem, fit: PowerFit, factors: Sequence[Mapping[str, float]], *, seed: int
 ) -> list[dict[str, Interval]]:
     """Return the intervals for each set of factors by which deviations are larger than the residuals say."""
-    problem, reported = problem.thinned(READINGS), fit
-    fit = problem.refined(fit.vector[None, :])
+    problem, reported = problem.average(READINGS), fit
+    fit = problem.refine(fit.vector[None, :])
     noise, ends = noise_of(problem, fit), bounds_of(problem)
     drawn = {name: values for name, values in _bootstrap(problem, fit, seed).items() if name in noise.deviation}
 
@@ -141,7 +154,7 @@ def _bootstrap(problem: PowerProblem, fit: PowerFit, seed: int) -> dict[str, Arr
     return dict(zip((*_NAMES, RATIO, PERIOD), values, strict=True))
 
 
-def noise_of(problem: PowerProblem, fit: PowerFit) -> Noise:
+def noise_of(problem: PowerProblem, fit: PowerFit) -> ParameterNoise:
     """Return what first-order autoregressive noise of the residuals' colour does to the parameters."""
     jacobian, names = sensitivities(problem, fit)
     residuals = problem.readings.temperature_degC - fit.simulated_degC
@@ -157,7 +170,7 @@ def noise_of(problem: PowerProblem, fit: PowerFit) -> Noise:
         (np.eye(len(names))[names.index(name)] * slope for name, slope in _slopes_of_period(fit.vector).items()
          if name in names), start=np.zeros(len(names)))
     spread = {name: float(w @ coloured @ w) for name, w in weights.items()}
-    return Noise(
+    return ParameterNoise(
         deviation={name: math.sqrt(variance * spread[name]) for name in weights},
         inflation={name: spread[name] / max(float(w @ white @ w), 1e-300) for name, w in weights.items()},
         variance=variance,
@@ -217,7 +230,7 @@ def colour(residuals: Array, base: Array) -> tuple[float, float]:
     return rho, float(residuals @ residuals) / float(np.interp(rho, tried, left))
 
 
-def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: Noise, times: float = 1.0) -> Interval:
+def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: ParameterNoise, times: float = 1.0) -> Interval:
     """Return where the sum of squares, all other unknowns fitted anew, has risen by the 95 % share, times squared."""
     low, high = bounds_of(problem)[name]
     best = value_of(fit, name)
@@ -231,11 +244,11 @@ def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: Noise, time
             rise = np.append(rise, np.maximum(held_squares(problem, fit, name, part) - least, 0.0))
             if not (rise < limit).all():
                 break
-        ends.append(crossing(np.array([best, *values])[: len(rise)], rise, limit))
+        ends.append(bound_crossing(np.array([best, *values])[: len(rise)], rise, limit))
     return Interval(low=ends[0], high=ends[1])
 
 
-def crossing(values: Array, rise: Array, limit: float) -> float | None:
+def bound_crossing(values: Array, rise: Array, limit: float) -> float | None:
     """Return where the rise first passes the limit, None where it never does before the end of the search.
 
     Args:
@@ -279,7 +292,7 @@ def held_squares(problem: PowerProblem, fit: PowerFit, name: str, values: Array)
 
 def _held(
     problem: PowerProblem, fit: PowerFit, name: str, values: Array
-) -> tuple[Array, Fixed | None, Array]:
+) -> tuple[Array, FixedUnknowns | None, Array]:
     """Return the vectors, what is known with them, and the least sums of squares with the number held at each value."""
     if name == PERIOD:
         vectors, cost = fits_of_period(problem, values)

@@ -11,18 +11,18 @@ from typing import NamedTuple
 import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.heater.exact import advanced, factors, turning_time
+from heatertune.heater.exact import advance_step, factors, turning_time
 from heatertune.model.response import Schedule
 from heatertune.model.values import Fopdt, HeaterModel
 from heatertune.units import check
 
-__all__ = ["Oscillation", "Relay", "oscillation", "simulate_relay"]
+__all__ = ["Oscillation", "TwoLevelRelay", "oscillation", "simulate_relay"]
 
 _MOST_SWITCHES = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Relay:
+class TwoLevelRelay:
     """A two-level controller: low power from `setpoint + hysteresis` up, high power from `setpoint − hysteresis` down.
 
     Attributes:
@@ -70,14 +70,14 @@ class Oscillation(NamedTuple):
         return self.on_s + self.off_s
 
 
-class _State(NamedTuple):
+class _RelayState(NamedTuple):
     """Temperature, and that of the lag before it [°C]."""
 
     outer: float
     inner: float
 
 
-def oscillation(model: Fopdt, relay: Relay) -> Oscillation:
+def oscillation(model: Fopdt, relay: TwoLevelRelay) -> Oscillation:
     """Return the exact oscillation of one lag and dead time under a relay.
 
     With a = how far full relay power would warm above the setpoint, b = how far the low power would cool below it,
@@ -100,7 +100,8 @@ def oscillation(model: Fopdt, relay: Relay) -> Oscillation:
 
 
 def simulate_relay(
-    model: HeaterModel, relay: Relay, duration_s: float, *, base_pct: float = 0.0, sample_time_s: float | None = None
+    model: HeaterModel, relay: TwoLevelRelay, duration_s: float, *, base_pct: float = 0.0,
+    sample_time_s: float | None = None
 ) -> Schedule:
     """Return the powers that a relay sets on a heater that rested at the base power, until the duration is over.
 
@@ -123,7 +124,7 @@ def simulate_relay(
         check("sample_time_s", sample_time_s, above=0.0)
     _reach(model, relay)
     rest = _ambient(model) + model.gain_degC_per_pct * base_pct
-    state = _State(rest, rest)
+    state = _RelayState(rest, rest)
     high = state.outer < relay.off_degC
     times, powers = [0.0], [relay.high_pct if high else relay.low_pct]
     coming = deque([(model.dead_time_s, powers[0])])
@@ -132,7 +133,7 @@ def simulate_relay(
         threshold = relay.off_degC if high else relay.on_degC
         reading = math.inf if sample_time_s is None else readings * sample_time_s
         until = min(duration_s, reading, coming[0][0] if coming else math.inf)
-        course = _Course(model, state, acting)
+        course = _ConstantPowerResponse(model, state, acting)
         crossing = course.crossing(threshold, until - now, rising=high) if sample_time_s is None else None
         if crossing is not None:
             until = now + crossing
@@ -154,17 +155,17 @@ def simulate_relay(
     return Schedule(base_pct=base_pct, time_s=np.array(times), power_pct=np.array(powers))
 
 
-class _Course:
+class _ConstantPowerResponse:
     """The temperature under one acting power."""
 
-    def __init__(self, model: HeaterModel, state: _State, power_pct: float) -> None:
+    def __init__(self, model: HeaterModel, state: _RelayState, power_pct: float) -> None:
         self._outer, self._inner = (*model.lags_s[::-1], 0.0)[:2]
         self._target = _ambient(model) + model.gain_degC_per_pct * power_pct
         self._begun = state
 
-    def after(self, t: float) -> _State:
+    def after(self, t: float) -> _RelayState:
         """Return outer and inner temperature after t seconds."""
-        return _State(*advanced(*self._begun, self._target, factors(t, self._outer, self._inner)))
+        return _RelayState(*advance_step(*self._begun, self._target, factors(t, self._outer, self._inner)))
 
     def crossing(self, threshold: float, length: float, *, rising: bool) -> float | None:
         """Return when the temperature first is on or beyond the threshold within a length [s], None where it is not."""
@@ -197,7 +198,7 @@ def _ambient(model: HeaterModel) -> float:
     return model.ambient_degC
 
 
-def _reach(model: HeaterModel, relay: Relay) -> tuple[float, float]:
+def _reach(model: HeaterModel, relay: TwoLevelRelay) -> tuple[float, float]:
     """Return how far the high power would warm above the setpoint, and the low power cool below it [°C]."""
     up = _ambient(model) + model.gain_degC_per_pct * relay.high_pct - relay.setpoint_degC
     down = relay.setpoint_degC - _ambient(model) - model.gain_degC_per_pct * relay.low_pct

@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from heatertune.log.values import Log
 from heatertune.model.intervals import Interval
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.readings import Readings
-from heatertune.model.relay.relay import Relay
+from heatertune.model.relay.relay import TwoLevelRelay
 from heatertune.model.statistics import student_t
 from heatertune.model.values import FittedModel, Fopdt
 
@@ -64,11 +64,11 @@ class RelayRecord:
         return len(self.off) - 1
 
     @property
-    def relay(self) -> Relay:
+    def relay(self) -> TwoLevelRelay:
         """The relay as it switched: thresholds are the mean temperatures at the switches."""
         y = self.log.temperature_degC
         off, on = float(np.mean(y[self.off])), float(np.mean(y[self.on]))
-        return Relay(
+        return TwoLevelRelay(
             setpoint_degC=0.5 * (off + on), hysteresis_degC=max(0.0, 0.5 * (off - on)), high_pct=self.high_pct,
             low_pct=self.low_pct,
         )
@@ -228,7 +228,7 @@ def _at_half_turn(responses: npt.NDArray[np.complex128], lengths_s: Array) -> tu
 
 
 def oscillating_fopdt(
-    relay: Relay, *, on_s: float, off_s: float, highest_degC: float, lowest_degC: float, gain: float | None
+    relay: TwoLevelRelay, *, on_s: float, off_s: float, highest_degC: float, lowest_degC: float, gain: float | None
 ) -> Fopdt | None:
     """Return the FOPDT that swings like this under a relay, None where there is none: `relay.oscillation` inverted.
 
@@ -372,7 +372,7 @@ def _refined(record: RelayRecord, start: Fopdt, ambient_degC: float | None) -> F
     if record.rest is None or ambient_degC is not None:
         log, before = log.window(float(log.time_s[record.off[0]]), float(log.time_s[-1])), record.high_pct
     problem = PowerProblem(readings=Readings.of(log), ambient_degC=ambient_degC, power_before_pct=before)
-    model = problem.refined(np.array([[math.log(start.time_constant_s), start.dead_time_s, 0.0]])).model
+    model = problem.refine(np.array([[math.log(start.time_constant_s), start.dead_time_s, 0.0]])).model
     return model if isinstance(model, Fopdt) else None  # None: not even the start warms where the power is high
 
 

@@ -18,7 +18,7 @@ from heatertune.model.temperature.kernel import simulate_many
 from heatertune.model.temperature.law import ControllerLaw
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["Bounds", "Hypothesis", "Segment"]
+__all__ = ["Bounds", "Hypothesis", "LogSegment"]
 
 Array = npt.NDArray[np.float64]
 
@@ -37,7 +37,7 @@ _ARBITRARY = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Segment:
+class LogSegment:
     """One log, the law that made it, and the bounds of what is its own.
 
     Attributes:
@@ -113,7 +113,7 @@ class Hypothesis:
     arrays: a vector and its bounds (p,), vectors (n, p), readings (m,), segment after segment.
     """
 
-    segments: tuple[Segment, ...]
+    segments: tuple[LogSegment, ...]
     two_lags: bool
     names: tuple[str, ...] = field(init=False)
     low: Array = field(init=False)
@@ -282,7 +282,7 @@ class Hypothesis:
                 reached[name] = "low" if low else "high"
         return reached
 
-    def _width(self, segment: Segment) -> int:
+    def _width(self, segment: LogSegment) -> int:
         return 6 + len(segment.law.constants)
 
     def _offsets(self) -> list[int]:

@@ -16,12 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import Log
-from heatertune.model.hearing import Remark
+from heatertune.model.diagnostics import Remark
 from heatertune.model.temperature.closed_loop import Bounds
 from heatertune.model.values import HeaterModel
 
 __all__ = [
-    "Bound", "Stretch", "bound_contradictions", "contradictions", "evidence_notes", "fall_bound", "free_cooling",
+    "Bound", "ConstantPowerStretch", "bound_contradictions", "contradictions", "evidence_notes", "fall_bound",
+    "free_cooling",
     "noise_degC", "rise_bound", "saturated_heat_up",
 ]
 
@@ -47,7 +48,7 @@ class Bound(NamedTuple):
     end_s: float
 
 
-class Stretch(NamedTuple):
+class ConstantPowerStretch(NamedTuple):
     """A stretch of constant power, taken as one lag's: instants [s], lowest and highest time constant [s] and aim [°C].
 
     An end at the edge of what was tried is infinite, or zero for a time constant.
@@ -88,7 +89,7 @@ def rise_bound(log: Log) -> Bound:
     return Bound(float(slopes[k]) / 100.0, float(time[k]), float(time[k + _FEWEST - 1]))
 
 
-def saturated_heat_up(log: Log) -> Stretch | None:
+def saturated_heat_up(log: Log) -> ConstantPowerStretch | None:
     """Return the longest stretch before the highest reading that is an exponential aiming far above it."""
     y = log.temperature_degC
     highest = float(y.max()) + _BEYOND * float(np.ptp(y))
@@ -96,13 +97,13 @@ def saturated_heat_up(log: Log) -> Stretch | None:
 
 
 @lru_cache(maxsize=4)  # asked for by notes and by contradictions
-def free_cooling(log: Log, ambient_degC: Bounds) -> Stretch | None:
+def free_cooling(log: Log, ambient_degC: Bounds) -> ConstantPowerStretch | None:
     """Return the longest stretch after the highest reading that is an exponential aiming at the ambient, far below."""
     y, (low, high) = log.temperature_degC, ambient_degC
     span = float(np.ptp(y))
     lowest = float(y[int(np.argmax(y)) :].min()) - _BEYOND * span
 
-    def cools(stretch: Stretch) -> bool:
+    def cools(stretch: ConstantPowerStretch) -> bool:
         coldest, warmest = stretch.aim_degC
         return low - span <= coldest <= high and low <= warmest < max(lowest, high)
 
@@ -173,7 +174,8 @@ def contradictions(log: Log, ambient_degC: Bounds, plants: Sequence[HeaterModel]
         ))
 
 
-def _longest(log: Log, first: int, last: int, is_wanted: Callable[[Stretch], bool]) -> Stretch | None:
+def _longest(log: Log, first: int, last: int,
+             is_wanted: Callable[[ConstantPowerStretch], bool]) -> ConstantPowerStretch | None:
     """Return the longest quiet exponential between two readings that is wanted.
 
     Its intervals hold those of its first half and first three quarters: where the power began to change within the
@@ -204,7 +206,7 @@ def noise_degC(log: Log) -> float:
     return float(max(np.std(np.diff(y, 2)) / np.sqrt(6.0), step / np.sqrt(12.0)))
 
 
-def _exponential(log: Log, first: int, last: int, quiet: float) -> Stretch | None:
+def _exponential(log: Log, first: int, last: int, quiet: float) -> ConstantPowerStretch | None:
     """Return the one-lag curves that explain some readings as well as the best (95 %), None where none is quiet."""
     y, elapsed = log.temperature_degC[first : last + 1], log.time_s[first : last + 1] - log.time_s[first]
     n = len(y)
@@ -220,7 +222,7 @@ def _exponential(log: Log, first: int, last: int, quiet: float) -> Stretch | Non
     near = _as_good(cost, n)
     ends = float(log.time_s[first]), float(log.time_s[last])
     between = 0.0 if is_open[0] else float(lags[near[0]]), np.inf if is_open[1] else float(lags[near[-1]])
-    return Stretch(*ends, between, (float(aim[near].min()), float(aim[near].max())))
+    return ConstantPowerStretch(*ends, between, (float(aim[near].min()), float(aim[near].max())))
 
 
 def _is_loud(elapsed: Array, y: Array, lags: Array, quiet: float) -> bool:

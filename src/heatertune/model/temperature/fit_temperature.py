@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import Log
-from heatertune.model.hearing import Remark, findings_of, poor_remarks
-from heatertune.model.intervals import Interval, envelope, identified, interval
+from heatertune.model.diagnostics import Remark, findings_of, poor_remarks
+from heatertune.model.intervals import Interval, envelope, identified_interval, interval
 from heatertune.model.least_squares import minimise
 from heatertune.model.measures import COMBINATIONS, FIELDS
 from heatertune.model.statistics import autocorrelation, block_resamples, fit_pct
-from heatertune.model.temperature.closed_loop import Bounds, Hypothesis, Segment
+from heatertune.model.temperature.closed_loop import Bounds, Hypothesis, LogSegment
 from heatertune.model.temperature.evidence import bound_contradictions, contradictions, evidence_notes
 from heatertune.model.temperature.law import ControllerLaw
 from heatertune.model.temperature.notes import (
@@ -31,7 +31,7 @@ from heatertune.model.temperature.notes import (
 )
 from heatertune.model.temperature.regulation import regulation_remarks
 from heatertune.model.temperature.search import Fit, fit_all, residuals_of
-from heatertune.model.values import Candidate, FittedModel, Outcome, Residuals
+from heatertune.model.values import Candidate, FitOutcome, FittedModel, Residuals
 
 __all__ = ["fit_temperature"]
 
@@ -88,7 +88,7 @@ def fit_temperature(
     near = [best, *(fit for fit in kept if fit.bic - ranked[0].bic <= _NEAR and fit is not best)]
     doubts = [*law, *against, *limit_remarks(kept), *foretelling_remarks(best), *share_remarks(near)]
     first, (simulated, *_) = used[0], best.hypothesis.parts(best.simulated_degC)
-    outcome = Outcome.LAW_UNKNOWN if law else _outcome(best.fit_pct, ci95)
+    outcome = FitOutcome.LAW_UNKNOWN if law else _outcome(best.fit_pct, ci95)
     names = " and ".join(log.name for log in used)
     return FittedModel(
         model=plant.half_rule(),
@@ -117,7 +117,7 @@ def _sought(log: Log) -> Bounds:
 
 def _single(log: Log, laws: Sequence[ControllerLaw], ambient_degC: Bounds) -> list[Hypothesis]:
     return [
-        Hypothesis(segments=(Segment(log=log, law=law, event=event, ambient_degC=ambient_degC),), two_lags=two)
+        Hypothesis(segments=(LogSegment(log=log, law=law, event=event, ambient_degC=ambient_degC),), two_lags=two)
         for law, two, event in product(laws, (False, True), (False, True))
     ]
 
@@ -161,7 +161,7 @@ def _intervals(
     The intervals hold under the hypothesis alone: one that does not foretell the later readings identifies neither.
     """
     limits = {name for fit in kept for name in fit.hypothesis.limits_reached(fit.vector)}
-    ci95 = {name: None if name in limits else identified(ranges[name]) for name in FIELDS}
+    ci95 = {name: None if name in limits else identified_interval(ranges[name]) for name in FIELDS}
     lost: dict[str, Interval | None] = {}
     if ambient_degC is not None and ambient_degC[0] == ambient_degC[1]:
         lost["ambient_degC"] = None
@@ -239,11 +239,11 @@ def _thinned(logs: Sequence[Log]) -> tuple[list[Log], tuple[str, ...]]:
     return thin, tuple(notes)
 
 
-def _outcome(fit: float, ci95: Mapping[str, Interval | None]) -> Outcome:
+def _outcome(fit: float, ci95: Mapping[str, Interval | None]) -> FitOutcome:
     if fit < _POOR:
-        return Outcome.POOR_FIT
+        return FitOutcome.POOR_FIT
     apart = ci95["gain_degC_per_pct"] is not None and ci95["time_constant_s"] is not None
-    return Outcome.IDENTIFIED if apart else Outcome.COMBINATIONS_ONLY
+    return FitOutcome.IDENTIFIED if apart else FitOutcome.COMBINATIONS_ONLY
 
 
 def _method(best: Fit) -> str:

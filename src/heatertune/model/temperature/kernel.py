@@ -12,8 +12,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compiled
-from heatertune.heater.exact import advanced, factors
+from heatertune.compiled import compile_function
+from heatertune.heater.exact import advance_step, factors
 from heatertune.model.temperature.law import ControllerLaw
 from heatertune.plain import bound
 
@@ -47,7 +47,7 @@ def simulate_many(law: ControllerLaw, z: Array, own: int, h: float, readings: Wh
         out: of row after row, in C's order.
         at: column of the first reading.
     """
-    run = compiled(bound(_simulate_many, _step=law.step))
+    run = compile_function(bound(_simulate_many, _step=law.step))
     logarithmic = np.array([float(constant.logarithmic) for constant in law.constants])
     run(law.form, np.ascontiguousarray(z), own, logarithmic, float(h), readings, np.empty(4), np.zeros(CONSTANTS),
         np.empty(int(readings[-1]) + 1), out, at)
@@ -86,5 +86,5 @@ def _simulate_many(  # noqa: PLR0913 - compiled for the types of each
             power[k] = _step(form, constants, memory, (before if k < event else after) - y, h)
             older = power[k - whole - 1] if k > whole else 0.0
             newer = power[k - whole] if k >= whole else 0.0
-            y, x = advanced(y, x, ambient + gain * older, begin)
-            y, x = advanced(y, x, ambient + gain * newer, end)
+            y, x = advance_step(y, x, ambient + gain * older, begin)
+            y, x = advance_step(y, x, ambient + gain * newer, end)

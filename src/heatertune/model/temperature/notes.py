@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from heatertune.model.hearing import DROP_PCT, Remark
+from heatertune.model.diagnostics import DROP_PCT, Remark
 from heatertune.model.intervals import Interval
 from heatertune.model.statistics import fit_pct
 from heatertune.model.temperature.closed_loop import Bounds

@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import Log
-from heatertune.model.hearing import Remark
+from heatertune.model.diagnostics import Remark
+from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.readings import Readings
 from heatertune.model.temperature.evidence import noise_degC
 
 __all__ = ["is_open_loop", "regulation_remarks", "steady_swing"]
@@ -42,7 +42,7 @@ _MOST_READINGS: Final = 20_000  # in which a swing is sought
 _READINGS: Final = 200  # of a log that constant power is fitted to
 
 
-class Swing(NamedTuple):
+class OscillationStats(NamedTuple):
     """A steady swing: number of whole periods, mean period [s], mean lowest and highest temperature [°C]."""
 
     periods: int
@@ -71,7 +71,7 @@ def regulation_remarks(log: Log, rmse_degC: float) -> Iterator[Remark]:
         ))
 
 
-def steady_swing(log: Log) -> Swing | None:
+def steady_swing(log: Log) -> OscillationStats | None:
     """Return the swing that a log ends in, None where it dies away, is irregular, or has too few periods.
 
     It is sought in the readings as they are, and in smoothed ones where the noise is too large for that.
@@ -81,7 +81,7 @@ def steady_swing(log: Log) -> Swing | None:
     return next((swing for swing in swings if swing is not None), None)
 
 
-def _swing_of(log: Log, size: int) -> Swing | None:
+def _swing_of(log: Log, size: int) -> OscillationStats | None:
     """Return the steady swing of the means over so many readings each, of the last ones of a very long log."""
     time, y = _smoothed(log, size)
     least = _least_move(log, y, size)
@@ -96,7 +96,8 @@ def _swing_of(log: Log, size: int) -> Swing | None:
         return None
     if float(np.median(swings[-half:])) < _STEADY * float(np.median(swings[:half])):
         return None
-    return Swing(len(periods), float(np.mean(periods)), float(np.mean(y[places[1::2]])), float(np.mean(y[places[::2]])))
+    return OscillationStats(len(periods), float(np.mean(periods)), float(np.mean(y[places[1::2]])),
+                            float(np.mean(y[places[::2]])))
 
 
 def is_open_loop(log: Log, rmse_degC: float) -> bool:

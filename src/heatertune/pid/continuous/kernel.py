@@ -18,8 +18,16 @@ from heatertune.heater.exact import apart
 from heatertune.pid.specs import ROOM
 
 __all__ = [
-    "DERIVATIVE_FILTER_N", "Four", "Space", "controller", "encirclements", "least_price", "pieces", "price",
-    "space_for", "swing",
+    "DERIVATIVE_FILTER_N",
+    "Four",
+    "Space",
+    "controller",
+    "encirclements",
+    "least_price",
+    "oscillation",
+    "pieces",
+    "price",
+    "space_for",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -216,7 +224,7 @@ def _above(v: float, w: float, t: float, h: float) -> tuple[float, float]:
     return part, part * (t if v > 0.0 else t + h)
 
 
-def swing(  # noqa: PLR0915 - one loop
+def oscillation(  # noqa: PLR0915 - one loop
     heater: Four, settings: tuple[float, float, float], setpoint: float, load: float, finer: float,
     dear: tuple[float, float, float], queue: Array,
 ) -> tuple[float, float]:
@@ -328,8 +336,9 @@ def price(
         heater = (heaters[p, 0], heaters[p, 1], heaters[p, 2], heaters[p, 3])
         load, setpoint, late = 2.0 * weights[p, 0], 2.0 * weights[p, 1], 2.0 * weights[p, 2]
         if load > 0.0 or late > 0.0:
-            area, moment = swing(heater, (gain, tn, tv), 0.0, 1.0, finer, (load, late, best - total), queue)
+            area, moment = oscillation(heater, (gain, tn, tv), 0.0, 1.0, finer, (load, late, best - total), queue)
             total += load * area + late * moment
         if setpoint > 0.0:
-            total += setpoint * swing(heater, (gain, tn, tv), 1.0, 0.0, finer, (setpoint, 0.0, best - total), queue)[0]
+            total += setpoint * oscillation(heater, (gain, tn, tv), 1.0, 0.0, finer, (setpoint, 0.0, best - total),
+                                            queue)[0]
     return total

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
 from heatertune.pid.continuous import descent
@@ -25,7 +25,7 @@ from heatertune.pid.loop.robustness import crossings
 from heatertune.pid.specs import Specs, is_boundless, refuse_boundless
 from heatertune.pid.values import Margins, PidDesign, structure_of
 
-__all__ = ["ContinuousProblem", "global_check", "iae", "margins", "optimum", "peaks", "response_grid", "unrivalled"]
+__all__ = ["ContinuousProblem", "global_check", "global_optimum", "iae", "margins", "optimum", "peaks", "response_grid"]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -169,7 +169,7 @@ def optimum(problem: ContinuousProblem) -> PidDesign:
     return _descend(problem, _scanned(problem, *_SCANNED, math.inf, _COARSE))
 
 
-def unrivalled(problem: ContinuousProblem) -> tuple[PidDesign, str]:
+def global_optimum(problem: ContinuousProblem) -> tuple[PidDesign, str]:
     """Return the optimum after the global check, and a sentence about the check; errors as `optimum`."""
     design = optimum(problem)
     if problem.structure == "p":
@@ -207,7 +207,7 @@ def peaks(omega: Array, plant: Complex, gain: float, tn: float, tv: float) -> tu
     """
     control = gain * continuous.controller(omega, tn, tv)
     loop = plant * control
-    if compiled(continuous.encirclements)(omega, loop, 1.0) != 0:
+    if compile_function(continuous.encirclements)(omega, loop, 1.0) != 0:
         return loop, math.inf, math.inf, math.inf
     size = np.append(1.0 / np.abs(1.0 + loop), 1.0)  # far out S is 1
     highest = abs(gain) * (1.0 + continuous.DERIVATIVE_FILTER_N if tv > 0.0 else 1.0)  # |C·S| at infinite frequency
@@ -279,20 +279,20 @@ def _outwards(low: float, high: float, many: int) -> Array:
 
 def _price(heaters: Array, weights: Array, design: PidDesign, finer: float) -> float:
     queue = continuous.space_for(0, heaters, finer).queue
-    return compiled(continuous.price, calls=True)(heaters, weights, *_settings(design), finer, math.inf, queue)
+    return compile_function(continuous.price, calls=True)(heaters, weights, *_settings(design), finer, math.inf, queue)
 
 
 def _pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four) -> tuple[Array, Array]:
     """Return bottoms and tops of the feasible pieces of K, the highest first."""
     space = continuous.space_for(len(omega), np.empty((0, 4)), 1.0)
-    count = compiled(continuous.pieces, calls=True)(omega, plant, tn, tv, limits, space)
+    count = compile_function(continuous.pieces, calls=True)(omega, plant, tn, tv, limits, space)
     bottoms, tops = space.ends[:, :count][:, ::-1]
     return bottoms, tops
 
 
 def _refine(problem: ContinuousProblem, density: float, start: Point, stride: float, least: float) -> Point:
     task = _task(problem, density)
-    return compiled(descent.refine, calls=True)(task, start, stride, least, _STEPS / 4.0, _space(task))
+    return compile_function(descent.refine, calls=True)(task, start, stride, least, _STEPS / 4.0, _space(task))
 
 
 def _task(problem: ContinuousProblem, density: float) -> Task:
@@ -306,7 +306,7 @@ def _space(task: Task) -> Space:
 
 def _scanned(problem: ContinuousProblem, many_tn: int, many_tv: int, best: float, density: float) -> Point:
     task, axes = _task(problem, density), _axes(problem, many_tn, many_tv)
-    best_point = compiled(descent.scan, calls=True)(task, *axes, best, _STEPS / 4.0, _space(task))
+    best_point = compile_function(descent.scan, calls=True)(task, *axes, best, _STEPS / 4.0, _space(task))
     if best_point[1] == 0.0 and math.isinf(best):
         raise _impossible(problem)
     return best_point

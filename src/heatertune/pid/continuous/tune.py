@@ -10,15 +10,15 @@ from functools import partial
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.continuous.kernel import DERIVATIVE_FILTER_N
-from heatertune.pid.continuous.optimum import ContinuousProblem, iae, margins, optimum, unrivalled
+from heatertune.pid.continuous.optimum import ContinuousProblem, global_optimum, iae, margins, optimum
 from heatertune.pid.explain import explain
 from heatertune.pid.rules import RULES, apply_rule, model_for
 from heatertune.pid.scheduling import told_about_faces
-from heatertune.pid.search.robust import Open, guarded
+from heatertune.pid.search.robust import Open, robust_design
 from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign, Promise, structure_of
 
-__all__ = ["assessed", "tune_continuous"]
+__all__ = ["assess_design", "tune_continuous"]
 
 _TOLD = (
     f"Continuous loop with its exact dead time, TV filtered by TV/{DERIVATIVE_FILTER_N:g}; "
@@ -51,17 +51,17 @@ def tune_continuous(
             gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=tv, sample_time_s=0.0,
             structure=structure_of(tn, tv), method=f"{method} ({RULES[method].source})",
         )
-        return replace(assessed(fitted, by_rule), notes=(_TOLD,))
+        return replace(assess_design(fitted, by_rule), notes=(_TOLD,))
     problem = ContinuousProblem(plants=fitted.plants, structure=structure, specs=specs)
-    best, checked = unrivalled(problem)
+    best, checked = global_optimum(problem)
     notes = [_TOLD, checked]
     if robust != "none":
-        kept = guarded(
+        kept = robust_design(
             Open.of(fitted, robust), specs, robust, lambda guards: optimum(replace(problem, guards=guards)), best)
         problem = replace(problem, guards=kept.guards)
         notes = [_TOLD, kept.sentence(problem.cost(best), problem.cost(kept.design))]
         best = replace(kept.design, promise=Promise(way=robust, limits=specs.limits))
-    design = assessed(fitted, best)
+    design = assess_design(fitted, best)
     notes += [*_explained(problem, design), *_plainer(problem, design)]
     notes += told_about_faces(fitted, design, partial(_alone, problem))
     return replace(design, method=f"optimum ({specs.text} on {len(fitted.plants)} models)", notes=tuple(notes))
@@ -72,7 +72,7 @@ def _alone(problem: ContinuousProblem, plant: HeaterModel) -> tuple[PidDesign, C
     return optimum(own), own.cost
 
 
-def assessed(fitted: FittedModel, design: PidDesign) -> PidDesign:
+def assess_design(fitted: FittedModel, design: PidDesign) -> PidDesign:
     """Return the design with its margins and costs, worst over the models; a cost is None where there is none."""
     worst, mks = margins(fitted.plants, design)
     at_rest = worst.stable and math.isfinite(design.integral_time_s)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compiled, worth_compiling
+from heatertune.compiled import compile_function, worth_compiling
 from heatertune.model.values import HeaterModel
 from heatertune.pid.loop.sampled import sample_plant
 from heatertune.pid.values import PidDesign
@@ -79,7 +79,7 @@ def respond(
     steps = (float(setpoint_degC), float(load_pct))
     run: Callable[..., None] = _respond
     if worth_compiling(samples, "response", _PLAIN_SAMPLES_READY if "numba" in sys.modules else _PLAIN_SAMPLES):
-        compiled(run)((*modes, plant.delay), controller, steps, *space)
+        compile_function(run)((*modes, plant.delay), controller, steps, *space)
         return space[-1]
     plain = [array.tolist() for array in space]
     run((*(array.tolist() for array in modes), plant.delay), controller, steps, *plain)

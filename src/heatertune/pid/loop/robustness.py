@@ -10,11 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.model.values import HeaterModel
-from heatertune.pid.loop.sampled import combined, controller_response, parts_seen, plant_seen, sample_plant
+from heatertune.pid.loop.sampled import combine_responses, controller_response, parts_seen, plant_seen, sample_plant
 from heatertune.pid.values import Margins, PidDesign
 
 __all__ = [
-    "crossings", "encloses_nothing", "loop_response", "margins", "noise_gain", "seen", "sensitivity_peaks", "worst",
+    "crossings", "encloses_nothing", "loop_response", "margins", "noise_gain", "plant_and_controller_response",
+    "sensitivity_peaks", "worst",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -29,7 +30,7 @@ def loop_response(model: HeaterModel, design: PidDesign, omega: Array) -> Comple
 @lru_cache(maxsize=256)  # a search proves the same gains with many other changes
 def margins(model: HeaterModel, design: PidDesign) -> Margins:
     """Return Ms, Mt, gain and phase margin of the sampled loop; Ms and Mt are infinite where it is unstable."""
-    plant, controller = seen(model, design)
+    plant, controller = plant_and_controller_response(model, design)
     loop = plant * controller
     ms, mt = _peaks(loop, design)
     gain, phase = crossings(loop)
@@ -38,23 +39,23 @@ def margins(model: HeaterModel, design: PidDesign) -> Margins:
 
 def sensitivity_peaks(model: HeaterModel, design: PidDesign) -> tuple[float, float]:
     """Return Ms and Mt of `margins`, in a third of its time."""
-    plant, controller = seen(model, design)
+    plant, controller = plant_and_controller_response(model, design)
     return _peaks(plant * controller, design)
 
 
 def noise_gain(model: HeaterModel, design: PidDesign) -> float:
     """Return Mks = max |C·S| of a stable sampled loop: how much of a reading's noise reaches the power [%/°C]."""
-    plant, controller = seen(model, design)
+    plant, controller = plant_and_controller_response(model, design)
     return float(np.max(np.abs(controller / (1.0 + plant * controller))))
 
 
-def seen(model: HeaterModel, design: PidDesign) -> tuple[Complex, Complex]:
+def plant_and_controller_response(model: HeaterModel, design: PidDesign) -> tuple[Complex, Complex]:
     """Return G [°C/%] and C [%/°C] at the frequencies of the margins, each of shape (n,)."""
     slowest = max(*model.lags_s, model.dead_time_s, design.sample_time_s)
     if math.isfinite(design.integral_time_s):
         slowest = max(slowest, design.integral_time_s)
     parts = parts_seen(design.derivative_filter, design.sample_time_s, slowest)
-    return plant_seen(model, design.sample_time_s, slowest), combined(design, parts)
+    return plant_seen(model, design.sample_time_s, slowest), combine_responses(design, parts)
 
 
 def _peaks(loop: Complex, design: PidDesign) -> tuple[float, float]:

@@ -28,7 +28,8 @@ from heatertune.model.values import HeaterModel, TwoLag
 from heatertune.pid.values import PidDesign
 
 __all__ = [
-    "SampledPlant", "combined", "controller_response", "frequencies", "part_responses", "parts_seen", "plant_seen",
+    "SampledPlant", "combine_responses", "controller_response", "frequencies", "part_responses", "parts_seen",
+    "plant_seen",
     "sample_plant",
 ]
 
@@ -80,10 +81,10 @@ def sample_plant(model: HeaterModel, sample_time_s: float, *, computing_delay_s:
 
 def controller_response(design: PidDesign, omega: Array) -> Complex:
     """Return C(e^(jω·TA)) [%/°C], shape (n,)."""
-    return combined(design, part_responses(omega, design.sample_time_s, design.derivative_filter))
+    return combine_responses(design, part_responses(omega, design.sample_time_s, design.derivative_filter))
 
 
-def combined(design: PidDesign, parts: Complex) -> Complex:
+def combine_responses(design: PidDesign, parts: Complex) -> Complex:
     """Return C [%/°C], shape (n,), from the responses of its parts, shape (3, n)."""
     proportional, summed, difference = parts
     integral = design.sample_time_s / design.integral_time_s

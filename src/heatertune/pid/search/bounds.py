@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.model.values import HeaterModel
 from heatertune.pid.loop.robustness import encloses_nothing
 from heatertune.pid.loop.sampled import frequencies, part_responses, sample_plant
@@ -109,12 +109,12 @@ def norms(poles: Array, now: Array, before: Array, delay: int, gains: Array, pas
     """
     sizes = np.zeros(4)
     modes, queues = np.zeros((4, len(poles))), np.zeros((4, delay + 2))
-    compiled(_norms)(poles, now, before, delay, gains, past, samples, modes, queues, sizes)
+    compile_function(_norms)(poles, now, before, delay, gains, past, samples, modes, queues, sizes)
     return sizes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Seen:
+class _SampledHeater:
     """One heater as the bounds see it: its sampled modes, the frequency response of each part, shape (3, n), its Ms."""
 
     modes: tuple[Array, Array, Array, int]
@@ -130,8 +130,8 @@ class LoopBounds:
 
     sample_time_s: float
     derivative_filter: float
-    heaters: tuple[_Seen, ...]
-    guards: tuple[_Seen, ...]
+    heaters: tuple[_SampledHeater, ...]
+    guards: tuple[_SampledHeater, ...]
 
     def least_cost(self, corners: Array, enough: float) -> float:
         """Return what the mean load IAE of the box is not below [°C·s]; infinite where nothing in it keeps Ms.
@@ -147,7 +147,7 @@ class LoopBounds:
         if least >= enough:
             return least
         limited = (*self.heaters, *self.guards)
-        distances, values = compiled(_distances), np.empty(len(corners), dtype=np.complex128)
+        distances, values = compile_function(_distances), np.empty(len(corners), dtype=np.complex128)
         verdicts = [int(distances(heater.parts, corners, (1.0 - _BESIDE) / heater.ms, values)) for heater in limited]
         if 1 in verdicts:
             return math.inf
@@ -163,7 +163,7 @@ class LoopBounds:
             costs.append(self.sample_time_s * float(load) / (1.0 + float(half @ np.array(parts))))
         return max(least, float(np.mean(costs)))
 
-    def _samples(self, heater: _Seen, gains: Array) -> int:
+    def _samples(self, heater: _SampledHeater, gains: Array) -> int:
         reset_s = self.sample_time_s * gains[0] / gains[1]
         slow = heater.slowest_s + reset_s * (1.0 + 1.0 / (gains[0] * heater.gain))
         return int(np.clip(_HORIZON * slow / self.sample_time_s, 50, _MOST_SAMPLES))
@@ -188,7 +188,7 @@ def bounds_of(
     for place, plant in enumerate((*plants, *guards)):
         sampled = sample_plant(plant, sample_time_s)
         omega = frequencies(sample_time_s, slowest, max(_FREQUENCIES, _PER_DELAY * sampled.delay))
-        heaters.append(_Seen(
+        heaters.append(_SampledHeater(
             modes=(sampled.poles, sampled.now, sampled.before, sampled.delay),
             parts=sampled.frequency_response(omega) * part_responses(omega, sample_time_s, derivative_filter),
             slowest_s=sum(plant.lags_s) + plant.dead_time_s,

@@ -26,7 +26,7 @@ import numpy.typing as npt
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
 from heatertune.pid.loop.response import iae_load, iae_setpoint, itae_load
-from heatertune.pid.loop.robustness import noise_gain, seen, sensitivity_peaks
+from heatertune.pid.loop.robustness import noise_gain, plant_and_controller_response, sensitivity_peaks
 from heatertune.pid.specs import ROOM, Specs
 from heatertune.pid.values import PidDesign, step_parts, structure_of
 
@@ -44,7 +44,7 @@ def _any_gain(_design: PidDesign) -> float:
 
 
 #: cost and design
-Priced = tuple[float, PidDesign]
+CostedDesign = tuple[float, PidDesign]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,7 +177,8 @@ class _Looked:
 
     def with_(self, problem: Problem, plants: Iterable[HeaterModel]) -> _Looked:
         """Look at others, too."""
-        looked_at, specs = [(plant * c, c) for plant, c in (seen(plant, self.unit) for plant in plants)], problem.specs
+        looked_at, specs = [(plant * c, c) for plant,
+                            c in (plant_and_controller_response(plant, self.unit) for plant in plants)], problem.specs
         return replace(self, loops=[*self.loops, *(h for h, _ in looked_at)],
                        excluded=[*self.excluded, *(_excluded(h, c, specs) for h, c in looked_at)])
 
@@ -197,7 +198,7 @@ def search(problem: Problem) -> PidDesign:
         InputError: no gain keeps the limit on all models.
     """
     integral, derivative = _grids(problem)
-    best: Priced | None = None
+    best: CostedDesign | None = None
     while True:
         best = _best_of(problem, _candidates(problem, product(integral, derivative)), best)
         if best is None:
@@ -224,7 +225,7 @@ def _even(low: float, high: float, ratio: float) -> Array:
     return np.geomspace(low, high, math.ceil(math.log(high / low) / math.log(ratio)) + 1)
 
 
-def _candidates(problem: Problem, times: Iterable[tuple[float, float]]) -> Iterator[Priced]:
+def _candidates(problem: Problem, times: Iterable[tuple[float, float]]) -> Iterator[CostedDesign]:
     """Yield what may be the best of some TN and TV, each with a cost that it cannot be below, the least first."""
     hardest, *others = sorted(problem.limited, key=_hardness)
     ahead, numbers = list[tuple[float, int, PidDesign | _Looked]](), count()
@@ -248,7 +249,7 @@ def _hardness(plant: HeaterModel) -> float:
     return plant.lags_s[0] / (abs(plant.gain_degC_per_pct) * max(plant.dead_time_s + sum(plant.lags_s[1:]), 1e-9))
 
 
-def _best_of(problem: Problem, candidates: Iterable[Priced], best: Priced | None) -> Priced | None:
+def _best_of(problem: Problem, candidates: Iterable[CostedDesign], best: CostedDesign | None) -> CostedDesign | None:
     """Return the best of the candidates and of what was the best before; None where nothing keeps the limits."""
     for bound, design in candidates:
         if best is not None and bound >= best[0]:

@@ -28,7 +28,7 @@ from heatertune.pid.values import PidDesign
 if TYPE_CHECKING:
     from heatertune.pid.search.bounds import LoopBounds
 
-__all__ = ["Found", "Integers", "Vector", "best_integers"]
+__all__ = ["IntegerOptimum", "Integers", "Vector", "best_integers"]
 
 Array = npt.NDArray[np.float64]
 
@@ -132,7 +132,7 @@ class Integers:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class IntegerOptimum:
     """The best words and what the search proves.
 
     Attributes:
@@ -153,7 +153,7 @@ class Found:
         return self.least >= self.cost * (1.0 - 2.0 * _EQUAL)
 
 
-def best_integers(problem: Integers, *, most_boxes: int = _MOST_BOXES) -> Found:
+def best_integers(problem: Integers, *, most_boxes: int = _MOST_BOXES) -> IntegerOptimum:
     """Return the best words over all ranges, the box with the lowest bound first.
 
     Where `most_boxes` do not suffice, the best so far is returned with the bound that is proven by then.
@@ -167,7 +167,7 @@ def best_integers(problem: Integers, *, most_boxes: int = _MOST_BOXES) -> Found:
     boxes = 0
     while waiting and waiting[0][0] < cost * (1.0 - _EQUAL):
         if boxes >= most_boxes:
-            return Found(words=words, cost=cost, least=waiting[0][0], boxes=boxes)
+            return IntegerOptimum(words=words, cost=cost, least=waiting[0][0], boxes=boxes)
         _, box = heapq.heappop(waiting)
         for part in _halves(box):
             boxes += 1
@@ -180,7 +180,7 @@ def best_integers(problem: Integers, *, most_boxes: int = _MOST_BOXES) -> Found:
                 words, cost = middle, exact
             if any(low < high for low, high in part):
                 heapq.heappush(waiting, (bound, part))
-    return Found(words=words, cost=cost, least=cost, boxes=boxes)
+    return IntegerOptimum(words=words, cost=cost, least=cost, boxes=boxes)
 
 
 def _halves(box: _Box) -> Iterator[_Box]:

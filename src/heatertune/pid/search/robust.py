@@ -17,11 +17,11 @@ from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.pid.search.uncertain import Drawn, draw_heaters, drawn_of, peaks_on
+from heatertune.pid.search.uncertain import SampledMs, draw_heaters, drawn_of, peaks_on
 from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign, Promise
 
-__all__ = ["ROBUST", "Broken", "Guarded", "Open", "guarded"]
+__all__ = ["ROBUST", "BrokenLimit", "Open", "RobustDesign", "robust_design"]
 
 #: way → over which of the drawn heaters the limits hold
 ROBUST: Final = {"none": "none: quantiles are told only", "p95": "95 % of them", "worst": "all of them"}
@@ -38,7 +38,7 @@ _CHECK_SEED: Final = 1
 _MAY_BREAK: Final = {"p95": 0.036, "worst": 0.0}
 
 
-class Broken(NamedTuple):
+class BrokenLimit(NamedTuple):
     """A limit that a controller does not keep: on which of the heaters, which one, and its value there."""
 
     heater: HeaterModel
@@ -68,7 +68,7 @@ class Open:
         """Return how many there are."""
         return len(self.tuned_on) + len(self.checked_on)
 
-    def broken(self, promise: Promise, design: PidDesign) -> Broken | None:
+    def broken(self, promise: Promise, design: PidDesign) -> BrokenLimit | None:
         """Return the heater that has to be guarded, None where enough of both sets keep the limits."""
         for heaters in (self.tuned_on, self.checked_on):
             peaks = [peaks_on(heater, design) for heater in heaters]
@@ -77,13 +77,13 @@ class Open:
                 return broken
         return None
 
-    def ms(self, design: PidDesign) -> Drawn:
+    def ms(self, design: PidDesign) -> SampledMs:
         """Return the quantiles of Ms over both sets."""
         return drawn_of([peaks_on(heater, design)["ms"] for heater in (*self.tuned_on, *self.checked_on)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Guarded:
+class RobustDesign:
     """A design that keeps its limits over drawn heaters.
 
     Attributes:
@@ -95,8 +95,8 @@ class Guarded:
 
     design: PidDesign
     guards: tuple[HeaterModel, ...]
-    before: Drawn
-    after: Drawn
+    before: SampledMs
+    after: SampledMs
     way: str
 
     def sentence(self, before: float, after: float) -> str:
@@ -115,14 +115,14 @@ class Guarded:
             f"guards; without, Ms was {_quantiles(self.before)}. That costs {more:.1f} %."
         )
 
-    def improved(self, heaters: Open, specs: Specs, design: PidDesign) -> Guarded | None:
+    def with_design(self, heaters: Open, specs: Specs, design: PidDesign) -> RobustDesign | None:
         """Return the same with another design, None where that breaks a limit on the drawn heaters."""
         if heaters.broken(Promise(way=self.way, limits=specs.limits), design) is not None:
             return None
         return replace(self, design=design, after=heaters.ms(design))
 
 
-def guarded(heaters: Open, specs: Specs, way: str, solve: Solve, first: PidDesign) -> Guarded:
+def robust_design(heaters: Open, specs: Specs, way: str, solve: Solve, first: PidDesign) -> RobustDesign:
     """Return the design that keeps the limits over the heaters that a fit leaves open.
 
     Args:
@@ -145,19 +145,19 @@ def guarded(heaters: Open, specs: Specs, way: str, solve: Solve, first: PidDesig
             raise InputError(f"no design found that keeps {specs.text} on the heaters drawn from the fit; loosen it")
         guards.append(broken.heater)
         design = solve(tuple(guards))
-    return Guarded(design=design, guards=tuple(guards), before=before, after=heaters.ms(design), way=way)
+    return RobustDesign(design=design, guards=tuple(guards), before=before, after=heaters.ms(design), way=way)
 
 
 def _most_broken(
     promise: Promise, heaters: Sequence[HeaterModel], peaks: Sequence[Mapping[str, float]]
-) -> Broken | None:
+) -> BrokenLimit | None:
     strains = [max((there[name] / limit, name) for name, limit in promise.limits.items()) for there in peaks]
     order = sorted(range(len(strains)), key=strains.__getitem__)
     place = order[len(order) - 1 - math.floor(_MAY_BREAK[promise.way] * len(order))]
     strain, name = strains[place]
-    return None if strain <= 1.0 else Broken(heaters[place], name, peaks[place][name])
+    return None if strain <= 1.0 else BrokenLimit(heaters[place], name, peaks[place][name])
 
 
-def _quantiles(drawn: Drawn) -> str:
+def _quantiles(drawn: SampledMs) -> str:
     unstable = f", unstable on {drawn.unstable}" if drawn.unstable else ""
     return f"{drawn.median:.3g} in the middle, {drawn.p95:.3g} on 95 %, {drawn.worst:.3g} at worst{unstable}"

@@ -15,7 +15,7 @@ from heatertune.pid.loop.robustness import noise_gain, sensitivity_peaks
 from heatertune.pid.values import PidDesign
 from heatertune.units import whole
 
-__all__ = ["Drawn", "draw_heaters", "drawn_of", "interval_ends", "ms_over", "peaks_on", "spreads_of"]
+__all__ = ["SampledMs", "draw_heaters", "drawn_of", "interval_ends", "ms_over", "peaks_on", "spreads_of"]
 
 #: half width of a 95 % interval in standard deviations
 _HALF_WIDTH: Final = 1.96
@@ -23,7 +23,7 @@ _MOST_CORRELATED: Final = 0.99  # intervals are wider than their samples; beyond
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drawn:
+class SampledMs:
     """Ms over drawn heaters; infinite where the loop is unstable.
 
     Attributes:
@@ -108,7 +108,7 @@ def interval_ends(fitted: FittedModel) -> tuple[HeaterModel, ...]:
         end >= 0.0 if name == "dead_time_s" else end * getattr(fitted.model, name) > 0.0))
 
 
-def ms_over(heaters: tuple[HeaterModel, ...], design: PidDesign) -> Drawn | None:
+def ms_over(heaters: tuple[HeaterModel, ...], design: PidDesign) -> SampledMs | None:
     """Return the quantiles of Ms of one controller over heaters; None where there are none."""
     if not heaters:
         return None
@@ -117,11 +117,11 @@ def ms_over(heaters: tuple[HeaterModel, ...], design: PidDesign) -> Drawn | None
     return drawn_of([sensitivity_peaks(heater, design)[0] for heater in heaters])
 
 
-def drawn_of(values: Sequence[float]) -> Drawn:
+def drawn_of(values: Sequence[float]) -> SampledMs:
     """Return the quantiles of Ms of one controller, given its value on each heater; at least one."""
     rising = sorted(values)
     last = len(rising) - 1
-    return Drawn(
+    return SampledMs(
         count=len(rising), median=rising[round(0.5 * last)], p95=rising[round(0.95 * last)], worst=rising[-1],
         unstable=sum(math.isinf(ms) for ms in rising),
     )

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import ClassVar
 
 from heatertune.plc.arduino_pid.export import export_words
-from heatertune.plc.arduino_pid.exported import exported
+from heatertune.plc.arduino_pid.exported import loaders
 from heatertune.plc.arduino_pid.readback import from_text
-from heatertune.plc.arduino_pid.step import FIRST_MS, Assumptions, parameters_of, scan
+from heatertune.plc.arduino_pid.step import FIRST_MS, ArduinoPidAssumptions, parameters_of, scan
 from heatertune.plc.arduino_pid.words import (
     COUNTS,
     FIELDS,
@@ -20,8 +20,8 @@ from heatertune.plc.arduino_pid.words import (
     values_of,
 )
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Running
-from heatertune.plc.parallel.step import COLD, PARALLEL, boosted
+from heatertune.plc.core import ControllerState
+from heatertune.plc.parallel.step import COLD, PARALLEL, with_boost
 from heatertune.plc.words import Words
 
 __all__ = ["ArduinoPid"]
@@ -42,18 +42,19 @@ class ArduinoPid(Controller, name="arduino-pid"):
         "no coolers (REVERSE), no lower limit but 0, no gains that the sketch changes later",
         "no setpoint ramp in the sketch; pulses that make up for others are left to a switch behind it",
     )
-    fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, Assumptions
+    fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, ArduinoPidAssumptions
     inputs: ClassVar = {"Setpoint": "REAL", "Input": "REAL", "Mode": "BOOL", "Output": "REAL", "Elapsed": "UINT"}
     derivative_filter = 0.0
     most_power = ("OutMax", FULL)
     tick_s = 0.01
-    boosted = True
+    has_boost = True
     core = PARALLEL
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     consistent, interval_s = staticmethod(consistent), staticmethod(interval_s)
     oddities, text, scan_all = staticmethod(oddities), staticmethod(from_text), staticmethod(scan)
-    exported = staticmethod(exported)
+    load_exported = staticmethod(loaders)
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: ArduinoPidAssumptions) -> ControllerState:
         """Return the state before SetMode(AUTOMATIC), the output being 0."""
-        return Running(boosted(parameters_of(words.values, assume), words.boost), COLD._replace(waited=FIRST_MS))
+        return ControllerState(with_boost(parameters_of(words.values, assume), words.boost),
+                               COLD._replace(waited=FIRST_MS))

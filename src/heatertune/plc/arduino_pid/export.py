@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from heatertune.plc.arduino_pid.words import FIELDS, ON_ERROR
-from heatertune.plc.parallel.window import Window, window_of
+from heatertune.plc.parallel.window import PwmWindow, window_of
 from heatertune.plc.parallel.words import decimal
 from heatertune.plc.words import Certificate, Words
 
@@ -96,7 +96,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     return {"arduino_pid.ino": f"{head}\n\n#include <PID_v1.h>\n\n{_constants(words, text['Full'], window)}{body}"}
 
 
-def _constants(words: Words, full: str, window: Window) -> str:
+def _constants(words: Words, full: str, window: PwmWindow) -> str:
     numbers = {"WINDOW_MS": window.period_ms, "STEP_MS": window.step_ms, "LEAST_ON_MS": window.least_on_ms,
                "LEAST_OFF_MS": window.least_off_ms}
     times = "".join(f"const unsigned long {name} = {number};\n" for name, number in numbers.items())
@@ -107,13 +107,13 @@ def _constants(words: Words, full: str, window: Window) -> str:
     return f"const int HEATER_PIN = 5;  // TODO: yours\nconst double Full = {full};\n{times}"
 
 
-def _head(words: Words, certificate: Certificate, window: Window) -> tuple[str, ...]:
+def _head(words: Words, certificate: Certificate, window: PwmWindow) -> tuple[str, ...]:
     scale = words.scaling
     return (
         "heater controller for Arduino, library PID by Brett Beauregard, 1.2.1 (PID_v1.h)",
         f"sensor {scale.low_degC:g}...{scale.high_degC:g} degC; TA: {words.sample_time_s:g} s; {len(FIELDS)} words",
         *certificate.head,
-        window.told,
+        window.summary,
         "remains to be done by hand: HEATER_PIN and readTemperature(); loop() must come round well within STEP_MS,",
         "  for Compute() and pulses are late by up to one round; nothing that waits (delay) belongs in it",
     )

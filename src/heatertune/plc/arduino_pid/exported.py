@@ -8,22 +8,22 @@ from typing import Final
 
 from heatertune.errors import InputError
 from heatertune.plc.arduino_pid.readback import from_text
-from heatertune.plc.arduino_pid.step import Assumptions
-from heatertune.plc.exported import Settings
+from heatertune.plc.arduino_pid.step import ArduinoPidAssumptions
+from heatertune.plc.exported import TextSettings
 from heatertune.plc.parallel.window import settings_of
 
-__all__ = ["exported"]
+__all__ = ["loaders"]
 
 _FILE: Final = "arduino_pid.ino"
 _NUMBER: Final = re.compile(r"^(?:const (?:unsigned long|double)|double) (\w+) = ([^;]+);", re.MULTILINE)
 
 
-def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> dict[str, Callable[[], Settings]]:  # noqa: ARG001
+def loaders(files: Mapping[str, str | bytes], assume: ArduinoPidAssumptions) -> dict[str, Callable[[], TextSettings]]:  # noqa: ARG001
     """Return what reads the sketch."""
     return {_FILE: lambda: _settings(str(files[_FILE]))}
 
 
-def _settings(text: str) -> Settings:
+def _settings(text: str) -> TextSettings:
     values = from_text(text, None, _FILE).values
     numbers = {name: float(number) for name, number in _NUMBER.findall(text)}
     if numbers.get("SAMPLE_MS", values["SampleTime"]) != values["SampleTime"]:

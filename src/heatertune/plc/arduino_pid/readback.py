@@ -7,9 +7,9 @@ from typing import Final
 
 from heatertune.errors import InputError
 from heatertune.plc.arduino_pid.words import FIELDS, FULL, ON_ERROR, ON_MEASUREMENT
-from heatertune.plc.parallel.text import blanked, number_of
+from heatertune.plc.parallel.text import blank_matches, number_of
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import Collected, ReadBack, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, wrong
 
 __all__ = ["from_text"]
 
@@ -32,14 +32,14 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
         InputError: no constructor of PID_v1 or several; a gain that is no number or out of its range; REVERSE; a
             lower limit other than 0; gains that the sketch changes later.
     """
-    plain = blanked(_COMMENT, text.replace("\r\n", "\n").replace("\r", "\n"))
+    plain = blank_matches(_COMMENT, text.replace("\r\n", "\n").replace("\r", "\n"))
     made = list(_PID.finditer(plain))
     if len(made) != 1:
         what = "no constructor of PID_v1" if not made else f"{len(made)} constructors of PID_v1"
         raise InputError(f"{source}: {what}; expected one line such as PID heater(&Input, &Output, &Setpoint, 2.0, "
                          "5.0, 1.0, P_ON_E, DIRECT);")
     known = {match[1] or match[3]: match[2] or match[4] for match in _CONSTANT.finditer(plain)}
-    collected, over = Collected(source, FIELDS), list[str]()
+    collected, over = WordCollector(source, FIELDS), list[str]()
     line = _line(plain, made[0])
     gains, modes = _parts(made[0][2], line, source)
     for name, value in zip(("Kp", "Ki", "Kd"), gains, strict=True):
@@ -71,7 +71,7 @@ def _parts(arguments: str, line: int, source: str) -> tuple[list[str], list[str]
     return parts[3:6], modes
 
 
-def _limits(plain: str, known: dict[str, str], source: str, collected: Collected) -> float:
+def _limits(plain: str, known: dict[str, str], source: str, collected: WordCollector) -> float:
     """Take the upper limit and return it."""
     high, found = FULL, list(_LIMITS.finditer(plain))
     for match in found:

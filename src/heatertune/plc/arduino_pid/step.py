@@ -6,66 +6,67 @@ from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.arduino_pid.words import ON_MEASUREMENT
-from heatertune.plc.open_points import Switch
+from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.parallel.step import (
     NOBODY,
     SUM,
-    Parameters,
-    State,
+    ParallelParameters,
+    ParallelState,
     again,
-    called,
-    limited,
+    clamp,
+    compute_call,
     narrowed_to,
-    scanned,
+    scan_result,
     step,
 )
 
-__all__ = ["FIRST_MS", "Assumptions", "parameters_of", "scan"]
+__all__ = ["FIRST_MS", "ArduinoPidAssumptions", "parameters_of", "scan"]
 
 #: SampleTime before SetSampleTime is called, and how long the last call is taken to be ago when the object is made [ms]
 FIRST_MS: Final = 100.0
 
 
-class Assumptions(NamedTuple):
+class ArduinoPidAssumptions(NamedTuple):
     """What the library leaves to board and sketch, see DIFFERENCES.md."""
 
-    narrow: Annotated[bool, Switch(
+    narrow: Annotated[bool, OpenPoint(
         name="double", means={"64bit": False, "32bit": True},
-        why="what double is on the board: double precision (ARM, ESP32), or single precision (AVR)",
+        reason="what double is on the board: double precision (ARM, ESP32), or single precision (AVR)",
     )] = False
-    late: Annotated[bool, Switch(
+    late: Annotated[bool, OpenPoint(
         name="calls", means={"on_time": False, "late": True},
-        why="Compute() waits for at least SampleTime: it comes on time, or each tenth time after twice SampleTime",
+        reason="Compute() waits for at least SampleTime: it comes on time, or each tenth time after twice SampleTime",
     )] = False
 
 
-def parameters_of(values: Mapping[str, float], assume: Assumptions) -> Parameters:
+def parameters_of(values: Mapping[str, float], assume: ArduinoPidAssumptions) -> ParallelParameters:
     """Return the gains as the library keeps them: for 100 ms by the constructor, then by SetSampleTime's ratio."""
     narrow = assume.narrow
     kp, ki, kd = (narrowed_to(narrow, float(values[name])) for name in ("Kp", "Ki", "Kd"))
     first = narrowed_to(narrow, FIRST_MS / 1000.0)
     ratio = narrowed_to(narrow, values["SampleTime"] / FIRST_MS)
     high = narrowed_to(narrow, float(values["OutMax"]))
-    return Parameters(
+    return ParallelParameters(
         law=SUM, narrow=narrow, kp=kp, ki=narrowed_to(narrow, narrowed_to(narrow, ki * first) * ratio),
         kd=narrowed_to(narrow, narrowed_to(narrow, kd / first) / ratio), low=0.0, high=high, least=0.0, most=high,
         full=float(values["Full"]), interval=float(values["SampleTime"]), late=assume.late,
         on_measurement=values["POn"] == ON_MEASUREMENT)
 
 
-def scan(p: Parameters, s: State, inputs: Mapping[str, float]) -> tuple[State, float, float, int]:
+def scan(p: ParallelParameters, s: ParallelState, inputs: Mapping[str, float]) -> tuple[ParallelState, float, float,
+                                                                                        int]:
     """Compute one pass of loop(): where named, Mode 0 with Output by hand, and Elapsed, ms since the last."""
     if not inputs.get("Mode", 1):
         by_hand = narrowed_to(p.narrow, float(inputs.get("Output", s.output)))
-        return scanned(p, again(s, True, by_hand, s.waited + inputs.get("Elapsed", p.interval), NOBODY))
+        return scan_result(p, again(s, True, by_hand, s.waited + inputs.get("Elapsed", p.interval), NOBODY))
     if s.begins:  # SetMode(AUTOMATIC), at once
-        total = limited(s.output, p.low, p.high)
+        total = clamp(s.output, p.low, p.high)
         before = narrowed_to(p.narrow, float(inputs["Input"]))
-        s = State(False, s.calls, total, 0.0, 0.0, before, 0.0, 0.0, s.output, s.waited, held=s.held)
+        s = ParallelState(False, s.calls, total, 0.0, 0.0, before, 0.0, 0.0, s.output, s.waited, held=s.held)
     setpoint, reading = (narrowed_to(p.narrow, float(inputs[name])) for name in ("Setpoint", "Input"))
     if "Elapsed" not in inputs:
         return step(p, s, setpoint, reading, True)
     waited = s.waited + inputs["Elapsed"]
     if waited < p.interval:
-        return scanned(p, again(s, False, s.output, waited, s.held))
-    return scanned(p, called(p, s, setpoint, reading, p.interval))
+        return scan_result(p, again(s, False, s.output, waited, s.held))
+    return scan_result(p, compute_call(p, s, setpoint, reading, p.interval))

@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError
 
-__all__ = ["Accumulators", "Line", "Run", "Translation"]
+__all__ = ["Accumulators", "Run", "StatementLine", "Translation"]
 
 #: runs a block to its end on a CPU
 Run = Callable[[Any], None]
@@ -30,7 +30,7 @@ class Accumulators:
         self.true = False
 
 
-class Line(NamedTuple):
+class StatementLine(NamedTuple):
     """A statement of a text: the line it begins in, from 1 on, its label or "", operation and operand."""
 
     number: int
@@ -57,7 +57,7 @@ class Translation(ABC):
     keep: str
     take: str
 
-    def __init__(self, lines: Sequence[Line]) -> None:
+    def __init__(self, lines: Sequence[StatementLine]) -> None:
         self.lines = lines
         self.labels = {line.label: at for at, line in enumerate(lines) if line.label}
         self.names: dict[str, Any] = {"endless": self._endless}
@@ -65,11 +65,11 @@ class Translation(ABC):
         self._text, self._of = list[str](), list[int]()  # lines of the function, and the statement each is of
 
     @abstractmethod
-    def ends(self, line: Line) -> str | None:
+    def ends(self, line: StatementLine) -> str | None:
         """Return the label that a statement jumps to, "" where it may end the block; None: the next one follows."""
 
     @abstractmethod
-    def statement(self, at: int, line: Line) -> list[str]:
+    def statement(self, at: int, line: StatementLine) -> list[str]:
         """Return the text of a statement.
 
         Raises:
@@ -136,7 +136,7 @@ class Translation(ABC):
             self._text.append(" " * deep + text)
             self._of.append(at)
 
-    def _statement_of(self, problem: BaseException) -> Line:
+    def _statement_of(self, problem: BaseException) -> StatementLine:
         """Return the statement at which the function stopped."""
         trace, code, at = problem.__traceback__, self.names["run"].__code__, 0
         while trace is not None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import ClassVar
 
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Running
+from heatertune.plc.core import ControllerState
 from heatertune.plc.esphome.export import entries, export_words
-from heatertune.plc.esphome.exported import exported
+from heatertune.plc.esphome.exported import loaders
 from heatertune.plc.esphome.readback import from_text
-from heatertune.plc.esphome.step import Assumptions, parameters_of, scan
+from heatertune.plc.esphome.step import EspHomeAssumptions, parameters_of, scan
 from heatertune.plc.esphome.words import COUNTS, FIELDS, TIMER, consistent, design_of, interval_s, oddities, values_of
-from heatertune.plc.parallel.step import COLD, PARALLEL, boosted
+from heatertune.plc.parallel.step import COLD, PARALLEL, with_boost
 from heatertune.plc.words import Words
 
 __all__ = ["EspHome"]
@@ -33,19 +33,19 @@ class EspHome(Controller, name="esphome"):
         "no setpoint ramp in the file; slow_pwm knows no shortest pulse",
         "a change of the mode keeps the integral part: it goes on summing while the climate is off",
     )
-    fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, Assumptions
+    fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, EspHomeAssumptions
     inputs: ClassVar = {
         "target_temperature": "REAL", "current_temperature": "REAL", "mode": "BOOL", "elapsed_ms": "UINT"}
-    typed = staticmethod(entries)
+    keyed_entries = staticmethod(entries)
     derivative_filter = 0.0
     tick_s = 0.1
-    boosted = True
+    has_boost = True
     core = PARALLEL
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     consistent, interval_s = staticmethod(consistent), staticmethod(interval_s)
     oddities, text, scan_all = staticmethod(oddities), staticmethod(from_text), staticmethod(scan)
-    exported = staticmethod(exported)
+    load_exported = staticmethod(loaders)
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: EspHomeAssumptions) -> ControllerState:
         """Return the state after a restart."""
-        return Running(boosted(parameters_of(words.values, assume), words.boost), COLD)
+        return ControllerState(with_boost(parameters_of(words.values, assume), words.boost), COLD)

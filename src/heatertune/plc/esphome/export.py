@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from heatertune.plc.esphome.words import FIELDS
-from heatertune.plc.parallel.window import Window, window_of
+from heatertune.plc.keyed_entry import entry_texts
+from heatertune.plc.parallel.window import PwmWindow, window_of
 from heatertune.plc.parallel.words import decimal
-from heatertune.plc.typed import entry_texts
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["entries", "export_words"]
@@ -72,7 +72,7 @@ def _boost(words: Words) -> str:
 
 
 def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
-    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.TypedWord`."""
     return entry_texts({field.name: _text(words, field.name) for field in FIELDS})
 
 
@@ -81,7 +81,7 @@ def _text(words: Words, name: str) -> str:
     return decimal(value, "REAL") if isinstance(value, float) else str(value)
 
 
-def _head(words: Words, certificate: Certificate, window: Window) -> tuple[str, ...]:
+def _head(words: Words, certificate: Certificate, window: PwmWindow) -> tuple[str, ...]:
     scale = words.scaling
     short = f"; slow_pwm has no period below {_LEAST_PERIOD_MS} ms" if window.period_ms < _LEAST_PERIOD_MS else ""
     least = ("; slow_pwm knows no shortest pulse or pause: the switch behind it has to"
@@ -90,6 +90,6 @@ def _head(words: Words, certificate: Certificate, window: Window) -> tuple[str, 
         "heater controller for ESPHome's PID climate",
         f"sensor {scale.low_degC:g}...{scale.high_degC:g} degC; TA: {words.sample_time_s:g} s; level 1 is full power",
         *certificate.head,
-        f"slow_pwm: {window.told}{short}{least}; pulses end with a round of the loop, about 16 ms",
+        f"slow_pwm: {window.summary}{short}{least}; pulses end with a round of the loop, about 16 ms",
         "remains to be done by hand: sensor and pin; a part of your own file, not a whole one",
     )

@@ -9,11 +9,11 @@ from typing import Final
 from heatertune.errors import InputError
 from heatertune.plc.boost import Boost
 from heatertune.plc.esphome.readback import from_text
-from heatertune.plc.esphome.step import Assumptions
-from heatertune.plc.exported import Settings
-from heatertune.plc.single import single
+from heatertune.plc.esphome.step import EspHomeAssumptions
+from heatertune.plc.exported import TextSettings
+from heatertune.plc.single_precision import single
 
-__all__ = ["exported"]
+__all__ = ["loaders"]
 
 _FILE: Final = "esphome_pid.yaml"
 _SETPOINT: Final = re.compile(r"^ +default_target_temperature: ([\d.+-]+)°C$", re.MULTILINE)
@@ -22,12 +22,12 @@ _BOOST: Final = re.compile(r"away > \(boosting \? ([\d.]+)f : ([\d.]+)f\)")
 _THROUGH: Final = re.compile(r"^ +heat_output: heater_level$", re.MULTILINE)
 
 
-def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> dict[str, Callable[[], Settings]]:  # noqa: ARG001
+def loaders(files: Mapping[str, str | bytes], assume: EspHomeAssumptions) -> dict[str, Callable[[], TextSettings]]:  # noqa: ARG001
     """Return what reads the file."""
     return {_FILE: lambda: _settings(str(files[_FILE]))}
 
 
-def _settings(text: str) -> Settings:
+def _settings(text: str) -> TextSettings:
     setpoint, period, boost = _SETPOINT.search(text), _PERIOD.search(text), _BOOST.search(text)
     if setpoint is None or period is None:
         raise InputError("default_target_temperature or period is not there")
@@ -35,4 +35,4 @@ def _settings(text: str) -> Settings:
         raise InputError("the boost is not between climate and slow_pwm")
     distances = None if boost is None else Boost(
         within_degC=single(float(boost[1])), again_degC=single(float(boost[2])))
-    return Settings(from_text(text, None, _FILE).values, distances, float(setpoint[1]), int(period[1]) / 1000.0)
+    return TextSettings(from_text(text, None, _FILE).values, distances, float(setpoint[1]), int(period[1]) / 1000.0)

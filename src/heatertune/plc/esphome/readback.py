@@ -9,8 +9,8 @@ from heatertune.errors import InputError
 from heatertune.plc.esphome.words import FIELDS
 from heatertune.plc.parallel.text import number_of
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import Collected, ReadBack, lines_of, wrong
-from heatertune.plc.single import single
+from heatertune.plc.readback import ReadBack, WordCollector, lines_of, wrong
+from heatertune.plc.single_precision import single
 
 __all__ = ["from_text"]
 
@@ -37,18 +37,18 @@ def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
         InputError: no kp, a word there with two values or no number, no interval; a dead band, a cooler, or another
             part that is not proven here.
     """
-    reader = _Reader(source, None if sample_time_s is None else round(1000.0 * sample_time_s))
+    reader = _YamlReader(source, None if sample_time_s is None else round(1000.0 * sample_time_s))
     for line, content in lines_of(text):
         reader.take(line, _LOGGED.sub("", content).strip())
     return reader.read()
 
 
-class _Reader:
+class _YamlReader:
     """The words of a text so far."""
 
     def __init__(self, source: str, interval_ms: int | None) -> None:
         self._source, self._interval = source, interval_ms
-        self._collected, self._seen, self._after_rule = Collected(source, FIELDS), set[str](), False
+        self._collected, self._seen, self._after_rule = WordCollector(source, FIELDS), set[str](), False
 
     def take(self, line: int, content: str) -> None:
         """Take a line without what the logger writes before it."""

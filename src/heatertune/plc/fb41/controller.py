@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import ClassVar
 
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core, Running, count
+from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, INPUT_S, RANGES, TICK_S, TIMER
 from heatertune.plc.fb41.export import export_words, setpoint_entry
-from heatertune.plc.fb41.exported import exported
+from heatertune.plc.fb41.exported import loaders
 from heatertune.plc.fb41.feed_forward import FEED
 from heatertune.plc.fb41.image import from_image, oddities
 from heatertune.plc.fb41.readback import from_text
-from heatertune.plc.fb41.step import Assumptions, restart, scan, step
+from heatertune.plc.fb41.step import ContCAssumptions, restart, scan, step
 from heatertune.plc.fb41.words import FIELDS, consistent, design_of, parameters_of, values_of
 from heatertune.plc.words import Words
 
@@ -34,7 +34,7 @@ class ContC(Controller, name="fb41"):
         "a PWM that OB35 cannot make, or by PID_Compact's rule, is left to a switch behind the analog output",
         "no setpoint weights: the block has none", "PV_IN is left out: the reading comes from PV_PER",
     )
-    fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, FULL_SCALE
+    fields, assumptions, timer, counts = FIELDS, ContCAssumptions, TIMER, FULL_SCALE
     ranges = RANGES
     #: SP_PER is a setpoint as an analog value; SP_INT, where given, is the block's own input
     inputs: ClassVar = {
@@ -42,17 +42,17 @@ class ContC(Controller, name="fb41"):
         "INT_HOLD": "BOOL", "COM_RST": "BOOL",
     }
     written = ("MAN_ON", "MAN")
-    ramped = True
+    has_ramp = True
     delay_s = INPUT_S
     tick_s = TICK_S
     most_power = ("LMN_HLM", 100.0)
-    core = Core(step=step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"))
+    core = StepFunctions(step=step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"))
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     export, image, oddities = staticmethod(export_words), staticmethod(from_image), staticmethod(oddities)
-    exported = staticmethod(exported)
+    load_exported = staticmethod(loaders)
     text, scan_all, feed = staticmethod(from_text), staticmethod(scan), FEED
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: ContCAssumptions) -> ControllerState:
         """Return the state after OB100's call with COM_RST."""
         parameters = parameters_of(words.values)
-        return Running((parameters, assume), restart(parameters))
+        return ControllerState((parameters, assume), restart(parameters))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 from heatertune.plc.cpu.s7_300 import awl
-from heatertune.plc.cpu.s7_300.cells import Member
+from heatertune.plc.cpu.s7_300.cells import BlockMember
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.program import Program, by_hand, counts_of, whole_number
+from heatertune.plc.cpu.s7_300.program import BlockProgram, by_hand, counts_of, whole_number
 from heatertune.plc.cpu.s7_300.real import quotient, real
-from heatertune.plc.cpu.s7_300.switch import PULSEGEN, Switching, like, switching
+from heatertune.plc.cpu.s7_300.switch import PULSEGEN, PwmSource, like, pwm_source
 from heatertune.plc.fb41.words import FIELDS
 from heatertune.plc.words import Certificate, Words
 
@@ -24,7 +24,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
 
     FB41 itself is not part of the source: it comes with STEP 7 (Standard Library, PID Control Blocks).
     """
-    return {"fb41_cont_c.awl": _source(words, certificate, switching(words, certificate, real=True)),
+    return {"fb41_cont_c.awl": _source(words, certificate, pwm_source(words, certificate, real=True)),
             "fb41_words.csv": awl.table(FIELDS, words)}
 
 
@@ -33,7 +33,7 @@ def source(words: Words, by: str) -> str:
     return _source(words, Certificate(verdict=""), like(words, by))
 
 
-def _source(words: Words, certificate: Certificate, switch: Switching) -> str:
+def _source(words: Words, certificate: Certificate, switch: PwmSource) -> str:
     low, factor = words.values["PV_OFF"], words.values["PV_FAC"]
     asked = "SP in degC" if words.ramp is None else (
         f"SP = {FULL_SCALE}/100 * (degC {0.0 - low:+g})/{factor:g}, {whole_number(words)}: OB 35 leads SP_INT there"
@@ -48,8 +48,8 @@ def _source(words: Words, certificate: Certificate, switch: Switching) -> str:
     return awl.text([*head, *_data_block(words), *program.blocks, *program.restart([]), *program.interrupt])
 
 
-def _program(words: Words, certificate: Certificate, switch: Switching) -> Program:
-    return Program(
+def _program(words: Words, certificate: Certificate, switch: PwmSource) -> BlockProgram:
+    return BlockProgram(
         input=words.scaling.input,
         real=True, setpoint=_setpoint(words, certificate), output=_LMN, word=f"DB{_DB}.DBW   76", ramp=words.ramp,
         switch=switch, temporaries=("raw : WORD", "manual : BOOL", *(() if words.ramp is None else ("led : REAL",))),
@@ -64,15 +64,15 @@ def _program(words: Words, certificate: Certificate, switch: Switching) -> Progr
         ])
 
 
-def _setpoint(words: Words, certificate: Certificate) -> Member:
+def _setpoint(words: Words, certificate: Certificate) -> BlockMember:
     """Return the setpoint as the proof had it: an analog value, which a ramp takes as it is, and the block in °C."""
     low, proven = words.scaling.low_degC, certificate.setpoint_degC
     asked = counts_of(words, low if proven is None else proven)
     if words.ramp is not None:
-        return Member("SP", "INT", asked, f"setpoint, yours: 0..{FULL_SCALE}")
+        return BlockMember("SP", "INT", asked, f"setpoint, yours: 0..{FULL_SCALE}")
     share = quotient(real(asked * 100.0)[0], FULL_SCALE)[0]
     scaled = real(real(share * words.values["PV_FAC"])[0] + words.values["PV_OFF"])[0]
-    return Member("SP", "REAL", scaled, "setpoint, yours: degC")
+    return BlockMember("SP", "REAL", scaled, "setpoint, yours: degC")
 
 
 def _data_block(words: Words) -> list[str]:

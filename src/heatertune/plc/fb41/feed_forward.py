@@ -10,10 +10,10 @@ from typing import Any, Final
 
 from heatertune.plc.cpu.s7_300 import awl
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.fb41.step import Assumptions, Parameters
-from heatertune.plc.feed_forward import Feed, FeedForward
+from heatertune.plc.fb41.step import ContCAssumptions, ContCParameters
+from heatertune.plc.feed_forward import FeedForward, FeedForwardHooks
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.plc.words import FORMATS, Certificate
 
 __all__ = ["FEED"]
@@ -25,7 +25,7 @@ def _listened(values: Mapping[str, Number]) -> Mapping[str, Number]:
     return values
 
 
-def _given(parameters: tuple[Parameters, Assumptions], value: Number) -> tuple[Any, Assumptions]:
+def _given(parameters: tuple[ContCParameters, ContCAssumptions], value: Number) -> tuple[Any, ContCAssumptions]:
     return parameters[0]._replace(disturbance=single(value)), parameters[1]
 
 
@@ -54,5 +54,6 @@ def _analog(line: FeedForward) -> list[str]:
             "      *R    ;", f"      L     {awl.real(line.at_low)};", "      +R    ;"]
 
 
-FEED: Final = Feed(
-    word="DISV", per_pct=1.0, most=FORMATS["REAL"][1], whole=False, listened=_listened, given=_given, listing=_listing)
+FEED: Final = FeedForwardHooks(
+    word="DISV", per_pct=1.0, most=FORMATS["REAL"][1], whole=False, listened=_listened, set_disturbance=_given,
+    listing=_listing)

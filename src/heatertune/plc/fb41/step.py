@@ -17,14 +17,15 @@ from typing import Annotated, Any, Final, NamedTuple
 
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.cpu.s7_300.real import clamp, quotient, real
-from heatertune.plc.open_points import Switch
+from heatertune.plc.open_points import OpenPoint
 
-__all__ = ["Assumptions", "Parameters", "State", "call", "outcome", "restart", "scaled", "scan", "step"]
+__all__ = ["ContCAssumptions", "ContCParameters", "ContCState", "call", "outcome", "restart", "scale_reading", "scan",
+           "step"]
 
 _PERCENT: Final = 100.0
 
 
-class Parameters(NamedTuple):
+class ContCParameters(NamedTuple):
     """The inputs of the block that are words; times in s as the block converts them."""
 
     cycle: float
@@ -50,24 +51,24 @@ class Parameters(NamedTuple):
     d_sel: bool
 
 
-class Assumptions(NamedTuple):
+class ContCAssumptions(NamedTuple):
     """What is not documented, see DIFFERENCES.md."""
 
-    rectangle: Annotated[bool, Switch(
+    rectangle: Annotated[bool, OpenPoint(
         name="integral", means={"trapezoid": False, "rectangle": True},
-        why="whether the I part takes the mean of two errors or the last one",
+        reason="whether the I part takes the mean of two errors or the last one",
     )] = False
-    whole_cycle: Annotated[bool, Switch(
+    whole_cycle: Annotated[bool, OpenPoint(
         name="derivative_lag", means={"half_cycle": False, "whole_cycle": True}, shows=lambda own: own[0].d_sel,
-        why="whether CYCLE/2 or CYCLE is added to TM_LAG: the bilinear or the backward form of the lag",
+        reason="whether CYCLE/2 or CYCLE is added to TM_LAG: the bilinear or the backward form of the lag",
     )] = False
-    only_held: Annotated[bool, Switch(
+    only_held: Annotated[bool, OpenPoint(
         name="anti_windup", means={"taken_back": False, "held": True},
-        why="whether an I part that alone leaves a limit is taken back to it, or only held there",
+        reason="whether an I part that alone leaves a limit is taken back to it, or only held there",
     )] = False
 
 
-class State(NamedTuple):
+class ContCState(NamedTuple):
     """What the instance data block keeps from call to call."""
 
     integral: float = 0.0
@@ -84,9 +85,9 @@ class State(NamedTuple):
 
 
 def step(
-    parameters: tuple[Parameters, Assumptions], state: State, setpoint: int, reading: int, _begins: bool
-) -> tuple[State, float, float, int]:
-    """Compute one scan, see `heatertune.plc.core.Core`.
+    parameters: tuple[ContCParameters, ContCAssumptions], state: ContCState, setpoint: int, reading: int, _begins: bool
+) -> tuple[ContCState, float, float, int]:
+    """Compute one scan, see `heatertune.plc.core.StepFunctions`.
 
     Args:
         parameters: the block's, and the assumptions.
@@ -95,13 +96,13 @@ def step(
         reading: analog value, −32768…32767.
         _begins: not looked at: the PWM is behind the output.
     """
-    asked, _ = scaled(parameters[0], setpoint)
+    asked, _ = scale_reading(parameters[0], setpoint)
     return _called(parameters[0], parameters[1], state, asked, reading)
 
 
 def scan(
-    parameters: tuple[Parameters, Assumptions], state: State, inputs: Mapping[str, Any]
-) -> tuple[State, float, float, int]:
+    parameters: tuple[ContCParameters, ContCAssumptions], state: ContCState, inputs: Mapping[str, Any]
+) -> tuple[ContCState, float, float, int]:
     """Compute one scan with PV_PER and SP_PER or SP_INT; what is not named stays as the words have it."""
     p, assume = parameters
     p = p._replace(
@@ -110,29 +111,29 @@ def scan(
     )
     if inputs.get("COM_RST", 0):
         return outcome(restart(p))
-    setpoint = inputs["SP_INT"] if "SP_INT" in inputs else scaled(p, int(inputs["SP_PER"]))[0]
+    setpoint = inputs["SP_INT"] if "SP_INT" in inputs else scale_reading(p, int(inputs["SP_PER"]))[0]
     return _called(p, assume, state, setpoint, int(inputs["PV_PER"]))
 
 
 def _called(
-    p: Parameters, assume: Assumptions, state: State, setpoint: float, reading: int
-) -> tuple[State, float, float, int]:
-    pv, os = scaled(p, reading)
+    p: ContCParameters, assume: ContCAssumptions, state: ContCState, setpoint: float, reading: int
+) -> tuple[ContCState, float, float, int]:
+    pv, os = scale_reading(p, reading)
     return outcome(call(p, assume, state, setpoint, pv, os))
 
 
-def outcome(after: State) -> tuple[State, float, float, int]:
+def outcome(after: ContCState) -> tuple[ContCState, float, float, int]:
     """Return the state, LMN as power, LMN, and the flags as bits."""
     bits = int(after.at_upper) + 2 * int(after.at_lower) + 4 * int(after.overflow)
     return after, clamp(after.output, 0.0, 100.0), after.output, bits
 
 
-def restart(p: Parameters) -> State:
+def restart(p: ContCParameters) -> ContCState:
     """Return the state after a call with COM_RST."""
-    return State(integral=p.initial)
+    return ContCState(integral=p.initial)
 
 
-def scaled(p: Parameters, reading: int, os: bool = False) -> tuple[float, bool]:
+def scale_reading(p: ContCParameters, reading: int, os: bool = False) -> tuple[float, bool]:
     """Return PV of an analog value, in the unit of PV_FAC, and OS after it."""
     value, os = real(reading * _PERCENT, os)
     value, os = quotient(value, FULL_SCALE, os)
@@ -141,8 +142,8 @@ def scaled(p: Parameters, reading: int, os: bool = False) -> tuple[float, bool]:
 
 
 def call(
-    p: Parameters, assume: Assumptions, state: State, setpoint: float, reading: float, os: bool = False
-) -> State:
+    p: ContCParameters, assume: ContCAssumptions, state: ContCState, setpoint: float, reading: float, os: bool = False
+) -> ContCState:
     """Return the state after one call.
 
     Args:
@@ -172,19 +173,19 @@ def call(
     limited = p.upper if at_upper else p.lower if at_lower else total
     output, os = real(limited * p.lmn_factor, os)
     output, os = real(output + p.lmn_offset, os)
-    return State(
+    return ContCState(
         integral, error, derivative, feedback, integral_rest, feedback_rest, limited, at_upper, at_lower, output, os
     )
 
 
-def _dead_band(p: Parameters, error: float, os: bool) -> tuple[float, bool]:
+def _dead_band(p: ContCParameters, error: float, os: bool) -> tuple[float, bool]:
     if error > p.dead_band:
         return real(error - p.dead_band, os)
     return real(error + p.dead_band, os) if error < -p.dead_band else (0.0, os)
 
 
 def _integral(
-    p: Parameters, assume: Assumptions, state: State, error: float, proportional: float, os: bool
+    p: ContCParameters, assume: ContCAssumptions, state: ContCState, error: float, proportional: float, os: bool
 ) -> tuple[float, float, bool]:
     """Return the integral part, what rounding cut off, and OS."""
     if not p.i_sel:
@@ -212,7 +213,7 @@ def _integral(
 
 
 def _derivative(
-    p: Parameters, assume: Assumptions, state: State, error: float, os: bool
+    p: ContCParameters, assume: ContCAssumptions, state: ContCState, error: float, os: bool
 ) -> tuple[float, float, float, bool]:
     """Return the derivative part, its feedback, what rounding cut off, and OS."""
     if p.man_on or not p.d_sel:
@@ -238,7 +239,7 @@ def _cut_off(before: float, after: float, change: float, os: bool) -> tuple[floa
 
 
 def _taken_back(
-    p: Parameters, integral: float, total: float, without_d: float, os: bool
+    p: ContCParameters, integral: float, total: float, without_d: float, os: bool
 ) -> tuple[float, bool]:
     """Take the integral part back to the limit that it alone leaves; OS comes with it."""
     room, os = real(p.upper - p.disturbance, os)

@@ -12,9 +12,9 @@ from typing import Final
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.cpu.s7_300.real import quotient, real
-from heatertune.plc.fb41.step import Parameters
+from heatertune.plc.fb41.step import ContCParameters
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.plc.words import FORMATS, Scaling, WordField, Words
 
 __all__ = ["FIELDS", "consistent", "design_of", "parameters_of", "values_of"]
@@ -141,10 +141,10 @@ def _whole(name: str, exact_ms: float, least: int) -> int:
     return word
 
 
-def parameters_of(v: Mapping[str, Number]) -> Parameters:
+def parameters_of(v: Mapping[str, Number]) -> ContCParameters:
     """Return the words as the block computes with them: TIME in ms becomes REAL in s."""
     seconds = {name: quotient(real(v[name])[0], 1000.0)[0] for name in ("CYCLE", "TI", "TD", "TM_LAG")}
-    return Parameters(
+    return ContCParameters(
         cycle=seconds["CYCLE"], gain=v["GAIN"], ti=seconds["TI"], td=seconds["TD"], tm_lag=seconds["TM_LAG"],
         dead_band=v["DEADB_W"], upper=v["LMN_HLM"], lower=v["LMN_LLM"], pv_factor=v["PV_FAC"], pv_offset=v["PV_OFF"],
         lmn_factor=v["LMN_FAC"], lmn_offset=v["LMN_OFF"], initial=v["I_ITLVAL"], disturbance=v["DISV"],

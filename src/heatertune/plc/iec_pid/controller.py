@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import ClassVar
 
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core, Running, Sensor, count
+from heatertune.plc.core import ControllerState, Sensor, StepFunctions, count
 from heatertune.plc.iec_pid.export import entries, export_words, setpoint_entry
-from heatertune.plc.iec_pid.exported import exported
+from heatertune.plc.iec_pid.exported import loaders
 from heatertune.plc.iec_pid.readback import from_text
-from heatertune.plc.iec_pid.step import COLD, Assumptions, block_of, scan, step
+from heatertune.plc.iec_pid.step import COLD, IecPidAssumptions, block_of, scan, step
 from heatertune.plc.iec_pid.words import (
     COUNTS,
     FIELDS,
@@ -21,7 +21,7 @@ from heatertune.plc.iec_pid.words import (
     values_of,
 )
 from heatertune.plc.pwm import HALF_WAVE_S
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.plc.words import Words
 
 __all__ = ["IecPid", "measure"]
@@ -49,20 +49,20 @@ class IecPid(Controller, name="iec-pid"):
         "a PWM by PID_Compact's rule is left to a switch behind XOUT",
         "a step of the I part below half a digit of its sum is lost: a slower CYCLE makes it larger",
     )
-    fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, COUNTS
+    fields, assumptions, timer, counts = FIELDS, IecPidAssumptions, TIMER, COUNTS
     inputs: ClassVar = {"SP": "REAL", "PV": "REAL", "X0": "REAL", "AUTO": "BOOL", "RUN": "BOOL"}
-    typed = staticmethod(entries)
+    keyed_entries = staticmethod(entries)
     tick_s = HALF_WAVE_S
-    ramped = boosted = True
+    has_ramp = has_boost = True
     most_power = ("XMAX", 100.0)
-    core = Core(step=step, measure=measure, flags=("upper limit", "lower limit", "overflow"), singles=True)
+    core = StepFunctions(step=step, measure=measure, flags=("upper limit", "lower limit", "overflow"), singles=True)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     interval_s, export, scan_all = staticmethod(interval_s), staticmethod(export_words), staticmethod(scan)
-    text, oddities, exported = staticmethod(from_text), staticmethod(oddities), staticmethod(exported)
+    text, oddities, load_exported = staticmethod(from_text), staticmethod(oddities), staticmethod(loaders)
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: IecPidAssumptions) -> ControllerState:
         """Return the state before the first call."""
         block = block_of(words.values, assume)
         if words.boost is not None:
             block = block._replace(within=words.boost.within_degC, again=words.boost.again_degC)
-        return Running((block, assume), COLD)
+        return ControllerState((block, assume), COLD)

@@ -10,13 +10,14 @@ from typing import Final
 
 from heatertune.plc.iec_pid.source import SOURCE
 from heatertune.plc.iec_pid.words import COUNTS, FIELDS
+from heatertune.plc.keyed_entry import entry_texts
 from heatertune.plc.st.head import by_hand, head_of
 from heatertune.plc.st.plcopen import project
 from heatertune.plc.st.program import (
-    Limits,
-    called,
+    ProgramLimits,
     clock_for,
-    enabling,
+    enable_condition,
+    instance_call,
     literal,
     program,
     proven_setpoint,
@@ -24,7 +25,6 @@ from heatertune.plc.st.program import (
     variables,
 )
 from heatertune.plc.st.source import comment, function_block
-from heatertune.plc.typed import entry_texts
 from heatertune.plc.words import Certificate, WordField, Words
 
 __all__ = ["PROJECT", "TEXT", "constants", "entries", "export_words", "setpoint_entry"]
@@ -39,7 +39,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     title = "heater controller: the PID of IEC 61131-3, repaired"
     head = (*head_of(title, words, words.whole["CYCLE"], certificate, clock), *by_hand(clock, certificate))
     own = variables(words, clock, proven_setpoint(words, certificate, COUNTS))
-    limits = Limits(most=words.values["XMAX"], cools=words.values["KP"] < 0.0)
+    limits = ProgramLimits(most=words.values["XMAX"], cools=words.values["KP"] < 0.0)
     body = statements(words, clock, _call(words), limits)
     return {
         TEXT: comment(*head) + function_block(SOURCE) + "\n" + program("Heater", {"HeaterPid": SOURCE.name}, own, body),
@@ -48,7 +48,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
 
 
 def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
-    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.TypedWord`."""
     return entry_texts(dict(constants(words, FIELDS)))
 
 
@@ -60,9 +60,9 @@ def constants(words: Words, fields: Iterable[WordField]) -> list[tuple[str, str]
 
 def _call(words: Words) -> str:
     setpoint = "HeaterSetPoint" if words.ramp is None else "HeaterRamp"
-    wires = [("RUN", enabling(words)), ("AUTO", "NOT ByHand"), ("PV", "HeaterTemperature"), ("SP", setpoint),
+    wires = [("RUN", enable_condition(words)), ("AUTO", "NOT ByHand"), ("PV", "HeaterTemperature"), ("SP", setpoint),
              ("X0", "HandPower"), *constants(words, FIELDS)]
-    return f"{called('HeaterPid', wires)}HeaterPower := HeaterPid.XOUT;\n"
+    return f"{instance_call('HeaterPid', wires)}HeaterPower := HeaterPid.XOUT;\n"
 
 
 def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:

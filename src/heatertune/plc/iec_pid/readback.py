@@ -6,7 +6,7 @@ from typing import Final
 
 from heatertune.plc.iec_pid.words import FIELDS
 from heatertune.plc.readback import ReadBack
-from heatertune.plc.st.readback import Block, words_in
+from heatertune.plc.st.readback import ExpectedBlock, words_in
 
 __all__ = ["UNITS", "from_text"]
 
@@ -15,4 +15,4 @@ UNITS: Final = {"KP": "%/°C", "TR": "s", "TD": "s", "XMIN": "%", "XMAX": "%", "
 
 def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     """Return the words in a text, and the inputs of the block that are none; errors as `words_in`."""
-    return words_in(text, source, Block(FIELDS, UNITS))
+    return words_in(text, source, ExpectedBlock(FIELDS, UNITS))

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from heatertune.plc.st.source import LARGEST, Source
+from heatertune.plc.st.source import LARGEST, BlockSource
 
 __all__ = ["SOURCE"]
 
-SOURCE: Final = Source("HT_IEC_PID", {
+SOURCE: Final = BlockSource("HT_IEC_PID", {
     "VAR_INPUT": (
         ("RUN", "BOOL", "", "FALSE: off, and the next call begins anew"),
         ("AUTO", "BOOL", "", "FALSE: by hand"),

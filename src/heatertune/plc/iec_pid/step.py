@@ -13,24 +13,25 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.open_points import Switch
-from heatertune.plc.single import LARGEST, divided, single
+from heatertune.plc.open_points import OpenPoint
+from heatertune.plc.single_precision import LARGEST, divide_single, single
 from heatertune.plc.st.duration import NANOSECONDS, SECONDS, TENS_OF_MS, time_to_real
 
-__all__ = ["COLD", "Assumptions", "Block", "Inputs", "State", "block_of", "call", "scan", "step"]
+__all__ = ["COLD", "IecPidAssumptions", "IecPidConstants", "IecPidInputs", "IecPidState", "block_of", "call", "scan",
+           "step"]
 
 
-class Assumptions(NamedTuple):
+class IecPidAssumptions(NamedTuple):
     """What the standard leaves open, see DIFFERENCES.md."""
 
-    time_unit: Annotated[int, Switch(
+    time_unit: Annotated[int, OpenPoint(
         name="time_unit", means={"s": SECONDS, "ten_ms": TENS_OF_MS, "ns": NANOSECONDS},
-        why="unit of TIME_TO_REAL: s (matiec: Beremiz, OpenPLC) or ms (CODESYS), which give the same bits here; "
+        reason="unit of TIME_TO_REAL: s (matiec: Beremiz, OpenPLC) or ms (CODESYS), which give the same bits here; "
             "whole tens of ms (FPWIN Pro); ns",
     )] = SECONDS
 
 
-class Block(NamedTuple):
+class IecPidConstants(NamedTuple):
     """The words as the block uses them, what follows from them alone, and the boost of the program around it."""
 
     kp: float
@@ -44,7 +45,7 @@ class Block(NamedTuple):
     again: float = math.inf
 
 
-class Inputs(NamedTuple):
+class IecPidInputs(NamedTuple):
     """What one call reads."""
 
     sp: float
@@ -54,7 +55,7 @@ class Inputs(NamedTuple):
     run: bool = True
 
 
-class State(NamedTuple):
+class IecPidState(NamedTuple):
     """What the instance keeps from call to call; all finite."""
 
     begun: bool = False
@@ -66,13 +67,14 @@ class State(NamedTuple):
     overflow: bool = False  # a number of the last call was not finite
 
 
-COLD: Final = State()
+COLD: Final = IecPidState()
 
 
 def step(
-    parameters: tuple[Block, Assumptions], state: State, setpoint: float, feedback: float, _begins: bool
-) -> tuple[State, float, float, int]:
-    """Compute one scan, see `heatertune.plc.core.Core`.
+    parameters: tuple[IecPidConstants, IecPidAssumptions], state: IecPidState, setpoint: float, feedback: float,
+    _begins: bool
+) -> tuple[IecPidState, float, float, int]:
+    """Compute one scan, see `heatertune.plc.core.StepFunctions`.
 
     Args:
         parameters: the block's, and the assumptions.
@@ -81,54 +83,54 @@ def step(
         feedback: PV, a REAL, °C.
         _begins: not looked at: the PWM is behind the output.
     """
-    automatic = Inputs(setpoint, feedback, setpoint, True, True)  # X0: nothing, but a REAL like the others
+    automatic = IecPidInputs(setpoint, feedback, setpoint, True, True)  # X0: nothing, but a REAL like the others
     return _scanned(parameters[0], state, automatic)
 
 
 def scan(
-    parameters: tuple[Block, Assumptions], state: State, inputs: Mapping[str, float]
-) -> tuple[State, float, float, int]:
+    parameters: tuple[IecPidConstants, IecPidAssumptions], state: IecPidState, inputs: Mapping[str, float]
+) -> tuple[IecPidState, float, float, int]:
     """Compute one scan with SP, PV and, where named, X0, AUTO and RUN."""
-    given = Inputs(
+    given = IecPidInputs(
         inputs["SP"], inputs["PV"], inputs.get("X0", 0.0), bool(inputs.get("AUTO", 1)), bool(inputs.get("RUN", 1)),
     )
     return _scanned(parameters[0], state, given)
 
 
-def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
+def block_of(values: Mapping[str, float], assume: IecPidAssumptions) -> IecPidConstants:
     """Return the block for its words; total for any of them."""
     kp, tr = float(values["KP"]), float(values["TR"])
     cycle, second = (time_to_real(int(ms), assume.time_unit) for ms in (values["CYCLE"], 1000))
-    t = divided(cycle, second)
-    return Block(
+    t = divide_single(cycle, second)
+    return IecPidConstants(
         kp=kp, tr=tr, td=float(values["TD"]), minimum=float(values["XMIN"]), maximum=float(values["XMAX"]),
-        growth=divided(single(kp * t), tr) if tr != 0.0 else 0.0, ten_t=single(10.0 * t),
+        growth=divide_single(single(kp * t), tr) if tr != 0.0 else 0.0, ten_t=single(10.0 * t),
     )
 
 
-def call(b: Block, s: State, x: Inputs) -> State:
+def call(b: IecPidConstants, s: IecPidState, x: IecPidInputs) -> IecPidState:
     """Return the state after one call; total for all inputs.
 
     An error that is not finite (a broken sensor, an overflow) leaves the memory as it was and, but by hand, asks for
     the lower limit.
     """
     if not x.run:
-        return State(False, s.e1, s.e2, s.e3, s.integral, single(0.0), False)
+        return IecPidState(False, s.e1, s.e2, s.e3, s.integral, single(0.0), False)
     error = single(x.sp - x.pv)
     if not abs(error) <= LARGEST:
         asked = b.minimum if x.auto else _limited(b, x.x0)
-        return State(s.begun, s.e1, s.e2, s.e3, s.integral, asked, True)
+        return IecPidState(s.begun, s.e1, s.e2, s.e3, s.integral, asked, True)
     if not s.begun:
-        s = State(True, error, error, error, single(0.0), s.output, False)
+        s = IecPidState(True, error, error, error, single(0.0), s.output, False)
     proportional = single(b.kp * error)
     if x.auto:
         return _automatic(b, s, error, proportional)
     output = _limited(b, x.x0)
     integral = _kept(s.integral, single(output - proportional)) if b.tr != 0.0 else single(0.0)
-    return State(True, error, error, error, integral, output, False)
+    return IecPidState(True, error, error, error, integral, output, False)
 
 
-def _automatic(b: Block, s: State, error: float, proportional: float) -> State:
+def _automatic(b: IecPidConstants, s: IecPidState, error: float, proportional: float) -> IecPidState:
     integral = single(0.0)
     if b.tr != 0.0:
         total = single(s.integral + single(b.growth * error))
@@ -140,29 +142,29 @@ def _automatic(b: Block, s: State, error: float, proportional: float) -> State:
         integral = _kept(s.integral, total)
     wanted = single(proportional + integral)
     if b.td != 0.0:
-        slope = divided(single(single(single(3.0 * single(error - s.e3)) + s.e1) - s.e2), b.ten_t)
+        slope = divide_single(single(single(single(3.0 * single(error - s.e3)) + s.e1) - s.e2), b.ten_t)
         wanted = single(wanted + single(b.kp * single(b.td * slope)))
     finite = abs(wanted) <= LARGEST
-    return State(True, error, s.e1, s.e2, integral, _limited(b, wanted), not finite)
+    return IecPidState(True, error, s.e1, s.e2, integral, _limited(b, wanted), not finite)
 
 
-def _scanned(b: Block, state: State, x: Inputs) -> tuple[State, float, float, int]:
+def _scanned(b: IecPidConstants, state: IecPidState, x: IecPidInputs) -> tuple[IecPidState, float, float, int]:
     """Return the state, the output as power, the output, and the flags as bits."""
     boosts = _boosts(b, state, x)
-    after = call(b, state, Inputs(x.sp, x.pv, x.x0, x.auto, x.run and not boosts))
+    after = call(b, state, IecPidInputs(x.sp, x.pv, x.x0, x.auto, x.run and not boosts))
     output = b.maximum if boosts else after.output
     bits = int(output >= b.maximum) + 2 * int(output <= b.minimum) + 4 * int(after.overflow)
     return after, min(max(output, 0.0), 100.0), output, bits
 
 
-def _boosts(b: Block, s: State, x: Inputs) -> bool:
+def _boosts(b: IecPidConstants, s: IecPidState, x: IecPidInputs) -> bool:
     """Return whether the program leaves RUN FALSE and gives full power itself; an error without end is no reason to."""
     away = single(x.pv - x.sp) if b.kp < 0.0 else single(x.sp - x.pv)
     far = away > (b.again if s.begun or s.overflow else b.within)  # overflow: RUN was TRUE, at no number
     return far and away <= LARGEST and x.run and x.auto
 
 
-def _limited(b: Block, value: float) -> float:
+def _limited(b: IecPidConstants, value: float) -> float:
     """Return the value within the limits; what is not a number is the lower one: the heater goes off."""
     if not value >= b.minimum:
         return b.minimum

@@ -10,7 +10,7 @@ from heatertune.errors import OutOfRange
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.ramp import Number
-from heatertune.plc.words import FORMATS, Scaling, WordField, Words, stored
+from heatertune.plc.words import FORMATS, Scaling, WordField, Words, round_to_word
 
 __all__ = ["COUNTS", "CYCLE_FIELD", "FIELDS", "KP_FIELD", "TD_FIELD", "TIMER", "TR_FIELD", "consistent", "design_of",
            "interval_s", "oddities", "real_field", "values_of"]
@@ -51,9 +51,9 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, Number]:  # noqa
     """
     tn = design.integral_time_s
     return {
-        "KP": stored(KP_FIELD, design.gain_pct_per_degC, "a K nearer to 1 %/°C would fit"),
-        "TR": 0.0 if math.isinf(tn) else stored(TR_FIELD, tn, "a TN nearer to 1 s would fit"),
-        "TD": stored(TD_FIELD, design.derivative_time_s, "a TV nearer to 1 s would fit"),
+        "KP": round_to_word(KP_FIELD, design.gain_pct_per_degC, "a K nearer to 1 %/°C would fit"),
+        "TR": 0.0 if math.isinf(tn) else round_to_word(TR_FIELD, tn, "a TN nearer to 1 s would fit"),
+        "TD": round_to_word(TD_FIELD, design.derivative_time_s, "a TV nearer to 1 s would fit"),
         "XMIN": 0.0, "XMAX": 100.0, "CYCLE": round(1000.0 * design.sample_time_s),
     }
 

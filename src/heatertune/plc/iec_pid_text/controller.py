@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import ClassVar
 
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core, Running
+from heatertune.plc.core import ControllerState, StepFunctions
 from heatertune.plc.iec_pid.controller import measure
 from heatertune.plc.iec_pid.export import setpoint_entry
 from heatertune.plc.iec_pid.words import COUNTS, TIMER, interval_s
 from heatertune.plc.iec_pid_text.export import entries, export_words
 from heatertune.plc.iec_pid_text.faults import faults
 from heatertune.plc.iec_pid_text.readback import from_text
-from heatertune.plc.iec_pid_text.step import COLD, Assumptions, block_of, scan, step
+from heatertune.plc.iec_pid_text.step import COLD, StandardPidAssumptions, block_of, scan, step
 from heatertune.plc.iec_pid_text.words import FIELDS, design_of, values_of
 from heatertune.plc.pwm import HALF_WAVE_S
 from heatertune.plc.words import Words
@@ -33,15 +33,15 @@ class StandardPid(Controller, name="iec-pid-text"):
         "one unit of time in the I and D part for seconds alone (`--switch time_unit=s`: matiec)",
         "no setpoint ramp and no boost",
     )
-    fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, COUNTS
+    fields, assumptions, timer, counts = FIELDS, StandardPidAssumptions, TIMER, COUNTS
     inputs: ClassVar = {"SP": "REAL", "PV": "REAL", "X0": "REAL", "AUTO": "BOOL"}
-    typed = staticmethod(entries)
+    keyed_entries = staticmethod(entries)
     tick_s = HALF_WAVE_S
-    core = Core(step=step, measure=measure, flags=("above 100 %", "below 0 %", "overflow"), singles=True)
+    core = StepFunctions(step=step, measure=measure, flags=("above 100 %", "below 0 %", "overflow"), singles=True)
     values, design, interval_s = staticmethod(values_of), staticmethod(design_of), staticmethod(interval_s)
     export, scan_all, faults = staticmethod(export_words), staticmethod(scan), staticmethod(faults)
     text = staticmethod(from_text)
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: StandardPidAssumptions) -> ControllerState:
         """Return the state before the first call."""
-        return Running((block_of(words.values, assume), assume), COLD)
+        return ControllerState((block_of(words.values, assume), assume), COLD)

@@ -8,10 +8,18 @@ from heatertune.plc.iec_pid.export import constants
 from heatertune.plc.iec_pid.words import COUNTS
 from heatertune.plc.iec_pid_text.faults import faults
 from heatertune.plc.iec_pid_text.words import FIELDS
+from heatertune.plc.keyed_entry import entry_texts
 from heatertune.plc.st.head import head_of
-from heatertune.plc.st.program import Limits, called, clock_for, program, proven_setpoint, statements, variables
+from heatertune.plc.st.program import (
+    ProgramLimits,
+    clock_for,
+    instance_call,
+    program,
+    proven_setpoint,
+    statements,
+    variables,
+)
 from heatertune.plc.st.source import comment
-from heatertune.plc.typed import entry_texts
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["TEXT", "entries", "export_words"]
@@ -20,7 +28,7 @@ TEXT: Final = "iec_pid_text.st"
 
 
 def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
-    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.TypedWord`."""
     return entry_texts(dict(constants(words, FIELDS)))
 
 
@@ -31,9 +39,9 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
                    words, words.whole["CYCLE"], certificate, clock)
     lines = [*head, *(f"fault: {fault}" for fault in faults(words))]
     listed = variables(words, clock, proven_setpoint(words, certificate, COUNTS))
-    limits = Limits(most=100.0, cools=words.values["KP"] > 0.0)
+    limits = ProgramLimits(most=100.0, cools=words.values["KP"] > 0.0)
     wires = [("AUTO", "HeaterOn AND NOT ByHand"), ("PV", "HeaterTemperature"), ("SP", "HeaterSetPoint"),
              ("X0", "HandPower"), *constants(words, FIELDS)]
-    call = f"{called('HeaterPid', wires)}HeaterPower := HeaterPid.XOUT;\n"
+    call = f"{instance_call('HeaterPid', wires)}HeaterPower := HeaterPid.XOUT;\n"
     text = program("Heater", {"HeaterPid": "PID"}, listed, statements(words, clock, call, limits))
     return {TEXT: comment(*lines) + text}

@@ -12,19 +12,19 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.single import divided, single
+from heatertune.plc.single_precision import divide_single, single
 from heatertune.plc.st.duration import SECONDS, TIME_UNIT, time_to_real
 
-__all__ = ["COLD", "Assumptions", "Block", "State", "block_of", "call", "scan", "step"]
+__all__ = ["COLD", "StandardPidAssumptions", "StandardPidBlock", "StandardPidState", "block_of", "call", "scan", "step"]
 
 
-class Assumptions(NamedTuple):
+class StandardPidAssumptions(NamedTuple):
     """What the standard leaves open, see DIFFERENCES.md."""
 
     time_unit: Annotated[int, TIME_UNIT] = SECONDS
 
 
-class Block(NamedTuple):
+class StandardPidBlock(NamedTuple):
     """The words as the block uses them, and what follows from them alone."""
 
     kp: float
@@ -34,7 +34,7 @@ class Block(NamedTuple):
     ten_t: float
 
 
-class State(NamedTuple):
+class StandardPidState(NamedTuple):
     """What the instance keeps from call to call."""
 
     total: float = 0.0  # ITERM.XOUT
@@ -43,13 +43,14 @@ class State(NamedTuple):
     x3: float = 0.0
 
 
-COLD: Final = State()
+COLD: Final = StandardPidState()
 
 
 def step(
-    parameters: tuple[Block, Assumptions], state: State, setpoint: float, feedback: float, _begins: bool
-) -> tuple[State, float, float, int]:
-    """Compute one scan in automatic, see `heatertune.plc.core.Core`.
+    parameters: tuple[StandardPidBlock, StandardPidAssumptions], state: StandardPidState, setpoint: float,
+    feedback: float, _begins: bool
+) -> tuple[StandardPidState, float, float, int]:
+    """Compute one scan in automatic, see `heatertune.plc.core.StepFunctions`.
 
     Args:
         parameters: the block's, and the assumptions.
@@ -62,20 +63,22 @@ def step(
 
 
 def scan(
-    parameters: tuple[Block, Assumptions], state: State, inputs: Mapping[str, float]
-) -> tuple[State, float, float, int]:
+    parameters: tuple[StandardPidBlock, StandardPidAssumptions], state: StandardPidState, inputs: Mapping[str, float]
+) -> tuple[StandardPidState, float, float, int]:
     """Compute one scan with SP, PV and, where named, X0 and AUTO."""
     error, auto = single(inputs["PV"] - inputs["SP"]), bool(inputs.get("AUTO", 1))
     return _outcome(*call(parameters[0], state, error, inputs.get("X0", 0.0), auto))
 
 
-def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
+def block_of(values: Mapping[str, float], assume: StandardPidAssumptions) -> StandardPidBlock:
     """Return the block for its words; total for any of them."""
     t = time_to_real(int(values["CYCLE"]), assume.time_unit)
-    return Block(kp=float(values["KP"]), tr=float(values["TR"]), td=float(values["TD"]), t=t, ten_t=single(10.0 * t))
+    return StandardPidBlock(kp=float(values["KP"]), tr=float(values["TR"]), td=float(values["TD"]), t=t,
+                            ten_t=single(10.0 * t))
 
 
-def call(b: Block, s: State, error: float, x0: float, auto: bool) -> tuple[State, float]:
+def call(b: StandardPidBlock, s: StandardPidState, error: float, x0: float, auto: bool) -> tuple[StandardPidState,
+                                                                                                 float]:
     """Return the state after one call, and XOUT; total for all inputs.
 
     Args:
@@ -87,16 +90,16 @@ def call(b: Block, s: State, error: float, x0: float, auto: bool) -> tuple[State
     """
     if auto:
         total = single(s.total + single(error * b.t))
-        slope = divided(single(single(single(3.0 * single(error - s.x3)) + s.x1) - s.x2), b.ten_t)
-        after = State(total, error, s.x1, s.x2)
+        slope = divide_single(single(single(single(3.0 * single(error - s.x3)) + s.x1) - s.x2), b.ten_t)
+        after = StandardPidState(total, error, s.x1, s.x2)
     else:
         total, slope = single(b.tr * single(x0 - error)), single(0.0)
-        after = State(total, error, error, error)
-    parts = single(single(error + divided(total, b.tr)) + single(slope * b.td))
+        after = StandardPidState(total, error, error, error)
+    parts = single(single(error + divide_single(total, b.tr)) + single(slope * b.td))
     return after, single(b.kp * parts)
 
 
-def _outcome(after: State, output: float) -> tuple[State, float, float, int]:
+def _outcome(after: StandardPidState, output: float) -> tuple[StandardPidState, float, float, int]:
     """Return the state, an output as power, the output, and the flags as bits."""
     bits = int(output > 100.0) + 2 * int(output < 0.0) + 4 * int(not math.isfinite(output))
     power = min(max(output, 0.0), 100.0) if output >= 0.0 else 0.0  # what is no number puts no switch on

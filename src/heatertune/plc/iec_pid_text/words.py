@@ -9,7 +9,7 @@ from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.iec_pid.words import CYCLE_FIELD, TD_FIELD, TR_FIELD, real_field
 from heatertune.plc.ramp import Number
-from heatertune.plc.words import FORMATS, Scaling, WordField, Words, stored
+from heatertune.plc.words import FORMATS, Scaling, WordField, Words, round_to_word
 
 __all__ = ["FIELDS", "design_of", "values_of"]
 
@@ -29,9 +29,9 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, Number]:  # noqa
     if math.isinf(design.integral_time_s):
         raise NotRepresentable("word TR", 0.0, "above 0: the block divides by it", "a PI or PID would fit")
     return {
-        "KP": stored(_KP, -design.gain_pct_per_degC, "a K nearer to 1 %/°C would fit"),
-        "TR": stored(TR_FIELD, design.integral_time_s, "a TN nearer to 1 s would fit"),
-        "TD": stored(TD_FIELD, design.derivative_time_s, "a TV nearer to 1 s would fit"),
+        "KP": round_to_word(_KP, -design.gain_pct_per_degC, "a K nearer to 1 %/°C would fit"),
+        "TR": round_to_word(TR_FIELD, design.integral_time_s, "a TN nearer to 1 s would fit"),
+        "TD": round_to_word(TD_FIELD, design.derivative_time_s, "a TV nearer to 1 s would fit"),
         "CYCLE": round(1000.0 * design.sample_time_s),
     }
 

@@ -6,11 +6,11 @@ from typing import ClassVar
 
 from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core, Running
+from heatertune.plc.core import ControllerState, StepFunctions
 from heatertune.plc.klipper.export import entries, export_words
-from heatertune.plc.klipper.exported import exported
+from heatertune.plc.klipper.exported import loaders
 from heatertune.plc.klipper.readback import from_text
-from heatertune.plc.klipper.step import COLD, FLAGS, Assumptions, loop_of, measure, step
+from heatertune.plc.klipper.step import COLD, FLAGS, KlipperAssumptions, loop_of, measure, step
 from heatertune.plc.klipper.words import FIELDS, REPORT_S, USUAL, design_of, interval_s, oddities, past_of, values_of
 from heatertune.plc.words import Words
 
@@ -32,7 +32,7 @@ class Klipper(Controller, name="klipper"):
         "no setpoint ramp: the firmware has none",
         "a change below 5 % waits for the next refresh, up to 2.4 s; a heater that is off never gets less than 5 %",
     )
-    fields, assumptions = FIELDS, Assumptions
+    fields, assumptions = FIELDS, KlipperAssumptions
     timer = Timer(shortest_s=REPORT_S, longest_s=REPORT_S, step_s=REPORT_S)
     inputs: ClassVar = {"target": "LREAL", "temperature": "LREAL"}
     #: 0.1 °C of 0…300 °C: a thermistor of 100 kΩ behind 4.7 kΩ, eight samples of twelve bits summed, at 300 °C
@@ -41,15 +41,15 @@ class Klipper(Controller, name="klipper"):
     delay_s = REPORT_S + 0.008
     tick_s = 1e-5
     pwm_period_s = 0.1
-    typed = staticmethod(entries)
+    keyed_entries = staticmethod(entries)
     derivative_filter = past_of(USUAL["smooth_time"])
     most_power = ("max_power", 1.0)
-    core = Core(step=step, measure=measure, flags=FLAGS)
+    core = StepFunctions(step=step, measure=measure, flags=FLAGS)
     values, design, interval_s = staticmethod(values_of), staticmethod(design_of), staticmethod(interval_s)
     export, text, oddities = staticmethod(export_words), staticmethod(from_text), staticmethod(oddities)
     text_of_heater = staticmethod(from_text)
-    exported = staticmethod(exported)
+    load_exported = staticmethod(loaders)
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: KlipperAssumptions) -> ControllerState:
         """Return the state of a host that has started and read the temperature with its heater off."""
-        return Running(loop_of(words.values, assume), COLD)
+        return ControllerState(loop_of(words.values, assume), COLD)

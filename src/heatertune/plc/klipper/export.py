@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Final
 
 from heatertune.plc.cpu.letters import in_ascii
+from heatertune.plc.keyed_entry import entry_texts
 from heatertune.plc.klipper.words import FIELDS, PLACES, REPORT_S
 from heatertune.plc.printer_heater import PLACEHOLDER, UNKNOWN
-from heatertune.plc.typed import entry_texts
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["entries", "export_words", "heater_of"]
@@ -22,7 +22,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
 
 
 def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
-    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.TypedWord`."""
     return entry_texts(_values(words))
 
 

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 from heatertune.errors import InputError
 from heatertune.plc.klipper.words import FIELDS, PLACES, USUAL
 from heatertune.plc.printer_heater import KLIPPER_HEATER, UNKNOWN, several
-from heatertune.plc.readback import Collected, ReadBack, lines_of, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, lines_of, wrong
 
 __all__ = ["from_text"]
 
@@ -45,7 +45,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str, heater: str 
         InputError: a line that is none, a gain that is missing, there with two values, no number of three decimals or
             out of its range; another control than pid; several heaters, and which one is unknown; none of this kind.
     """
-    collected, printed = Collected(source, FIELDS), False
+    collected, printed = WordCollector(source, FIELDS), False
     for number, line in lines_of(text):
         found = _PRINTED.search(line)
         if found is not None and not line.startswith("#"):
@@ -96,7 +96,7 @@ def _section(lines: list[_Line], source: str, heater: str) -> str:
     raise several(source, heads, [kind for kind in KLIPPER_HEATER.told if kinds.count(kind) == 1])
 
 
-def _of_section(lines: list[_Line], section: str, collected: Collected, source: str) -> ReadBack:
+def _of_section(lines: list[_Line], section: str, collected: WordCollector, source: str) -> ReadBack:
     own = [line for line in lines if line.section == section]
     saved = {line.name for line in own if line.saved}
     over, there = [], set()
@@ -118,7 +118,7 @@ def _of_section(lines: list[_Line], section: str, collected: Collected, source: 
     return ReadBack(_with_usual(collected, there), (*over, *_told(there)))
 
 
-def _with_usual(collected: Collected, there: set[str]) -> dict[str, int | float]:
+def _with_usual(collected: WordCollector, there: set[str]) -> dict[str, int | float]:
     for name, value in USUAL.items():
         if name not in there:
             collected.put(name, value, 0, f"{value:.{PLACES}f}")

@@ -18,11 +18,11 @@ from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.klipper.words import GAIN_BASE, REPORT_S
-from heatertune.plc.open_points import Switch
+from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.printer_heater import KLIPPER_HEATER
 from heatertune.plc.ramp import Number
 
-__all__ = ["COLD", "FLAGS", "Assumptions", "Loop", "State", "loop_of", "measure", "step"]
+__all__ = ["COLD", "FLAGS", "KlipperAssumptions", "KlipperLoop", "KlipperState", "loop_of", "measure", "step"]
 
 #: which source: what a change is held against, and how long a command holds
 KLIPPER: Final = 0
@@ -37,18 +37,18 @@ _REPORTS: Final = 8
 _REPORTS_OLDER: Final = 14
 
 
-class Assumptions(NamedTuple):
+class KlipperAssumptions(NamedTuple):
     """In what the sources differ, see DIFFERENCES.md."""
 
-    source: Annotated[int, Switch(
+    source: Annotated[int, OpenPoint(
         name="firmware", means={"klipper": KLIPPER, "kalico": KALICO, "older": OLDER},
-        why="which source runs: a change that is not sent is below 5 % of max_power (klipper) or of full power "
+        reason="which source runs: a change that is not sent is below 5 % of max_power (klipper) or of full power "
             "(kalico, older); a command is sent again after 2.4 s (klipper, kalico) or 4.2 s (older)",
     )] = KLIPPER
     heater: Annotated[int, KLIPPER_HEATER] = 0
 
 
-class Loop(NamedTuple):
+class KlipperLoop(NamedTuple):
     """What words and source make."""
 
     kp: float
@@ -61,7 +61,7 @@ class Loop(NamedTuple):
     reports: int
 
 
-class State(NamedTuple):
+class KlipperState(NamedTuple):
     """What the host keeps from report to report."""
 
     begun: bool = False
@@ -72,13 +72,13 @@ class State(NamedTuple):
     since: int = 0  # reports since then
 
 
-COLD: Final = State()
+COLD: Final = KlipperState()
 
 
-def loop_of(values: Mapping[str, Number], assume: Assumptions) -> Loop:
+def loop_of(values: Mapping[str, Number], assume: KlipperAssumptions) -> KlipperLoop:
     """Return what the host makes of the words when it starts."""
     ki, most = values["pid_Ki"] / GAIN_BASE, float(values["max_power"])
-    return Loop(
+    return KlipperLoop(
         kp=values["pid_Kp"] / GAIN_BASE, ki=ki, kd=values["pid_Kd"] / GAIN_BASE, most=most,
         most_integral=most / ki if ki else 0.0, smooth=float(values["smooth_time"]),
         band=most * _BAND if assume.source == KLIPPER else _BAND,
@@ -92,9 +92,9 @@ def measure(sensor: Sensor, temperature_degC: float) -> float:
 
 
 def step(
-    loop: Loop, state: State, setpoint: float, reading: float, _begins: bool
-) -> tuple[State, float, float, int]:
-    """Take one report, see `heatertune.plc.core.Core`.
+    loop: KlipperLoop, state: KlipperState, setpoint: float, reading: float, _begins: bool
+) -> tuple[KlipperState, float, float, int]:
+    """Take one report, see `heatertune.plc.core.StepFunctions`.
 
     Args:
         loop: what words and source make.
@@ -117,10 +117,10 @@ def step(
         asked = 0.0
     kept = state.since < loop.reports or state.duty == 0.0
     if kept and abs(asked - state.duty) < loop.band:
-        after = State(True, reading, slope, integral, state.duty, min(state.since + 1, loop.reports))
+        after = KlipperState(True, reading, slope, integral, state.duty, min(state.since + 1, loop.reports))
         flags += 4
     else:
-        after = State(True, reading, slope, integral, asked, 1)
+        after = KlipperState(True, reading, slope, integral, asked, 1)
     return after, 100.0 * after.duty, after.duty, flags
 
 

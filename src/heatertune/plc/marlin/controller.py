@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import ClassVar, Final
 
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Running
+from heatertune.plc.core import ControllerState
 from heatertune.plc.marlin.export import entries, export_words
-from heatertune.plc.marlin.exported import exported
+from heatertune.plc.marlin.exported import loaders
 from heatertune.plc.marlin.readback import from_text
-from heatertune.plc.marlin.step import Assumptions, parameters_of, scan
+from heatertune.plc.marlin.step import MarlinAssumptions, parameters_of, scan
 from heatertune.plc.marlin.words import COUNTS, FIELDS, TIMER, design_of, interval_s, oddities, values_of
 from heatertune.plc.parallel.step import COLD, PARALLEL
 from heatertune.plc.words import Words
@@ -36,9 +36,9 @@ class Marlin(Controller, name="marlin"):
         "no coolers; no terms for extrusion and fan (PID_EXTRUSION_SCALING, PID_FAN_SCALING)",
         "the firmware's own supervision (MINTEMP, MAXTEMP, thermal runaway) is not simulated",
     )
-    fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, Assumptions
+    fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, MarlinAssumptions
     inputs: ClassVar = {"target": "REAL", "celsius": "REAL"}
-    typed = staticmethod(entries)
+    keyed_entries = staticmethod(entries)
     derivative_filter = 0.95
     tick_s = 0.001
     pwm_period_s = 0.127
@@ -46,7 +46,7 @@ class Marlin(Controller, name="marlin"):
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     interval_s, oddities, text = staticmethod(interval_s), staticmethod(oddities), staticmethod(from_text)
     text_of_heater = staticmethod(from_text)
-    scan_all, exported = staticmethod(scan), staticmethod(exported)
+    scan_all, load_exported = staticmethod(scan), staticmethod(loaders)
 
     def again_degC(self, words: Words) -> float | None:
         """Return the firmware's window, less what the rounded setpoint and the reading's steps may take of it."""
@@ -56,6 +56,6 @@ class Marlin(Controller, name="marlin"):
         """Return the window, and what may be added to it."""
         return float(words.values["PID_FUNCTIONAL_RANGE"]) + _ROUNDED_DEGC + words.scaling.span_degC / COUNTS
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: MarlinAssumptions) -> ControllerState:
         """Return the state after power-on."""
-        return Running(parameters_of(words.values, assume), COLD)
+        return ControllerState(parameters_of(words.values, assume), COLD)

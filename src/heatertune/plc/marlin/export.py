@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Final
 
 from heatertune.plc.cpu.letters import in_ascii
+from heatertune.plc.keyed_entry import entry_texts
 from heatertune.plc.marlin.words import FIELDS, GAINS
 from heatertune.plc.parallel.words import decimal
 from heatertune.plc.printer_heater import UNKNOWN
-from heatertune.plc.typed import entry_texts
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["entries", "export_words"]
@@ -59,7 +59,7 @@ def _commands(words: Words, heater: str) -> list[str]:
 
 
 def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
-    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.TypedWord`."""
     return entry_texts({field.name: _text(words, field.name) for field in FIELDS})
 
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from heatertune.plc.exported import Settings
+from heatertune.plc.exported import TextSettings
 from heatertune.plc.marlin.readback import from_text
-from heatertune.plc.marlin.step import Assumptions
+from heatertune.plc.marlin.step import MarlinAssumptions
 
-__all__ = ["exported"]
+__all__ = ["loaders"]
 
 
-def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> dict[str, Callable[[], Settings]]:  # noqa: ARG001
+def loaders(files: Mapping[str, str | bytes], assume: MarlinAssumptions) -> dict[str, Callable[[], TextSettings]]:  # noqa: ARG001
     """Return what reads each file: both set all words."""
     return {file: partial(_settings, file, str(text)) for file, text in files.items()}
 
 
-def _settings(file: str, text: str) -> Settings:
-    return Settings(from_text(text, None, file).values)
+def _settings(file: str, text: str) -> TextSettings:
+    return TextSettings(from_text(text, None, file).values)

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 from heatertune.errors import InputError
 from heatertune.plc.marlin.words import FIELDS, LEAST_LOOPS, LOOP_S, USUAL
 from heatertune.plc.printer_heater import UNKNOWN, several
-from heatertune.plc.readback import Collected, ReadBack, lines_of, real_of, whole_of, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, lines_of, real_of, whole_of, wrong
 
 __all__ = ["from_text"]
 
@@ -70,7 +70,7 @@ def from_text(text: str, sample_time_s: float | None, source: str, heater: str =
         InputError: a gain that is missing, there with two values or no number; M301 of a second hot end; different
             gains of a hot end and a bed, and which one's is unknown; none of this heater.
     """
-    collected, over = Collected(source, FIELDS), list[str]()
+    collected, over = WordCollector(source, FIELDS), list[str]()
     entries = list[_Entry]()
     for line, content in lines_of(text):
         found = _line(content, line, source)

@@ -5,12 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.open_points import Switch
-from heatertune.plc.parallel.step import WINDOW, Parameters, State, called, narrowed_to, quotient, scanned
+from heatertune.plc.open_points import OpenPoint
+from heatertune.plc.parallel.step import (
+    WINDOW,
+    ParallelParameters,
+    ParallelState,
+    compute_call,
+    narrowed_to,
+    quotient,
+    scan_result,
+)
 from heatertune.plc.printer_heater import MARLIN_HEATER
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 
-__all__ = ["Assumptions", "parameters_of", "scan"]
+__all__ = ["MarlinAssumptions", "parameters_of", "scan"]
 
 _OVERSAMPLED: Final = 16.0
 _HZ: Final = 1000.0
@@ -18,33 +26,35 @@ _AVR_HZ: Final = 976.5625  # 16 MHz/64/256
 _STEPS: Final = 127.0
 
 
-class Assumptions(NamedTuple):
+class MarlinAssumptions(NamedTuple):
     """What depends on the build, see DIFFERENCES.md."""
 
-    avr: Annotated[bool, Switch(
+    avr: Annotated[bool, OpenPoint(
         name="timer", means={"1000hz": False, "977hz": True},
-        why="frequency of the temperature timer, by which I and D are scaled: 1000 Hz, or 976.5625 Hz of an AVR of "
+        reason="frequency of the temperature timer, by which I and D are scaled: 1000 Hz, or 976.5625 Hz of an AVR of "
             "16 MHz",
     )] = False
-    inside: Annotated[bool, Switch(
+    inside: Annotated[bool, OpenPoint(
         name="history", means={"all": False, "inside": True},
-        why="the reading before, of which D takes the change: that of every update (2.0, and again since March 2024), "
+        reason="the reading before, of which D takes the change: that of every update (2.0, and again since March "
+               "2024), "
             "or of the last one within the window, 0 at power-on (2.1.0 to 2.1.2)",
     )] = False
     heater: Annotated[int, MARLIN_HEATER] = 0
 
 
-def parameters_of(values: Mapping[str, float], assume: Assumptions) -> Parameters:
+def parameters_of(values: Mapping[str, float], assume: MarlinAssumptions) -> ParallelParameters:
     """Return the gains as the firmware keeps them: I times PID_dT, D divided by it."""
     interval = single(_OVERSAMPLED * values["ADC_LOOPS"] / (_AVR_HZ if assume.avr else _HZ))
     ki, high = single(values["Ki"] * interval), float(values["PID_MAX"])
-    return Parameters(
+    return ParallelParameters(
         law=WINDOW, narrow=True, kp=float(values["Kp"]), ki=ki, kd=narrowed_to(True, values["Kd"] / interval),
         low=0.0, high=high, least=0.0, most=quotient(True, high, ki), full=_STEPS, interval=interval,
         window=float(values["PID_FUNCTIONAL_RANGE"]), weight=single(1.0 - values["PID_K1"]),
         inside=assume.inside)
 
 
-def scan(p: Parameters, state: State, inputs: Mapping[str, float]) -> tuple[State, float, float, int]:
+def scan(p: ParallelParameters, state: ParallelState, inputs: Mapping[str, float]) -> tuple[ParallelState, float, float,
+                                                                                            int]:
     """Compute one update; a target of 0 is off."""
-    return scanned(p, called(p, state, float(inputs["target"]), float(inputs["celsius"]), p.interval))
+    return scan_result(p, compute_call(p, state, float(inputs["target"]), float(inputs["celsius"]), p.interval))

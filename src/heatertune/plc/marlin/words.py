@@ -9,7 +9,7 @@ from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
 from heatertune.plc.parallel.words import design_from, gain_field, gains_of, oddities_of
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.plc.words import Scaling, WordField, Words
 
 __all__ = ["COUNTS", "FIELDS", "FULL", "GAINS", "LEAST_LOOPS", "LOOP_S", "TIMER", "USUAL", "design_of", "interval_s",

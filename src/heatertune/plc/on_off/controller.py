@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import ClassVar
 
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core, Running, count
+from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.cpu.one_bit.machine import START
 from heatertune.plc.on_off.export import export_words, from_image, setpoint_entry
 from heatertune.plc.on_off.readback import from_text
-from heatertune.plc.on_off.step import Memory, listed, step
+from heatertune.plc.on_off.step import OnOffState, listing_step, step
 from heatertune.plc.on_off.words import COUNTS, FIELDS, TIMER, consistent, oddities, values_of
 from heatertune.plc.open_points import NothingOpen
 from heatertune.plc.words import Words, no_pid
@@ -19,11 +19,11 @@ __all__ = ["OnOff"]
 _FLAGS = ("overflow", "endless")
 
 
-def _direct(words: Words, _assume: NothingOpen) -> tuple[Core, Running]:
-    return _DIRECT, Running(words.whole["BAND"], Memory())
+def _direct(words: Words, _assume: NothingOpen) -> tuple[StepFunctions, ControllerState]:
+    return _DIRECT, ControllerState(words.whole["BAND"], OnOffState())
 
 
-_DIRECT = Core(step=step, measure=count, flags=_FLAGS)
+_DIRECT = StepFunctions(step=step, measure=count, flags=_FLAGS)
 
 
 class OnOff(Controller, name="on-off"):
@@ -41,11 +41,11 @@ class OnOff(Controller, name="on-off"):
     fields, timer, counts = FIELDS, TIMER, COUNTS
     inputs: ClassVar = {"SP": "INT", "PV": "INT"}
     baseline = None
-    core = Core(step=listed, measure=count, flags=_FLAGS, compiles=False)
+    core = StepFunctions(step=listing_step, measure=count, flags=_FLAGS, compiles=False)
     values, design, consistent = staticmethod(values_of), staticmethod(no_pid), staticmethod(consistent)
     export, direct = staticmethod(export_words), staticmethod(_direct)
     image, oddities, text = staticmethod(from_image), staticmethod(oddities), staticmethod(from_text)
 
-    def begin(self, words: Words, assume: NothingOpen) -> Running:  # noqa: ARG002 - the same for all
+    def begin(self, words: Words, assume: NothingOpen) -> ControllerState:  # noqa: ARG002 - the same for all
         """Return the state after power-on: heater off."""
-        return Running(words.whole["BAND"], START)
+        return ControllerState(words.whole["BAND"], START)

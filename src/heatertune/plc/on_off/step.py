@@ -6,10 +6,10 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 from heatertune.plc.cpu.one_bit.assembler import assemble
-from heatertune.plc.cpu.one_bit.machine import State, Wiring, scan
+from heatertune.plc.cpu.one_bit.machine import OneBitState, Wiring, scan
 from heatertune.plc.cpu.one_bit.programs import ON_OFF, ON_OFF_NAMES
 
-__all__ = ["PROGRAM", "Memory", "listed", "step"]
+__all__ = ["PROGRAM", "OnOffState", "listing_step", "step"]
 
 #: lines and addresses fit four bits
 PROGRAM: Final = assemble(ON_OFF, ON_OFF_NAMES, operand_bits=4)
@@ -18,15 +18,16 @@ _OUT: Final = ON_OFF_NAMES.bits["OUT"]
 _WIRING: Final = Wiring(results={ON_OFF_NAMES.bits["AC1<AC2"]: -1, ON_OFF_NAMES.bits["AC1>AC2"]: 1})
 
 
-class Memory(NamedTuple):
+class OnOffState(NamedTuple):
     """What the direct form keeps from scan to scan."""
 
     is_on: bool = False
 
 
 @lru_cache(maxsize=1 << 16)  # a pure function, and near the setpoint the same few readings come again and again
-def listed(band: int, state: State, setpoint: int, reading: int, _begins: bool) -> tuple[State, float, int, int]:
-    """Compute one scan by the program, see `heatertune.plc.core.Core`.
+def listing_step(band: int, state: OneBitState, setpoint: int, reading: int, _begins: bool) -> tuple[OneBitState, float,
+                                                                                                     int, int]:
+    """Compute one scan by the program, see `heatertune.plc.core.StepFunctions`.
 
     Args:
         band: half the hysteresis [counts].
@@ -40,7 +41,8 @@ def listed(band: int, state: State, setpoint: int, reading: int, _begins: bool) 
     return after, 100.0 if is_on else 0.0, int(is_on), int(after.overflow) + 2 * int(after.endless)
 
 
-def step(band: int, state: Memory, setpoint: int, reading: int, _begins: bool) -> tuple[Memory, float, int, int]:
+def step(band: int, state: OnOffState, setpoint: int, reading: int, _begins: bool) -> tuple[OnOffState, float, int,
+                                                                                            int]:
     """Compute the same without the program, all in 16 bits.
 
     Args:
@@ -59,7 +61,7 @@ def step(band: int, state: Memory, setpoint: int, reading: int, _begins: bool) -
     else:
         overflow = overflow or below != _word(below)
         is_on = is_on or x < _word(below)
-    return Memory(is_on), 100.0 if is_on else 0.0, int(is_on), int(overflow)
+    return OnOffState(is_on), 100.0 if is_on else 0.0, int(is_on), int(overflow)
 
 
 def _word(number: int) -> int:

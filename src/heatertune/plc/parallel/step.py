@@ -20,11 +20,29 @@ import math
 from typing import Final, NamedTuple
 
 from heatertune.plc.boost import Boost
-from heatertune.plc.core import Core, Sensor, count
-from heatertune.plc.single import single
+from heatertune.plc.core import Sensor, StepFunctions, count
+from heatertune.plc.single_precision import single
 
-__all__ = ["COLD", "FLAGS", "NOBODY", "PARALLEL", "SUM", "SUM_BY_TIME", "TERMS", "WINDOW", "Parameters", "State",
-           "again", "boosted", "called", "limited", "narrowed_to", "quotient", "scanned", "step"]
+__all__ = [
+    "COLD",
+    "FLAGS",
+    "NOBODY",
+    "PARALLEL",
+    "SUM",
+    "SUM_BY_TIME",
+    "TERMS",
+    "WINDOW",
+    "ParallelParameters",
+    "ParallelState",
+    "again",
+    "clamp",
+    "compute_call",
+    "narrowed_to",
+    "quotient",
+    "scan_result",
+    "step",
+    "with_boost",
+]
 
 #: what a program does against windup
 WINDOW: Final = 0
@@ -47,7 +65,7 @@ _SAMPLES: Final = 8
 FLAGS: Final = ("upper limit", "lower limit", "no number")
 
 
-class Parameters(NamedTuple):
+class ParallelParameters(NamedTuple):
     """The words as the program keeps them."""
 
     law: int
@@ -72,7 +90,7 @@ class Parameters(NamedTuple):
     far: float = math.inf
 
 
-class State(NamedTuple):
+class ParallelState(NamedTuple):
     """What the program keeps from call to call."""
 
     begins: bool = True  # nothing computed since the start or since manual
@@ -90,11 +108,12 @@ class State(NamedTuple):
     held: int = NOBODY  # who has the heater
 
 
-COLD: Final = State()
+COLD: Final = ParallelState()
 
 
-def step(p: Parameters, s: State, setpoint: float, reading: float, _begins: bool) -> tuple[State, float, float, int]:
-    """Compute one scan, see `heatertune.plc.core.Core`.
+def step(p: ParallelParameters, s: ParallelState, setpoint: float, reading: float,
+         _begins: bool) -> tuple[ParallelState, float, float, int]:
+    """Compute one scan, see `heatertune.plc.core.StepFunctions`.
 
     Args:
         p: of the controller.
@@ -104,18 +123,18 @@ def step(p: Parameters, s: State, setpoint: float, reading: float, _begins: bool
         _begins: not looked at: the PWM is behind the output.
     """
     if p.late and s.calls == _TEN - 1:
-        return scanned(p, again(s, s.begins, s.output, 0.0, s.held))
+        return scan_result(p, again(s, s.begins, s.output, 0.0, s.held))
     missed = p.late and s.calls == _TEN and not (p.law == TERMS and s.begins)  # a new object takes its interval as told
     interval = p.interval + p.interval if missed else p.interval
-    return scanned(p, called(p, s, setpoint, reading, interval))
+    return scan_result(p, compute_call(p, s, setpoint, reading, interval))
 
 
-def boosted(p: Parameters, boost: Boost | None) -> Parameters:
+def with_boost(p: ParallelParameters, boost: Boost | None) -> ParallelParameters:
     """Return the parameters with a boost."""
     return p if boost is None else p._replace(within=boost.within_degC, far=boost.again_degC)
 
 
-def again(s: State, begins: bool, output: float, waited: float, held: int) -> State:
+def again(s: ParallelState, begins: bool, output: float, waited: float, held: int) -> ParallelState:
     """Return a state whose memory is as it was.
 
     Args:
@@ -125,11 +144,12 @@ def again(s: State, begins: bool, output: float, waited: float, held: int) -> St
         waited: since the last call that computed [ms].
         held: who has the heater.
     """
-    return State(begins, s.calls % _TEN + 1, s.integral, s.proportional, s.derivative, s.reading, s.error, s.setpoint,
+    return ParallelState(begins, s.calls % _TEN + 1, s.integral, s.proportional, s.derivative, s.reading, s.error,
+                         s.setpoint,
                  output, waited, s.kept, s.slopes, held)
 
 
-def scanned(p: Parameters, s: State) -> tuple[State, float, float, int]:
+def scan_result(p: ParallelParameters, s: ParallelState) -> tuple[ParallelState, float, float, int]:
     """Return the state, the output as power, the output, and the flags as bits; what is no number is off."""
     output = p.high if s.held == PROGRAM else s.output
     share = output / p.full
@@ -139,7 +159,8 @@ def scanned(p: Parameters, s: State) -> tuple[State, float, float, int]:
     return s, power, output, bits
 
 
-def called(p: Parameters, s: State, setpoint: float, reading: float, interval: float) -> State:
+def compute_call(p: ParallelParameters, s: ParallelState, setpoint: float, reading: float,
+                 interval: float) -> ParallelState:
     """Return the state after one call that computes; total for all numbers.
 
     Args:
@@ -161,16 +182,19 @@ def called(p: Parameters, s: State, setpoint: float, reading: float, interval: f
     return _of_terms(p, s, setpoint, reading, interval)
 
 
-def _on_full_power(p: Parameters, s: State, setpoint: float, reading: float, interval: float) -> State:
+def _on_full_power(p: ParallelParameters, s: ParallelState, setpoint: float, reading: float,
+                   interval: float) -> ParallelState:
     """Return the state after one call in which the program gives full power."""
     if p.law != SUM_BY_TIME:
-        return State(True, s.calls % _TEN + 1, 0.0, 0.0, 0.0, reading, 0.0, setpoint, 0.0, 0.0, 0, s.slopes, PROGRAM)
+        return ParallelState(True, s.calls % _TEN + 1, 0.0, 0.0, 0.0, reading, 0.0, setpoint, 0.0, 0.0, 0, s.slopes,
+                             PROGRAM)
     s = _summed_by_time(p, s, setpoint, reading, interval)
-    return State(False, s.calls, 0.0, 0.0, s.derivative, reading, s.error, setpoint, s.output, 0.0, s.kept, s.slopes,
+    return ParallelState(False, s.calls, 0.0, 0.0, s.derivative, reading, s.error, setpoint, s.output, 0.0, s.kept,
+                         s.slopes,
                  PROGRAM)
 
 
-def _windowed(p: Parameters, s: State, setpoint: float, reading: float) -> State:
+def _windowed(p: ParallelParameters, s: ParallelState, setpoint: float, reading: float) -> ParallelState:
     target = float(math.floor(setpoint + 0.5)) if abs(setpoint) < _MOST_WHOLE else 0.0
     error = narrowed_to(p.narrow, target - reading)
     if target == 0.0 or error < -p.window:
@@ -178,44 +202,46 @@ def _windowed(p: Parameters, s: State, setpoint: float, reading: float) -> State
     if error > p.window:
         return _outside(p, s, reading, float(math.floor(p.high / 2.0)))
     total, lagged = (0.0, 0.0) if s.begins else (s.integral, s.derivative)
-    total = limited(narrowed_to(p.narrow, total + error), 0.0, p.most)
+    total = clamp(narrowed_to(p.narrow, total + error), 0.0, p.most)
     slope = narrowed_to(p.narrow, p.kd * narrowed_to(p.narrow, s.reading - reading))
     lagged = narrowed_to(p.narrow, lagged + narrowed_to(p.narrow, p.weight * narrowed_to(p.narrow, slope - lagged)))
     both = narrowed_to(p.narrow, narrowed_to(p.narrow, p.kp * error) + narrowed_to(p.narrow, p.ki * total))
-    output = limited(narrowed_to(p.narrow, both + lagged), p.low, p.high)
+    output = clamp(narrowed_to(p.narrow, both + lagged), p.low, p.high)
     steps = float(math.floor(output / 2.0)) if output >= 0.0 else 0.0  # a whole number, halved: both cut
-    return State(False, s.calls % _TEN + 1, total, 0.0, lagged, reading, error, target, steps, 0.0, 0, s.slopes,
+    return ParallelState(False, s.calls % _TEN + 1, total, 0.0, lagged, reading, error, target, steps, 0.0, 0, s.slopes,
                  CONTROLLER)
 
 
-def _outside(p: Parameters, s: State, reading: float, output: float) -> State:
+def _outside(p: ParallelParameters, s: ParallelState, reading: float, output: float) -> ParallelState:
     last = s.reading if p.inside else reading
-    return State(True, s.calls % _TEN + 1, s.integral, 0.0, s.derivative, last, s.error, s.setpoint, output, 0.0, 0,
+    return ParallelState(True, s.calls % _TEN + 1, s.integral, 0.0, s.derivative, last, s.error, s.setpoint, output,
+                         0.0, 0,
                  s.slopes, CONTROLLER)
 
 
-def _summed(p: Parameters, s: State, setpoint: float, reading: float) -> State:
-    total, before = (limited(s.output, p.low, p.high), reading) if s.begins else (s.integral, s.reading)
+def _summed(p: ParallelParameters, s: ParallelState, setpoint: float, reading: float) -> ParallelState:
+    total, before = (clamp(s.output, p.low, p.high), reading) if s.begins else (s.integral, s.reading)
     error = narrowed_to(p.narrow, setpoint - reading)
     change = narrowed_to(p.narrow, reading - before)
     total = narrowed_to(p.narrow, total + narrowed_to(p.narrow, p.ki * error))
     if p.on_measurement:
         total = narrowed_to(p.narrow, total - narrowed_to(p.narrow, p.kp * change))
-    total = limited(total, p.least, p.most)
+    total = clamp(total, p.least, p.most)
     output = 0.0 if p.on_measurement else narrowed_to(p.narrow, p.kp * error)
     output = narrowed_to(p.narrow, output + narrowed_to(p.narrow, total - narrowed_to(p.narrow, p.kd * change)))
-    output = limited(output, p.low, p.high)
-    return State(False, s.calls % _TEN + 1, total, 0.0, 0.0, reading, error, setpoint, output, 0.0, 0, s.slopes,
+    output = clamp(output, p.low, p.high)
+    return ParallelState(False, s.calls % _TEN + 1, total, 0.0, 0.0, reading, error, setpoint, output, 0.0, 0, s.slopes,
                  CONTROLLER)
 
 
-def _summed_by_time(p: Parameters, s: State, setpoint: float, reading: float, interval: float) -> State:
+def _summed_by_time(p: ParallelParameters, s: ParallelState, setpoint: float, reading: float,
+                    interval: float) -> ParallelState:
     if not (setpoint == setpoint and reading == reading):  # noqa: PLR0124 - no number: off, and no call
         return again(s, s.begins, 0.0, s.waited, min(s.held, NOBODY))
     interval = 0.0 if s.begins else interval
     error = narrowed_to(p.narrow, setpoint - reading)
     growth = narrowed_to(p.narrow, narrowed_to(p.narrow, error * interval) * p.ki)
-    total = limited(narrowed_to(p.narrow, s.integral + growth), p.least, p.most)
+    total = clamp(narrowed_to(p.narrow, s.integral + growth), p.least, p.most)
     slope = 0.0
     if interval != 0.0:
         before = s.error if s.setpoint == setpoint else narrowed_to(
@@ -228,31 +254,34 @@ def _summed_by_time(p: Parameters, s: State, setpoint: float, reading: float, in
         slope = _mean(p, slopes, kept)
     both = narrowed_to(p.narrow, narrowed_to(p.narrow, p.kp * error) + 0.0 + total)
     output = narrowed_to(p.narrow, both + narrowed_to(p.narrow, p.kd * slope))
-    level = limited(output, 0.0, 1.0) if output == output else s.output  # noqa: PLR0124 - neither output is set
-    return State(False, s.calls % _TEN + 1, total, 0.0, slope, reading, error, setpoint, level, 0.0, kept, slopes,
+    level = clamp(output, 0.0, 1.0) if output == output else s.output  # noqa: PLR0124 - neither output is set
+    return ParallelState(False, s.calls % _TEN + 1, total, 0.0, slope, reading, error, setpoint, level, 0.0, kept,
+                         slopes,
                  CONTROLLER)
 
 
-def _mean(p: Parameters, slopes: tuple[float, ...], kept: int) -> float:
+def _mean(p: ParallelParameters, slopes: tuple[float, ...], kept: int) -> float:
     total = 0.0
     for place in range(_SAMPLES - kept, _SAMPLES):
         total = narrowed_to(p.narrow, total + slopes[place])
     return narrowed_to(p.narrow, total / kept)
 
 
-def _of_terms(p: Parameters, s: State, setpoint: float, reading: float, interval: float) -> State:
+def _of_terms(p: ParallelParameters, s: ParallelState, setpoint: float, reading: float,
+              interval: float) -> ParallelState:
     error = setpoint - reading
     change = 0.0 if s.begins else reading - s.reading
     turned = 0.0 if s.begins else error - s.error
     proportional = (0.0 if s.begins else s.proportional) - p.kp * change if p.on_measurement else p.kp * error
-    total = limited(s.integral + p.ki * error * interval, p.least, p.most)
+    total = clamp(s.integral + p.ki * error * interval, p.least, p.most)
     derivative = p.kd * turned / interval if p.on_error else -p.kd * change / interval
-    output = limited(proportional + total + derivative, p.low, p.high)
-    return State(False, s.calls % _TEN + 1, total, proportional, derivative, reading, error, setpoint, output, 0.0, 0,
+    output = clamp(proportional + total + derivative, p.low, p.high)
+    return ParallelState(False, s.calls % _TEN + 1, total, proportional, derivative, reading, error, setpoint, output,
+                         0.0, 0,
                  s.slopes, CONTROLLER)
 
 
-def limited(value: float, low: float, high: float) -> float:
+def clamp(value: float, low: float, high: float) -> float:
     """Return a number within limits; what is none stays none."""
     if value > high:
         return high
@@ -273,4 +302,4 @@ def _measure(sensor: Sensor, temperature_degC: float) -> float:
     return 1.0 * single(sensor.low + sensor.span * count(sensor, temperature_degC) / sensor.counts)
 
 
-PARALLEL: Final = Core(step=step, measure=_measure, flags=FLAGS)
+PARALLEL: Final = StepFunctions(step=step, measure=_measure, flags=FLAGS)

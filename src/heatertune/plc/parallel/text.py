@@ -6,7 +6,7 @@ import math
 import re
 from typing import Final
 
-__all__ = ["blanked", "number_of"]
+__all__ = ["blank_matches", "number_of"]
 
 _NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?[fFlL]?", re.ASCII)
 
@@ -20,6 +20,6 @@ def number_of(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def blanked(pattern: re.Pattern[str], text: str) -> str:
+def blank_matches(pattern: re.Pattern[str], text: str) -> str:
     """Return a text with blanks for what a pattern matches, line for line."""
     return pattern.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)

@@ -10,8 +10,8 @@ from typing import Final
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import single
-from heatertune.plc.words import WordField, Words, stored
+from heatertune.plc.single_precision import single
+from heatertune.plc.words import WordField, Words, round_to_word
 
 __all__ = ["MOST_GAIN", "decimal", "design_from", "gain_field", "gains_of", "oddities_of"]
 
@@ -42,7 +42,7 @@ def gains_of(design: PidDesign, fields: tuple[WordField, WordField, WordField], 
                                "a target whose words have a sign or a direction would fit")
     kp, tn = design.gain_pct_per_degC * full / 100.0, design.integral_time_s
     exact = (kp, 0.0 if math.isinf(tn) else kp / tn, kp * design.derivative_time_s)
-    return {field.name: stored(field, value) for field, value in zip(fields, exact, strict=True)}
+    return {field.name: round_to_word(field, value) for field, value in zip(fields, exact, strict=True)}
 
 
 def design_from(

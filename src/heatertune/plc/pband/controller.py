@@ -8,27 +8,27 @@ from typing import Any, Final
 
 from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core, Running, count
+from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.cycle import Cycle
+from heatertune.plc.keyed_entry import entry_texts
 from heatertune.plc.pband.export import export_words, stem_of
-from heatertune.plc.pband.exported import exported
+from heatertune.plc.pband.exported import loaders
 from heatertune.plc.pband.makes import MAKES, Make, field_of
 from heatertune.plc.pband.readback import from_text
-from heatertune.plc.pband.step import COLD, Assumptions, step
+from heatertune.plc.pband.step import COLD, PbandAssumptions, step
 from heatertune.plc.pband.words import (
     COUNTS,
     block_of,
     by_role,
     consistent,
     design_of,
+    display_text,
     oddities,
     period_of,
     periods_of,
-    shown,
     values_of,
     with_period,
 )
-from heatertune.plc.typed import entry_texts
 from heatertune.plc.words import Words
 
 __all__ = ["INSTRUMENTS"]
@@ -47,18 +47,18 @@ _CANNOT: Final = (
 
 
 def _begin(make: Make) -> Any:
-    def begin(_self: Controller, words: Words, assume: Assumptions) -> Running:
+    def begin(_self: Controller, words: Words, assume: PbandAssumptions) -> ControllerState:
         """Return the state after the supply came on."""
-        return Running((block_of(make, words, assume), assume), COLD)
+        return ControllerState((block_of(make, words, assume), assume), COLD)
 
     return begin
 
 
 def _displayed(make: Make, words: Words, _setpoint_degC: float | None, _units: Any) -> Mapping[str, Mapping[str, Any]]:
     """Return each word as the instrument's display shows it; only its list of registers has the whole numbers."""
-    texts = entry_texts({entry.name: shown(entry, words.values) for entry in make.entries})
+    texts = entry_texts({entry.name: display_text(entry, words.values) for entry in make.entries})
     return {entry.name: {**texts[entry.name], "format": "",
-                         "meaning": f"{entry.what} [{entry.unit}]" if entry.unit else entry.what}
+                         "meaning": f"{entry.description} [{entry.unit}]" if entry.unit else entry.description}
             for entry in make.entries}
 
 
@@ -79,18 +79,18 @@ def _instrument(name: str, make: Make) -> type[Controller]:
         "__module__": __name__, "__doc__": f"{make.title}.", "title": make.title, "can": _CAN,
         "cannot": (*_CANNOT, *make.notes), "fields": tuple(map(field_of, make.entries)),
         "inputs": {"SP": "INT", "PV": "INT"}, "input_ranges": {"SP": (0, COUNTS), "PV": (0, COUNTS)},
-        "counts": COUNTS, "timer": timer, "assumptions": Assumptions,
+        "counts": COUNTS, "timer": timer, "assumptions": PbandAssumptions,
         "derivative_filter": _USUAL_TV_S / (_USUAL_TV_S + 8.0 * min(max(timer.shortest_s, 0.25), timer.longest_s)),
         "cycle": Cycle(partial(period_of, make), partial(with_period, make),
                        tuple(period for _, period in periods_of(make)) or (period_of(make, {}),)),
         "most_power": _most_power(make),
-        "core": Core(step=step, measure=count, flags=("upper limit", "lower limit")),
+        "core": StepFunctions(step=step, measure=count, flags=("upper limit", "lower limit")),
         "values": staticmethod(partial(values_of, make)), "design": staticmethod(partial(design_of, make)),
         "export": staticmethod(partial(export_words, name, make)), "text": staticmethod(partial(from_text, make)),
-        "exported": staticmethod(partial(exported, make)),
+        "load_exported": staticmethod(partial(loaders, make)),
         "oddities": staticmethod(partial(oddities, make)), "consistent": staticmethod(partial(consistent, make)),
-        "tolerated": staticmethod(lambda _words: None), "begin": _begin(make),
-        "typed": staticmethod(partial(_displayed, make)),
+        "check_consistency": staticmethod(lambda _words: None), "begin": _begin(make),
+        "keyed_entries": staticmethod(partial(_displayed, make)),
         "setpoint_entry": staticmethod(lambda _words, setpoint_degC, _units: f"{setpoint_degC:g} °C"),
         "main_file": f"{stem_of(name)}_sheet.txt",
     }

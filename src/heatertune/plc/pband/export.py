@@ -9,7 +9,7 @@ from heatertune.errors import ExportRefused
 from heatertune.plc.cpu.letters import in_ascii
 from heatertune.plc.pband.makes import Entry, Make
 from heatertune.plc.pband.readback import HEADS, from_text, number_of
-from heatertune.plc.pband.words import band_degC, period_of, shown
+from heatertune.plc.pband.words import band_degC, display_text, period_of
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["export_words", "stem_of"]
@@ -52,7 +52,7 @@ def _head(make: Make, words: Words, certificate: Certificate) -> list[str]:
 
 
 def _sheet(make: Make, words: Words, certificate: Certificate) -> str:
-    rows = [(entry.name, shown(entry, words.values), entry.unit, _told(entry)) for entry in make.entries]
+    rows = [(entry.name, display_text(entry, words.values), entry.unit, _told(entry)) for entry in make.entries]
     wide = [max(len(row[column]) for row in rows) for column in range(3)]
     lines = [f"{name:<{wide[0]}}  {value:>{wide[1]}}  {unit:<{wide[2]}}  ; {what}" for name, value, unit, what in rows]
     head = [*_head(make, words, certificate), f"menu: {make.menu}", "parameter, as the display shows it, unit"]
@@ -60,7 +60,7 @@ def _sheet(make: Make, words: Words, certificate: Certificate) -> str:
 
 
 def _told(entry: Entry) -> str:
-    return entry.what if entry.read else f"{entry.what} - NOT CHECKED"
+    return entry.description if entry.read else f"{entry.description} - NOT CHECKED"
 
 
 def _registers(make: Make, words: Words, certificate: Certificate) -> str:
@@ -74,7 +74,7 @@ def _registers(make: Make, words: Words, certificate: Certificate) -> str:
         value = words.values[entry.name]
         writer.writerow([
             entry.address if number is None else number, "" if number is None else f"{number:04X}", entry.name,
-            shown(entry, words.values) if entry.real or number is None else value,
+            display_text(entry, words.values) if entry.real or number is None else value,
             entry.decimals, entry.unit, "FLOAT" if entry.real else "text" if number is None else "INT16", "R/W",
             "yes" if entry.read else "NO"])
     return in_ascii(text.getvalue())

@@ -38,7 +38,7 @@ class Entry(NamedTuple):
     high: float
     decimals: int
     unit: str
-    what: str
+    description: str
     fixed: int | None = None
     real: bool = False
     read: bool = True
@@ -78,7 +78,7 @@ def field_of(entry: Entry) -> WordField:
     format_ = "REAL" if entry.real else "INT"
     low, high = max(entry.low, FORMATS[format_][0]), min(entry.high, FORMATS[format_][1])
     return WordField(name=entry.name, address=entry.address, format=format_, low=low, high=high,
-                     comment=f"{entry.what}{unit}{'' if entry.real else places}")
+                     comment=f"{entry.description}{unit}{'' if entry.real else places}")
 
 
 def _unread(*entries: Entry) -> tuple[Entry, ...]:

@@ -9,7 +9,7 @@ from typing import Final
 from heatertune.plc.pband.makes import TIME_UNIT, Entry, Make, field_of
 from heatertune.plc.pband.words import places
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import Collected, ReadBack, lines_of, real_of, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, lines_of, real_of, wrong
 
 __all__ = ["HEADS", "from_text", "number_of"]
 
@@ -32,12 +32,12 @@ def number_of(make: Make, entry: Entry) -> int | None:
     return int(match[1] or match[2], 16) if match else None
 
 
-class _Reader:
+class _SheetReader:
     """Takes a text line by line; what stands there as the display shows it is understood when all was read."""
 
     def __init__(self, make: Make, source: str) -> None:
         self._make, self._source = make, source
-        self._collected = Collected(source, tuple(map(field_of, make.entries)))
+        self._collected = WordCollector(source, tuple(map(field_of, make.entries)))
         self._names = {entry.name.upper(): entry for entry in make.entries}
         self._places = {number: entry for entry in make.entries if (number := number_of(make, entry)) is not None}
         self._unit: Number | None = 0
@@ -99,7 +99,7 @@ def from_text(make: Make, text: str, _sample_time_s: float | None, source: str) 
         InputError: a line that is none of them, a parameter that is missing, there with two values, not in its digits
             or out of its range, a name and an address that do not go together.
     """
-    reader, listed = _Reader(make, source), False
+    reader, listed = _SheetReader(make, source), False
     for line, content in lines_of(text):
         if not content or content[0] in "#;":
             continue

@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.open_points import Switch
+from heatertune.plc.open_points import OpenPoint
 
-__all__ = ["COLD", "Assumptions", "Block", "State", "step"]
+__all__ = ["COLD", "PbandAssumptions", "PbandBlock", "PbandState", "step"]
 
 #: what becomes of the I part while the output is limited
 HELD: Final = 0
@@ -25,39 +25,42 @@ _PARTS: Final = float(1 << 24)
 _MOST: Final = 127.0  # [%]
 
 
-class Assumptions(NamedTuple):
+class PbandAssumptions(NamedTuple):
     """What the manuals leave open, see DIFFERENCES.md."""
 
-    anti_windup: Annotated[int, Switch(
+    anti_windup: Annotated[int, OpenPoint(
         name="anti_windup", means={"held": HELD, "tracking": WITHIN, "outside_band": OUTSIDE},
         shows=lambda own: own[0].growth != 0.0,
-        why="what becomes of I at a limit: it does not go on in that direction; it is held so that K·e + I is within "
+        reason="what becomes of I at a limit: it does not go on in that direction; it is held so that K·e + I is "
+               "within "
             "the limits; it is zero while the reading is outside the proportional band",
     )] = HELD
-    on_error: Annotated[bool, Switch(
+    on_error: Annotated[bool, OpenPoint(
         name="derivative", means={"reading": False, "error": True}, shows=lambda own: own[0].slope != 0.0,
-        why="whether D follows the reading alone, or the error, steps of the setpoint included",
+        reason="whether D follows the reading alone, or the error, steps of the setpoint included",
     )] = False
-    slow: Annotated[bool, Switch(
+    slow: Annotated[bool, OpenPoint(
         name="derivative_lag", means={"eighth": False, "quarter": True}, shows=lambda own: own[0].slope != 0.0,
-        why="time constant of the derivative's filter: TV/8 or TV/4",
+        reason="time constant of the derivative's filter: TV/8 or TV/4",
     )] = False
-    filtered: Annotated[bool, Switch(
+    filtered: Annotated[bool, OpenPoint(
         name="setpoint", means={"as_it_is": False, "filtered": True}, shows=lambda own: own[0].follows > 0.0,
-        why="whether the setpoint goes through the filter of a 2-PID, which begins at the first reading; α as the "
+        reason="whether the setpoint goes through the filter of a 2-PID, which begins at the first reading; α as the "
             "words have it, 0.65 where they have none",
     )] = False
-    whole: Annotated[bool, Switch(
+    whole: Annotated[bool, OpenPoint(
         name="arithmetic", means={"float": False, "integer": True},
-        why="floating point; or I in 32 bits, in steps of 100 %/(100·2^24) that cut, and the output in steps of 0.1 %",
+        reason="floating point; or I in 32 bits, in steps of 100 %/(100·2^24) that cut, and the output in steps of 0.1 "
+               "%",
     )] = False
-    displayed: Annotated[bool, Switch(
+    displayed: Annotated[bool, OpenPoint(
         name="reading", means={"fine": False, "display": True}, shows=lambda own: own[0].tenth > 1.0,
-        why="whether the law sees the input's own steps, or setpoint and reading rounded to 0.1 °C as the display does",
+        reason="whether the law sees the input's own steps, or setpoint and reading rounded to 0.1 °C as the display "
+               "does",
     )] = False
 
 
-class Block(NamedTuple):
+class PbandBlock(NamedTuple):
     """The words as a sample uses them; temperatures in counts of the reading."""
 
     gain: float  # [% per count]
@@ -73,7 +76,7 @@ class Block(NamedTuple):
     tenth: float  # 0.1 °C
 
 
-class State(NamedTuple):
+class PbandState(NamedTuple):
     """What the instrument keeps from sample to sample."""
 
     runs: bool = False
@@ -83,13 +86,13 @@ class State(NamedTuple):
     integral: float = 0.0  # [%]
 
 
-COLD: Final = State()
+COLD: Final = PbandState()
 
 
 def step(
-    parameters: tuple[Block, Assumptions], state: State, setpoint: int, reading: int, _begins: bool
-) -> tuple[State, float, float, int]:
-    """Compute one sample, see `heatertune.plc.core.Core`.
+    parameters: tuple[PbandBlock, PbandAssumptions], state: PbandState, setpoint: int, reading: int, _begins: bool
+) -> tuple[PbandState, float, float, int]:
+    """Compute one sample, see `heatertune.plc.core.StepFunctions`.
 
     Args:
         parameters: the block's, and the assumptions.
@@ -117,10 +120,10 @@ def step(
     bits = int(power >= b.high) + 2 * int(power <= 0.0)
     if b.least > 0.0:
         power = 0.0 if power < b.least else 100.0 if power > 100.0 - b.least else power
-    return State(True, now, led, derivative, integral), power, power, bits
+    return PbandState(True, now, led, derivative, integral), power, power, bits
 
 
-def _seen(b: Block, assume: Assumptions, counts: int) -> float:
+def _seen(b: PbandBlock, assume: PbandAssumptions, counts: int) -> float:
     """Return a number of counts as the law sees it."""
     if assume.displayed and b.tenth > 1.0:
         return b.tenth * math.floor(counts / b.tenth + 0.5)
@@ -128,7 +131,7 @@ def _seen(b: Block, assume: Assumptions, counts: int) -> float:
 
 
 def _integral(
-    b: Block, assume: Assumptions, before: float, proportional: float, derivative: float, error: float
+    b: PbandBlock, assume: PbandAssumptions, before: float, proportional: float, derivative: float, error: float
 ) -> float:
     """Return the I part after a sample [%]."""
     if b.growth == 0.0:

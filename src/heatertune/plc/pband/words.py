@@ -17,13 +17,28 @@ from typing import Final
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.pband.makes import OFF_7201, TIME_UNIT, Entry, Make
-from heatertune.plc.pband.step import Assumptions, Block
+from heatertune.plc.pband.step import PbandAssumptions, PbandBlock
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import single
-from heatertune.plc.words import Scaling, Words, rounded
+from heatertune.plc.single_precision import single
+from heatertune.plc.words import Scaling, Words, round_half_away
 
-__all__ = ["COUNTS", "LAG_PARTS", "band_degC", "block_of", "by_role", "consistent", "design_of", "oddities",
-           "period_of", "periods_of", "places", "scaled", "shown", "values_of", "with_period"]
+__all__ = [
+    "COUNTS",
+    "LAG_PARTS",
+    "band_degC",
+    "block_of",
+    "by_role",
+    "consistent",
+    "design_of",
+    "display_text",
+    "entry_value",
+    "oddities",
+    "period_of",
+    "periods_of",
+    "places",
+    "values_of",
+    "with_period",
+]
 
 #: steps of the reading over the sensor's range: finer than a display of four digits, see the switch `reading`
 COUNTS: Final = 10_000
@@ -42,7 +57,7 @@ def by_role(make: Make, role: str) -> Entry | None:
     return next((entry for entry in make.entries if entry.role == role), None)
 
 
-def scaled(entry: Entry, number: Number) -> float:
+def entry_value(entry: Entry, number: Number) -> float:
     """Return what a number that is written means, in the unit of its entry."""
     return float(number) if entry.real else number / 10.0**entry.decimals
 
@@ -52,7 +67,7 @@ def places(entry: Entry, values: Mapping[str, Number]) -> int:
     return entry.decimals + (int(values.get(TIME_UNIT, 0)) if entry.role in ("ti", "td") else 0)
 
 
-def shown(entry: Entry, values: Mapping[str, Number]) -> str:
+def display_text(entry: Entry, values: Mapping[str, Number]) -> str:
     """Return a word as the display has it, with its decimal point."""
     number, decimals = values[entry.name], places(entry, values)
     if not entry.real:
@@ -63,7 +78,7 @@ def shown(entry: Entry, values: Mapping[str, Number]) -> str:
 
 def _written(entry: Entry, value: float) -> Number:
     """Return a value as it is written: to the digits that can be typed in, halves away from zero."""
-    digits = rounded(value * 10.0**entry.decimals)
+    digits = round_half_away(value * 10.0**entry.decimals)
     return single(digits / 10.0**entry.decimals) if entry.real else digits
 
 
@@ -71,9 +86,9 @@ def band_degC(make: Make, values: Mapping[str, Number], span_degC: float) -> flo
     """Return the proportional band [°C]."""
     entry = by_role(make, "band")
     if entry is not None:
-        return scaled(entry, values[entry.name])
+        return entry_value(entry, values[entry.name])
     share = next(entry for entry in make.entries if entry.role == "band%")
-    return scaled(share, values[share.name]) * span_degC / 100.0
+    return entry_value(share, values[share.name]) * span_degC / 100.0
 
 
 def values_of(make: Make, design: PidDesign, scaling: Scaling) -> dict[str, Number]:
@@ -142,7 +157,7 @@ def _checked(entry: Entry, value: float) -> Number:
                                "a longer time, or none, would fit")
     if not entry.low <= word <= entry.high:
         low, high = (end if entry.real else end / 10.0**entry.decimals for end in (entry.low, entry.high))
-        raise NotRepresentable(f"word {entry.name}", scaled(entry, word), f"{low:g}…{high:g} {entry.unit}",
+        raise NotRepresentable(f"word {entry.name}", entry_value(entry, word), f"{low:g}…{high:g} {entry.unit}",
                                "another design would fit")
     return word
 
@@ -160,7 +175,7 @@ def design_of(make: Make, words: Words) -> PidDesign:
 def _times(make: Make, values: Mapping[str, Number]) -> tuple[float, float]:
     """Return TN, infinite where there is no I part, and TV [s]."""
     unit = 10.0 ** values.get(TIME_UNIT, 0)
-    times = {entry.role: scaled(entry, values[entry.name]) / unit for entry in make.entries
+    times = {entry.role: entry_value(entry, values[entry.name]) / unit for entry in make.entries
              if entry.role in ("ti", "ti7201", "td")}
     tn = times.get("ti", times.get("ti7201", 0.0))
     return (math.inf if tn == 0.0 or ("ti7201" in times and tn >= OFF_7201) else tn), times["td"]
@@ -190,7 +205,7 @@ def period_of(make: Make, values: Mapping[str, Number]) -> float:
     number = values[entry.name]
     if int(number) in make.codes and not entry.real:
         return make.codes[int(number)]
-    return round(scaled(entry, number), 6)
+    return round(entry_value(entry, number), 6)
 
 
 def with_period(make: Make, values: Mapping[str, Number], period_s: float) -> dict[str, Number]:
@@ -210,15 +225,15 @@ def with_period(make: Make, values: Mapping[str, Number], period_s: float) -> di
     raise OutOfRange("pwm_period_s", period_s, f"a cycle time of the instrument; the nearest is {nearest:g} s")
 
 
-def block_of(make: Make, words: Words, assume: Assumptions) -> Block:
+def block_of(make: Make, words: Words, assume: PbandAssumptions) -> PbandBlock:
     """Return what a sample uses of the words."""
     values, ta = words.values, words.sample_time_s
     unit_degC = words.scaling.span_degC / COUNTS
     band = band_degC(make, values, words.scaling.span_degC) / unit_degC
     tn, tv = _times(make, values)
     lag = tv / (0.5 * LAG_PARTS if assume.slow else LAG_PARTS)
-    held = {entry.role: scaled(entry, values[entry.name]) for entry in make.entries}
-    return Block(
+    held = {entry.role: entry_value(entry, values[entry.name]) for entry in make.entries}
+    return PbandBlock(
         gain=100.0 / band, growth=0.0 if math.isinf(tn) else ta / tn, slope=tv / ta, share=ta / (lag + ta),
         high=held.get("high", 100.0), least=held.get("least", 0.0), band=band,
         approach=held["approach"] * band if "approach" in held else math.inf, alpha=held.get("alpha", _ALPHA),
@@ -233,14 +248,16 @@ def oddities(make: Make, words: Words) -> tuple[str, ...]:
              if by.role in ("ti", "ti7201") and math.isinf(tn)]
     for entry in make.entries:
         number = values[entry.name]
-        if entry.role == "high" and scaled(entry, number) < 100.0:
-            found.append(f"{entry.name} is {shown(entry, values)} %: the output is limited to it.")
+        if entry.role == "high" and entry_value(entry, number) < 100.0:
+            found.append(f"{entry.name} is {display_text(entry, values)} %: the output is limited to it.")
         if entry.role == "least" and number:
-            found.append(f"{entry.name} is {shown(entry, values)} %: no pulse below it, no pause above 100 % less it.")
+            found.append(f"{entry.name} is {display_text(entry, values)} %: no pulse below it, no pause above 100 % "
+                         f"less it.")
         if entry.role == "approach" and number != entry.fixed:
-            found.append(f"{entry.name} is {shown(entry, values)} bands: beyond it there is no derivative part.")
+            found.append(f"{entry.name} is {display_text(entry, values)} bands: beyond it there is no derivative part.")
         if entry.role == "cutback" and not _one_band(make, entry, words):
-            found.append(f"{entry.name} is {shown(entry, values)} °C, not the proportional band: what it does then is "
+            found.append(f"{entry.name} is {display_text(entry, values)} °C, not the proportional band: what it does "
+                         f"then is "
                          "not published, and not proven.")
     return tuple(found)
 
@@ -263,4 +280,4 @@ def _one_band(make: Make, entry: Entry, words: Words) -> bool:
     """Return whether a cutback is the proportional band, to a digit of either."""
     band = band_degC(make, words.values, words.scaling.span_degC)
     digit = 10.0**-entry.decimals * (1.0 + words.scaling.span_degC / 100.0)
-    return abs(scaled(entry, words.values[entry.name]) - band) <= digit
+    return abs(entry_value(entry, words.values[entry.name]) - band) <= digit

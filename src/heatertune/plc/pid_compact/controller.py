@@ -10,11 +10,11 @@ from typing import ClassVar, Final
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core, Running, Sensor, count
+from heatertune.plc.core import ControllerState, Sensor, StepFunctions, count
 from heatertune.plc.pid_compact.export import export_words
-from heatertune.plc.pid_compact.exported import LAW, exported
+from heatertune.plc.pid_compact.exported import LAW, loaders
 from heatertune.plc.pid_compact.readback import from_text
-from heatertune.plc.pid_compact.step import COLD, Assumptions, block_of, scaled, scan, step
+from heatertune.plc.pid_compact.step import COLD, PidCompactAssumptions, block_of, scale_input, scan, step
 from heatertune.plc.pid_compact.words import (
     COMPACT,
     COUNTS,
@@ -26,7 +26,7 @@ from heatertune.plc.pid_compact.words import (
     values_of,
 )
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.plc.words import Scaling, WordField, Words
 
 __all__ = ["CORE", "COUNTS", "DELAY_S", "INPUTS", "TIMER", "UNREAD", "PidCompact"]
@@ -34,11 +34,11 @@ __all__ = ["CORE", "COUNTS", "DELAY_S", "INPUTS", "TIMER", "UNREAD", "PidCompact
 
 def _measure(sensor: Sensor, temperature_degC: float) -> float:
     high = sensor.low + sensor.span
-    return scaled(count(sensor, temperature_degC), sensor.counts, single(sensor.low), single(high))
+    return scale_input(count(sensor, temperature_degC), sensor.counts, single(sensor.low), single(high))
 
 
 #: one step for both blocks, so one compiled loop
-CORE = Core(step=step, measure=_measure, flags=("upper limit", "lower limit", "invalid"), singles=True)
+CORE = StepFunctions(step=step, measure=_measure, flags=("upper limit", "lower limit", "invalid"), singles=True)
 #: whole calls of a cyclic interrupt OB
 TIMER = Timer(shortest_s=0.01, longest_s=600.0, step_s=0.01)
 #: an analog input's own time, as of a module with eight channels, and the time of the process image with
@@ -74,14 +74,14 @@ class PidCompact(Controller, name="pid-compact"):
         "V1 of the block has other names (sRet…) and another start: not this one",
     )
     fields = FIELDS
-    assumptions, timer, counts, inputs, core = Assumptions, TIMER, COUNTS, INPUTS, CORE
+    assumptions, timer, counts, inputs, core = PidCompactAssumptions, TIMER, COUNTS, INPUTS, CORE
     tick_s, delay_s, unread = 0.1, DELAY_S, UNREAD
     own_pwm = ("pid-compact", math.inf)
     most_power = ("OutputUpperLimit", 100.0)
     design, consistent, interval_s = staticmethod(design_of), staticmethod(consistent), staticmethod(interval_s)
     oddities, scan_all = staticmethod(oddities), staticmethod(scan)
     export: ClassVar = staticmethod(partial(export_words, COMPACT, FIELDS))
-    exported: ClassVar = staticmethod(partial(exported, COMPACT, FIELDS, LAW))
+    load_exported: ClassVar = staticmethod(partial(loaders, COMPACT, FIELDS, LAW))
     text: ClassVar = staticmethod(partial(from_text, COMPACT, FIELDS))
 
     @staticmethod
@@ -89,6 +89,6 @@ class PidCompact(Controller, name="pid-compact"):
         """Return the words of a design."""
         return values_of(COMPACT, design)
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: PidCompactAssumptions) -> ControllerState:
         """Return the state before automatic has ever been on."""
-        return Running((block_of(words.values, assume), assume), COLD)
+        return ControllerState((block_of(words.values, assume), assume), COLD)

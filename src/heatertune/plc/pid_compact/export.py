@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from typing import Final
 
 from heatertune.plc.cpu.letters import in_ascii
+from heatertune.plc.keyed_entry import as_typed
 from heatertune.plc.pid_compact.source import CALL, LOAD, ROLLBACK, assignments, call, load, made_by, rollback, tick_s
-from heatertune.plc.pid_compact.words import Tags
+from heatertune.plc.pid_compact.words import BlockTags
 from heatertune.plc.st.source import comment
-from heatertune.plc.typed import as_typed
 from heatertune.plc.words import Certificate, WordField, Words
 
 __all__ = ["COLUMNS", "export_words"]
@@ -21,7 +21,7 @@ COLUMNS: Final = ("Name", "Address", "Display format", "Monitor value", "Modify 
 
 
 def export_words(
-    tags: Tags, fields: Sequence[WordField], words: Words, certificate: Certificate
+    tags: BlockTags, fields: Sequence[WordField], words: Words, certificate: Certificate
 ) -> dict[str, str | bytes]:
     """Return the three files; the same words and certificate give the same bytes."""
     head = comment(*_head(tags, words, certificate), *_by_hand(tags, words, certificate))
@@ -31,7 +31,7 @@ def export_words(
             f"{tags.files}_watch.csv": _watch(tags, fields, words, certificate)}
 
 
-def _head(tags: Tags, words: Words, certificate: Certificate) -> tuple[str, ...]:
+def _head(tags: BlockTags, words: Words, certificate: Certificate) -> tuple[str, ...]:
     scale = words.scaling
     return (
         f"heater controller: words of {tags.block} (S7-1200/1500), V2 and later, for the instance DB {tags.instance}",
@@ -42,7 +42,7 @@ def _head(tags: Tags, words: Words, certificate: Certificate) -> tuple[str, ...]
     )
 
 
-def _by_hand(tags: Tags, words: Words, certificate: Certificate) -> list[str]:
+def _by_hand(tags: BlockTags, words: Words, certificate: Certificate) -> list[str]:
     """Return what remains to be done by hand, numbered."""
     actuator = certificate.actuator
     why = made_by(tags, words, actuator)
@@ -79,7 +79,7 @@ def _rollback(certificate: Certificate) -> tuple[str, ...]:
     )
 
 
-def _watch(tags: Tags, fields: Sequence[WordField], words: Words, certificate: Certificate) -> str:
+def _watch(tags: BlockTags, fields: Sequence[WordField], words: Words, certificate: Certificate) -> str:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     notes = (*_head(tags, words, certificate),

@@ -7,16 +7,16 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.iec.machine import Firmware, Program, Value
+from heatertune.plc.cpu.iec.machine import Firmware, TextProgram, Value
 from heatertune.plc.cpu.iec.text import units
-from heatertune.plc.exported import Called, Exported
+from heatertune.plc.exported import CallResult, ExportedInPlc
 from heatertune.plc.pid_compact.source import BROKEN_HIGH, CALL, LOAD
-from heatertune.plc.pid_compact.step import COLD, block_of, scaled, scan
-from heatertune.plc.pid_compact.words import Tags
+from heatertune.plc.pid_compact.step import COLD, block_of, scale_input, scan
+from heatertune.plc.pid_compact.words import BlockTags
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import WordField
 
-__all__ = ["LAW", "Law", "exported", "loaded"]
+__all__ = ["LAW", "InstructionLaw", "load_program", "loaders"]
 
 _BODY: Final = r'FUNCTION "{}" : Void\b.*?\nBEGIN\n(.*?)END_FUNCTION'
 #: the instance's names: quotation marks and dots, which the machine's names do not have
@@ -25,7 +25,7 @@ _INSTANCE: Final = "PID"
 _SCALING: Final = ("LowerPointIn", "UpperPointIn", "LowerPointOut", "UpperPointOut")
 
 
-class Law(NamedTuple):
+class InstructionLaw(NamedTuple):
     """What the instruction computes: the memory before its first cycle, the block for words, a cycle on all inputs."""
 
     cold: Any
@@ -33,20 +33,20 @@ class Law(NamedTuple):
     scan: Callable[[Any, Any, Mapping[str, Any]], tuple[Any, float, Any, int]]
 
 
-LAW: Final = Law(COLD, block_of, scan)
+LAW: Final = InstructionLaw(COLD, block_of, scan)
 
 
 def _flat(tag: str) -> str:
     return tag.replace(".", "_")
 
 
-class ExportedPid(Exported):
-    """See `heatertune.plc.exported.Exported`."""
+class ExportedPid(ExportedInPlc):
+    """See `heatertune.plc.exported.ExportedInPlc`."""
 
-    def __init__(self, text: str, tags: Tags, instruction: Instruction, cycle_s: float) -> None:
+    def __init__(self, text: str, tags: BlockTags, instruction: FirmwareInstruction, cycle_s: float) -> None:
         """Take a source; raise InputError where it is not of the exported form."""
         self._firmware, self._per_call, self._least = instruction, 1, -100.0 if tags.cools else 0.0
-        self._program = loaded(text, tags, self._firmware.made)
+        self._program = load_program(text, tags, self._firmware.made)
         self.start()
         self._scan(0.0, BROKEN_HIGH)
         tick = float(self._program["PID_TICK"])
@@ -66,12 +66,12 @@ class ExportedPid(Exported):
         self._program["Starts"] = True
         self._since = 0
 
-    def call(self, asked: Number, counts: int, reading_degC: float) -> Called:  # noqa: ARG002 - of Input_PER
+    def call(self, asked: Number, counts: int, reading_degC: float) -> CallResult:  # noqa: ARG002 - of Input_PER
         """Run the tick in which the algorithm is due."""
         self._since = 0
         return self._scan(asked, counts)
 
-    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[Called, bool | None]:  # noqa: ARG002
+    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:  # noqa: ARG002
         """Run a tick of the cyclic interrupt OB; the pulses are the instruction's own."""
         return self._scan(asked, counts), None
 
@@ -88,24 +88,24 @@ class ExportedPid(Exported):
         """Not reached, see `begin`."""
         raise NotImplementedError
 
-    def counted(self) -> float | None:
+    def tick_count(self) -> float | None:
         """Return None: nothing is counted."""
         return None
 
-    def _scan(self, asked: Number, counts: int) -> Called:
+    def _scan(self, asked: Number, counts: int) -> CallResult:
         program, self._firmware.due = self._program, self._since % self._per_call == 0
         program["Setpoint"], program["Reading"] = asked, counts
         program.scan()
         program["Starts"] = False
         self._since += 1
         power = program["PID_POWER"]
-        return Called(program["PID_ASKED"], power, min(max(power, self._least), 100.0))
+        return CallResult(program["PID_ASKED"], power, min(max(power, self._least), 100.0))
 
 
-class Instruction:
+class FirmwareInstruction:
     """The firmware: its instance DB by flattened names, and a law."""
 
-    def __init__(self, tags: Tags, fields: Sequence[WordField], assume: Any, law: Law) -> None:
+    def __init__(self, tags: BlockTags, fields: Sequence[WordField], assume: Any, law: InstructionLaw) -> None:
         """Take the block's names and words."""
         self._tags, self._assume, self._fields, self._law = tags, assume, fields, law
         # of the configuration, what the proof takes to be so
@@ -154,14 +154,14 @@ class Instruction:
         if values != self._held:
             self._held, self._block = values, self._law.block_of(values, self._assume)
         low, high = (given[f"Config_InputScaling_{end}PointOut"] for end in ("Lower", "Upper"))
-        reading = scaled(given["Input_PER"], int(given["Config_InputScaling_UpperPointIn"]), low, high)
+        reading = scale_input(given["Input_PER"], int(given["Config_InputScaling_UpperPointIn"]), low, high)
         inputs = {"Setpoint": min(max(given["Setpoint"], given["Config_SetpointLowerLimit"]),
                                   given["Config_SetpointUpperLimit"]), "Input": reading, "Reset": given["Reset"]}
         self._state, _, self._power, _ = self._law.scan((self._block, self._assume), self._state, inputs)
         return {"Power": self._power}
 
 
-def loaded(text: str, tags: Tags, instruction: Firmware) -> Program:
+def load_program(text: str, tags: BlockTags, instruction: Firmware) -> TextProgram:
     """Return a source's two functions as one program: the first where `Starts` is TRUE, the second always.
 
     Raises:
@@ -174,7 +174,7 @@ def loaded(text: str, tags: Tags, instruction: Firmware) -> Program:
             raise InputError(f'no FUNCTION "{name}"')
         bodies.append(_TAG.sub(lambda tag: _renamed(tag, tags), body[1]).replace("#", ""))
     load, call = bodies
-    return Program(units(
+    return TextProgram(units(
         f"PROGRAM Heater\nVAR\n  Starts : BOOL;\n  Setpoint : REAL;\n  Reading : INT;\n  PID_POWER : REAL;\n"
         f"  PID_ASKED : REAL;\n  PID_TICK : REAL;\n  {_INSTANCE} : INSTRUCTION;\nEND_VAR\n"
         f"IF Starts THEN\n{load}END_IF;\n{call}"
@@ -182,14 +182,14 @@ def loaded(text: str, tags: Tags, instruction: Firmware) -> Program:
         f"PID_TICK := {_INSTANCE}.CycleTime_Value;\nEND_PROGRAM\n"), {"INSTRUCTION": instruction})
 
 
-def _renamed(tag: re.Match[str], tags: Tags) -> str:
+def _renamed(tag: re.Match[str], tags: BlockTags) -> str:
     if tag[1] != tags.instance:
         raise InputError(f"{tag[0]} is not of {tags.instance}")
     return _INSTANCE + ("." + _flat(tag[2][1:]) if tag[2] else "")
 
 
-def exported(
-    tags: Tags, fields: Sequence[WordField], law: Law, files: Mapping[str, str | bytes], assume: Any
+def loaders(
+    tags: BlockTags, fields: Sequence[WordField], law: InstructionLaw, files: Mapping[str, str | bytes], assume: Any
 ) -> dict[str, Callable[[], ExportedPid | None]]:
     """Return what loads the source; the interval of the algorithm is Cycle of its words.
 
@@ -207,6 +207,6 @@ def exported(
         cycle = re.search(rf"{re.escape(tags.active('Cycle'))} := ([0-9.E+-]+);", text)
         if cycle is None:
             raise InputError(f"{tags.active('Cycle')} is not assigned")
-        return ExportedPid(text, tags, Instruction(tags, fields, assume, law), float(f"{float(cycle[1]):.7g}"))
+        return ExportedPid(text, tags, FirmwareInstruction(tags, fields, assume, law), float(f"{float(cycle[1]):.7g}"))
 
     return {file: load}

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
 
 from heatertune.plc.pid_compact.source import CALL, LOAD, LOOKED_AT, ROLLBACK, assignments, call, load, rollback
-from heatertune.plc.pid_compact.words import Tags
+from heatertune.plc.pid_compact.words import BlockTags
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import Collected, ReadBack, first_unlike, lines_of, real_of, whole_of, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, first_unlike, lines_of, real_of, whole_of, wrong
 from heatertune.plc.targets import COOLING
 from heatertune.plc.words import WordField, Words
 
@@ -33,14 +33,14 @@ _MODIFY: Final = "MODIFY VALUE"
 _OFF: Final = 3.4028e38
 
 
-class _Assigned(NamedTuple):
+class _SclAssignments(NamedTuple):
     line: int
     tag: str
     value: str
 
 
 def from_text(
-    tags: Tags, fields: Sequence[WordField], text: str, _sample_time_s: float | None, source: str
+    tags: BlockTags, fields: Sequence[WordField], text: str, _sample_time_s: float | None, source: str
 ) -> ReadBack:
     """Return the words in a text, and what it assigns besides.
 
@@ -56,7 +56,7 @@ def from_text(
             values, or out of its range; a zone or cooling that no proof here knows; names of V1 of the block.
     """
     plain = text.replace("\r\n", "\n").replace("\r", "\n")
-    collected, others = Collected(source, tuple(fields)), list[_Assigned]()
+    collected, others = WordCollector(source, tuple(fields)), list[_SclAssignments]()
     by_tag = {field.address.upper(): field for field in fields}
     off = _switched_off(tags)
     for line, tag, value in _all(plain, source):
@@ -70,12 +70,12 @@ def from_text(
             if not _is(value, least):
                 raise wrong(source, line, tag, value, told)
         else:
-            others.append(_Assigned(line, tag, value))
+            others.append(_SclAssignments(line, tag, value))
     over = tuple(f"{tag} := {value} (line {line})" for line, tag, value in others if tag.upper() not in LOOKED_AT)
     return ReadBack(collected.values(), over, _compared(tags, plain, others))
 
 
-def _switched_off(tags: Tags) -> dict[str, tuple[str, str]]:
+def _switched_off(tags: BlockTags) -> dict[str, tuple[str, str]]:
     """Return what has to be off, tag → its value, and what is told of another."""
     listed = {
         tags.active("DeadZone"): ("0.0", "0.0: no proof here knows a dead zone"),
@@ -108,7 +108,7 @@ def _number(field: WordField, value: str) -> Number | None:
     return real_of(value) if field.format == "REAL" else whole_of(value)
 
 
-def _all(text: str, source: str) -> Iterator[_Assigned]:
+def _all(text: str, source: str) -> Iterator[_SclAssignments]:
     """Yield what a text assigns to the instance."""
     if _FUNCTION.search(text):
         yield from _of_source(text, source)
@@ -118,7 +118,7 @@ def _all(text: str, source: str) -> Iterator[_Assigned]:
         yield from _of_list(text, source)
 
 
-def _of_source(text: str, source: str) -> Iterator[_Assigned]:
+def _of_source(text: str, source: str) -> Iterator[_SclAssignments]:
     """Yield the assignments of the functions in a source, but for what saves the parameters of before."""
     plain = _blanked(text)
     outside = _FUNCTION.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), plain)
@@ -139,13 +139,13 @@ def _of_source(text: str, source: str) -> Iterator[_Assigned]:
             tag, value = _tag(assigned[1]), assigned[2]
             saves = tag.upper().startswith("CTRLPARAMSBACKUP.") or tag.upper() == "LOADBACKUP"
             if not saves:
-                yield _Assigned(line, tag, value)
+                yield _SclAssignments(line, tag, value)
         rest = _STATEMENT.sub("", plain[start:function.end(2)]).strip()
         if rest:
             raise wrong(source, plain.count("\n", 0, function.end(2)) + 1, function[1], rest[:40], "a statement and ;")
 
 
-def _of_table(text: str, source: str) -> Iterator[_Assigned]:
+def _of_table(text: str, source: str) -> Iterator[_SclAssignments]:
     """Yield the rows of a table that have a value to write."""
     delimiter = max(",;\t", key=text.count)
     columns: dict[str, int] = {}
@@ -163,17 +163,17 @@ def _of_table(text: str, source: str) -> Iterator[_Assigned]:
         if found is None:
             raise wrong(source, line, "name", name, '"instance".tag')
         if value and not _tag(name).upper().startswith("CTRLPARAMSBACKUP.") and _tag(name).upper() != "LOADBACKUP":
-            yield _Assigned(line, _tag(name), value)
+            yield _SclAssignments(line, _tag(name), value)
 
 
-def _of_list(text: str, source: str) -> Iterator[_Assigned]:
+def _of_list(text: str, source: str) -> Iterator[_SclAssignments]:
     for line, content in lines_of(_blanked(text)):
         if not content:
             continue
         assigned = _ASSIGNED.fullmatch(content)
         if assigned is None:
             raise wrong(source, line, "parameter", content, "a line such as Retain.CtrlParams.Gain := 2.5;")
-        yield _Assigned(line, _tag(assigned[1]), assigned[2])
+        yield _SclAssignments(line, _tag(assigned[1]), assigned[2])
 
 
 def _is_header(content: str) -> bool:
@@ -192,7 +192,7 @@ def _blanked(text: str) -> str:
 
 
 def _compared(
-    tags: Tags, text: str, others: Sequence[_Assigned]
+    tags: BlockTags, text: str, others: Sequence[_SclAssignments]
 ) -> Callable[[Words], tuple[str, ...]]:
     """Return what compares the configuration and the source around the words with the exported ones."""
     functions = {found[1]: found for found in _FUNCTION.finditer(_blanked(text))}

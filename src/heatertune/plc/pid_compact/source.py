@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from heatertune.plc.pid_compact.words import COUNTS, Tags
+from heatertune.plc.pid_compact.words import COUNTS, BlockTags
 from heatertune.plc.pwm import Actuator
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.plc.words import Scaling, Words
 
 __all__ = ["BROKEN_HIGH", "BROKEN_LOW", "CALL", "LOAD", "LOOKED_AT", "ROLLBACK", "assignments", "call", "literal",
@@ -32,7 +32,7 @@ _COOLER: Final = "Config.Output.Cool."
 #: a finer clock than an organization block has
 _LEAST_MS: Final = 1.0
 
-Assigned = tuple[str, str, str]
+Assignment = tuple[str, str, str]
 
 #: tags beside the words that a text read back is held against, in capitals
 LOOKED_AT: Final = frozenset(tag.upper() for tag in (
@@ -54,7 +54,7 @@ def literal(value: float) -> str:
     return f"{digits}0E{int(exponent)}" if digits.endswith(".") else f"{digits}E{int(exponent)}"
 
 
-def made_by(tags: Tags, words: Words, actuator: Actuator | None) -> str | None:
+def made_by(tags: BlockTags, words: Words, actuator: Actuator | None) -> str | None:
     """Return why the block's own output of pulses is not the switch of the proof; None: it is."""
     if actuator is None:
         return "no switch is known of the proof"
@@ -73,7 +73,7 @@ def made_by(tags: Tags, words: Words, actuator: Actuator | None) -> str | None:
     return next((why for holds, why in problems if holds), None)
 
 
-def assignments(tags: Tags, words: Words, actuator: Actuator | None) -> Iterator[Assigned]:
+def assignments(tags: BlockTags, words: Words, actuator: Actuator | None) -> Iterator[Assignment]:
     """Yield tag, value and meaning of all that is configured beside the parameters."""
     v = words.values
     lower, upper = literal(0.0 if tags.cools else v["OutputLowerLimit"]), literal(v["OutputUpperLimit"])
@@ -97,7 +97,7 @@ def assignments(tags: Tags, words: Words, actuator: Actuator | None) -> Iterator
     yield from _clock(tags, words, actuator)
 
 
-def _cooling(tags: Tags, words: Words) -> Iterator[Assigned]:
+def _cooling(tags: BlockTags, words: Words) -> Iterator[Assignment]:
     v = words.values
     yield "Config.ActivateCooling", "TRUE", "what is below 0 goes to OutputCool"
     yield "Config.AdvancedCooling", "TRUE" if v["AdvancedCooling"] else "FALSE", "FALSE: heating's set and CoolFactor"
@@ -110,13 +110,13 @@ def _cooling(tags: Tags, words: Words) -> Iterator[Assigned]:
                 for end, at in (("Upper", literal(-v["OutputLowerLimit"])), ("Lower", "0.0")))
 
 
-def _safe(lower: float, upper: float) -> Iterator[Assigned]:
+def _safe(lower: float, upper: float) -> Iterator[Assignment]:
     yield "ActivateRecoverMode", "TRUE", "an error that passes does not end automatic"
     yield "SetSubstituteOutput", "TRUE", "while there is an error the output is SubstituteOutput"
     yield "SubstituteOutput", literal(min(max(0.0, lower), upper)), "%"
 
 
-def _input(scaling: Scaling) -> Iterator[Assigned]:
+def _input(scaling: Scaling) -> Iterator[Assignment]:
     low, high = single(scaling.low_degC), single(scaling.high_degC)
     beyond = _BEYOND * scaling.span_degC
     yield "Config.InputPerOn", "TRUE", "the reading is Input_PER"
@@ -130,7 +130,7 @@ def _input(scaling: Scaling) -> Iterator[Assigned]:
     yield "Config.SetpointUpperLimit", literal(high), "degC"
 
 
-def _clock(tags: Tags, words: Words, actuator: Actuator | None) -> Iterator[Assigned]:
+def _clock(tags: BlockTags, words: Words, actuator: Actuator | None) -> Iterator[Assignment]:
     """Yield the interval of the calls, and the PWM that was proven where the block makes it."""
     if actuator is not None:
         yield "CycleTime.StartEstimation", "FALSE", "the interval of the calls is told, not measured"
@@ -153,12 +153,12 @@ def _clock(tags: Tags, words: Words, actuator: Actuator | None) -> Iterator[Assi
             yield f"{_COOLER}{name}", literal(single(time)), "s"
 
 
-def tick_s(tags: Tags, words: Words, actuator: Actuator) -> float:
+def tick_s(tags: BlockTags, words: Words, actuator: Actuator) -> float:
     """Return the interval of the cyclic interrupt OB [s]: a step of the PWM, or Cycle where the block makes none."""
     return actuator.resolution_s if made_by(tags, words, actuator) is None else words.sample_time_s
 
 
-def load(tags: Tags, words: Words, actuator: Actuator | None) -> str:
+def load(tags: BlockTags, words: Words, actuator: Actuator | None) -> str:
     """Return the function that gives the instance DB its words; it saves those of before, where they are others."""
     at = f'"{tags.instance}".'
     values = {name: literal(words.values[name]) for name in tags.parameters}
@@ -170,7 +170,7 @@ def load(tags: Tags, words: Words, actuator: Actuator | None) -> str:
     return _function(LOAD, "", f"IF NOT ({same}) THEN\n{saved}END_IF;\n{new}{rest}")
 
 
-def call(tags: Tags) -> str:
+def call(tags: BlockTags) -> str:
     """Return the function that the cyclic interrupt OB calls; a broken sensor resets the instruction."""
     inputs = "VAR_INPUT\n  Setpoint : REAL; (* degC *)\n  Reading : INT; (* analog input *)\nEND_VAR\n"
     return _function(CALL, inputs, (
@@ -178,7 +178,7 @@ def call(tags: Tags) -> str:
         f"  Reset := (#Reading >= {BROKEN_HIGH}) OR (#Reading <= {BROKEN_LOW}));\n"))
 
 
-def rollback(tags: Tags) -> str:
+def rollback(tags: BlockTags) -> str:
     """Return the function that loads the parameters of before."""
     return _function(ROLLBACK, "", f'"{tags.instance}".LoadBackUp := TRUE;\n')
 

@@ -18,10 +18,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.open_points import Switch
-from heatertune.plc.single import LARGEST, divided, exponential, single
+from heatertune.plc.open_points import OpenPoint
+from heatertune.plc.single_precision import LARGEST, divide_single, exponential, single
 
-__all__ = ["COLD", "Assumptions", "Block", "State", "block_of", "scaled", "scan", "step", "taken"]
+__all__ = ["COLD", "PidCompactAssumptions", "PidCompactBlock", "PidCompactState", "block_of", "integrated_error",
+           "scale_input", "scan", "step"]
 
 #: what stops I at a limit
 STOPPED: Final = 0
@@ -46,31 +47,32 @@ PRE_ASSIGNED: Final = 3
 LIKE_A_STEP: Final = 4
 
 
-class Assumptions(NamedTuple):
+class PidCompactAssumptions(NamedTuple):
     """What the manual leaves open, see DIFFERENCES.md."""
 
-    anti_windup: Annotated[int, Switch(
+    anti_windup: Annotated[int, OpenPoint(
         name="anti_windup", means={"stopped": STOPPED, "late": LATE, "limited": LIMITED, "clamped": CLAMPED},
-        why="what stops I at a limit: no step that leads further out, judged by the sum of this cycle (stopped) or of "
+        reason="what stops I at a limit: no step that leads further out, judged by the sum of this cycle (stopped) or "
+               "of "
             "the one before (late); and I within the limits too (limited); or P + I within them (clamped)",
     )] = STOPPED
-    integral: Annotated[int, Switch(
+    integral: Annotated[int, OpenPoint(
         name="integral", means={"backward": NEW, "forward": OLD, "trapezoid": MEAN},
-        why="whether I takes the error of this cycle, of the one before, or the mean of both",
+        reason="whether I takes the error of this cycle, of the one before, or the mean of both",
     )] = NEW
-    lag: Annotated[int, Switch(
+    lag: Annotated[int, OpenPoint(
         name="derivative_lag", means={"backward": BACKWARD, "tustin": TUSTIN, "ramp": RAMP, "step": STEP},
         shows=lambda own: own[0].past != 0.0 or own[0].kick != 0.0,
-        why="how the lag a·TD is sampled: its share of the past is a·TD/(a·TD + T), (a·TD − T/2)/(a·TD + T/2), or "
+        reason="how the lag a·TD is sampled: its share of the past is a·TD/(a·TD + T), (a·TD − T/2)/(a·TD + T/2), or "
             "exp(−T/(a·TD)), so that D is exact for a reading that runs in straight lines (ramp) or in steps (step)",
     )] = BACKWARD
-    zero_history: Annotated[bool, Switch(
+    zero_history: Annotated[bool, OpenPoint(
         name="history", means={"present": False, "zero": True},
-        why="what the first cycle in automatic takes for the one before: its own reading, or zeros, so that D kicks",
+        reason="what the first cycle in automatic takes for the one before: its own reading, or zeros, so that D kicks",
     )] = False
 
 
-class Block(NamedTuple):
+class PidCompactBlock(NamedTuple):
     """The words as the block uses them, and what follows from them alone."""
 
     gain: float  # below 0 where the control is inverted
@@ -84,7 +86,7 @@ class Block(NamedTuple):
     begins: int  # IntegralResetMode
 
 
-class State(NamedTuple):
+class PidCompactState(NamedTuple):
     """What the instance keeps from cycle to cycle; all finite."""
 
     runs: bool = False
@@ -97,10 +99,10 @@ class State(NamedTuple):
     invalid: bool = False  # a number was not finite
 
 
-COLD: Final = State()
+COLD: Final = PidCompactState()
 
 
-def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
+def block_of(values: Mapping[str, float], assume: PidCompactAssumptions) -> PidCompactBlock:
     """Return the block for its words; total for any of them."""
     gain, cycle = float(values["Gain"]), float(values["Cycle"])
     if values.get("InvertControl", 0):
@@ -109,39 +111,40 @@ def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
     td, ratio = float(values["Td"]), float(values["TdFiltRatio"])
     if td > 0.0:
         past, kick = _lag(assume, single(ratio * td), single(gain * td), cycle)
-    return Block(
+    return PidCompactBlock(
         gain=gain, p_weight=float(values["PWeighting"]), d_weight=float(values["DWeighting"]),
-        growth=divided(single(gain * cycle), ti) if ti > 0.0 else 0.0, past=past, kick=kick,
+        growth=divide_single(single(gain * cycle), ti) if ti > 0.0 else 0.0, past=past, kick=kick,
         upper=float(values["OutputUpperLimit"]), lower=float(values["OutputLowerLimit"]),
         begins=int(values["IntegralResetMode"]))
 
 
-def _lag(assume: Assumptions, lag: float, gain_td: float, cycle: float) -> tuple[float, float]:
+def _lag(assume: PidCompactAssumptions, lag: float, gain_td: float, cycle: float) -> tuple[float, float]:
     """Return α and β for a lag, Kp·TD and a cycle; without a lag D lasts for one cycle, however it is sampled."""
     if assume.lag in (RAMP, STEP):
-        past = exponential(-divided(cycle, lag))
+        past = exponential(-divide_single(cycle, lag))
         if assume.lag == STEP and lag > 0.0:
-            return past, divided(gain_td, lag)
-        return past, single(divided(gain_td, cycle) * single(1.0 - past))
+            return past, divide_single(gain_td, lag)
+        return past, single(divide_single(gain_td, cycle) * single(1.0 - past))
     if assume.lag == TUSTIN:
         half = single(0.5 * cycle)
         lag = max(lag, half)
         both = single(lag + half)
-        return divided(single(lag - half), both), divided(gain_td, both)
+        return divide_single(single(lag - half), both), divide_single(gain_td, both)
     both = single(lag + cycle)
-    return divided(lag, both), divided(gain_td, both)
+    return divide_single(lag, both), divide_single(gain_td, both)
 
 
-def scaled(count: int, counts: int, low: float, high: float) -> float:
+def scale_input(count: int, counts: int, low: float, high: float) -> float:
     """Return the reading of Input_PER, 0 and the highest count being low and high, both REALs [°C]."""
     share = single(float(count) / float(counts))
     return single(single(share * single(high - low)) + low)
 
 
 def step(
-    parameters: tuple[Block, Assumptions], state: State, setpoint: float, reading: float, _begins: bool
-) -> tuple[State, float, float, int]:
-    """Compute one cycle in automatic, see `heatertune.plc.core.Core`.
+    parameters: tuple[PidCompactBlock, PidCompactAssumptions], state: PidCompactState, setpoint: float, reading: float,
+    _begins: bool
+) -> tuple[PidCompactState, float, float, int]:
+    """Compute one cycle in automatic, see `heatertune.plc.core.StepFunctions`.
 
     Args:
         parameters: the block's, and the assumptions.
@@ -154,22 +157,23 @@ def step(
 
 
 def scan(
-    parameters: tuple[Block, Assumptions], state: State, inputs: Mapping[str, float]
-) -> tuple[State, float, float, int]:
+    parameters: tuple[PidCompactBlock, PidCompactAssumptions], state: PidCompactState, inputs: Mapping[str, float]
+) -> tuple[PidCompactState, float, float, int]:
     """Compute one cycle with Setpoint, Input and, where named, Reset, which makes the block inactive."""
     if inputs.get("Reset", 0):
         return COLD, 0.0, 0.0, 0
     return step(parameters, state, inputs["Setpoint"], inputs["Input"], False)
 
 
-def _outcome(made: tuple[State, float]) -> tuple[State, float, float, int]:
+def _outcome(made: tuple[PidCompactState, float]) -> tuple[PidCompactState, float, float, int]:
     """Return the state, the output as power, the output, and the flags as bits."""
     after, output = made
     bits = int(after.above) + 2 * int(after.below) + 4 * int(after.invalid)
     return after, min(max(output, 0.0), 100.0), output, bits
 
 
-def _cycle(b: Block, assume: Assumptions, s: State, setpoint: float, reading: float) -> tuple[State, float]:
+def _cycle(b: PidCompactBlock, assume: PidCompactAssumptions, s: PidCompactState, setpoint: float,
+           reading: float) -> tuple[PidCompactState, float]:
     """Return the state after a cycle, and the output; what is not finite leaves the state and asks for 0."""
     error = single(setpoint - reading)
     weighted = single(single(b.d_weight * setpoint) - reading)
@@ -180,31 +184,31 @@ def _cycle(b: Block, assume: Assumptions, s: State, setpoint: float, reading: fl
         before, error_before = (zero, zero) if assume.zero_history else (weighted, error)
         integral = _begun(b, error, proportional)
     derivative = single(single(b.past * s.derivative) + single(b.kick * single(weighted - before)))
-    change = single(b.growth * taken(assume.integral, error, error_before))
+    change = single(b.growth * integrated_error(assume.integral, error, error_before))
     grown = single(integral + change)
     total = single(single(proportional + grown) + derivative)
     if not (abs(total) <= LARGEST and abs(error) <= LARGEST and abs(weighted) <= LARGEST):
         output = _limited(b, zero)
-        return State(s.runs, s.integral, s.error, s.weighted, s.derivative, s.above, s.below, True), output
+        return PidCompactState(s.runs, s.integral, s.error, s.weighted, s.derivative, s.above, s.below, True), output
     if not s.runs and b.begins in (SMOOTH, PRE_ASSIGNED) and b.growth != 0.0:
         grown = _kept(zero, single(zero - single(proportional + derivative)))
         total = single(single(proportional + grown) + derivative)
     elif b.growth != 0.0:
         grown = _held(b, assume, s, integral, change, total, proportional)
         total = single(single(proportional + grown) + derivative)
-    after = State(
+    after = PidCompactState(
         True, grown, error, weighted, derivative, total >= b.upper, total <= b.lower, False)
     return after, _limited(b, total)
 
 
-def _begun(b: Block, error: float, proportional: float) -> float:
+def _begun(b: PidCompactBlock, error: float, proportional: float) -> float:
     """Return I as automatic finds it: nothing, or what makes P and I together Kp·b·e."""
     if b.begins != LIKE_A_STEP or b.growth == 0.0:
         return single(0.0)
     return single(single(b.gain * single(b.p_weight * error)) - proportional)
 
 
-def taken(kind: int, error: float, before: float) -> float:
+def integrated_error(kind: int, error: float, before: float) -> float:
     """Return the error that I takes, of this cycle, of the one before, or the mean of both."""
     if kind == NEW:
         return error
@@ -212,7 +216,8 @@ def taken(kind: int, error: float, before: float) -> float:
 
 
 def _held(
-    b: Block, assume: Assumptions, s: State, integral: float, change: float, total: float, proportional: float
+    b: PidCompactBlock, assume: PidCompactAssumptions, s: PidCompactState, integral: float, change: float, total: float,
+    proportional: float
 ) -> float:
     """Return I after a cycle, as the limits leave it."""
     grown = single(integral + change)
@@ -230,5 +235,5 @@ def _kept(old: float, new: float) -> float:
     return new if abs(new) <= LARGEST else old
 
 
-def _limited(b: Block, value: float) -> float:
+def _limited(b: PidCompactBlock, value: float) -> float:
     return min(max(value, b.lower), b.upper)

@@ -10,9 +10,9 @@ from typing import Final
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.ramp import Number
-from heatertune.plc.words import FORMATS, WordField, Words, stored
+from heatertune.plc.words import FORMATS, WordField, Words, round_to_word
 
-__all__ = ["COMPACT", "COOL", "COUNTS", "PARAMETERS", "TEMP", "Tags", "consistent", "design_of", "fields_of",
+__all__ = ["COMPACT", "COOL", "COUNTS", "PARAMETERS", "TEMP", "BlockTags", "consistent", "design_of", "fields_of",
            "interval_s", "oddities", "real_field", "set_of", "values_of"]
 
 #: of an analog input of the S7-1200/1500, and of the scaling of Input_PER
@@ -33,7 +33,7 @@ COOL: Final = "Cool"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tags:
+class BlockTags:
     """The names of a block: where its instance DB holds the words, and what the export is called.
 
     Attributes:
@@ -85,16 +85,16 @@ class Tags:
         return f"Config.{self.output}{name}"
 
 
-COMPACT: Final = Tags(
+COMPACT: Final = BlockTags(
     block="PID_Compact", instance="PID_Compact_1", files="pid_compact", upper="OutputUpperLimit",
     lower="OutputLowerLimit", inverts=True, power="Output", pulses="Output_PWM", pages="pp. 246-274")
-TEMP: Final = Tags(
+TEMP: Final = BlockTags(
     block="PID_Temp", instance="PID_Temp_1", files="pid_temp", set="Heat.", output="Output.Heat.",
     upper="PidUpperLimit", lower="PidLowerLimit", inverts=False, power="OutputHeat", pulses="OutputHeat_PWM",
     pages="pp. 391-444")
 
 
-def fields_of(tags: Tags) -> tuple[WordField, ...]:
+def fields_of(tags: BlockTags) -> tuple[WordField, ...]:
     """Return the words of a block, in the order in which they are typed in."""
     inverted = WordField(name="InvertControl", address="Config.InvertControl", format="BOOL", low=0, high=1,
                          comment="1: the output falls where the reading is low (a cooler)")
@@ -109,7 +109,7 @@ def fields_of(tags: Tags) -> tuple[WordField, ...]:
     )
 
 
-def set_of(tags: Tags, prefix: str = "", what: str = "") -> tuple[WordField, ...]:
+def set_of(tags: BlockTags, prefix: str = "", what: str = "") -> tuple[WordField, ...]:
     """Return a set of parameters, whose words begin and whose comments end so."""
     def real(name: str, low: float, high: float, comment: str) -> WordField:
         return real_field(prefix + name, tags.active(prefix + name), low, high, comment + what)
@@ -138,7 +138,7 @@ def real_field(name: str, address: str, low: float, high: float, comment: str) -
     return WordField(name=name, address=address, format="REAL", low=low, high=high, comment=comment)
 
 
-def values_of(tags: Tags, design: PidDesign) -> dict[str, Number]:
+def values_of(tags: BlockTags, design: PidDesign) -> dict[str, Number]:
     """Return the words of a design; the derivative is of the reading alone, its lag that of the design's filter.
 
     Raises:
@@ -153,11 +153,12 @@ def values_of(tags: Tags, design: PidDesign) -> dict[str, Number]:
     cycles = design.derivative_filter / (1.0 - design.derivative_filter)
     near = "a time up to 100000 s would fit"
     words: dict[str, Number] = {
-        "Gain": stored(fields["Gain"], abs(gain), "a K nearer to 1 %/°C would fit"),
-        "Ti": 0.0 if math.isinf(tn) else stored(fields["Ti"], tn, near), "Td": stored(fields["Td"], tv, near),
-        "TdFiltRatio": stored(fields["TdFiltRatio"], cycles * design.sample_time_s / tv, "a longer TV would fit")
-        if tv > 0.0 else stored(fields["TdFiltRatio"], 0.2),
-        "PWeighting": 1.0, "DWeighting": 0.0, "Cycle": stored(fields["Cycle"], design.sample_time_s, near),
+        "Gain": round_to_word(fields["Gain"], abs(gain), "a K nearer to 1 %/°C would fit"),
+        "Ti": 0.0 if math.isinf(tn) else round_to_word(fields["Ti"], tn, near),
+        "Td": round_to_word(fields["Td"], tv, near),
+        "TdFiltRatio": round_to_word(fields["TdFiltRatio"], cycles * design.sample_time_s / tv, "a longer TV would fit")
+        if tv > 0.0 else round_to_word(fields["TdFiltRatio"], 0.2),
+        "PWeighting": 1.0, "DWeighting": 0.0, "Cycle": round_to_word(fields["Cycle"], design.sample_time_s, near),
         "OutputUpperLimit": 100.0, "OutputLowerLimit": 0.0, "IntegralResetMode": 1,
     }
     return words | ({"InvertControl": int(gain < 0.0)} if tags.inverts else {})

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
-from heatertune.plc.controller import Controller, Cooling
-from heatertune.plc.core import Running
+from heatertune.plc.controller import Controller, CoolingSupport
+from heatertune.plc.core import ControllerState
 from heatertune.plc.pid_compact.controller import CORE, COUNTS, DELAY_S, INPUTS, TIMER, UNREAD
 from heatertune.plc.pid_temp.export import (
     cooling_export_words,
@@ -19,8 +19,8 @@ from heatertune.plc.pid_temp.export import (
 from heatertune.plc.pid_temp.step import (
     COLD,
     COLD_PAIR,
-    Assumptions,
     CoolingAssumptions,
+    PidCompactAssumptions,
     block_of,
     pair_of,
     pair_scan,
@@ -31,7 +31,6 @@ from heatertune.plc.pid_temp.words import (
     COOLING_FIELDS,
     FIELDS,
     consistent,
-    cooled,
     cooling_consistent,
     cooling_design_of,
     cooling_gain_of,
@@ -41,6 +40,7 @@ from heatertune.plc.pid_temp.words import (
     interval_s,
     oddities,
     values_of,
+    with_cooling_gain,
 )
 from heatertune.plc.words import Words
 
@@ -65,18 +65,18 @@ class PidTemp(Controller, name="pid-temp"):
         "no inverted control (a cooler alone: pid-compact), no dead zone, no control zone, no cascade",
         "no setpoint ramp, no feed-forward (Disturbance), no manual in the proof",
     )
-    fields, assumptions, timer, counts, inputs, core = FIELDS, Assumptions, TIMER, COUNTS, INPUTS, CORE
+    fields, assumptions, timer, counts, inputs, core = FIELDS, PidCompactAssumptions, TIMER, COUNTS, INPUTS, CORE
     tick_s, delay_s, unread = 0.1, DELAY_S, UNREAD
     own_pwm = ("pid-compact", 10.0)
     most_power: ClassVar = ("OutputUpperLimit", 100.0)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     interval_s, export, scan_all = staticmethod(interval_s), staticmethod(export_words), staticmethod(scan)
     text, oddities = staticmethod(from_text), staticmethod(oddities)
-    exported: ClassVar = staticmethod(exported)
+    load_exported: ClassVar = staticmethod(exported)
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: PidCompactAssumptions) -> ControllerState:
         """Return the state before automatic has ever been on."""
-        return Running((block_of(words.values, assume), assume), COLD)
+        return ControllerState((block_of(words.values, assume), assume), COLD)
 
 
 class PidTempCooling(Controller, name="pid-temp-cooling"):
@@ -99,13 +99,13 @@ class PidTempCooling(Controller, name="pid-temp-cooling"):
     own_pwm = ("pid-compact", 10.0)
     most_power: ClassVar = ("OutputUpperLimit", 100.0)
     baseline = None
-    cooling = Cooling(words=cooled, gain=cooling_gain_of, design=cooling_design_of)
+    cooling = CoolingSupport(words=with_cooling_gain, gain=cooling_gain_of, design=cooling_design_of)
     values, design = staticmethod(cooling_values_of), staticmethod(design_of)
     consistent = staticmethod(cooling_consistent)
     interval_s, export, scan_all = staticmethod(interval_s), staticmethod(cooling_export_words), staticmethod(pair_scan)
     text, oddities = staticmethod(cooling_from_text), staticmethod(cooling_oddities)
-    exported: ClassVar = staticmethod(cooling_exported)
+    load_exported: ClassVar = staticmethod(cooling_exported)
 
-    def begin(self, words: Words, assume: CoolingAssumptions) -> Running:
+    def begin(self, words: Words, assume: CoolingAssumptions) -> ControllerState:
         """Return the state before automatic has ever been on."""
-        return Running((pair_of(words.values, assume), assume), COLD_PAIR)
+        return ControllerState((pair_of(words.values, assume), assume), COLD_PAIR)

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.open_points import Switch, declared
+from heatertune.plc.open_points import OpenPoint, open_points_of
 from heatertune.plc.pid_compact.step import (
     CLAMPED,
     COLD,
@@ -24,19 +24,33 @@ from heatertune.plc.pid_compact.step import (
     LIMITED,
     PRE_ASSIGNED,
     SMOOTH,
-    Assumptions,
-    Block,
+    PidCompactAssumptions,
+    PidCompactBlock,
     block_of,
+    integrated_error,
     scan,
     step,
-    taken,
 )
-from heatertune.plc.single import LARGEST, single
+from heatertune.plc.single_precision import LARGEST, single
 
-__all__ = ["COLD", "COLD_PAIR", "Assumptions", "CoolingAssumptions", "Pair", "PairState", "block_of", "cooling_gain",
-           "cooling_words", "pair_of", "pair_scan", "pair_step", "scan", "step"]
+__all__ = [
+    "COLD",
+    "COLD_PAIR",
+    "CoolingAssumptions",
+    "Pair",
+    "PairState",
+    "PidCompactAssumptions",
+    "block_of",
+    "cooling_gain",
+    "cooling_words",
+    "pair_of",
+    "pair_scan",
+    "pair_step",
+    "scan",
+    "step",
+]
 
-_OPEN: Final = declared(Assumptions)
+_OPEN: Final = open_points_of(PidCompactAssumptions)
 
 #: which set of parameters acts
 NOW: Final = 0
@@ -53,23 +67,25 @@ class CoolingAssumptions(NamedTuple):
         _OPEN["lag"], shows=lambda own: any(block.past != 0.0 or block.kick != 0.0 for block in own[0][:2])
     )] = 0
     zero_history: Annotated[bool, _OPEN["zero_history"]] = False
-    cools: Annotated[int, Switch(
+    cools: Annotated[int, OpenPoint(
         name="parameter_set", means={"now": NOW, "output": OUTPUT, "both": BOTH},
-        why="by what the block decides which set acts: this cycle's sum of heating's, formed anew with cooling's where "
+        reason="by what the block decides which set acts: this cycle's sum of heating's, formed anew with cooling's "
+               "where "
             "it is negative (now); the output of the cycle before, at 0 the control deviation (output); it changes "
             "once output and deviation are both of the other side (both)",
     )] = NOW
-    before_gain: Annotated[bool, Switch(
+    before_gain: Annotated[bool, OpenPoint(
         name="integral_kept", means={"percent": False, "error": True},
-        why="what of I stays where the set changes: its part of the output (percent), or what stands before Kp (error)",
+        reason="what of I stays where the set changes: its part of the output (percent), or what stands before Kp "
+               "(error)",
     )] = False
 
 
 class Pair(NamedTuple):
     """Both sets as the block uses them, each for Kp = 1, and their Kp."""
 
-    heat: Block
-    cool: Block
+    heat: PidCompactBlock
+    cool: PidCompactBlock
     heat_gain: float
     cool_gain: float
 
@@ -109,7 +125,7 @@ def cooling_gain(values: Mapping[str, float]) -> float:
 
 def pair_of(values: Mapping[str, float], assume: CoolingAssumptions) -> Pair:
     """Return the block for its words; total for any of them."""
-    plain = Assumptions(assume.anti_windup, assume.integral, assume.lag, assume.zero_history)
+    plain = PidCompactAssumptions(assume.anti_windup, assume.integral, assume.lag, assume.zero_history)
     heat, cool = (block_of(words | {"Gain": 1.0}, plain) for words in (dict(values), cooling_words(values)))
     return Pair(heat, cool, float(values["Gain"]), cooling_gain(values))
 
@@ -184,7 +200,7 @@ def _summed(
     if growth == 0.0 or share == 0.0:
         return single(proportional + slope), zero, derivative
     integral = s.integral if s.runs else _begun(b, gain, share, error, proportional)
-    change = single(growth * taken(assume.integral, error, single(last_setpoint - last_reading)))
+    change = single(growth * integrated_error(assume.integral, error, single(last_setpoint - last_reading)))
     grown = single(integral + change)
     total = single(single(proportional + single(share * grown)) + slope)
     if not s.runs and b.begins in (SMOOTH, PRE_ASSIGNED):
@@ -194,7 +210,7 @@ def _summed(
     return single(single(proportional + single(share * grown)) + slope), grown, derivative
 
 
-def _begun(b: Block, gain: float, share: float, error: float, proportional: float) -> float:
+def _begun(b: PidCompactBlock, gain: float, share: float, error: float, proportional: float) -> float:
     """Return I as automatic finds it: nothing, or what makes P and I together Kp·b·e."""
     if b.begins != LIKE_A_STEP:
         return single(0.0)
@@ -202,7 +218,7 @@ def _begun(b: Block, gain: float, share: float, error: float, proportional: floa
 
 
 def _held(
-    b: Block, assume: CoolingAssumptions, s: PairState, integral: float, change: float, total: float,
+    b: PidCompactBlock, assume: CoolingAssumptions, s: PairState, integral: float, change: float, total: float,
     proportional: float, share: float,
 ) -> float:
     """Return I after a cycle, as the limits leave it; the share is above 0."""

@@ -23,11 +23,25 @@ from heatertune.plc.pid_compact.words import (
 from heatertune.plc.pid_compact.words import values_of as values_in
 from heatertune.plc.pid_temp.step import cooling_words
 from heatertune.plc.ramp import Number
-from heatertune.plc.words import FORMATS, Scaling, WordField, Words, stored
+from heatertune.plc.words import FORMATS, Scaling, WordField, Words, round_to_word
 
-__all__ = ["COOLING_FIELDS", "FIELDS", "TEMP", "TEMP_COOLING", "consistent", "cooled", "cooling_consistent",
-           "cooling_design_of", "cooling_gain_of", "cooling_oddities", "cooling_values_of", "design_of", "interval_s",
-           "oddities", "values_of"]
+__all__ = [
+    "COOLING_FIELDS",
+    "FIELDS",
+    "TEMP",
+    "TEMP_COOLING",
+    "consistent",
+    "cooling_consistent",
+    "cooling_design_of",
+    "cooling_gain_of",
+    "cooling_oddities",
+    "cooling_values_of",
+    "design_of",
+    "interval_s",
+    "oddities",
+    "values_of",
+    "with_cooling_gain",
+]
 
 FIELDS: Final[tuple[WordField, ...]] = fields_of(TEMP)
 
@@ -61,7 +75,7 @@ def cooling_values_of(design: PidDesign, scaling: Scaling) -> Mapping[str, Numbe
     return {field.name: values[field.name] for field in COOLING_FIELDS}
 
 
-def cooled(words: Words, cooling_gain: float) -> Words:
+def with_cooling_gain(words: Words, cooling_gain: float) -> Words:
     """Return words for a cooler whose full power is so many times the heater's, by both methods alike.
 
     Raises:
@@ -69,8 +83,8 @@ def cooled(words: Words, cooling_gain: float) -> Words:
     """
     fields = {field.name: field for field in COOLING_FIELDS}
     near = "a cooling gain nearer to 1 would fit"
-    factor = stored(_FACTOR, 1.0 / cooling_gain, near)
-    gain = stored(fields["CoolGain"], words.values["Gain"] * factor, near)
+    factor = round_to_word(_FACTOR, 1.0 / cooling_gain, near)
+    gain = round_to_word(fields["CoolGain"], words.values["Gain"] * factor, near)
     return replace(words, values={**words.values, "CoolFactor": factor, "CoolGain": gain})
 
 

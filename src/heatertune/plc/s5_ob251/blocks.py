@@ -17,8 +17,23 @@ from heatertune.plc.s5_ob251.ramp import ramp_statements
 from heatertune.plc.s5_ob251.staircase import Staircase
 from heatertune.plc.s5_ob251.step import FULL_SCALE
 
-__all__ = ["ANALOG", "DB", "FOUR_MA", "HEAT", "INPUT", "MODE", "OUTPUT", "RAMP", "START", "WORK", "heat", "led",
-           "organised", "start_up", "work"]
+__all__ = [
+    "ANALOG",
+    "DB",
+    "FOUR_MA",
+    "HEAT",
+    "INPUT",
+    "MODE",
+    "OUTPUT",
+    "RAMP",
+    "START",
+    "WORK",
+    "heat",
+    "organisation_blocks",
+    "ramp_block",
+    "start_up",
+    "work",
+]
 
 #: numbers of the data blocks: OB251's, and the program's
 DB: Final = 30
@@ -73,7 +88,7 @@ def heat(stairs: Staircase | None, ramp: Ramp | None, input_: str | None = None)
     return [f"FB {HEAT}", "NAME :HEAT", *_columns("".join(body))]
 
 
-def led(ramp: Ramp) -> list[str]:
+def ramp_block(ramp: Ramp) -> list[str]:
     """Return FB33, called by FB30 where W follows a ramp."""
     return [f"FB {RAMP}", "NAME :RAMP", *_columns("\n".join(ramp_statements(ramp, _WORDS)))]
 
@@ -106,7 +121,7 @@ BE
     return [f"FB {START}", "NAME :START", *_columns(body)]
 
 
-def organised() -> list[list[str]]:
+def organisation_blocks() -> list[list[str]]:
     """Return the organisation blocks: cycle, time, start-up by hand and by the supply."""
     calls = {1: "", 13: f"JU FB {HEAT}\nNAME :HEAT\n", 21: f"JU FB {START}\nNAME :START\n",
              22: f"JU FB {START}\nNAME :START\n"}

@@ -6,24 +6,24 @@ from typing import ClassVar
 
 from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core, Running, count
+from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.inputs import FOUR_TO_TWENTY, Range
 from heatertune.plc.s5_ob251.export import export_words
-from heatertune.plc.s5_ob251.exported import exported
+from heatertune.plc.s5_ob251.exported import loaders
 from heatertune.plc.s5_ob251.feed_forward import FEED
 from heatertune.plc.s5_ob251.image import from_image, oddities
 from heatertune.plc.s5_ob251.readback import from_text
-from heatertune.plc.s5_ob251.step import COLD, Assumptions, restarted, scan, step
-from heatertune.plc.s5_ob251.typed import setpoint_entry, typed
+from heatertune.plc.s5_ob251.step import COLD, Ob251Assumptions, scan, start_up, step
+from heatertune.plc.s5_ob251.typed import keyed_entries, setpoint_entry
 from heatertune.plc.s5_ob251.words import (
     FIELDS,
     FULL_SCALE,
     UNREAD,
+    check_consistency,
     consistent,
     design_of,
     most_gain,
     parameters_of,
-    tolerated,
     values_of,
 )
 from heatertune.plc.words import Words
@@ -46,27 +46,27 @@ class Ob251(Controller, name="s5-ob251"):
         "no PWM of its own: a switch behind YA is proven with it",
         "TV is a whole multiple of TA; K is limited to ±1500/1024 units per unit with a D part",
     )
-    fields, assumptions, counts = FIELDS, Assumptions, FULL_SCALE
+    fields, assumptions, counts = FIELDS, Ob251Assumptions, FULL_SCALE
     ranges: ClassVar = {FOUR_TO_TWENTY: Range()}
     unread: ClassVar = UNREAD
     timer = Timer(shortest_s=0.01, longest_s=600.0, step_s=0.01)  # OB10 to OB13
     inputs: ClassVar = {"W": "KF", "X": "KF", "Z": "KF", "XZ": "KF", "YH": "KF", "STEU": "KM"}
     input_ranges: ClassVar = dict.fromkeys(("W", "X", "Z", "XZ", "YH"), (-FULL_SCALE, FULL_SCALE))  # table 11-11
     integers, written = ("K", "TI", "TD"), ("W",)
-    ramped = True
+    has_ramp = True
     # analog input 460, eight channels at their slowest (S5-115U manual EWA 4NEB 811 6130, tables of analog modules);
     # OB13 reads it and writes the output directly, by L PW and T PY, whatever the cycle of OB1
     delay_s = 0.48
     tick_s = 0.1  # of OB13 on every CPU (S5-115U, 100U, 95U); 10 to 50 ms by SD97 on the faster ones
     most_power = ("BGOG", 2047)
-    core = Core(step=step, measure=count, flags=("upper limit", "lower limit"), restarted=restarted)
+    core = StepFunctions(step=step, measure=count, flags=("upper limit", "lower limit"), warm_start=start_up)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
-    export, typed = staticmethod(export_words), staticmethod(typed)
+    export, keyed_entries = staticmethod(export_words), staticmethod(keyed_entries)
     image, oddities = staticmethod(from_image), staticmethod(oddities)
-    text, tolerated = staticmethod(from_text), staticmethod(tolerated)
-    exported = staticmethod(exported)
+    text, check_consistency = staticmethod(from_text), staticmethod(check_consistency)
+    load_exported = staticmethod(loaders)
     scan_all, most_gain, feed = staticmethod(scan), staticmethod(most_gain), FEED
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: Ob251Assumptions) -> ControllerState:
         """Return the cold state: DW18 to DW48 cleared."""
-        return Running((parameters_of(words.whole), assume), COLD)
+        return ControllerState((parameters_of(words.whole), assume), COLD)

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.cpu.letters import in_ascii
+from heatertune.plc.keyed_entry import FIRST, THEN, bits, typed_words
 from heatertune.plc.ramp import Number
 from heatertune.plc.s5_ob251.blocks import DB
 from heatertune.plc.s5_ob251.image import LENGTH, to_image
 from heatertune.plc.s5_ob251.program import program_listing
 from heatertune.plc.s5_ob251.step import FULL_SCALE
-from heatertune.plc.typed import FIRST, THEN, bits, typed_words
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["export_words"]

@@ -8,14 +8,14 @@ from functools import lru_cache
 from operator import itemgetter
 from typing import Final
 
-from heatertune.plc.cpu.s5.machine import Cpu
-from heatertune.plc.exported import Called, Exported
+from heatertune.plc.cpu.s5.machine import S5Cpu
+from heatertune.plc.exported import CallResult, ExportedInPlc
 from heatertune.plc.ramp import Number
 from heatertune.plc.s5_ob251.blocks import DB, FOUR_MA, INPUT, MODE, OUTPUT, START, WORK
-from heatertune.plc.s5_ob251.step import COLD, FULL_SCALE, REG_AUS, Assumptions, Parameters, call, percent
+from heatertune.plc.s5_ob251.step import COLD, FULL_SCALE, REG_AUS, Ob251Assumptions, Ob251Parameters, call, percent
 from heatertune.plc.s5_ob251.words import FIELDS, parameters_of
 
-__all__ = ["exported"]
+__all__ = ["loaders"]
 
 _INTERVAL: Final = "RS 97"
 #: of DB31: setpoint asked for, YA, calls of OB13 until OB251's, the staircase with its remainder, YA of this period
@@ -27,12 +27,12 @@ _PLACES: Final = {field.name: int(field.address.removeprefix("DW")) for field in
 _words_typed: Final = itemgetter(*_PLACES.values())
 
 
-class ExportedS5(Exported):
-    """See `heatertune.plc.exported.Exported`."""
+class ExportedS5(ExportedInPlc):
+    """See `heatertune.plc.exported.ExportedInPlc`."""
 
-    def __init__(self, listing: str, assume: Assumptions) -> None:
+    def __init__(self, listing: str, assume: Ob251Assumptions) -> None:
         """Load a listing; raise InputError where it has what the CPU does not know."""
-        self._cpu = Cpu(listing, {"OB 251": self._ob251})
+        self._cpu = S5Cpu(listing, {"OB 251": self._ob251})
         self._own, self._work = self._cpu.block(DB, max(_PLACES.values())), self._cpu.block(WORK, _YA_OF_PERIOD)
         self._typed = {number: list(words) for number, words in self._cpu.data.items()}
         start = listing.partition(f"\nFB {START}\n")[2].partition("\nFB ")[0].partition("\nOB ")[0]
@@ -55,13 +55,13 @@ class ExportedS5(Exported):
         self._cpu.run("OB 22")
         self._begun = False
 
-    def call(self, asked: Number, counts: int, reading_degC: float) -> Called:
+    def call(self, asked: Number, counts: int, reading_degC: float) -> CallResult:
         """Run OB13 when OB251 is due."""
         if self._begun:
             self._work[_DUE] = 1
         return self.tick(asked, counts, reading_degC)[0]
 
-    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[Called, bool | None]:  # noqa: ARG002
+    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:  # noqa: ARG002
         """Run OB13."""
         if self._asked not in (None, asked):
             self._work[_ASKED] = int(asked)
@@ -69,7 +69,7 @@ class ExportedS5(Exported):
         self._cpu.inputs[INPUT] = counts + self._zero << 3
         self._cpu.run("OB 13")
         output = self._own[48]
-        return Called(self._own[_PLACES["W"]], output, percent(output)), self._on()
+        return CallResult(self._own[_PLACES["W"]], output, percent(output)), self._on()
 
     def interrupt(self) -> tuple[float, bool | None]:
         """Run OB13 with the wire-break bit, and start up: without that, manual and its power come first."""
@@ -95,7 +95,7 @@ class ExportedS5(Exported):
         self._cpu.run("OB 13")
         return bool(self._on())
 
-    def counted(self) -> None:
+    def tick_count(self) -> None:
         """Return None: the staircase rises tick by tick."""
 
     def _forget(self) -> None:
@@ -119,11 +119,11 @@ class ExportedS5(Exported):
 
 
 @lru_cache(maxsize=16)
-def _parameters(typed: tuple[int, ...]) -> Parameters:
+def _parameters(typed: tuple[int, ...]) -> Ob251Parameters:
     """Return the words as the algorithm uses them; they seldom change."""
     return parameters_of(dict(zip(_PLACES, typed, strict=True)))
 
 
-def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> dict[str, Callable[[], ExportedS5]]:
+def loaders(files: Mapping[str, str | bytes], assume: Ob251Assumptions) -> dict[str, Callable[[], ExportedS5]]:
     """Return what loads the listing."""
     return {_FILE: lambda: ExportedS5(str(files[_FILE]), assume)}

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from heatertune.plc.feed_forward import Feed, FeedForward
+from heatertune.plc.feed_forward import FeedForward, FeedForwardHooks
 from heatertune.plc.ramp import Number
 from heatertune.plc.s5_ob251.blocks import HEAT
-from heatertune.plc.s5_ob251.step import FULL_SCALE, NO_Z, Assumptions, Parameters
+from heatertune.plc.s5_ob251.step import FULL_SCALE, NO_Z, Ob251Assumptions, Ob251Parameters
 from heatertune.plc.words import Certificate
 
 __all__ = ["FEED"]
@@ -24,7 +24,7 @@ def _listened(values: Mapping[str, Number]) -> dict[str, Number]:
     return {**values, "STEU": int(values["STEU"]) & ~NO_Z}
 
 
-def _given(parameters: tuple[Parameters, Assumptions], value: Number) -> tuple[Any, Assumptions]:
+def _given(parameters: tuple[Ob251Parameters, Ob251Assumptions], value: Number) -> tuple[Any, Ob251Assumptions]:
     return parameters[0]._replace(z=int(value)), parameters[1]
 
 
@@ -54,6 +54,6 @@ def _analog(line: FeedForward) -> list[str]:
             f"UGR:KF {below:+d}", "EINZ:F 199.0", "XA:DW 24", "FB:F 199.1", "BU:F 199.2", "TBIT:F 199.3"]
 
 
-FEED: Final = Feed(
-    word="Z", per_pct=FULL_SCALE / 100.0, most=FULL_SCALE, whole=True, listened=_listened, given=_given,
+FEED: Final = FeedForwardHooks(
+    word="Z", per_pct=FULL_SCALE / 100.0, most=FULL_SCALE, whole=True, listened=_listened, set_disturbance=_given,
     listing=_listing)

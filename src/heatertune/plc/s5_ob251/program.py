@@ -17,8 +17,8 @@ from heatertune.plc.s5_ob251.blocks import (
     START,
     WORK,
     heat,
-    led,
-    organised,
+    organisation_blocks,
+    ramp_block,
     start_up,
     work,
 )
@@ -56,7 +56,7 @@ def program_listing(words: Words, certificate: Certificate, asked: int, typed: S
     started = start_up(interval, pwm=stairs is not None, ramp=ramp, retained=retains(certificate))
     blocks = [
         [f"DB{DB}", *typed], [f"DB{WORK}", *_work(asked, words)], heat(stairs, ramp, scale.input), started,
-        *([] if ramp is None else [led(ramp)]), *organised()]
+        *([] if ramp is None else [ramp_block(ramp)]), *organisation_blocks()]
     return "\n".join([*(f"// {line}" for line in head), *(line for block in blocks for line in ("", *block))]) + "\n"
 
 
@@ -118,7 +118,7 @@ def _by_hand(
 def _unmade(certificate: Certificate) -> str:
     if certificate.actuator is None:
         return "Which switch was proven is not told."
-    return f"It was proven as a switch: {certificate.actuator.told}, which calls of OB13 do not make."
+    return f"It was proven as a switch: {certificate.actuator.summary}, which calls of OB13 do not make."
 
 
 def _work(asked: int, words: Words) -> Iterator[str]:

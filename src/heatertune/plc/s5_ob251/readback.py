@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.plc.readback import Collected, ReadBack, lines_of, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, lines_of, wrong
 from heatertune.plc.s5_ob251.image import LENGTH, PLACES, from_cells
 from heatertune.plc.s5_ob251.words import FIELDS
 
@@ -90,7 +90,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     missing = next((place for place in range(LENGTH) if place not in cells), None)
     if missing is not None:
         raise InputError(f"{source}: DW{missing} is not there; expected DW0 to DW{LENGTH - 1}, the whole data block")
-    collected = Collected(source, FIELDS)
+    collected = WordCollector(source, FIELDS)
     for name, value in from_cells([cells[place].word for place in range(LENGTH)]).items():
         cell = cells[PLACES[name]]
         collected.put(name, value, cell.line, cell.shown)

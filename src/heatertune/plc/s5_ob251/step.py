@@ -15,11 +15,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.open_points import Switch
+from heatertune.plc.open_points import OpenPoint
 
 __all__ = [
-    "AUTO", "COLD", "FULL_SCALE", "GESCHW", "HANDART", "NO_Z", "REG_AUS", "XZ_EIN", "Assumptions", "Parameters",
-    "State", "call", "percent", "restarted", "scan", "step",
+    "AUTO",
+    "COLD",
+    "FULL_SCALE",
+    "GESCHW",
+    "HANDART",
+    "NO_Z",
+    "REG_AUS",
+    "XZ_EIN",
+    "Ob251Assumptions",
+    "Ob251Parameters",
+    "Ob251State",
+    "call",
+    "percent",
+    "scan",
+    "start_up",
+    "step",
 ]
 
 #: units at the upper end of the sensor range and at full power
@@ -36,7 +50,7 @@ NO_Z: Final = 32
 _APPROACH = 4  # calls in which a position controller reaches YH
 
 
-class Parameters(NamedTuple):
+class Ob251Parameters(NamedTuple):
     """The words of the controller DB as the algorithm uses them; limits and inputs are whole units."""
 
     gain: float  # K·R is the proportional part
@@ -50,52 +64,53 @@ class Parameters(NamedTuple):
     z: int = 0  # Z, where the program writes it
 
 
-class Assumptions(NamedTuple):
+class Ob251Assumptions(NamedTuple):
     """What the manual leaves open, see DIFFERENCES.md."""
 
-    sum_is_limited: Annotated[bool, Switch(
+    sum_is_limited: Annotated[bool, OpenPoint(
         name="sum", means={"unlimited": False, "limited": True},
-        why="whether Y_{k−1} is kept before or after the limiter; the 928B's DB keeps it before",
+        reason="whether Y_{k−1} is kept before or after the limiter; the 928B's DB keeps it before",
     )] = False
-    flag_of_same_call: Annotated[bool, Switch(
+    flag_of_same_call: Annotated[bool, OpenPoint(
         name="integral_off", means={"previous_call": False, "same_call": True},
-        why='"at a limit" of which call takes the integral action out',
+        reason='"at a limit" of which call takes the integral action out',
     )] = False
-    inward_allowed: Annotated[bool, Switch(
+    inward_allowed: Annotated[bool, OpenPoint(
         name="integral_inward", means={"off": False, "on": True},
-        why="whether integral action that leads back from the limit stays on; the manual gives no direction",
+        reason="whether integral action that leads back from the limit stays on; the manual gives no direction",
     )] = False
-    whole_increments: Annotated[bool, Switch(
+    whole_increments: Annotated[bool, OpenPoint(
         name="rounding", means={"fraction_kept": False, "whole_increments": True},
-        why="whether dY keeps its fraction in the sum; the 928B calculates in floating point",
+        reason="whether dY keeps its fraction in the sum; the 928B calculates in floating point",
     )] = False
-    limit_is_inside: Annotated[bool, Switch(
+    limit_is_inside: Annotated[bool, OpenPoint(
         name="limit", means={"reached": False, "exceeded": True},
-        why='whether a sum that just reaches a limit is "at" it',
+        reason='whether a sum that just reaches a limit is "at" it',
     )] = False
-    flag_in_manual: Annotated[bool, Switch(
+    flag_in_manual: Annotated[bool, OpenPoint(
         name="manual_flag", means={"clear": False, "by_output": True}, in_manual=True,
-        why="whether a call in manual leaves the limit flag clear, or as YA stands",
+        reason="whether a call in manual leaves the limit flag clear, or as YA stands",
     )] = False
-    sum_outlives_velocity: Annotated[bool, Switch(
+    sum_outlives_velocity: Annotated[bool, OpenPoint(
         name="velocity_return", means={"last_increment": False, "sum_kept": True}, in_manual=True,
-        why="from what a change from velocity to position goes on; the 928B's DB has one word for Y_{k−1} and dY_{k−1}",
+        reason="from what a change from velocity to position goes on; the 928B's DB has one word for Y_{k−1} and "
+               "dY_{k−1}",
     )] = False
-    fraction_in_manual: Annotated[bool, Switch(
+    fraction_in_manual: Annotated[bool, OpenPoint(
         name="manual_way", means={"whole": False, "fraction_kept": True}, in_manual=True,
-        why="whether each halving on the way to YH is cut to whole units, which a return on the way alone shows",
+        reason="whether each halving on the way to YH is cut to whole units, which a return on the way alone shows",
     )] = False
-    approach_begins_anew: Annotated[bool, Switch(
+    approach_begins_anew: Annotated[bool, OpenPoint(
         name="manual_count", means={"outlives": False, "begins_anew": True}, in_manual=True,
-        why="whether the count of the four calls outlives HANDART and GESCHW",
+        reason="whether the count of the four calls outlives HANDART and GESCHW",
     )] = False
-    retained: Annotated[bool, Switch(
+    retained: Annotated[bool, OpenPoint(
         name="start_up", means={"cleared": False, "retained": True}, chosen=True,
-        why="yours to choose: whether OB21 and OB22 clear DW18 to DW48, or leave there what a battery kept",
+        reason="yours to choose: whether OB21 and OB22 clear DW18 to DW48, or leave there what a battery kept",
     )] = False
 
 
-class State(NamedTuple):
+class Ob251State(NamedTuple):
     """What DW18 to DW48 keep from call to call (names of the 928B's DB where the 115U's book has none)."""
 
     error: float = 0.0  # XW_{k−1}
@@ -110,13 +125,13 @@ class State(NamedTuple):
     approach: int = 0  # calls since the switch to manual
 
 
-COLD: Final = State()
+COLD: Final = Ob251State()
 
 
 def step(
-    parameters: tuple[Parameters, Assumptions], state: State, w: int, x: int, _begins: bool
-) -> tuple[State, float, int, int]:
-    """Compute one scan, see `heatertune.plc.core.Core`.
+    parameters: tuple[Ob251Parameters, Ob251Assumptions], state: Ob251State, w: int, x: int, _begins: bool
+) -> tuple[Ob251State, float, int, int]:
+    """Compute one scan, see `heatertune.plc.core.StepFunctions`.
 
     Args:
         parameters: the DB's, and the assumptions.
@@ -128,21 +143,21 @@ def step(
     return _outcome(call(parameters[0], parameters[1], state, w, x, parameters[0].z, 0))
 
 
-def restarted(parameters: tuple[Parameters, Assumptions], cold: State, state: State) -> State:
-    """Return the state after a start-up, see `heatertune.plc.core.Core`."""
+def start_up(parameters: tuple[Ob251Parameters, Ob251Assumptions], cold: Ob251State, state: Ob251State) -> Ob251State:
+    """Return the state after a start-up, see `heatertune.plc.core.StepFunctions`."""
     return state if parameters[1].retained else cold
 
 
 def scan(
-    parameters: tuple[Parameters, Assumptions], state: State, inputs: Mapping[str, int]
-) -> tuple[State, float, int, int]:
+    parameters: tuple[Ob251Parameters, Ob251Assumptions], state: Ob251State, inputs: Mapping[str, int]
+) -> tuple[Ob251State, float, int, int]:
     """Compute one scan with W, X and, where named, Z, XZ, YH and STEU."""
     p, assume = parameters
     p = p._replace(manual=inputs.get("YH", p.manual), steu=inputs.get("STEU", p.steu))
     return _outcome(call(p, assume, state, inputs["W"], inputs["X"], inputs.get("Z", p.z), inputs.get("XZ", 0)))
 
 
-def _outcome(after: State) -> tuple[State, float, int, int]:
+def _outcome(after: Ob251State) -> tuple[Ob251State, float, int, int]:
     """Return the state, YA in percent, YA, and the limits as bits."""
     return after, percent(after.output), after.output, int(after.at_limit > 0) + 2 * int(after.at_limit < 0)
 
@@ -153,8 +168,8 @@ def percent(output: int) -> float:
 
 
 def call(
-    p: Parameters, assume: Assumptions, state: State, w: int, x: int, z: int = 0, xz: int = 0
-) -> State:
+    p: Ob251Parameters, assume: Ob251Assumptions, state: Ob251State, w: int, x: int, z: int = 0, xz: int = 0
+) -> Ob251State:
     """Return the state after one call; its `output` is YA (position) or dY (velocity).
 
     Args:
@@ -189,13 +204,13 @@ def call(
         at_limit = _side(p, assume, float(output)) if assume.flag_in_manual else 0
     if p.steu & GESCHW and assume.sum_outlives_velocity:
         total = state.total
-    return State(
+    return Ob251State(
         error, change, substitute, substitute_change, derivative, disturbance, total, output, at_limit, approach
     )
 
 
 def _automatic(
-    p: Parameters, assume: Assumptions, state: State, other: float, integral: float
+    p: Ob251Parameters, assume: Ob251Assumptions, state: Ob251State, other: float, integral: float
 ) -> tuple[float, int, int]:
     """Add the increments, limit, and keep the integral action out while at a limit: Y, YA and the side."""
     before = 0.0 if p.steu & GESCHW else state.total
@@ -209,7 +224,7 @@ def _automatic(
     return limited if assume.sum_is_limited else total, int(limited), _side(p, assume, total)  # YA is cut towards zero
 
 
-def _manual(p: Parameters, assume: Assumptions, state: State) -> tuple[float, int, int]:
+def _manual(p: Ob251Parameters, assume: Ob251Assumptions, state: Ob251State) -> tuple[float, int, int]:
     """Hold the output or approach YH, the algorithm not being computed: Y, YA and the calls since the switch."""
     approach = 0 if assume.approach_begins_anew else state.approach
     if p.steu & GESCHW:
@@ -225,11 +240,11 @@ def _manual(p: Parameters, assume: Assumptions, state: State) -> tuple[float, in
     return total if assume.fraction_in_manual else float(int(total)), int(total), approach
 
 
-def _side(p: Parameters, assume: Assumptions, total: float) -> int:
+def _side(p: Ob251Parameters, assume: Ob251Assumptions, total: float) -> int:
     if assume.limit_is_inside:
         return int(total > p.upper) - int(total < p.lower)
     return int(total >= p.upper) - int(total <= p.lower)
 
 
-def _whole(assume: Assumptions, increment: float) -> float:
+def _whole(assume: Ob251Assumptions, increment: float) -> float:
     return float(int(increment)) if assume.whole_increments else increment

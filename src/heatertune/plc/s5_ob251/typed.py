@@ -11,14 +11,14 @@ from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE
 from heatertune.plc.words import Words
 from heatertune.units import written
 
-__all__ = ["setpoint_entry", "typed"]
+__all__ = ["keyed_entries", "setpoint_entry"]
 
 _FROM: Final = f"DW 0 of DB{WORK}"
 _SMALL: Final = 200  # units of YH: a tenth of the power, see COMMISSIONING.md
 
 
-def typed(words: Words, setpoint_degC: float | None, units: Number | None) -> Mapping[str, Mapping[str, Any]]:
-    """Return what is typed otherwise than it stands in the words, see `heatertune.plc.typed.TypedWord`.
+def keyed_entries(words: Words, setpoint_degC: float | None, units: Number | None) -> Mapping[str, Mapping[str, Any]]:
+    """Return what is typed otherwise than it stands in the words, see `heatertune.plc.keyed_entry.TypedWord`.
 
     Args:
         words: of OB251.

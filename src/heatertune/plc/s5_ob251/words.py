@@ -8,12 +8,21 @@ from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE, NO_Z, Parameters
-from heatertune.plc.words import Scaling, WordField, Words, rounded
+from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE, NO_Z, Ob251Parameters
+from heatertune.plc.words import Scaling, WordField, Words, round_half_away
 
 __all__ = [
-    "FACTOR", "FIELDS", "FULL_SCALE", "GAIN_WITH_D", "UNREAD", "consistent", "design_of", "most_gain", "parameters_of",
-    "tolerated", "values_of",
+    "FACTOR",
+    "FIELDS",
+    "FULL_SCALE",
+    "GAIN_WITH_D",
+    "UNREAD",
+    "check_consistency",
+    "consistent",
+    "design_of",
+    "most_gain",
+    "parameters_of",
+    "values_of",
 ]
 
 _CURVED: Final = "an analog input 460 gives {}, no straight line in °C{}; take a transmitter: --input 4-20mA"
@@ -52,9 +61,9 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
         NotRepresentable: a word would leave its range, or rounding would switch a wanted part off.
     """
     ta = design.sample_time_s
-    gain = rounded(FACTOR * _units_gain(scaling) * design.gain_pct_per_degC)
-    ti = 0 if math.isinf(design.integral_time_s) else rounded(FACTOR * ta / design.integral_time_s)
-    td = rounded(design.derivative_time_s / ta)
+    gain = round_half_away(FACTOR * _units_gain(scaling) * design.gain_pct_per_degC)
+    ti = 0 if math.isinf(design.integral_time_s) else round_half_away(FACTOR * ta / design.integral_time_s)
+    td = round_half_away(design.derivative_time_s / ta)
     if math.isfinite(design.integral_time_s):
         _demand_part("TI", FACTOR * ta / design.integral_time_s, ti, 9999, _slower(ta, design.integral_time_s))
     if design.derivative_time_s > 0.0:
@@ -72,7 +81,7 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
 
 def most_gain(scaling: Scaling, design: PidDesign) -> float:
     """Return the largest K that the word holds [%/°C]: less beside a D part, none where TV is no multiple of TA."""
-    if design.derivative_time_s > 0.0 and rounded(design.derivative_time_s / design.sample_time_s) == 0:
+    if design.derivative_time_s > 0.0 and round_half_away(design.derivative_time_s / design.sample_time_s) == 0:
         return 0.0
     return (GAIN_WITH_D if design.derivative_time_s > 0.0 else _MOST) / FACTOR / _units_gain(scaling)
 
@@ -108,14 +117,14 @@ def consistent(words: Words) -> None:
     Raises:
         OutOfRange: limits that are upside down, or a K or R that is too large with a D part.
     """
-    tolerated(words)
+    check_consistency(words)
     limit = GAIN_WITH_D
     if words.whole["TD"] and not -limit <= words.whole["K"] <= limit:
         raise OutOfRange("word K", words.whole["K"], f"-{limit}…{limit} with a D part (TD is not 0); larger only where "
                          "XW moves in small steps (table 11-11, footnote 1), which is not proven")
 
 
-def tolerated(words: Words) -> None:
+def check_consistency(words: Words) -> None:
     """Refuse words that contradict one another whatever the process: a K above its limit may run where XW is smooth.
 
     Raises:
@@ -128,9 +137,9 @@ def tolerated(words: Words) -> None:
         raise OutOfRange("word R", words.whole["R"], f"-{limit}…{limit} with a D part (TD is not 0)")
 
 
-def parameters_of(values: Mapping[str, int]) -> Parameters:
+def parameters_of(values: Mapping[str, int]) -> Ob251Parameters:
     """Return the words, name → value, as the algorithm uses them."""
-    return Parameters(
+    return Ob251Parameters(
         gain=values["K"] / FACTOR, r=values["R"] / FACTOR, ti=values["TI"] / FACTOR, td=float(values["TD"]),
         steu=values["STEU"], manual=values["YH"], upper=values["BGOG"], lower=values["BGUG"])
 

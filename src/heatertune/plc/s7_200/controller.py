@@ -6,15 +6,15 @@ from dataclasses import replace
 from typing import ClassVar
 
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core, Running, count
+from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.cpu.s7_200 import COLD, assemble
-from heatertune.plc.cpu.s7_200.cycle import TIMER, check_cycle, cycle_s, timed
-from heatertune.plc.cpu.s7_200.state import own, restarted, started
+from heatertune.plc.cpu.s7_200.cycle import TIMER, check_cycle, cycle_s, timed_program
+from heatertune.plc.cpu.s7_200.state import cold_start, own, warm_start
 from heatertune.plc.cpu.s7_200.wiring import COUNTS
 from heatertune.plc.s7_200.export import export_words, setpoint_entry
 from heatertune.plc.s7_200.listing import COUNTDOWN, repaired_program
 from heatertune.plc.s7_200.readback import from_text
-from heatertune.plc.s7_200.step import Assumptions, step
+from heatertune.plc.s7_200.step import S7200ManualAssumptions, step
 from heatertune.plc.s7_200.words import FIELDS, design_of, most_gain, values_of
 from heatertune.plc.words import Words
 
@@ -34,19 +34,19 @@ class S7200(Controller, name="s7-200"):
         "free of overflow for every pair of setpoint and reading", "setpoint ramp in whole counts",
     )
     cannot = ("no P alone: the pulse width accumulates", "8-bit readings, no manual mode")
-    fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, COUNTS
+    fields, assumptions, timer, counts = FIELDS, S7200ManualAssumptions, TIMER, COUNTS
     inputs: ClassVar = {"SP": "BYTE", "PV": "BYTE"}
     derivative_filter = 0.0
     scans_per_period = 1
     integers = ("KP", "KI", "KD")
-    ramped = True
-    core = Core(
-        step=step, measure=count, flags=_FLAGS, own=own, started=started, restarted=restarted)
+    has_ramp = True
+    core = StepFunctions(
+        step=step, measure=count, flags=_FLAGS, own=own, cold_start=cold_start, warm_start=warm_start)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(check_cycle)
     interval_s, export = staticmethod(cycle_s), staticmethod(export_words)
     most_gain, text = staticmethod(most_gain), staticmethod(from_text)
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: S7200ManualAssumptions) -> ControllerState:
         """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""
         program = assemble(repaired_program(replace(words, ramp=None)))
-        return Running(timed(program, words.whole, COUNTDOWN, next_cycle=assume.next_cycle), COLD)
+        return ControllerState(timed_program(program, words.whole, COUNTDOWN, next_cycle=assume.next_cycle), COLD)

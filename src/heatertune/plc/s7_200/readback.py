@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from heatertune.plc.cpu.s7_200.readback import Loaded, Memory, difference, is_program, loads, statements
-from heatertune.plc.readback import Collected, ReadBack, whole_of, wrong
+from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, LoadedNumber, difference, is_program, loads, statements
+from heatertune.plc.readback import ReadBack, WordCollector, whole_of, wrong
 from heatertune.plc.s7_200.listing import repaired_program
 from heatertune.plc.s7_200.words import FIELDS
 
@@ -23,9 +23,9 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     Raises:
         InputError: a bad line, a constant that is missing, there with two values or out of its range.
     """
-    collected = Collected(source, FIELDS)
+    collected = WordCollector(source, FIELDS)
     if not is_program(text):
-        memory = Memory(text, source)
+        memory = DataBlockMemory(text, source)
         _from_memory(memory, collected, source)
         return ReadBack(collected.values(), memory.rest)
     loaded = loads(text, source)
@@ -38,7 +38,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     return ReadBack(collected.values(), unlike=lambda words: difference(text, repaired_program(words)))
 
 
-def _from_memory(memory: Memory, collected: Collected, source: str) -> None:
+def _from_memory(memory: DataBlockMemory, collected: WordCollector, source: str) -> None:
     for name, address in _IN_V.items():
         _put(collected, name, memory.read(name, address, real=False))
     rest, cycle = memory.read("SCALE", _REST, real=False), memory.read("TICK", _CYCLE, real=False)
@@ -54,6 +54,6 @@ def _from_memory(memory: Memory, collected: Collected, source: str) -> None:
         collected.put("TICK", int(cycle.value // ticks.value), cycle.line, cycle.shown)
 
 
-def _put(collected: Collected, name: str, number: Loaded | None) -> None:
+def _put(collected: WordCollector, name: str, number: LoadedNumber | None) -> None:
     if number is not None:
         collected.put(name, number.value, number.line, number.shown)

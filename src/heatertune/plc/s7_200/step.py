@@ -9,21 +9,22 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from heatertune.plc.cpu.s7_200 import State
-from heatertune.plc.cpu.s7_200.cycle import Timed, run_cycle
+from heatertune.plc.cpu.s7_200 import S7200State
+from heatertune.plc.cpu.s7_200.cycle import TimedProgram, run_cycle
 from heatertune.plc.cpu.s7_200.wiring import WIDTH_APPLIES, wire
 
-__all__ = ["Assumptions", "step"]
+__all__ = ["S7200ManualAssumptions", "step"]
 
 
-class Assumptions(NamedTuple):
+class S7200ManualAssumptions(NamedTuple):
     """What the manual leaves open, see DIFFERENCES.md."""
 
     next_cycle: Annotated[bool, WIDTH_APPLIES] = False
 
 
-def step(timed: Timed, state: State, setpoint: int, reading: int, _begins: bool) -> tuple[State, float, int, int]:
-    """Compute one PWM cycle by the statement list, see `heatertune.plc.core.Core`.
+def step(timed: TimedProgram, state: S7200State, setpoint: int, reading: int, _begins: bool) -> tuple[S7200State, float,
+                                                                                                      int, int]:
+    """Compute one PWM cycle by the statement list, see `heatertune.plc.core.StepFunctions`.
 
     Args:
         timed: the program.

@@ -9,7 +9,7 @@ from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.cpu.s7_200.cycle import MOST, TICK_FIELDS, cycle_ms, ticks_of, whole_cycle
 from heatertune.plc.cpu.s7_200.wiring import ms_per_count
-from heatertune.plc.words import Scaling, WordField, Words, rounded
+from heatertune.plc.words import Scaling, WordField, Words, round_half_away
 
 __all__ = ["FIELDS", "design_of", "most_gain", "values_of"]
 
@@ -44,7 +44,7 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
     if scale < 1:
         worst = max(exact, key=lambda name: abs(exact[name]))
         raise NotRepresentable(f"constant {worst}", 2.0 * exact[worst], f"up to {MOST}", "a smaller K would fit")
-    values = {name: rounded(value * 2.0**scale) for name, value in exact.items()}
+    values = {name: round_half_away(value * 2.0**scale) for name, value in exact.items()}
     for name, wanted in exact.items():
         if values[name] == 0 and wanted != 0.0:
             remedy = "a slower TA would fit"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core, Running, count
+from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.cpu.s7_200 import COLD, assemble
 from heatertune.plc.cpu.s7_200.cycle import TIMER
 from heatertune.plc.cpu.s7_200.wiring import COUNTS
@@ -13,7 +13,15 @@ from heatertune.plc.s7_200_paper.export import export_words, setpoint_entry
 from heatertune.plc.s7_200_paper.faults import faults
 from heatertune.plc.s7_200_paper.listing import printed_program
 from heatertune.plc.s7_200_paper.readback import from_text
-from heatertune.plc.s7_200_paper.step import Assumptions, Listed, Loaded, own, restarted, started, step
+from heatertune.plc.s7_200_paper.step import (
+    LoadedPaperProgram,
+    PaperState,
+    S7200PaperAssumptions,
+    cold_start,
+    own,
+    step,
+    warm_start,
+)
 from heatertune.plc.s7_200_paper.words import FIELDS, cycle_s, values_of
 from heatertune.plc.words import Words, no_pid
 
@@ -34,14 +42,15 @@ class PaperProgram(Controller, name="s7-200-paper"):
         "no setpoint 128 counts or more above the reading: the error word wraps",
         "no setpoint ramp: the program is exported as the paper prints it",
     )
-    fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, COUNTS
+    fields, assumptions, timer, counts = FIELDS, S7200PaperAssumptions, TIMER, COUNTS
     inputs: ClassVar = {"SP": "BYTE", "PV": "BYTE", "CYCLE_START": "BOOL"}
     scans_per_period = 5  # real ones are more, which changes nothing between two readings
-    core = Core(step=step, measure=count, flags=_FLAGS, own=own, started=started, restarted=restarted)
+    core = StepFunctions(step=step, measure=count, flags=_FLAGS, own=own, cold_start=cold_start, warm_start=warm_start)
     values, design, interval_s = staticmethod(values_of), staticmethod(no_pid), staticmethod(cycle_s)
     export, faults, text = staticmethod(export_words), staticmethod(faults), staticmethod(from_text)
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: S7200PaperAssumptions) -> ControllerState:
         """Return the state before the first scan: all words 0."""
         v = words.whole
-        return Running(Loaded(assemble(printed_program(words)), v["CYCLE"], v["POT1"], assume), Listed(COLD))
+        return ControllerState(LoadedPaperProgram(assemble(printed_program(words)), v["CYCLE"], v["POT1"], assume),
+                               PaperState(COLD))

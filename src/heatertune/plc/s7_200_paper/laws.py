@@ -15,13 +15,13 @@ import numpy.typing as npt
 
 from heatertune.model.temperature.law import Constant, Step
 
-__all__ = ["LAWS", "Law"]
+__all__ = ["LAWS", "PaperLaw"]
 
 Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Law:
+class PaperLaw:
     """A reading of the program; see `heatertune.model.temperature.law.ControllerLaw`."""
 
     name: str
@@ -92,16 +92,16 @@ _GAIN = Constant(name="gain_pct_per_degC", low=0.3, high=100.0, logarithmic=True
 _TN = Constant(name="integral_time_s", low=15.0, high=3000.0, logarithmic=True)
 _FIRST = Constant(name="first_power_pct", low=0.0, high=100.0)
 
-LAWS: Final[tuple[Law, ...]] = (
-    Law(name="positional P", constants=(_GAIN,), form=0),
-    Law(
+LAWS: Final[tuple[PaperLaw, ...]] = (
+    PaperLaw(name="positional P", constants=(_GAIN,), form=0),
+    PaperLaw(
         name="incremental P",
         constants=(Constant(name="gain_pct_per_degC_s", low=1e-3, high=1.0, logarithmic=True), _FIRST),
         form=1,
     ),
-    Law(name="PI with anti-windup", constants=(_GAIN, _TN, _FIRST), form=2),
-    Law(name="PI without anti-windup", constants=(_GAIN, _TN, _FIRST), form=3),
-    Law(
+    PaperLaw(name="PI with anti-windup", constants=(_GAIN, _TN, _FIRST), form=2),
+    PaperLaw(name="PI without anti-windup", constants=(_GAIN, _TN, _FIRST), form=3),
+    PaperLaw(
         name="truncated velocity PI",
         constants=(
             _GAIN, _TN, _FIRST,

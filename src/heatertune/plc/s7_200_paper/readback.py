@@ -6,7 +6,7 @@ from typing import Final
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_200.readback import difference, loads, statements
-from heatertune.plc.readback import Collected, ReadBack, whole_of
+from heatertune.plc.readback import ReadBack, WordCollector, whole_of
 from heatertune.plc.s7_200_paper.listing import printed_program
 from heatertune.plc.s7_200_paper.words import FIELDS
 
@@ -23,7 +23,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     Raises:
         InputError: a bad line, a constant that is missing, there with two values or out of its range.
     """
-    collected = Collected(source, FIELDS)
+    collected = WordCollector(source, FIELDS)
     constants = [(line, name, operands[0]) for line, name, operands in statements(text) if name in ("MUL", "DIV")]
     factors = [(line, shown) for line, name, shown in constants if name == "MUL"]
     if len(factors) != len(_FACTORS):

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.cpu.s7_200 import Program, State
+from heatertune.plc.cpu.s7_200 import S7200Program, S7200State
 from heatertune.plc.cpu.s7_200.cells import ATTACHED, ENABLED, FAULTS, WIDTH, bit, cell
 from heatertune.plc.cpu.s7_200.cpu import carry_out
 from heatertune.plc.cpu.s7_200.memory import word
+from heatertune.plc.cpu.s7_200.state import cold_start as started_cpu
 from heatertune.plc.cpu.s7_200.state import own as own_cpu
-from heatertune.plc.cpu.s7_200.state import restarted as restarted_cpu
-from heatertune.plc.cpu.s7_200.state import started as started_cpu
+from heatertune.plc.cpu.s7_200.state import warm_start as restarted_cpu
 from heatertune.plc.cpu.s7_200.wiring import WIDTH_APPLIES, wire
-from heatertune.plc.open_points import Switch
+from heatertune.plc.open_points import OpenPoint
 
-__all__ = ["FIRST_EDGE", "Assumptions", "Listed", "Loaded", "own", "power_pct", "restarted", "rises", "started", "step"]
+__all__ = ["FIRST_EDGE", "LoadedPaperProgram", "PaperState", "S7200PaperAssumptions", "cold_start", "own", "power_pct",
+           "rises", "step", "warm_start"]
 
 #: S Q0.0,1 reaches I0.0 behind its input filter, some scans after the first
 FIRST_EDGE = 3
@@ -30,27 +31,29 @@ _ADJUSTMENT_1: Final = cell("SMB29", 1).start
 _FIRST_BYTE, _FIRST_BIT = bit("SM0.1")  # the first scan
 
 
-class Assumptions(NamedTuple):
+class S7200PaperAssumptions(NamedTuple):
     """What paper and manual leave open, see DIFFERENCES.md."""
 
     next_cycle: Annotated[bool, WIDTH_APPLIES] = False
-    wrap: Annotated[bool, Switch(
+    wrap: Annotated[bool, OpenPoint(
         name="overflow", means={"keep": False, "wrap": True},
-        why="whether an overflowing +I or −I of the CPU 214 leaves its operand or writes the wrapped result",
+        reason="whether an overflowing +I or −I of the CPU 214 leaves its operand or writes the wrapped result",
     )] = False
-    stops_at_rails: Annotated[bool, Switch(
+    stops_at_rails: Annotated[bool, OpenPoint(
         name="rails", means={"edges_stop": True, "edges_go_on": False},
-        why="whether a width of 0 or of the whole cycle gives no edge, so no update: by the manual it is permanently "
+        reason="whether a width of 0 or of the whole cycle gives no edge, so no update: by the manual it is "
+               "permanently "
             "off or on, but the paper's logs come back from there",
     )] = True
-    loads_cycle: Annotated[bool, Switch(
+    loads_cycle: Annotated[bool, OpenPoint(
         name="cycle_time", means={"loaded": True, "never_loaded": False},
-        why="whether PLS takes the cycle time: by the manual 16#CA in SMB67 does not load it, but the paper's heater "
+        reason="whether PLS takes the cycle time: by the manual 16#CA in SMB67 does not load it, but the paper's "
+               "heater "
             "ran",
     )] = True
 
 
-class Loaded(NamedTuple):
+class LoadedPaperProgram(NamedTuple):
     """The program.
 
     Attributes:
@@ -60,13 +63,13 @@ class Loaded(NamedTuple):
         assume: how open points are read.
     """
 
-    program: Program
+    program: S7200Program
     cycle_ms: int
     pot1: int
-    assume: Assumptions = Assumptions()
+    assume: S7200PaperAssumptions = S7200PaperAssumptions()
 
 
-class Listed(NamedTuple):
+class PaperState(NamedTuple):
     """What is kept from scan to scan.
 
     Attributes:
@@ -75,13 +78,16 @@ class Listed(NamedTuple):
         applied: width of the running PWM cycle [ms].
     """
 
-    cpu: State
+    cpu: S7200State
     scans: int = 0
     applied: int = 0
 
 
-def step(c: Loaded, state: Listed, setpoint: int, reading: int, begins: bool) -> tuple[Listed, float, int, int]:
-    """Run the interrupt, where Q0.0 has risen and it is attached, and one scan, see `heatertune.plc.core.Core`.
+def step(c: LoadedPaperProgram, state: PaperState, setpoint: int, reading: int, begins: bool) -> tuple[PaperState,
+                                                                                                       float, int, int]:
+    """Run the interrupt, where Q0.0 has risen and it is attached, and one scan.
+
+    See `heatertune.plc.core.StepFunctions`.
 
     Args:
         c: the program.
@@ -104,25 +110,25 @@ def step(c: Loaded, state: Listed, setpoint: int, reading: int, begins: bool) ->
     carry_out(c.program, memory, 0, c.assume.wrap)
     memory[_FIRST_BYTE] &= 0xFF - _FIRST_BIT
     faults |= memory[FAULTS]
-    return Listed(state.cpu, scans, applied), power_pct(c, applied), applied, (faults >> 1 & 1) + (faults >> 2 & 2)
+    return PaperState(state.cpu, scans, applied), power_pct(c, applied), applied, (faults >> 1 & 1) + (faults >> 2 & 2)
 
 
-def own(state: Listed) -> Listed:
+def own(state: PaperState) -> PaperState:
     """Return a copy, whose memory may be changed."""
-    return Listed(own_cpu(state.cpu), state.scans, state.applied)
+    return PaperState(own_cpu(state.cpu), state.scans, state.applied)
 
 
-def started(parameters: Loaded, state: Listed) -> Listed:
+def cold_start(parameters: LoadedPaperProgram, state: PaperState) -> PaperState:
     """Return the state, made that of a CPU whose memory was lost."""
-    return Listed(started_cpu(parameters, state.cpu), 0, 0)
+    return PaperState(started_cpu(parameters, state.cpu), 0, 0)
 
 
-def restarted(parameters: Loaded, cold: Listed, state: Listed) -> Listed:
+def warm_start(parameters: LoadedPaperProgram, cold: PaperState, state: PaperState) -> PaperState:
     """Return the state, made that after a start-up."""
-    return Listed(restarted_cpu(parameters, cold.cpu, state.cpu), 0, 0)
+    return PaperState(restarted_cpu(parameters, cold.cpu, state.cpu), 0, 0)
 
 
-def rises(c: Loaded, scans: int, applied: int, cycle_start: bool) -> bool:
+def rises(c: LoadedPaperProgram, scans: int, applied: int, cycle_start: bool) -> bool:
     """Return whether Q0.0 rises before a scan.
 
     Args:
@@ -138,7 +144,7 @@ def rises(c: Loaded, scans: int, applied: int, cycle_start: bool) -> bool:
     return cycle_start and (0 < applied < c.cycle_ms or not c.assume.stops_at_rails)
 
 
-def power_pct(c: Loaded, applied: int) -> float:
+def power_pct(c: LoadedPaperProgram, applied: int) -> float:
     """Return the share of the PWM cycle in which Q0.0 is on [%], its width being `applied` [ms]."""
     cycle = c.cycle_ms if c.assume.loads_cycle else _UNLOADED
     return 100.0 * min(applied, cycle) / cycle

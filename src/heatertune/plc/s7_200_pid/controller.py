@@ -6,15 +6,15 @@ from dataclasses import replace
 from typing import ClassVar
 
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core, Running
+from heatertune.plc.core import ControllerState, StepFunctions
 from heatertune.plc.cpu.s7_200 import COLD, assemble
-from heatertune.plc.cpu.s7_200.cycle import TIMER, check_cycle, cycle_s, timed
-from heatertune.plc.cpu.s7_200.state import own, restarted, started
+from heatertune.plc.cpu.s7_200.cycle import TIMER, check_cycle, cycle_s, timed_program
+from heatertune.plc.cpu.s7_200.state import cold_start, own, warm_start
 from heatertune.plc.s7_200_pid.export import export_words, setpoint_entry
 from heatertune.plc.s7_200_pid.image import from_image, oddities
 from heatertune.plc.s7_200_pid.listing import COUNTDOWN, pid_program
 from heatertune.plc.s7_200_pid.readback import from_text
-from heatertune.plc.s7_200_pid.step import STEP, Assumptions, measure, step
+from heatertune.plc.s7_200_pid.step import STEP, S7200PidAssumptions, measure, step
 from heatertune.plc.s7_200_pid.words import FIELDS, FULL, RANGES, UNREAD, design_of, values_of
 from heatertune.plc.words import Words
 
@@ -34,19 +34,19 @@ class S7200Pid(Controller, name="s7-200-pid"):
         "bias clamped with the output: no windup", "setpoint ramp in whole input words",
     )
     cannot = ("only on a CPU 22x; no manual mode in this program", "no filter of the derivative")
-    fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, FULL // STEP
+    fields, assumptions, timer, counts = FIELDS, S7200PidAssumptions, TIMER, FULL // STEP
     ranges, unread = RANGES, UNREAD
     inputs: ClassVar = {"SP": "INT", "PV": "INT"}
     derivative_filter = 0.0
     scans_per_period = 1
-    ramped = True
-    core = Core(
-        step=step, measure=measure, flags=_FLAGS, own=own, started=started, restarted=restarted)
+    has_ramp = True
+    core = StepFunctions(
+        step=step, measure=measure, flags=_FLAGS, own=own, cold_start=cold_start, warm_start=warm_start)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(check_cycle)
     interval_s, export = staticmethod(cycle_s), staticmethod(export_words)
     image, oddities, text = staticmethod(from_image), staticmethod(oddities), staticmethod(from_text)
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: S7200PidAssumptions) -> ControllerState:
         """Return the state after power-up, the program loaded; `step` is told where its setpoint is on a ramp."""
         program = assemble(pid_program(replace(words, ramp=None)))
-        return Running(timed(program, words.whole, COUNTDOWN, next_cycle=assume.next_cycle), COLD)
+        return ControllerState(timed_program(program, words.whole, COUNTDOWN, next_cycle=assume.next_cycle), COLD)

@@ -6,8 +6,8 @@ from typing import Final
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_200.cycle import ticks_of, whole_cycle
-from heatertune.plc.cpu.s7_200.readback import Memory, difference, is_program, loads
-from heatertune.plc.readback import Collected, ReadBack, wrong
+from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, difference, is_program, loads
+from heatertune.plc.readback import ReadBack, WordCollector, wrong
 from heatertune.plc.s7_200_pid.listing import pid_program
 from heatertune.plc.s7_200_pid.words import FIELDS
 
@@ -24,9 +24,9 @@ def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
             the interval at which the loop is called.
         NotRepresentable: an interval that the PWM program cannot do.
     """
-    collected = Collected(source, FIELDS)
+    collected = WordCollector(source, FIELDS)
     if not is_program(text):
-        return _from_memory(Memory(text, source), collected, sample_time_s)
+        return _from_memory(DataBlockMemory(text, source), collected, sample_time_s)
     loaded = loads(text, source)
     for field in _REALS:
         for number in loaded.get(field.address, ()):
@@ -41,7 +41,7 @@ def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
     return ReadBack(collected.values(), unlike=lambda words: difference(text, pid_program(words)))
 
 
-def _from_memory(memory: Memory, collected: Collected, sample_time_s: float | None) -> ReadBack:
+def _from_memory(memory: DataBlockMemory, collected: WordCollector, sample_time_s: float | None) -> ReadBack:
     for field in _REALS:
         number = memory.read(field.name, field.address, real=True)
         if number is not None:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.core import BINARY_LOSS, Sensor
-from heatertune.plc.cpu.s7_200 import State
+from heatertune.plc.cpu.s7_200 import S7200State
 from heatertune.plc.cpu.s7_200.cells import cell
-from heatertune.plc.cpu.s7_200.cycle import Timed, run_cycle
+from heatertune.plc.cpu.s7_200.cycle import TimedProgram, run_cycle
 from heatertune.plc.cpu.s7_200.memory import put_real, put_word
 from heatertune.plc.cpu.s7_200.wiring import WIDTH_APPLIES
 from heatertune.plc.s7_200_pid.words import FULL, SETPOINT
-from heatertune.plc.single import divided
+from heatertune.plc.single_precision import divide_single
 
-__all__ = ["FULL", "STEP", "Assumptions", "measure", "step"]
+__all__ = ["FULL", "STEP", "S7200PidAssumptions", "measure", "step"]
 
 #: of a converter of 12 bits, left-justified
 STEP: Final = 8
@@ -22,7 +22,7 @@ _READING: Final = cell("AIW0", 2).start
 _SETPOINT: Final = cell(SETPOINT, 4).start
 
 
-class Assumptions(NamedTuple):
+class S7200PidAssumptions(NamedTuple):
     """What the manual leaves open, see DIFFERENCES.md."""
 
     next_cycle: Annotated[bool, WIDTH_APPLIES] = False
@@ -34,8 +34,9 @@ def measure(sensor: Sensor, temperature_degC: float) -> int:
     return FULL // sensor.counts * int(min(max(exact, float(sensor.least)), float(sensor.counts)))
 
 
-def step(timed: Timed, state: State, setpoint: int, reading: int, _begins: bool) -> tuple[State, float, int, int]:
-    """Compute one PWM cycle by the statement list, see `heatertune.plc.core.Core`.
+def step(timed: TimedProgram, state: S7200State, setpoint: int, reading: int, _begins: bool) -> tuple[S7200State, float,
+                                                                                                      int, int]:
+    """Compute one PWM cycle by the statement list, see `heatertune.plc.core.StepFunctions`.
 
     Args:
         timed: the program.
@@ -45,6 +46,6 @@ def step(timed: Timed, state: State, setpoint: int, reading: int, _begins: bool)
         _begins: not looked at: each scan is a whole PWM cycle.
     """
     put_word(state.memory, _READING, reading)
-    put_real(state.memory, _SETPOINT, divided(float(setpoint), float(FULL)))
+    put_real(state.memory, _SETPOINT, divide_single(float(setpoint), float(FULL)))
     power, width, faults = run_cycle(timed, state.memory)
     return state, power, width, faults & 1

@@ -10,7 +10,7 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.cpu.s7_200.cycle import TICK_FIELDS, ticks_of, whole_cycle
 from heatertune.plc.inputs import FOUR_TO_TWENTY, Range
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.plc.words import Scaling, WordField, Words
 
 __all__ = ["FIELDS", "FULL", "NO_INTEGRAL", "RANGES", "SETPOINT", "TABLE", "UNREAD", "design_of", "values_of"]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import ClassVar
 
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core, Running, count
+from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, INPUT_S, RANGES, TICK_S, TIMER
 from heatertune.plc.s7_300.export import export_words, setpoint_entry
-from heatertune.plc.s7_300.exported import exported
+from heatertune.plc.s7_300.exported import loaders
 from heatertune.plc.s7_300.image import from_image, oddities
 from heatertune.plc.s7_300.readback import from_text
-from heatertune.plc.s7_300.step import COLD, Assumptions, Parameters, scan, step
+from heatertune.plc.s7_300.step import COLD, PidTipAssumptions, PidTipParameters, scan, step
 from heatertune.plc.s7_300.words import FIELDS, design_of, values_of
 from heatertune.plc.words import Words
 
@@ -32,20 +32,20 @@ class PidTip(Controller, name="s7-300"):
         "a PWM that OB35 cannot make, or by PID_Compact's rule, is left to a switch behind the analog output",
         "no feed-forward, no dead band, no derivative filter",
     )
-    fields, assumptions, timer, counts = FIELDS, Assumptions, TIMER, FULL_SCALE
+    fields, assumptions, timer, counts = FIELDS, PidTipAssumptions, TIMER, FULL_SCALE
     ranges = RANGES
     inputs: ClassVar = {"SP": "INT", "PV": "INT", "mode_req": "BOOL", "OUT": "INT"}
     derivative_filter = 0.0
-    ramped = True
+    has_ramp = True
     delay_s = INPUT_S
     tick_s = TICK_S
-    core = Core(step=step, measure=count, flags=("overflow",))
+    core = StepFunctions(step=step, measure=count, flags=("overflow",))
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     image, oddities, scan_all = staticmethod(from_image), staticmethod(oddities), staticmethod(scan)
-    text, exported = staticmethod(from_text), staticmethod(exported)
+    text, load_exported = staticmethod(from_text), staticmethod(loaders)
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: PidTipAssumptions) -> ControllerState:
         """Return the state after OB100."""
         v = words.values
-        parameters = Parameters(gain=v["GAIN"], rate=v["RATE"], reset=v["RESET"], sample=v["SAMPLE"])
-        return Running((parameters, assume), COLD)
+        parameters = PidTipParameters(gain=v["GAIN"], rate=v["RATE"], reset=v["RESET"], sample=v["SAMPLE"])
+        return ControllerState((parameters, assume), COLD)

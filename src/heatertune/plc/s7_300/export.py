@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 from heatertune.plc.cpu.s7_300 import awl
-from heatertune.plc.cpu.s7_300.cells import Member
+from heatertune.plc.cpu.s7_300.cells import BlockMember
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.program import Program, by_hand, counts_of, whole_number
-from heatertune.plc.cpu.s7_300.switch import PULSEGEN, Switching, like, switching
+from heatertune.plc.cpu.s7_300.program import BlockProgram, by_hand, counts_of, whole_number
+from heatertune.plc.cpu.s7_300.switch import PULSEGEN, PwmSource, like, pwm_source
 from heatertune.plc.s7_300.listing import STATEMENTS, VARIABLES
 from heatertune.plc.s7_300.words import FIELDS
 from heatertune.plc.words import Certificate, Words
@@ -25,7 +25,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
 
     The data block gives every member its value in BEGIN; OB100 loads the four words bit by bit after each restart.
     """
-    return {"s7_300_pid.awl": _source(words, certificate, switching(words, certificate, real=False)),
+    return {"s7_300_pid.awl": _source(words, certificate, pwm_source(words, certificate, real=False)),
             "s7_300_words.csv": awl.table(FIELDS, words)}
 
 
@@ -34,7 +34,7 @@ def source(words: Words, by: str) -> str:
     return _source(words, Certificate(verdict=""), like(words, by))
 
 
-def _source(words: Words, certificate: Certificate, switch: Switching) -> str:
+def _source(words: Words, certificate: Certificate, switch: PwmSource) -> str:
     low, span = words.scaling.low_degC, words.scaling.span_degC
     pulsegen = ["FB 43 PULSEGEN must be in the program: Standard Library, PID Control Blocks"]
     head = awl.head(
@@ -48,12 +48,13 @@ def _source(words: Words, certificate: Certificate, switch: Switching) -> str:
                      *program.restart(_loads(words)), *program.interrupt])
 
 
-def _program(words: Words, certificate: Certificate, switch: Switching) -> Program:
+def _program(words: Words, certificate: Certificate, switch: PwmSource) -> BlockProgram:
     asked = 0 if certificate.setpoint_degC is None else counts_of(words, certificate.setpoint_degC)
     setpoint = "SP" if words.ramp is None else "LED"
-    return Program(
+    return BlockProgram(
         input=words.scaling.input,
-        real=False, setpoint=Member("SP", "INT", asked, f"setpoint, yours: 0..{FULL_SCALE}"), output=_OUT, word=_OUT,
+        real=False, setpoint=BlockMember("SP", "INT", asked, f"setpoint, yours: 0..{FULL_SCALE}"), output=_OUT,
+        word=_OUT,
         ramp=words.ramp, switch=switch, temporaries=("share : REAL",) if switch.by == PULSEGEN else (),
         begins=[
             f"      L     {awl.bits(0.0)};", f"      T     DB{_NUMBER}.DBD   26;  // BIAS", "      CLR   ;",

@@ -7,9 +7,9 @@ from typing import Final
 
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
 from heatertune.plc.ramp import Number
-from heatertune.plc.s7_300.step import Assumptions, percent
+from heatertune.plc.s7_300.step import PidTipAssumptions, percent
 
-__all__ = ["exported"]
+__all__ = ["loaders"]
 
 _FILE: Final = "s7_300_pid.awl"
 _OUT: Final = slice(6, 8)
@@ -27,6 +27,6 @@ class _Exported(ExportedS7):
         self._cpu.memory["DB 100"][_OUT] = int(output).to_bytes(2, "big", signed=True)
 
 
-def exported(files: Mapping[str, str | bytes], assume: Assumptions) -> dict[str, Callable[[], ExportedS7]]:
+def loaders(files: Mapping[str, str | bytes], assume: PidTipAssumptions) -> dict[str, Callable[[], ExportedS7]]:
     """Return what loads the source; nothing for other assumptions than its own: the text is one of several."""
-    return {_FILE: lambda: _Exported(str(files[_FILE]), {})} if assume == Assumptions() else {}
+    return {_FILE: lambda: _Exported(str(files[_FILE]), {})} if assume == PidTipAssumptions() else {}

@@ -20,12 +20,12 @@ from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.cpu.s7_300.real import clamp, quotient, real
-from heatertune.plc.open_points import Switch
+from heatertune.plc.open_points import OpenPoint
 
-__all__ = ["COLD", "Assumptions", "Parameters", "State", "call", "manual", "percent", "scan", "step"]
+__all__ = ["COLD", "PidTipAssumptions", "PidTipParameters", "PidTipState", "call", "manual", "percent", "scan", "step"]
 
 
-class Parameters(NamedTuple):
+class PidTipParameters(NamedTuple):
     """The four words of the instance data block; times in ms."""
 
     gain: float
@@ -34,24 +34,24 @@ class Parameters(NamedTuple):
     sample: float
 
 
-class Assumptions(NamedTuple):
+class PidTipAssumptions(NamedTuple):
     """What the document leaves open, see DIFFERENCES.md."""
 
-    truncates: Annotated[bool, Switch(
+    truncates: Annotated[bool, OpenPoint(
         name="conversion", means={"rnd": False, "trunc": True},
-        why="whether OUT is rounded (halves to even) or cut when it becomes an INT",
+        reason="whether OUT is rounded (halves to even) or cut when it becomes an INT",
     )] = False
-    bias_always_clamped: Annotated[bool, Switch(
+    bias_always_clamped: Annotated[bool, OpenPoint(
         name="bias_clamp", means={"adjusted": False, "always": True},
-        why='the document clamps "the adjusted bias": whether one that was not adjusted is clamped to 0…1 as well',
+        reason='the document clamps "the adjusted bias": whether one that was not adjusted is clamped to 0…1 as well',
     )] = False
-    starts_at_zero: Annotated[bool, Switch(
+    starts_at_zero: Annotated[bool, OpenPoint(
         name="first_reading", means={"taken": False, "zero": True}, shows=lambda own: own[0].rate != 0.0,
-        why="whether PV_{n−1} of the first call is that call's reading, or 0 with a kick of the derivative part",
+        reason="whether PV_{n−1} of the first call is that call's reading, or 0 with a kick of the derivative part",
     )] = False
 
 
-class State(NamedTuple):
+class PidTipState(NamedTuple):
     """What the instance data block keeps from call to call."""
 
     bias: float = 0.0
@@ -61,13 +61,14 @@ class State(NamedTuple):
     overflow: bool = False
 
 
-COLD: Final = State()
+COLD: Final = PidTipState()
 
 
 def step(
-    parameters: tuple[Parameters, Assumptions], state: State, setpoint: int, reading: int, _begins: bool
-) -> tuple[State, float, int, int]:
-    """Compute one scan, see `heatertune.plc.core.Core`.
+    parameters: tuple[PidTipParameters, PidTipAssumptions], state: PidTipState, setpoint: int, reading: int,
+    _begins: bool
+) -> tuple[PidTipState, float, int, int]:
+    """Compute one scan, see `heatertune.plc.core.StepFunctions`.
 
     Args:
         parameters: the block's, and the assumptions.
@@ -80,15 +81,15 @@ def step(
 
 
 def scan(
-    parameters: tuple[Parameters, Assumptions], state: State, inputs: Mapping[str, int]
-) -> tuple[State, float, int, int]:
+    parameters: tuple[PidTipParameters, PidTipAssumptions], state: PidTipState, inputs: Mapping[str, int]
+) -> tuple[PidTipState, float, int, int]:
     """Compute one scan with SP and PV and, where named, mode_req and what the user wrote to OUT in manual."""
     if inputs.get("mode_req", 1):
         return step(parameters, state, inputs["SP"], inputs["PV"], True)
     return _outcome(manual(state, inputs["PV"], inputs.get("OUT", state.output)))
 
 
-def _outcome(after: State) -> tuple[State, float, int, int]:
+def _outcome(after: PidTipState) -> tuple[PidTipState, float, int, int]:
     """Return the state, OUT in percent, OUT, and the flag."""
     return after, percent(after.output), after.output, int(after.overflow)
 
@@ -98,7 +99,8 @@ def percent(output: int) -> float:
     return min(max(100.0 * output / FULL_SCALE, 0.0), 100.0)
 
 
-def call(p: Parameters, assume: Assumptions, state: State, setpoint: int, reading: int) -> State:
+def call(p: PidTipParameters, assume: PidTipAssumptions, state: PidTipState, setpoint: int,
+         reading: int) -> PidTipState:
     """Return the state after one call in automatic.
 
     Args:
@@ -123,18 +125,18 @@ def call(p: Parameters, assume: Assumptions, state: State, setpoint: int, readin
     other, os = real(mp + md, os)
     bias, os = _bias(assume, output, mi, other, os)
     scaled, os = real(clamp(output, 0.0, 1.0) * FULL_SCALE, os)
-    return State(bias, pv, True, math.trunc(scaled) if assume.truncates else round(scaled), os)
+    return PidTipState(bias, pv, True, math.trunc(scaled) if assume.truncates else round(scaled), os)
 
 
-def manual(state: State, reading: int, output: int | None = None) -> State:
+def manual(state: PidTipState, reading: int, output: int | None = None) -> PidTipState:
     """Return the state after one call in manual: the user's OUT stays, and the bias follows it."""
     out = state.output if output is None else output
     bias, os = quotient(out, FULL_SCALE)
     pv, os = quotient(reading, FULL_SCALE, os)
-    return State(bias=clamp(bias, 0.0, 1.0), reading=pv, started=True, output=out, overflow=os)
+    return PidTipState(bias=clamp(bias, 0.0, 1.0), reading=pv, started=True, output=out, overflow=os)
 
 
-def _coefficients(p: Parameters, os: bool) -> tuple[float, float, bool]:
+def _coefficients(p: PidTipParameters, os: bool) -> tuple[float, float, bool]:
     """Return CI, CD and OS."""
     factor, ci = p.gain if p.gain != 0.0 else 1.0, 0.0
     if p.reset != 0.0:
@@ -145,7 +147,7 @@ def _coefficients(p: Parameters, os: bool) -> tuple[float, float, bool]:
     return ci, cd, os
 
 
-def _bias(assume: Assumptions, output: float, mi: float, other: float, os: bool) -> tuple[float, bool]:
+def _bias(assume: PidTipAssumptions, output: float, mi: float, other: float, os: bool) -> tuple[float, bool]:
     """Adjust the bias so that the output ends at its limit (formulas 2.8 and 2.9); OS comes with it."""
     if 0.0 <= output <= 1.0:
         return (clamp(mi, 0.0, 1.0) if assume.bias_always_clamped else mi), os

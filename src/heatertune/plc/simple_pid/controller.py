@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import ClassVar
 
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Running
-from heatertune.plc.parallel.step import COLD, PARALLEL, boosted
+from heatertune.plc.core import ControllerState
+from heatertune.plc.parallel.step import COLD, PARALLEL, with_boost
 from heatertune.plc.simple_pid.export import export_words
-from heatertune.plc.simple_pid.exported import exported
+from heatertune.plc.simple_pid.exported import loaders
 from heatertune.plc.simple_pid.readback import from_text
-from heatertune.plc.simple_pid.step import Assumptions, parameters_of, scan
+from heatertune.plc.simple_pid.step import SimplePidAssumptions, parameters_of, scan
 from heatertune.plc.simple_pid.words import COUNTS, FIELDS, FULL, TIMER, design_of, interval_s, oddities, values_of
 from heatertune.plc.words import Words
 
@@ -33,17 +33,17 @@ class SimplePid(Controller, name="simple-pid"):
         "no coolers, no lower limit but 0, no error_map, no starting_output",
         "no setpoint ramp in the module; pulses that make up for others are left to a switch behind it",
     )
-    fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, Assumptions
+    fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, SimplePidAssumptions
     inputs: ClassVar = {"setpoint": "REAL", "input_": "REAL", "auto_mode": "BOOL", "last_output": "REAL", "dt": "REAL"}
     derivative_filter = 0.0
     most_power = ("output_max", FULL)
     tick_s = 0.01
-    boosted = True
+    has_boost = True
     core = PARALLEL
     values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
     interval_s, oddities, text = staticmethod(interval_s), staticmethod(oddities), staticmethod(from_text)
-    scan_all, exported = staticmethod(scan), staticmethod(exported)
+    scan_all, load_exported = staticmethod(scan), staticmethod(loaders)
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: SimplePidAssumptions) -> ControllerState:
         """Return the state of a new object."""
-        return Running(boosted(parameters_of(words.values, assume), words.boost), COLD)
+        return ControllerState(with_boost(parameters_of(words.values, assume), words.boost), COLD)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from heatertune.plc.parallel.window import Window, window_of
+from heatertune.plc.parallel.window import PwmWindow, window_of
 from heatertune.plc.parallel.words import decimal
 from heatertune.plc.words import Certificate, Words
 
@@ -107,13 +107,13 @@ def _distances(words: Words) -> str:
             f"BOOST_AGAIN_DEGC = {decimal(words.boost.again_degC, 'LREAL')}\n")
 
 
-def _head(words: Words, certificate: Certificate, window: Window) -> tuple[str, ...]:
+def _head(words: Words, certificate: Certificate, window: PwmWindow) -> tuple[str, ...]:
     scale = words.scaling
     return (
         "heater controller for Python's simple-pid 2.0.1",
         f"sensor {scale.low_degC:g}...{scale.high_degC:g} degC; TA: {words.sample_time_s:g} s; output in percent",
         *certificate.head,
-        window.told,
+        window.summary,
         "remains to be done by hand: run(read_degC, switch) with your sensor and your heater's switch; pulses end with",
         "  a round of the loop, late by up to STEP_MS and what your reading takes",
     )

@@ -8,7 +8,7 @@ import warnings
 from typing import Any, Final
 
 from heatertune.errors import InputError
-from heatertune.plc.readback import Collected, ReadBack, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, wrong
 from heatertune.plc.simple_pid.words import FIELDS
 
 __all__ = ["from_text"]
@@ -40,7 +40,7 @@ def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
              if isinstance(target, ast.Name)}
     call = calls[0]
     given = _arguments(call, known, source)
-    collected = Collected(source, FIELDS)
+    collected = WordCollector(source, FIELDS)
     for name in ("Kp", "Ki", "Kd"):
         collected.put(name, _number(given[name]), call.lineno, str(given[name]))
     for name in _SWITCHES:

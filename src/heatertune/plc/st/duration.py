@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from heatertune.plc.open_points import Switch
-from heatertune.plc.single import single
+from heatertune.plc.open_points import OpenPoint
+from heatertune.plc.single_precision import single
 
 __all__ = ["MILLISECONDS", "NANOSECONDS", "SECONDS", "TENS_OF_MS", "TIME_UNIT", "time_to_real"]
 
@@ -14,10 +14,10 @@ MILLISECONDS: Final = 1
 TENS_OF_MS: Final = 2
 NANOSECONDS: Final = 3
 
-TIME_UNIT: Final = Switch(
+TIME_UNIT: Final = OpenPoint(
     name="time_unit",
     means={"s": SECONDS, "ms": MILLISECONDS, "ten_ms": TENS_OF_MS, "ns": NANOSECONDS},
-    why="unit of TIME_TO_REAL: s (matiec: Beremiz, OpenPLC), ms (CODESYS), whole tens of ms (FPWIN Pro), ns",
+    reason="unit of TIME_TO_REAL: s (matiec: Beremiz, OpenPLC), ms (CODESYS), whole tens of ms (FPWIN Pro), ns",
 )
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.iec.machine import Program
+from heatertune.plc.cpu.iec.machine import TextProgram
 from heatertune.plc.cpu.iec.project import project_of
 from heatertune.plc.cpu.iec.tape import KEEP, Tape
 from heatertune.plc.cpu.iec.text import units
-from heatertune.plc.exported import Called, Exported, Given, Made
+from heatertune.plc.exported import CallInputs, CallOutputs, CallResult, ExportedInPlc
 from heatertune.plc.ramp import Number
 
 __all__ = ["ExportedProgram", "check_project"]
@@ -21,10 +21,10 @@ __all__ = ["ExportedProgram", "check_project"]
 _DUE: Final = 1 << 30
 
 
-class ExportedProgram(Exported):
-    """See `heatertune.plc.exported.Exported`; the program is that of `heatertune.plc.st.program`."""
+class ExportedProgram(ExportedInPlc):
+    """See `heatertune.plc.exported.ExportedInPlc`; the program is that of `heatertune.plc.st.program`."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: TextProgram) -> None:
         """Take a program; raise InputError where it is not of the exported form."""
         self._program, self._tick_ms = program, int(program["ScanMs"])
         self._led = "HeaterRamp" if "HeaterRamp" in program else "HeaterSetPoint"
@@ -44,13 +44,13 @@ class ExportedProgram(Exported):
         if self._asked is not None:
             self._program["HeaterSetPoint"] = self._asked
 
-    def call(self, asked: Number, counts: int, reading_degC: float) -> Called:
+    def call(self, asked: Number, counts: int, reading_degC: float) -> CallResult:
         """Run the program when the block is due."""
         if self._begun:
             self._program["HeaterSince"] = _DUE
         return self.tick(asked, counts, reading_degC)[0]
 
-    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[Called, bool | None]:  # noqa: ARG002
+    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:  # noqa: ARG002
         """Run a scan."""
         program = self._program
         if self._asked not in (None, asked):
@@ -59,22 +59,22 @@ class ExportedProgram(Exported):
         program["HeaterTemperature"] = reading_degC
         program.scan()
         power = program["HeaterPower"]
-        called = Called(program[self._led], power, min(max(power, 0.0), 100.0))
+        called = CallResult(program[self._led], power, min(max(power, 0.0), 100.0))
         return called, program["HeaterOutput"] if self._pwm else None
 
-    def calls(self, given: Given) -> Made | None:
+    def calls(self, given: CallInputs) -> CallOutputs | None:
         """Run the program so often, each time when the block is due."""
-        since = np.full(len(given.asked), _DUE)
+        since = np.full(len(given.power_pct), _DUE)
         if not self._begun:
             since[0] = KEEP
         return self._scans(given, {"HeaterSince": since})
 
-    def ticks(self, given: Given) -> Made | None:
+    def ticks(self, given: CallInputs) -> CallOutputs | None:
         """Run so many scans."""
         return self._scans(given, {})
 
-    def _scans(self, given: Given, wholes: dict[str, npt.NDArray[np.int64]]) -> Made | None:
-        asked = given.asked.copy()
+    def _scans(self, given: CallInputs, wholes: dict[str, npt.NDArray[np.int64]]) -> CallOutputs | None:
+        asked = given.power_pct.copy()
         same = asked == np.concatenate(([asked[0] if self._asked is None else self._asked], asked[:-1]))
         asked[same] = np.nan
         wanted = (self._led, "HeaterPower", *(["HeaterOutput"] if self._pwm else []))
@@ -82,9 +82,9 @@ class ExportedProgram(Exported):
             len(asked), {"HeaterSetPoint": asked, "HeaterTemperature": given.readings_degC}, wholes, wanted))
         if got is None:
             return None
-        self._asked, self._begun, powers = float(given.asked[-1]), True, got["HeaterPower"]
+        self._asked, self._begun, powers = float(given.power_pct[-1]), True, got["HeaterPower"]
         on = got["HeaterOutput"] != 0 if self._pwm else None
-        return Made(got[self._led], powers, np.clip(powers, 0.0, 100.0), on)
+        return CallOutputs(got[self._led], powers, np.clip(powers, 0.0, 100.0), on)
 
     def interrupt(self) -> tuple[float, bool | None]:
         """Run a scan without HeaterOn, which has to fall when the sensor breaks."""
@@ -128,7 +128,7 @@ class ExportedProgram(Exported):
             return None
         return np.add.reduceat(got["HeaterOutput"], begins), got["HeaterOnMs"][begins] / self._tick_ms
 
-    def counted(self) -> float:
+    def tick_count(self) -> float:
         """Return HeaterOnMs in scans."""
         return float(self._program["HeaterOnMs"]) / self._tick_ms
 

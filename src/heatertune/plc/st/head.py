@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from heatertune.plc.st.program import Clock
+from heatertune.plc.st.program import ProgramClock
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["by_hand", "head_of"]
 
 
 def head_of(
-    title: str, words: Words, interval_ms: int, certificate: Certificate, clock: Clock, *,
+    title: str, words: Words, interval_ms: int, certificate: Certificate, clock: ProgramClock, *,
     tool: str = "a vendor's tool",
 ) -> tuple[str, ...]:
     """Return what an exported text says first.
@@ -25,7 +25,9 @@ def head_of(
         tool: in which it was not tried.
     """
     scale = words.scaling
-    pwm = f"PWM in the program, steps of {clock.tick_ms} ms" if clock.steps else f"no PWM in the program: {clock.why}"
+    pwm = f"no PWM in the program: {clock.reason}"
+    if clock.steps:
+        pwm = f"PWM in the program, steps of {clock.tick_ms} ms"
     return (
         title,
         f"sensor {scale.low_degC:g}...{scale.high_degC:g} degC; TA: called every {interval_ms} ms; output in percent; "
@@ -36,7 +38,7 @@ def head_of(
 
 
 def by_hand(
-    clock: Clock, certificate: Certificate, *, of_clock: Sequence[str] = (), of_start: Sequence[str] = ()
+    clock: ProgramClock, certificate: Certificate, *, of_clock: Sequence[str] = (), of_start: Sequence[str] = ()
 ) -> list[str]:
     """Return what remains to be done by hand, numbered.
 

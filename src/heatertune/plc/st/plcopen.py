@@ -7,7 +7,7 @@ from typing import Final
 from xml.etree import ElementTree as Xml
 
 from heatertune.plc.cpu.letters import in_ascii
-from heatertune.plc.st.source import Source
+from heatertune.plc.st.source import BlockSource
 
 __all__ = ["project"]
 
@@ -26,7 +26,7 @@ _KEPT: Final = {"VAR": {"nonretain": "true"}, "VAR CONSTANT": {"constant": "true
 
 
 def project(
-    block: Source, variables: Sequence[Variable], statements: str, head: Iterable[str], interval_ms: int
+    block: BlockSource, variables: Sequence[Variable], statements: str, head: Iterable[str], interval_ms: int
 ) -> str:
     """Return the project's XML.
 

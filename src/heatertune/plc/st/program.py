@@ -13,12 +13,23 @@ from typing import Final, NamedTuple
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.pwm import Actuator, pulse_ends
 from heatertune.plc.ramp import Number, Ramp, for_coolers
-from heatertune.plc.single import real_of, single, word_of
+from heatertune.plc.single_precision import real_of, single, word_of
 from heatertune.plc.st.source import LARGEST
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["Clock", "Limits", "Variable", "called", "clock_for", "enabling", "literal", "program", "proven_setpoint",
-           "statements", "variables"]
+__all__ = [
+    "ProgramClock",
+    "ProgramLimits",
+    "Variable",
+    "clock_for",
+    "enable_condition",
+    "instance_call",
+    "literal",
+    "program",
+    "proven_setpoint",
+    "statements",
+    "variables",
+]
 
 Variable = tuple[str, str, str, str]
 
@@ -68,7 +79,7 @@ _BOOST_VARIABLES: Final = (
 _HOLD_VARIABLES: Final = (("HeaterLimit", "REAL", "0.0", "degC, how far from the temperature the ramp may be"),)
 
 
-class Clock(NamedTuple):
+class ProgramClock(NamedTuple):
     """The scans of the program, and the PWM that it makes of them.
 
     Attributes:
@@ -82,14 +93,14 @@ class Clock(NamedTuple):
     steps: int = 0
     least: float = 0.0
     most: float = 0.0
-    why: str = ""
+    reason: str = ""
 
 
-def clock_for(words: Words, actuator: Actuator | None) -> Clock:
+def clock_for(words: Words, actuator: Actuator | None) -> ProgramClock:
     """Return the clock of a program that switches as was proven; None: no switch is known."""
-    def none(why: str) -> Clock:
+    def none(why: str) -> ProgramClock:
         ts = _ms(words)
-        return Clock(next((ts // scans for scans in range(_SCANS, ts + 1) if ts % scans == 0), ts), why=why)
+        return ProgramClock(next((ts // scans for scans in range(_SCANS, ts + 1) if ts % scans == 0), ts), reason=why)
 
     if actuator is None:
         return none("no switch is known of the proof")
@@ -99,10 +110,10 @@ def clock_for(words: Words, actuator: Actuator | None) -> Clock:
     if actuator.minimum_rule != "drop":
         return none("its rule makes up what is left out")
     least, most = pulse_ends(actuator, real_of, word_of(100.0))
-    return Clock(round(tick), ticks.per_period, real_of(least), real_of(most))
+    return ProgramClock(round(tick), ticks.per_period, real_of(least), real_of(most))
 
 
-class Limits(NamedTuple):
+class ProgramLimits(NamedTuple):
     """What the program has to know of the block's words.
 
     Attributes:
@@ -115,7 +126,7 @@ class Limits(NamedTuple):
 
 
 def variables(
-    words: Words, clock: Clock, setpoint_degC: float, own: tuple[Variable, ...] = ()
+    words: Words, clock: ProgramClock, setpoint_degC: float, own: tuple[Variable, ...] = ()
 ) -> tuple[Variable, ...]:
     """Return name, type, initial value and meaning of the program's variables.
 
@@ -133,7 +144,7 @@ def variables(
 
 
 def statements(
-    words: Words, clock: Clock, call: str, limits: Limits, *, before: str = "", or_when: str = ""
+    words: Words, clock: ProgramClock, call: str, limits: ProgramLimits, *, before: str = "", or_when: str = ""
 ) -> str:
     """Return the program's statements.
 
@@ -163,7 +174,7 @@ def statements(
     )
 
 
-def called(instance: str, wires: Iterable[tuple[str, str]]) -> str:
+def instance_call(instance: str, wires: Iterable[tuple[str, str]]) -> str:
     """Return the call of an instance with its inputs, one a line."""
     return f"{instance}(\n" + ",\n".join(f"  {name} := {value}" for name, value in wires) + ");\n"
 
@@ -201,7 +212,7 @@ def _indented(lines: str) -> str:
     return "".join(f"  {line}\n" for line in lines.splitlines())
 
 
-def _pwm(clock: Clock) -> str:
+def _pwm(clock: ProgramClock) -> str:
     """Return the statements of the PWM: whole ticks, the nearest number of them, halves up, nothing carried over."""
     if not clock.steps:
         return ""
@@ -224,12 +235,12 @@ def _pwm(clock: Clock) -> str:
     )
 
 
-def enabling(words: Words) -> str:
+def enable_condition(words: Words) -> str:
     """Return when the controller is enabled."""
     return "HeaterOn" if words.boost is None else "HeaterOn AND NOT HeaterBoost"
 
 
-def _boost(words: Words, limits: Limits) -> tuple[str, str]:
+def _boost(words: Words, limits: ProgramLimits) -> tuple[str, str]:
     """Return the statements that find out whether to boost, and those that do; what is no number is not far."""
     boost = words.boost
     if boost is None:

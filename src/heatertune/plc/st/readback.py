@@ -10,10 +10,10 @@ from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import Collected, ReadBack, lines_of, real_of, whole_of, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, lines_of, real_of, whole_of, wrong
 from heatertune.plc.words import WordField
 
-__all__ = ["Block", "words_in"]
+__all__ = ["ExpectedBlock", "words_in"]
 
 #: of a PLCopen project, whose text is the statements
 _TAG: Final = re.compile(r"<[^<>]*>")
@@ -35,7 +35,7 @@ _MS: Final = (86_400_000, 3_600_000, 60_000, 1000, 1)
 _TYPE: Final = re.compile(r"(?:REAL|BYTE|USINT|UINT|INT)#", re.IGNORECASE)
 
 
-class Block(NamedTuple):
+class ExpectedBlock(NamedTuple):
     """What is asked of a text.
 
     Attributes:
@@ -57,14 +57,14 @@ class Block(NamedTuple):
             other.upper(): fields[name] for other, name in self.renamed.items()}
 
 
-class _Assigned(NamedTuple):
+class _StAssignments(NamedTuple):
     line: int
     name: str
     value: str
     unit: str = ""
 
 
-def words_in(text: str, source: str, block: Block) -> ReadBack:
+def words_in(text: str, source: str, block: ExpectedBlock) -> ReadBack:
     """Return the words in a text, and what else stands there: inputs of the block that are none, the program around.
 
     Raises:
@@ -80,7 +80,7 @@ def words_in(text: str, source: str, block: Block) -> ReadBack:
     if len(calls) > 1:
         lines = " and ".join(str(plain.count("\n", 0, call.start()) + 1) for call in calls[:2])
         raise InputError(f"{source}: the block is called in lines {lines}; expected one call")
-    collected, over = Collected(source, block.fields), []
+    collected, over = WordCollector(source, block.fields), []
     assigned = [*_members(plain, asked), *(wire for call in calls for wire in _wires(plain, call, source))]
     for line, name, value, unit in assigned or _listed(plain, source):
         field = asked.get(name.upper())
@@ -125,29 +125,29 @@ def _blanked(pattern: re.Pattern[str], text: str) -> str:
     return pattern.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
 
 
-def _members(text: str, asked: Mapping[str, WordField]) -> Iterator[_Assigned]:
+def _members(text: str, asked: Mapping[str, WordField]) -> Iterator[_StAssignments]:
     """Yield the words that a program sets as members of its block."""
     for match in _MEMBER.finditer(text):
         if match[1].upper() in asked:
-            yield _Assigned(text.count("\n", 0, match.start()) + 1, match[1], match[2])
+            yield _StAssignments(text.count("\n", 0, match.start()) + 1, match[1], match[2])
 
 
-def _wires(text: str, call: re.Match[str], source: str) -> Iterator[_Assigned]:
+def _wires(text: str, call: re.Match[str], source: str) -> Iterator[_StAssignments]:
     """Yield what a call hands its block."""
     line = text.count("\n", 0, call.start(1)) + 1
     for part in call[1].split(","):
         wire, begins = _WIRE.fullmatch(part), line + part[: len(part) - len(part.lstrip())].count("\n")
         if wire is None:
             raise wrong(source, begins, "input", part.strip(), "NAME := VALUE")
-        yield _Assigned(begins, wire[1], wire[2])
+        yield _StAssignments(begins, wire[1], wire[2])
         line += part.count("\n")
 
 
-def _listed(text: str, source: str) -> Iterator[_Assigned]:
+def _listed(text: str, source: str) -> Iterator[_StAssignments]:
     for line, content in lines_of(text):
         if not content:
             continue
         match = _LISTED.fullmatch(content)
         if match is None:
             raise wrong(source, line, "parameter", content, "a call of the block, or a line such as Kp = 2.5")
-        yield _Assigned(line, match[1], re.sub(r"^(-?\d+),(\d+)$", r"\1.\2", match[2]), match[3] or "")
+        yield _StAssignments(line, match[1], re.sub(r"^(-?\d+),(\d+)$", r"\1.\2", match[2]), match[3] or "")

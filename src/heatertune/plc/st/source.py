@@ -7,13 +7,13 @@ from typing import Final, NamedTuple
 
 from heatertune.plc.cpu.letters import in_ascii
 
-__all__ = ["LARGEST", "Source", "comment", "function_block"]
+__all__ = ["LARGEST", "BlockSource", "comment", "function_block"]
 
 #: the largest REAL
 LARGEST: Final = "3.4028235E38"
 
 
-class Source(NamedTuple):
+class BlockSource(NamedTuple):
     """A block.
 
     Attributes:
@@ -33,7 +33,7 @@ def comment(*lines: str) -> str:
     return "".join(f"(* {line} *)\n" for line in plain)
 
 
-def function_block(block: Source) -> str:
+def function_block(block: BlockSource) -> str:
     """Return the whole declaration, one line per variable."""
     lines = [f"FUNCTION_BLOCK {block.name}"]
     for section, variables in block.declarations.items():

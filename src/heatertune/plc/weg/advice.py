@@ -8,7 +8,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Final, NamedTuple
 
-__all__ = ["ADVICE", "Change", "Gains", "Symptom", "changed"]
+__all__ = ["ADVICE", "AcademicGains", "Change", "Symptom", "apply_changes"]
 
 
 class Symptom(Enum):
@@ -22,7 +22,7 @@ class Symptom(Enum):
     NONE = "good: none of the manual's symptoms"
 
 
-class Gains(NamedTuple):
+class AcademicGains(NamedTuple):
     """Kp [% per °C], Ki [1/s] and Kd [s] of the academic form."""
 
     kp: float
@@ -53,7 +53,7 @@ ADVICE: Final[dict[Symptom, tuple[Change, ...]]] = {
 }
 
 
-def changed(gains: Gains, changes: tuple[Change, ...]) -> Gains:
+def apply_changes(gains: AcademicGains, changes: tuple[Change, ...]) -> AcademicGains:
     """Return the gains after all of the changes."""
     for change in changes:
         gains = gains._replace(**{change.gain: getattr(gains, change.gain) * (100 + change.percent) / 100.0})

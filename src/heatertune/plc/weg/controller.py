@@ -6,13 +6,13 @@ from typing import ClassVar
 
 from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
-from heatertune.plc.core import Core, Running, Sensor, count
+from heatertune.plc.core import ControllerState, Sensor, StepFunctions, count
 from heatertune.plc.pwm import HALF_WAVE_S
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.plc.weg.export import entries, export_words, setpoint_entry
-from heatertune.plc.weg.exported import exported
+from heatertune.plc.weg.exported import loaders
 from heatertune.plc.weg.readback import from_text
-from heatertune.plc.weg.step import COLD, Assumptions, block_of, scan, step
+from heatertune.plc.weg.step import COLD, WegAssumptions, block_of, scan, step
 from heatertune.plc.weg.words import COUNTS, FIELDS, consistent, design_of, interval_s, oddities, values_of
 from heatertune.plc.words import Words
 
@@ -40,25 +40,25 @@ class Weg(Controller, name="weg"):
         "a PWM by PID_Compact's rule is left to a switch behind Output",
         "an integral step below half a digit of the sum is lost: a slower Ts makes it larger",
     )
-    fields, assumptions = FIELDS, Assumptions
+    fields, assumptions = FIELDS, WegAssumptions
     timer = Timer(shortest_s=0.001, longest_s=65.535, step_s=0.001)  # milliseconds as UINT
     inputs: ClassVar = {
         "SetPoint": "REAL", "Feedback": "REAL", "ManualSetPoint": "REAL", "SelectSetPoint": "BOOL", "EN": "BOOL",
     }
     counts = COUNTS
     tick_s = HALF_WAVE_S
-    typed = staticmethod(entries)
+    keyed_entries = staticmethod(entries)
     derivative_filter = 0.0
-    ramped = boosted = True
+    has_ramp = has_boost = True
     most_power = ("MaximumOutput", 100.0)
-    core = Core(step=step, measure=_measure, flags=("upper limit", "lower limit", "overflow"), singles=True)
+    core = StepFunctions(step=step, measure=_measure, flags=("upper limit", "lower limit", "overflow"), singles=True)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     interval_s, export, scan_all = staticmethod(interval_s), staticmethod(export_words), staticmethod(scan)
-    text, oddities, exported = staticmethod(from_text), staticmethod(oddities), staticmethod(exported)
+    text, oddities, load_exported = staticmethod(from_text), staticmethod(oddities), staticmethod(loaders)
 
-    def begin(self, words: Words, assume: Assumptions) -> Running:
+    def begin(self, words: Words, assume: WegAssumptions) -> ControllerState:
         """Return the state before EN has ever been TRUE."""
         block = block_of(words.values, assume)
         if words.boost is not None:
             block = block._replace(within=words.boost.within_degC, again=words.boost.again_degC)
-        return Running((block, assume), COLD)
+        return ControllerState((block, assume), COLD)

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from typing import Final
 
+from heatertune.plc.keyed_entry import entry_texts
 from heatertune.plc.st.head import by_hand, head_of
 from heatertune.plc.st.plcopen import project
 from heatertune.plc.st.program import (
-    Limits,
-    called,
+    ProgramLimits,
     clock_for,
-    enabling,
+    enable_condition,
+    instance_call,
     literal,
     program,
     proven_setpoint,
@@ -21,8 +22,7 @@ from heatertune.plc.st.program import (
     variables,
 )
 from heatertune.plc.st.source import comment, function_block
-from heatertune.plc.typed import entry_texts
-from heatertune.plc.weg.program import KEEPS, PROBE, PROBED, keeping
+from heatertune.plc.weg.program import KEEPS, PROBE, PROBED, ts_variables
 from heatertune.plc.weg.source import SOURCE
 from heatertune.plc.weg.words import COUNTS, FIELDS, REVERSE
 from heatertune.plc.words import Certificate, Words
@@ -49,10 +49,10 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
         *by_hand(clock, certificate, of_clock=[_who_keeps_ts(known)],
                  of_start=["HeaterOn has to stay TRUE: each time that it rises the first call gives 0"]))
     remarks = comment(*head)
-    limits = Limits(words.values["MaximumOutput"], words.values["Action"] == REVERSE)
+    limits = ProgramLimits(words.values["MaximumOutput"], words.values["Action"] == REVERSE)
     own = variables(words, clock, setpoint)
     body = statements(words, clock, _block_call(words), limits)
-    wegs = variables(words, clock, setpoint, keeping(kept))
+    wegs = variables(words, clock, setpoint, ts_variables(kept))
     calls = statements(words, clock, _weg_call(words), limits, before=PROBED if kept is None else "", or_when=KEEPS)
     instances = {"HeaterPid": "FB_PID"} | ({PROBE: "FB_PID"} if kept is None else {})
     return {
@@ -74,7 +74,7 @@ def _who_keeps_ts(known: str | None) -> str:
 
 
 def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
-    """Return each word as the exported files have it, see `heatertune.plc.typed.TypedWord`."""
+    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.TypedWord`."""
     return entry_texts(dict(_values(words)))
 
 
@@ -90,13 +90,13 @@ def _wires(words: Words) -> list[tuple[str, str]]:
 
 def _weg_call(words: Words) -> str:
     """Return the statements in the form of the manual's example: EN and Output as members."""
-    call = called("HeaterPid", [*_wires(words), *_values(words)])
-    return f"HeaterPid.EN := {enabling(words)};\n{call}HeaterPower := HeaterPid.Output;\n"
+    call = instance_call("HeaterPid", [*_wires(words), *_values(words)])
+    return f"HeaterPid.EN := {enable_condition(words)};\n{call}HeaterPower := HeaterPid.Output;\n"
 
 
 def _block_call(words: Words) -> str:
     values = [(RENAMED.get(name, name), value) for name, value in _values(words)]
-    call = called("HeaterPid", [("Enable", enabling(words)), *_wires(words), *values])
+    call = instance_call("HeaterPid", [("Enable", enable_condition(words)), *_wires(words), *values])
     return f"{call}HeaterPower := HeaterPid.Output;\n"
 
 

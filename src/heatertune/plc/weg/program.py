@@ -9,7 +9,7 @@ from typing import Final
 
 from heatertune.plc.st.program import Variable
 
-__all__ = ["KEEPS", "PROBE", "PROBED", "keeping"]
+__all__ = ["KEEPS", "PROBE", "PROBED", "ts_variables"]
 
 #: the block is called each scan where it is TRUE
 KEEPS: Final = "BlockKeepsTs"
@@ -30,7 +30,7 @@ PROBED: Final = (
     f"  {KEEPS} := {PROBE}.Output = HeaterBefore;\n  HeaterProbed := TRUE;\nEND_IF;\n")
 
 
-def keeping(keeps_ts: bool | None) -> tuple[Variable, ...]:
+def ts_variables(keeps_ts: bool | None) -> tuple[Variable, ...]:
     """Return the variables for a block that keeps Ts itself or not; None: the program finds out."""
     kept = (KEEPS, "BOOL", str(bool(keeps_ts)).upper(), "TRUE: the block itself keeps Ts and is called each scan")
     return (kept, *(_PROBE_VARIABLES if keeps_ts is None else ()))

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Final
 
 from heatertune.plc.readback import ReadBack
-from heatertune.plc.st.readback import Block, words_in
+from heatertune.plc.st.readback import ExpectedBlock, words_in
 from heatertune.plc.weg.export import RENAMED
 from heatertune.plc.weg.program import PROBE
 from heatertune.plc.weg.words import FIELDS
 
 __all__ = ["from_text"]
 
-_BLOCK: Final = Block(
+_BLOCK: Final = ExpectedBlock(
     FIELDS, {"Kp": "%/°C", "Ki": "1/s", "Kd": "s", "TauSetPoint": "s", "MinimumOutput": "%", "MaximumOutput": "%",
              "Ts": "ms"},
     renamed={exported: name for name, exported in RENAMED.items()}, beside=PROBE)

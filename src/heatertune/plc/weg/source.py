@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from heatertune.plc.st.source import LARGEST, Source
+from heatertune.plc.st.source import LARGEST, BlockSource
 
 __all__ = ["SOURCE"]
 
@@ -122,4 +122,4 @@ ELSE
 END_IF;
 """
 
-SOURCE: Final = Source("HT_WEG_PID", _DECLARATIONS, _BODY)
+SOURCE: Final = BlockSource("HT_WEG_PID", _DECLARATIONS, _BODY)

@@ -17,10 +17,11 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.open_points import Switch, never
-from heatertune.plc.single import LARGEST, divided, exponential, single
+from heatertune.plc.open_points import OpenPoint, never
+from heatertune.plc.single_precision import LARGEST, divide_single, exponential, single
 
-__all__ = ["BLOCK", "CALLER", "CLAMP", "COLD", "FREEZE", "SKIPPED", "Assumptions", "Block", "Inputs", "State",
+__all__ = ["BLOCK", "CALLER", "CLAMP", "COLD", "FREEZE", "SKIPPED", "WegAssumptions", "WegConstants", "WegInputs",
+           "WegState",
            "block_of", "call", "made_of", "scan", "step"]
 
 #: what becomes of the integral part while Output is at a limit
@@ -34,45 +35,46 @@ SKIPPED: Final = 1
 BLOCK: Final = 2
 
 
-class Assumptions(NamedTuple):
+class WegAssumptions(NamedTuple):
     """What the manual leaves open, see DIFFERENCES.md."""
 
-    anti_windup: Annotated[int, Switch(
+    anti_windup: Annotated[int, OpenPoint(
         name="anti_windup", means={"clamp": CLAMP, "freeze": FREEZE, "none": SUM_ON},
-        why="what becomes of i at a limit: held so that Kp·e + i is within the limits; kept as it was; summed on",
+        reason="what becomes of i at a limit: held so that Kp·e + i is within the limits; kept as it was; summed on",
     )] = CLAMP
-    manual_unlimited: Annotated[bool, Switch(
+    manual_unlimited: Annotated[bool, OpenPoint(
         name="manual", means={"limited": False, "unlimited": True}, shows=never,
-        why="whether ManualSetPoint is held within MinimumOutput and MaximumOutput",
+        reason="whether ManualSetPoint is held within MinimumOutput and MaximumOutput",
     )] = False
-    bumpless: Annotated[bool, Switch(
+    bumpless: Annotated[bool, OpenPoint(
         name="manual_return", means={"held": False, "bumpless": True}, shows=never,
-        why="while ManualSetPoint is the output: filter, e(k−1) and i wait; or follow, i being Output − Kp·e",
+        reason="while ManualSetPoint is the output: filter, e(k−1) and i wait; or follow, i being Output − Kp·e",
     )] = False
-    exact_filter: Annotated[bool, Switch(
+    exact_filter: Annotated[bool, OpenPoint(
         name="filter", means={"implicit": False, "exact": True}, shows=lambda own: own[0].share != 1.0,
-        why="share of the way per call: Ts/(Tau + Ts), or 1 − exp(−Ts/Tau)",
+        reason="share of the way per call: Ts/(Tau + Ts), or 1 − exp(−Ts/Tau)",
     )] = False
-    by_parts: Annotated[bool, Switch(
+    by_parts: Annotated[bool, OpenPoint(
         name="order", means={"as_printed": False, "by_parts": True},
-        why="order of the operations, each of which rounds: the printed bracket, or (P + I) + D",
+        reason="order of the operations, each of which rounds: the printed bracket, or (P + I) + D",
     )] = False
-    runs_at_once: Annotated[bool, Switch(
+    runs_at_once: Annotated[bool, OpenPoint(
         name="edge", means={"output_zero": False, "runs_at_once": True},
-        why="whether the scan of EN's positive edge ends with Output zero, or goes on to compute it",
+        reason="whether the scan of EN's positive edge ends with Output zero, or goes on to compute it",
     )] = False
-    zero_history: Annotated[bool, Switch(
+    zero_history: Annotated[bool, OpenPoint(
         name="history", means={"present": False, "zero": True},
-        why="at that edge: filter at SetPoint and e(k−1) = e(k), or both zero; i is zero either way",
+        reason="at that edge: filter at SetPoint and e(k−1) = e(k), or both zero; i is zero either way",
     )] = False
-    sampling: Annotated[int, Switch(
+    sampling: Annotated[int, OpenPoint(
         name="sampling", means={"caller": CALLER, "skipped": SKIPPED, "block": BLOCK}, told=("skipped", "block"),
-        why="who keeps Ts: the caller; or the block (block), which then may skip every second call of a program that "
+        reason="who keeps Ts: the caller; or the block (block), which then may skip every second call of a program "
+               "that "
             "calls it each Ts (skipped): the exported one finds out, and calls it each scan",
     )] = CALLER
 
 
-class Block(NamedTuple):
+class WegConstants(NamedTuple):
     """The words as the block uses them, what follows from them alone, and the boost of the program around it."""
 
     kp: float
@@ -89,7 +91,7 @@ class Block(NamedTuple):
     again: float = math.inf
 
 
-class Inputs(NamedTuple):
+class WegInputs(NamedTuple):
     """What one call reads."""
 
     setpoint: float
@@ -99,7 +101,7 @@ class Inputs(NamedTuple):
     enable: bool = True
 
 
-class State(NamedTuple):
+class WegState(NamedTuple):
     """What the instance keeps from call to call; all finite."""
 
     enabled: bool = False
@@ -111,13 +113,13 @@ class State(NamedTuple):
     skips: bool = False  # the next call comes too early for a block that keeps Ts
 
 
-COLD: Final = State()
+COLD: Final = WegState()
 
 
 def step(
-    parameters: tuple[Block, Assumptions], state: State, setpoint: float, feedback: float, _begins: bool
-) -> tuple[State, float, float, int]:
-    """Compute one scan, see `heatertune.plc.core.Core`.
+    parameters: tuple[WegConstants, WegAssumptions], state: WegState, setpoint: float, feedback: float, _begins: bool
+) -> tuple[WegState, float, float, int]:
+    """Compute one scan, see `heatertune.plc.core.StepFunctions`.
 
     Args:
         parameters: the block's, and the assumptions.
@@ -126,43 +128,45 @@ def step(
         feedback: a REAL, in the unit of the sensor's range.
         _begins: not looked at: the PWM is behind the output.
     """
-    automatic = Inputs(setpoint, feedback, setpoint, False, True)  # by hand: nothing, but a REAL like the others
+    automatic = WegInputs(setpoint, feedback, setpoint, False, True)  # by hand: nothing, but a REAL like the others
     return _scanned(parameters[0], parameters[1], state, automatic)
 
 
 def scan(
-    parameters: tuple[Block, Assumptions], state: State, inputs: Mapping[str, float]
-) -> tuple[State, float, float, int]:
+    parameters: tuple[WegConstants, WegAssumptions], state: WegState, inputs: Mapping[str, float]
+) -> tuple[WegState, float, float, int]:
     """Compute one scan with SetPoint, Feedback and, where named, ManualSetPoint, SelectSetPoint and EN."""
     block, assume = parameters
-    given = Inputs(
+    given = WegInputs(
         inputs["SetPoint"], inputs["Feedback"], inputs.get("ManualSetPoint", 0.0),
         bool(inputs.get("SelectSetPoint", 0)), bool(inputs.get("EN", 1)),
     )
     return _scanned(block, assume, state, given)
 
 
-def _scanned(b: Block, assume: Assumptions, state: State, x: Inputs) -> tuple[State, float, float, int]:
+def _scanned(b: WegConstants, assume: WegAssumptions, state: WegState, x: WegInputs) -> tuple[WegState, float, float,
+                                                                                              int]:
     """Return the state, the output as power, the output, and the flags as bits."""
     boosts = _boosts(b, state, x)
-    after = call(b, assume, state, Inputs(x.setpoint, x.feedback, x.manual, x.select_manual, x.enable and not boosts))
+    after = call(b, assume, state,
+                 WegInputs(x.setpoint, x.feedback, x.manual, x.select_manual, x.enable and not boosts))
     return _outcome(b, after, b.maximum if boosts else after.output)
 
 
-def _outcome(b: Block, after: State, output: float) -> tuple[State, float, float, int]:
+def _outcome(b: WegConstants, after: WegState, output: float) -> tuple[WegState, float, float, int]:
     """Return the state, an output as power, the output, and the flags as bits."""
     bits = int(output >= b.maximum) + 2 * int(output <= b.minimum) + 4 * int(after.overflow)
     return after, min(max(output, 0.0), 100.0), output, bits
 
 
-def _boosts(b: Block, s: State, x: Inputs) -> bool:
+def _boosts(b: WegConstants, s: WegState, x: WegInputs) -> bool:
     """Return whether the program leaves EN FALSE and gives full power itself; an error without end is no reason to."""
     away = single(x.feedback - x.setpoint) if b.reverse else single(x.setpoint - x.feedback)
     far = away > (b.again if s.enabled or s.overflow else b.within)  # overflow: EN was TRUE, at no number
     return far and away <= LARGEST and x.enable and not x.select_manual
 
 
-def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
+def block_of(values: Mapping[str, float], assume: WegAssumptions) -> WegConstants:
     """Return the block for its words; total for any of them."""
     v = {name: float(value) for name, value in values.items()}  # a REAL may be given as a whole number
     return made_of(v["Kp"], v["Ki"], v["Kd"], v["TauSetPoint"], v["MinimumOutput"], v["MaximumOutput"], v["Ts"],
@@ -171,8 +175,8 @@ def block_of(values: Mapping[str, float], assume: Assumptions) -> Block:
 
 def made_of(  # noqa: PLR0913 - the words, as a compiler takes them
     kp: float, ki: float, kd: float, tau: float, minimum: float, maximum: float, ts_ms: float, parallel: bool,
-    reverse: bool, assume: Assumptions,
-) -> Block:
+    reverse: bool, assume: WegAssumptions,
+) -> WegConstants:
     """Return the same of the words one by one.
 
     Args:
@@ -187,11 +191,11 @@ def made_of(  # noqa: PLR0913 - the words, as a compiler takes them
         reverse: whether Action is reverse.
         assume: of what the manual leaves open.
     """
-    ts = single(divided(ts_ms, 1000.0))
-    ki_ts, kd_by_ts = single(ki * ts), single(divided(kd, ts))
-    return Block(
+    ts = single(divide_single(ts_ms, 1000.0))
+    ki_ts, kd_by_ts = single(ki * ts), single(divide_single(kd, ts))
+    return WegConstants(
         kp=kp, minimum=minimum, maximum=maximum, parallel=parallel, reverse=reverse,
-        share=single(_exact_share(ts, tau) if assume.exact_filter else divided(ts, single(tau + ts))),
+        share=single(_exact_share(ts, tau) if assume.exact_filter else divide_single(ts, single(tau + ts))),
         ki_ts=ki_ts, kd_by_ts=kd_by_ts,
         now=single(single((kp if parallel else single(1.0)) + ki_ts) + kd_by_ts),
         growth=ki_ts if parallel else single(kp * ki_ts),
@@ -199,7 +203,7 @@ def made_of(  # noqa: PLR0913 - the words, as a compiler takes them
     )
 
 
-def call(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
+def call(b: WegConstants, assume: WegAssumptions, state: WegState, x: WegInputs) -> WegState:
     """Return the state after one call; total for all inputs.
 
     An error that is not finite (a broken sensor, an overflow) leaves the memory as it was and, but for manual, asks for
@@ -212,13 +216,13 @@ def call(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
     return _turned(_computed(b, assume, state, x), x.enable)
 
 
-def _turned(s: State, skips: bool) -> State:
-    return State(s.enabled, s.reference, s.error, s.integral, s.output, s.overflow, skips)
+def _turned(s: WegState, skips: bool) -> WegState:
+    return WegState(s.enabled, s.reference, s.error, s.integral, s.output, s.overflow, skips)
 
 
-def _computed(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
+def _computed(b: WegConstants, assume: WegAssumptions, state: WegState, x: WegInputs) -> WegState:
     if not x.enable:
-        return State(False, state.reference, state.error, state.integral, state.output, False, False)
+        return WegState(False, state.reference, state.error, state.integral, state.output, False, False)
     starts = not state.enabled
     before = _begun(assume, x) if starts else state
     reference = single(before.reference + single(b.share * single(x.setpoint - before.reference)))
@@ -226,9 +230,10 @@ def _computed(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
     forced = _forced(b, assume, x.manual)
     if not math.isfinite(error):
         output = forced if x.select_manual else b.minimum
-        return State(state.enabled, state.reference, state.error, state.integral, output, True, False)
+        return WegState(state.enabled, state.reference, state.error, state.integral, output, True, False)
     if starts and not assume.zero_history:
-        before = State(before.enabled, before.reference, error, before.integral, before.output, before.overflow, False)
+        before = WegState(before.enabled, before.reference, error, before.integral, before.output, before.overflow,
+                          False)
     if starts and not assume.runs_at_once:
         return before
     if x.select_manual:
@@ -236,26 +241,27 @@ def _computed(b: Block, assume: Assumptions, state: State, x: Inputs) -> State:
     return _automatic(b, assume, before, reference, error)
 
 
-def _begun(assume: Assumptions, x: Inputs) -> State:
+def _begun(assume: WegAssumptions, x: WegInputs) -> WegState:
     """Return the memory at a positive edge of EN: Output and the integral part zero."""
     zero = single(0.0)  # as a number this would be in double precision where it is compiled
-    return State(True, zero if assume.zero_history else x.setpoint, zero, zero, zero, False, False)
+    return WegState(True, zero if assume.zero_history else x.setpoint, zero, zero, zero, False, False)
 
 
-def _forced(b: Block, assume: Assumptions, asked: float) -> float:
+def _forced(b: WegConstants, assume: WegAssumptions, asked: float) -> float:
     free = assume.manual_unlimited and math.isfinite(asked)
     return asked if free else _limited(b, asked)
 
 
-def _manual(b: Block, assume: Assumptions, s: State, output: float, reference: float, error: float) -> State:
+def _manual(b: WegConstants, assume: WegAssumptions, s: WegState, output: float, reference: float,
+            error: float) -> WegState:
     """Leave the memory as it is, or lead it so that the return to automatic is without a bump."""
     if not assume.bumpless:
-        return State(s.enabled, s.reference, s.error, s.integral, output, False, False)
+        return WegState(s.enabled, s.reference, s.error, s.integral, output, False, False)
     integral = single(output - single(b.kp * error))
-    return State(s.enabled, reference, error, _kept(s.integral, integral), output, False, False)
+    return WegState(s.enabled, reference, error, _kept(s.integral, integral), output, False, False)
 
 
-def _automatic(b: Block, assume: Assumptions, s: State, reference: float, error: float) -> State:
+def _automatic(b: WegConstants, assume: WegAssumptions, s: WegState, reference: float, error: float) -> WegState:
     growth = single(b.growth * error)
     wanted = _by_parts(b, s, error, growth) if assume.by_parts else _as_printed(b, s, error)
     output = _limited(b, wanted)
@@ -266,15 +272,15 @@ def _automatic(b: Block, assume: Assumptions, s: State, reference: float, error:
         proportional = single(b.kp * error)
         lowest, highest = single(b.minimum - proportional), single(b.maximum - proportional)
         integral = min(max(integral, lowest), highest)
-    return State(s.enabled, reference, error, _kept(s.integral, integral), output, not math.isfinite(wanted), False)
+    return WegState(s.enabled, reference, error, _kept(s.integral, integral), output, not math.isfinite(wanted), False)
 
 
-def _as_printed(b: Block, s: State, error: float) -> float:
+def _as_printed(b: WegConstants, s: WegState, error: float) -> float:
     bracket = single(single(b.now * error) - single(b.kd_by_ts * s.error))
     return single(s.integral + (bracket if b.parallel else single(b.kp * bracket)))
 
 
-def _by_parts(b: Block, s: State, error: float, growth: float) -> float:
+def _by_parts(b: WegConstants, s: WegState, error: float, growth: float) -> float:
     proportional = single(b.kp * error)
     derivative = single(b.kd_by_ts * single(error - s.error))
     if not b.parallel:
@@ -282,7 +288,7 @@ def _by_parts(b: Block, s: State, error: float, growth: float) -> float:
     return single(single(proportional + single(s.integral + growth)) + derivative)
 
 
-def _limited(b: Block, value: float) -> float:
+def _limited(b: WegConstants, value: float) -> float:
     """Return the value within the limits; what is not a number is the lower one: the heater goes off."""
     if not value >= b.minimum:
         return b.minimum
@@ -295,4 +301,4 @@ def _kept(old: float, new: float) -> float:
 
 def _exact_share(ts: float, tau: float) -> float:
     """Return 1 − exp(−Ts/Tau)."""
-    return single(1.0 - exponential(-divided(ts, tau)))
+    return single(1.0 - exponential(-divide_single(ts, tau)))

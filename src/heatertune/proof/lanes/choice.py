@@ -10,25 +10,25 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compiled, worth_a_second
+from heatertune.compiled import compile_function, worth_a_second
 from heatertune.plain import bound
 from heatertune.plc.core import as_it_is, started_as_it_is
 from heatertune.plc.pwm import INSTANT_S, Actuator
-from heatertune.plc.single import narrowed
-from heatertune.proof.kernel import Batch
+from heatertune.plc.single_precision import to_single
+from heatertune.proof.kernel import LoopBatch
 from heatertune.proof.lanes import passes as one
 from heatertune.proof.lanes import two_lags as two
 from heatertune.proof.lanes.parts import ROWS
-from heatertune.proof.lanes.passes import computed
+from heatertune.proof.lanes.passes import run_scan
 from heatertune.proof.lanes.ring import ring_for
-from heatertune.proof.lanes.rows import LANES, fixed, rows_of
+from heatertune.proof.lanes.rows import LANES, constant_function, rows_of
 from heatertune.proof.lanes.side_by_side import group, run_in_lanes, started_up
-from heatertune.proof.loop import InLoop
+from heatertune.proof.loop import LoopController
 from heatertune.proof.meter import Meter
-from heatertune.proof.program import Program, asked_now
 from heatertune.proof.scenario import Scenario
+from heatertune.proof.setpoint_program import SetpointProgram, asked_now
 
-__all__ = ["alike", "fits", "pays", "run_side_by_side"]
+__all__ = ["fits", "order_by_edges", "pays", "run_side_by_side"]
 
 Array = npt.NDArray[np.float64]
 
@@ -42,7 +42,7 @@ _MOST_FLAGS: Final = 8  # of which `meter.faults` counts
 _asked: Final[Counter[str]] = Counter()
 
 
-def pays(controller: InLoop, actuator: Actuator, scans: int, *, two_lags: bool) -> bool:
+def pays(controller: LoopController, actuator: Actuator, scans: int, *, two_lags: bool) -> bool:
     """Return whether a process has by now asked for so much that machine code pays which runs loops side by side.
 
     It is compiled where one after the other takes as long, so no work takes more than twice as long for it.
@@ -60,7 +60,7 @@ def pays(controller: InLoop, actuator: Actuator, scans: int, *, two_lags: bool) 
     return worth_a_second(_asked[run.__qualname__], run, most=_MOST, most_kept=_MOST_KEPT)
 
 
-def fits(controller: InLoop, scenario: Scenario, actuator: Actuator, late_s: Array) -> bool:
+def fits(controller: LoopController, scenario: Scenario, actuator: Actuator, late_s: Array) -> bool:
     """Return whether loops can be among those that run side by side, see `run_in_lanes`.
 
     Args:
@@ -74,7 +74,7 @@ def fits(controller: InLoop, scenario: Scenario, actuator: Actuator, late_s: Arr
     return calm and alike and _has_rows(controller)
 
 
-def alike(plants: Array, setpoint_degC: float, period_s: float) -> npt.NDArray[np.intp]:
+def order_by_edges(plants: Array, setpoint_degC: float, period_s: float) -> npt.NDArray[np.intp]:
     """Return an order, shape (n,), in which heaters stand together that feel a PWM period's edges in the same scans.
 
     Switched on they are a dead time after its begin, switched off by as much later as they need to stay at the
@@ -93,7 +93,8 @@ def alike(plants: Array, setpoint_degC: float, period_s: float) -> npt.NDArray[n
     return np.lexsort((on, places // (LANES * math.ceil(groups / slices))))
 
 
-def run_side_by_side(controller: InLoop, program: Program, batch: Batch, actuator: Actuator, meter: Meter) -> None:
+def run_side_by_side(controller: LoopController, program: SetpointProgram, batch: LoopBatch, actuator: Actuator,
+                     meter: Meter) -> None:
     """Run loops that fit; what they amount to is in the meter. Like heaters should stand together, see `alike`.
 
     Args:
@@ -105,21 +106,21 @@ def run_side_by_side(controller: InLoop, program: Program, batch: Batch, actuato
     """
     run, end = _made(controller, two_lags=bool(batch.plants[0, 2]))
     parameters, state = _held(controller, controller.parameters), _held(controller, controller.state)
-    run_compiled = compiled(run)
+    run_compiled = compile_function(run)
     restarts = int(np.count_nonzero(np.diff(program.supplied) > 0))
     ring = ring_for(float(batch.plants[:, 3].max()), controller.scan_s, actuator.pwm_period_s, restarts)
     run_compiled(parameters, state, controller.sensor, controller.scan_s, _held(controller, program), batch,
                  actuator.switches, np.zeros((end + 1) * LANES), ring, meter)
 
 
-def _held(controller: InLoop, value: Any) -> Any:
-    return narrowed(value) if controller.core.singles else value
+def _held(controller: LoopController, value: Any) -> Any:
+    return to_single(value) if controller.core.singles else value
 
 
-def _has_rows(controller: InLoop) -> bool:
+def _has_rows(controller: LoopController) -> bool:
     """Return whether a controller is one of those whose scan a compiler makes vector instructions of."""
     core = controller.core
-    if not (core.compiles and core.own is as_it_is and core.started is started_as_it_is
+    if not (core.compiles and core.own is as_it_is and core.cold_start is started_as_it_is
             and len(core.flags) <= _MOST_FLAGS):
         return False
     try:
@@ -129,14 +130,15 @@ def _has_rows(controller: InLoop) -> bool:
     return True
 
 
-def _made(controller: InLoop, *, two_lags: bool) -> tuple[Callable[..., None], int]:
+def _made(controller: LoopController, *, two_lags: bool) -> tuple[Callable[..., None], int]:
     """Return the loop for a controller, and how many rows it needs."""
     core = controller.core
-    asked = _held(controller, np.array(controller.asked))[0]
+    asked = _held(controller, np.array(controller.setpoints))[0]
     law = rows_of((_held(controller, controller.state), asked if core.singles else asked.item()), ROWS)
-    scan = bound(computed, step=core.step, measure=core.measure, law_loaded=law.loaded, law_stored=law.stored,
-                 fixed=fixed(_held(controller, controller.parameters)), asked_now=bound(asked_now, stored=core.stored))
-    again = bound(started_up, law_loaded=law.loaded, law_stored=law.stored, restarted=core.restarted)
-    loops = bound(group, computed=scan, quickly=two.quickly if two_lags else one.quickly, law_stored=law.stored,
+    scan = bound(run_scan, step=core.step, measure=core.measure, law_loaded=law.loaded, law_stored=law.stored,
+                 lane_parameters=constant_function(_held(controller, controller.parameters)),
+                 asked_now=bound(asked_now, setpoint_word=core.store_setpoint))
+    again = bound(started_up, law_loaded=law.loaded, law_stored=law.stored, warm_state=core.warm_start)
+    loops = bound(group, run_scan=scan, quickly=two.quickly if two_lags else one.quickly, law_stored=law.stored,
                   started_up=again)
     return bound(run_in_lanes, group=loops), law.end

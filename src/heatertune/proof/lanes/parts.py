@@ -6,20 +6,55 @@ import math
 from typing import Final, NamedTuple
 
 from heatertune.proof.lanes.rows import rows_of
-from heatertune.proof.meter import Places, Rest, Seen
-from heatertune.proof.plant import Flow, Plant, Search
+from heatertune.proof.meter import PhaseStats, Places, SteadyStateStats
+from heatertune.proof.plant import CrossingSearch, Flow, Plant
 
 __all__ = [
-    "NEVER", "ROWS", "Counts", "Edges", "End", "Held", "Inner", "Line", "Now", "Point", "Second", "Stretch",
-    "Under", "flow_of", "left_of", "loaded_counts", "loaded_edges", "loaded_end", "loaded_inner",
-    "loaded_line", "loaded_point", "loaded_rest", "loaded_search", "loaded_second", "loaded_seen", "loaded_stretch",
-    "loaded_under", "other", "plant_of", "stored_counts", "stored_edges", "stored_end",
-    "stored_inner", "stored_line", "stored_point", "stored_rest", "stored_search", "stored_second", "stored_seen",
-    "stored_stretch", "stored_under",
+    "NEVER",
+    "ROWS",
+    "Edges",
+    "Inner",
+    "LaneCounts",
+    "LaneLag",
+    "LaneStretch",
+    "PhaseLimits",
+    "Point",
+    "ScanState",
+    "Second",
+    "StretchEnd",
+    "Under",
+    "flow_of",
+    "left_of",
+    "loaded_counts",
+    "loaded_edges",
+    "loaded_end",
+    "loaded_inner",
+    "loaded_line",
+    "loaded_point",
+    "loaded_rest",
+    "loaded_search",
+    "loaded_second",
+    "loaded_seen",
+    "loaded_stretch",
+    "loaded_under",
+    "plant_of",
+    "stored_counts",
+    "stored_edges",
+    "stored_end",
+    "stored_inner",
+    "stored_line",
+    "stored_point",
+    "stored_rest",
+    "stored_search",
+    "stored_second",
+    "stored_seen",
+    "stored_stretch",
+    "stored_under",
+    "toggled_power",
 ]
 
 
-class Line(NamedTuple):
+class LaneLag(NamedTuple):
     """A heater's larger lag; `Plant` says what its numbers are."""
 
     gain: float
@@ -41,7 +76,7 @@ class Second(NamedTuple):
     inner: float
 
 
-class Stretch(NamedTuple):
+class LaneStretch(NamedTuple):
     """The heater at the begin of a stretch, see `Flow`."""
 
     now: float
@@ -67,7 +102,7 @@ class Inner(NamedTuple):
     at: float
 
 
-class End(NamedTuple):
+class StretchEnd(NamedTuple):
     """Where a stretch ended that now ends at the turn: instant [s], y and x [°C]."""
 
     now: float
@@ -106,7 +141,7 @@ class Edges(NamedTuple):
     falls: float
 
 
-class Counts(NamedTuple):
+class LaneCounts(NamedTuple):
     """Noise of this scan [°C], scans at a limit, faults."""
 
     noise: float
@@ -114,7 +149,7 @@ class Counts(NamedTuple):
     faults: float
 
 
-class Now(NamedTuple):
+class ScanState(NamedTuple):
     """What is common to 32 loops at a scan.
 
     Attributes:
@@ -130,7 +165,7 @@ class Now(NamedTuple):
     resting: float
 
 
-class Held(NamedTuple):
+class PhaseLimits(NamedTuple):
     """What 32 loops are held against in a phase, and where the ripple of the first one is kept, see `Meter`.
 
     Attributes:
@@ -156,28 +191,28 @@ class Held(NamedTuple):
 
 NEVER: Final = math.inf
 _NO_SECOND: Final = Second(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-loaded_line, stored_line, _end = rows_of(Line(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-loaded_stretch, stored_stretch, _end = rows_of(Stretch(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _end)
+loaded_line, stored_line, _end = rows_of(LaneLag(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+loaded_stretch, stored_stretch, _end = rows_of(LaneStretch(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _end)
 loaded_point, stored_point, _end = rows_of(Point(0.0, 0.0, False), _end)
 loaded_under, stored_under, _end = rows_of(Under(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0, 0), _end)
-loaded_seen, stored_seen, _end = rows_of(Seen(0, 0.0, 0.0, 0.0, False, 0.0, 0.0), _end)
-loaded_rest, stored_rest, _end = rows_of(Rest(False, 0.0, 0.0, 0.0, 0.0), _end)
-loaded_counts, stored_counts, _end = rows_of(Counts(0.0, 0.0, 0.0), _end)
+loaded_seen, stored_seen, _end = rows_of(PhaseStats(0, 0.0, 0.0, 0.0, False, 0.0, 0.0), _end)
+loaded_rest, stored_rest, _end = rows_of(SteadyStateStats(False, 0.0, 0.0, 0.0, 0.0), _end)
+loaded_counts, stored_counts, _end = rows_of(LaneCounts(0.0, 0.0, 0.0), _end)
 loaded_second, stored_second, _end = rows_of(_NO_SECOND, _end)
 loaded_inner, stored_inner, _end = rows_of(Inner(0.0, 0.0), _end)
-loaded_end, stored_end, _end = rows_of(End(0.0, 0.0, 0.0), _end)
+loaded_end, stored_end, _end = rows_of(StretchEnd(0.0, 0.0, 0.0), _end)
 loaded_edges, stored_edges, _end = rows_of(Edges(0.0, 0.0), _end)
 #: number of the first row of the controller's state and setpoint word
-loaded_search, stored_search, ROWS = rows_of(Search(0.0, 0.0, 0.0, 0.0, 0.0, False, False), _end)
+loaded_search, stored_search, ROWS = rows_of(CrossingSearch(0.0, 0.0, 0.0, 0.0, 0.0, False, False), _end)
 
 
-def plant_of(line: Line, second: Second = _NO_SECOND) -> Plant:
+def plant_of(line: LaneLag, second: Second = _NO_SECOND) -> Plant:
     """Return the heater as the kernel has it; `second`: where it has two lags."""
     return Plant(line.gain, line.lag, second.lag, line.dead, line.ambient, line.by_lag, second.by_lag, second.apart,
                  second.by_apart)
 
 
-def flow_of(stretch: Stretch, now: float, y: float, x: float = 0.0) -> Flow:
+def flow_of(stretch: LaneStretch, now: float, y: float, x: float = 0.0) -> Flow:
     """Return the heater at an instant of its stretch; with one lag nobody asks for x.
 
     Args:
@@ -189,7 +224,7 @@ def flow_of(stretch: Stretch, now: float, y: float, x: float = 0.0) -> Flow:
     return Flow(now, y, x, stretch.target, stretch.heat, stretch.load, stretch.mains)
 
 
-def other(heat: float) -> float:
+def toggled_power(heat: float) -> float:
     """Return the power after an edge: edges alternate."""
     return 0.0 if heat > 0.0 else 100.0
 

@@ -6,14 +6,14 @@ import math
 from typing import Any
 
 from heatertune.plc.pwm import Switches, on_time
-from heatertune.proof.kernel import HEAT, changed
+from heatertune.proof.kernel import HEAT, apply_event
 from heatertune.proof.lanes.parts import (
     NEVER,
-    Counts,
     Edges,
-    Held,
+    LaneCounts,
+    LaneStretch,
+    PhaseLimits,
     Point,
-    Stretch,
     Under,
     flow_of,
     left_of,
@@ -24,7 +24,6 @@ from heatertune.proof.lanes.parts import (
     loaded_seen,
     loaded_stretch,
     loaded_under,
-    other,
     plant_of,
     stored_counts,
     stored_edges,
@@ -33,16 +32,27 @@ from heatertune.proof.lanes.parts import (
     stored_seen,
     stored_stretch,
     stored_under,
+    toggled_power,
 )
-from heatertune.proof.lanes.ring import Ring, Window, begun_at, next_edges
+from heatertune.proof.lanes.ring import EdgeWindow, Ring, begun_at, next_edges
 from heatertune.proof.lanes.rows import lanes_of
-from heatertune.proof.meter import Places, faults, in_period, rested_from, seen_from, settling, through
+from heatertune.proof.meter import Places, faults, in_period, rested_from, seen_from, settling_time, through
 from heatertune.proof.plant import factors
-from heatertune.proof.program import Program, asked_now, moves
+from heatertune.proof.setpoint_program import SetpointProgram, asked_now, moves
 
 __all__ = [
-    "computed", "due_until", "fixed", "law_loaded", "law_stored", "measure", "quickly", "rippled", "settled", "step",
-    "switched", "switches",
+    "begin_stretch",
+    "due_until",
+    "enter_ripple",
+    "lane_parameters",
+    "law_loaded",
+    "law_stored",
+    "measure",
+    "quickly",
+    "run_scan",
+    "step",
+    "switch_period",
+    "switches",
 ]
 
 
@@ -74,12 +84,12 @@ def measure(_sensor: Any, _temperature: float) -> Any:
     raise NotImplementedError
 
 
-def fixed(_parameters: Any) -> Any:
+def lane_parameters(_parameters: Any) -> Any:
     """Stand in for what gives a controller's parameters, see `heatertune.proof.rows.fixed`."""
     raise NotImplementedError
 
 
-def quickly(rows: Places, ring: Ring, window: Window, held: Held, t: float) -> None:
+def quickly(rows: Places, ring: Ring, window: EdgeWindow, held: PhaseLimits, t: float) -> None:
     """Bring all heaters to a scan before which nothing happens but edges.
 
     Args:
@@ -98,7 +108,7 @@ def quickly(rows: Places, ring: Ring, window: Window, held: Held, t: float) -> N
         next_edges(rows, ring, window)
         due = due_until(rows, t)
     _along(rows, held, _to_scan(rows, held, t) if quiet else _on_to_scan(rows, held, t))
-    settled(rows)
+    begin_stretch(rows)
 
 
 def due_until(rows: Places, t: float) -> int:
@@ -109,7 +119,7 @@ def due_until(rows: Places, t: float) -> int:
     return due
 
 
-def _to_edges(rows: Places, held: Held, t: float) -> tuple[int, int]:
+def _to_edges(rows: Places, held: PhaseLimits, t: float) -> tuple[int, int]:
     """Bring the heaters to which one comes until an instant to their next edge; return as `_to_scan`."""
     crossings = settles = 0
     for lane in range(lanes_of(rows)):
@@ -124,7 +134,7 @@ def _to_edges(rows: Places, held: Held, t: float) -> tuple[int, int]:
     return crossings, settles
 
 
-def _to_scan(rows: Places, held: Held, t: float) -> tuple[int, int]:
+def _to_scan(rows: Places, held: PhaseLimits, t: float) -> tuple[int, int]:
     """Bring all heaters from one scan to the next; return how many meet which limit, see `_limits`."""
     crossings = settles = 0
     for lane in range(lanes_of(rows)):
@@ -136,7 +146,7 @@ def _to_scan(rows: Places, held: Held, t: float) -> tuple[int, int]:
     return crossings, settles
 
 
-def _on_to_scan(rows: Places, held: Held, t: float) -> tuple[int, int]:
+def _on_to_scan(rows: Places, held: PhaseLimits, t: float) -> tuple[int, int]:
     """Bring all heaters to a scan before which an edge came to some; return as `_to_scan`."""
     crossings = settles = 0
     for lane in range(lanes_of(rows)):
@@ -149,14 +159,14 @@ def _on_to_scan(rows: Places, held: Held, t: float) -> tuple[int, int]:
     return crossings, settles
 
 
-def _limits(rows: Places, lane: int, stretch: Stretch, now: float, y: float, held: Held) -> tuple[int, int]:
+def _limits(rows: Places, lane: int, stretch: LaneStretch, now: float, y: float, held: PhaseLimits) -> tuple[int, int]:
     """Return, as 1 or 0, whether a heater comes through the setpoint, and whether into the band."""
     before, after = flow_of(stretch, stretch.now, stretch.y), flow_of(stretch, now, y)
     return (int(through(held.setpoint, before, after)),
-            int(settling(loaded_seen(rows, lane), held.setpoint, held.band, after)))
+            int(settling_time(loaded_seen(rows, lane), held.setpoint, held.band, after)))
 
 
-def _along(rows: Places, held: Held, limits: tuple[int, int]) -> None:
+def _along(rows: Places, held: PhaseLimits, limits: tuple[int, int]) -> None:
     """Measure the stretches of all loops, of which so many come through the setpoint, and into the band."""
     crossings, settles = limits
     if settles > 0:
@@ -172,10 +182,10 @@ def _along(rows: Places, held: Held, limits: tuple[int, int]) -> None:
         for lane in range(lanes_of(rows)):
             _rests(rows, lane, held.setpoint)
     if held.resting < NEVER:
-        rippled(rows, held)
+        enter_ripple(rows, held)
 
 
-def _seen(rows: Places, lane: int, held: Held, crosses: bool, settles: bool) -> None:
+def _seen(rows: Places, lane: int, held: PhaseLimits, crosses: bool, settles: bool) -> None:
     stretch, point = loaded_stretch(rows, lane), loaded_point(rows, lane)
     stored_seen(rows, lane, seen_from(
         loaded_seen(rows, lane), held.setpoint, held.band, 0.0, plant_of(loaded_line(rows, lane)),
@@ -189,7 +199,7 @@ def _rests(rows: Places, lane: int, setpoint: float) -> None:
         flow_of(stretch, point.now, point.y)))
 
 
-def rippled(rows: Places, held: Held) -> None:
+def enter_ripple(rows: Places, held: PhaseLimits) -> None:
     """Enter where the stretches end in the PWM periods at rest, each loop in its own."""
     for lane in range(lanes_of(rows)):
         point, i = loaded_point(rows, lane), min(held.first + lane, len(held.high) - 1)
@@ -204,24 +214,25 @@ def switches(rows: Places, t: float) -> None:
         line, stretch = loaded_line(rows, lane), loaded_stretch(rows, lane)
         point, u = loaded_point(rows, lane), loaded_under(rows, lane)
         felt = u.due <= t
-        new = changed(plant_of(line), flow_of(stretch, point.now, point.y), HEAT, other(stretch.heat))
-        stored_stretch(rows, lane, Stretch(
+        new = apply_event(plant_of(line), flow_of(stretch, point.now, point.y), HEAT, toggled_power(stretch.heat))
+        stored_stretch(rows, lane, LaneStretch(
             point.now, point.y, new.target if felt else stretch.target, new.heat if felt else stretch.heat,
             stretch.load, stretch.mains))
         stored_under(rows, lane, Under(
             u.due, u.edge, u.edge if felt else u.last, u.power, u.owed, u.on, u.times, u.happened))
 
 
-def settled(rows: Places) -> None:
+def begin_stretch(rows: Places) -> None:
     """Begin the next stretch where the scan is."""
     for lane in range(lanes_of(rows)):
         stretch, point = loaded_stretch(rows, lane), loaded_point(rows, lane)
-        stored_stretch(rows, lane, Stretch(
+        stored_stretch(rows, lane, LaneStretch(
             point.now, point.y, stretch.target, stretch.heat, stretch.load, stretch.mains))
 
 
-def computed(
-    rows: Places, parameters: Any, sensor: Any, program: Program, asked: Any, calls: int, cycle_start: bool, wrong: int,
+def run_scan(
+    rows: Places, parameters: Any, sensor: Any, program: SetpointProgram, asked: Any, calls: int, cycle_start: bool,
+    wrong: int,
 ) -> None:
     """Run the scan of all controllers.
 
@@ -235,7 +246,7 @@ def computed(
         cycle_start: whether a PWM period begins.
         wrong: see `Meter`.
     """
-    due, parameters = moves(program, calls), fixed(parameters)
+    due, parameters = moves(program, calls), lane_parameters(parameters)
     for lane in range(lanes_of(rows)):
         state, word = law_loaded(rows, lane)
         reading = measure(sensor, loaded_point(rows, lane).y + loaded_counts(rows, lane).noise)
@@ -244,14 +255,14 @@ def computed(
         law_stored(rows, lane, (state, word))
         u = loaded_under(rows, lane)
         none, counts = math.isnan(power), loaded_counts(rows, lane)
-        stored_counts(rows, lane, Counts(
+        stored_counts(rows, lane, LaneCounts(
             counts.noise, counts.limited + (1.0 if power <= 0.0 or power >= 100.0 else 0.0),
             counts.faults + (1.0 if none else 0.0) + faults(flags & wrong)))
         stored_under(rows, lane, Under(
             u.due, u.edge, u.last, 0.0 if none else power, u.owed, u.on, u.times, u.happened))
 
 
-def switched(rows: Places, ring: Ring, number: int, pwm: Switches, begin: float, end: float) -> None:
+def switch_period(rows: Places, ring: Ring, number: int, pwm: Switches, begin: float, end: float) -> None:
     """Switch for one period, as `switch.period_of` does.
 
     Args:

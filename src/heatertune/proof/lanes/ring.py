@@ -16,7 +16,7 @@ from heatertune.proof.lanes.parts import NEVER, Under, loaded_edges, loaded_line
 from heatertune.proof.lanes.rows import LANES, lanes_of
 from heatertune.proof.meter import Places
 
-__all__ = ["Ring", "Window", "begun_at", "cut_off", "following", "next_edges", "opened", "ring_for"]
+__all__ = ["EdgeWindow", "Ring", "begun_at", "cut_off", "next_edge", "next_edges", "open_window", "ring_for"]
 
 
 class Ring(NamedTuple):
@@ -33,7 +33,7 @@ class Ring(NamedTuple):
     falls: Places
 
 
-class Window(NamedTuple):
+class EdgeWindow(NamedTuple):
     """The periods of whose edges one may be felt next: numbers of the first one, and of the first one behind."""
 
     first: int
@@ -70,9 +70,9 @@ def begun_at(rows: Places, ring: Ring, number: int, begin: float) -> None:
         all_rises[lane], all_falls[lane] = edges.rises, edges.falls
 
 
-def opened(
-    rows: Places, ring: Ring, window: Window, begun: int, before: float, t: float, dead: tuple[float, float]
-) -> Window:
+def open_window(
+    rows: Places, ring: Ring, window: EdgeWindow, begun: int, before: float, t: float, dead: tuple[float, float]
+) -> EdgeWindow:
     """Let the heaters see the edges that one of them may feel until a scan; return the window that has them.
 
     Args:
@@ -90,10 +90,10 @@ def opened(
         beyond += 1
     while first + 1 < beyond and ring.begins[first + 1 & last] + dead[1] <= before:
         first += 1
-    return Window(first, beyond)
+    return EdgeWindow(first, beyond)
 
 
-def next_edges(rows: Places, ring: Ring, window: Window) -> None:
+def next_edges(rows: Places, ring: Ring, window: EdgeWindow) -> None:
     """Look for the next edge of each heater, behind the one it felt last."""
     if window.first == window.beyond:
         for lane in range(lanes_of(rows)):
@@ -114,7 +114,7 @@ def _sooner(rows: Places, ring: Ring, number: int, anew: bool) -> None:
             edge + loaded_line(rows, lane).dead, edge, u.last, u.power, u.owed, u.on, u.times, u.happened))
 
 
-def following(ring: Ring, window: Window, lane: int, last: float) -> float:
+def next_edge(ring: Ring, window: EdgeWindow, lane: int, last: float) -> float:
     """Return the edge of one heater that follows the one it felt last; infinite: none so far [s]."""
     edge, end = NEVER, len(ring.begins) - 1
     for number in range(window.first, window.beyond):

@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 
-__all__ = ["LANES", "STEP", "Rows", "fixed", "lanes_of", "rows_of"]
+__all__ = ["LANES", "STEP", "Rows", "constant_function", "lanes_of", "rows_of"]
 
 #: loops side by side: with fewer a compiler unrolls them first and then sees none, with more one waits for all others
 LANES: Final = 32
@@ -77,7 +77,7 @@ def rows_of(value: Any, first: int = 0) -> Rows:
     return Rows(loaded, stored, first + len(stores))
 
 
-def fixed(value: Any) -> Callable[[Any], Any]:
+def constant_function(value: Any) -> Callable[[Any], Any]:
     """Return a function of such a value that gives it back, its infinite numbers as constants.
 
     With them is said that there is something not at all, and a compiler then leaves out what would be done with it.

@@ -15,30 +15,30 @@ from __future__ import annotations
 from typing import Any
 
 from heatertune.plc.pwm import INSTANT_S, Switches
-from heatertune.proof.kernel import Batch, apart, restarted, ticked_on
+from heatertune.proof.kernel import LoopBatch, apart, ticked_on, warm_state
 from heatertune.proof.lanes.parts import (
     NEVER,
-    Counts,
-    Held,
-    Now,
+    LaneCounts,
+    PhaseLimits,
+    ScanState,
     loaded_counts,
     loaded_rest,
     loaded_seen,
     loaded_under,
     stored_counts,
 )
-from heatertune.proof.lanes.passes import computed, law_loaded, law_stored, quickly, switched
-from heatertune.proof.lanes.ring import Ring, Window, cut_off, next_edges, opened
+from heatertune.proof.lanes.passes import law_loaded, law_stored, quickly, run_scan, switch_period
+from heatertune.proof.lanes.ring import EdgeWindow, Ring, cut_off, next_edges, open_window
 from heatertune.proof.lanes.rows import LANES, STEP, lanes_of
-from heatertune.proof.lanes.slow import loop_of, meter_of, slowly, started
+from heatertune.proof.lanes.slow import loop_of, meter_of, slowly, start_loop
 from heatertune.proof.meter import FAULTS, LIMITED, SCANS, SWITCHINGS, Meter, Places, close
-from heatertune.proof.program import Program
+from heatertune.proof.setpoint_program import SetpointProgram
 
 __all__ = ["group", "run_in_lanes", "started_up"]
 
 
 def run_in_lanes(  # noqa: PLR0913 - as `kernel.run_all`
-    parameters: Any, state: Any, sensor: Any, scan_s: float, program: Program, batch: Batch, pwm: Switches,
+    parameters: Any, state: Any, sensor: Any, scan_s: float, program: SetpointProgram, batch: LoopBatch, pwm: Switches,
     rows: Places, ring: Ring, meter: Meter,
 ) -> None:
     """Run many loops, 32 at a time in the order given; arguments as of `kernel.run_all`.
@@ -64,7 +64,7 @@ def run_in_lanes(  # noqa: PLR0913 - as `kernel.run_all`
 
 
 def group(  # noqa: PLR0913 - as `kernel.run`
-    parameters: Any, state: Any, sensor: Any, scan_s: float, program: Program, batch: Batch, pwm: Switches,
+    parameters: Any, state: Any, sensor: Any, scan_s: float, program: SetpointProgram, batch: LoopBatch, pwm: Switches,
     rows: Places, ring: Ring, meter: Meter, first: int,
 ) -> None:
     """Run 32 loops from the first one on, the last of all once more where there are fewer; see `run_in_lanes`.
@@ -85,19 +85,19 @@ def group(  # noqa: PLR0913 - as `kernel.run`
     period, end, noisy = pwm.heat[0], (batch.scans - 1) * scan_s, len(batch.noise[0]) > 1
     begin, tick, origin, t = 0.0, 0.0, 0.0, 0.0
     begun = ticked = number = calls = scans = 0
-    window, shortest, longest = Window(0, 0), NEVER, 0.0
-    now = Now(0.0, 0, False, NEVER)  # an event is due, so the first scan is no quick one
+    window, shortest, longest = EdgeWindow(0, 0), NEVER, 0.0
+    now = ScanState(0.0, 0, False, NEVER)  # an event is due, so the first scan is no quick one
     for lane in range(lanes_of(rows)):
         i = loop_of(batch, first, lane)
-        started(rows, lane, batch.plants[i], scan_s, meter, batch.noise[i % len(batch.noise)][0])
-        law_stored(rows, lane, (state, program.asked[0]))
+        start_loop(rows, lane, batch.plants[i], scan_s, meter, batch.noise[i % len(batch.noise)][0])
+        law_stored(rows, lane, (state, program.setpoints[0]))
         shortest, longest = min(shortest, batch.plants[i][3]), max(longest, batch.plants[i][3])
     for k in range(batch.scans):
-        window = opened(rows, ring, window, number, (k - 1) * scan_s, t, (shortest, longest))
+        window = open_window(rows, ring, window, number, (k - 1) * scan_s, t, (shortest, longest))
         if now.listed <= t:
             now = slowly(rows, ring, window, batch, meter, first, t, k > 0)
         else:
-            quickly(rows, ring, window, Held(meter.setpoints[now.phase], meter.band, now.lasts, now.resting,
+            quickly(rows, ring, window, PhaseLimits(meter.setpoints[now.phase], meter.band, now.lasts, now.resting,
                                              meter.period, meter.high, meter.low, first), t)
         if noisy:
             _heard(rows, batch, first, k)
@@ -110,7 +110,7 @@ def group(  # noqa: PLR0913 - as `kernel.run`
         if starts_up:
             started_up(rows, parameters, state)
         if supplied:
-            computed(rows, parameters, sensor, program, program.asked[now.phase], calls, cycle_start, meter.wrong)
+            run_scan(rows, parameters, sensor, program, program.setpoints[now.phase], calls, cycle_start, meter.wrong)
             calls, scans = calls + 1, scans + 1
         else:
             cut_off(rows, ring, number, t)
@@ -118,17 +118,18 @@ def group(  # noqa: PLR0913 - as `kernel.run`
             calls = 0
         t = (k + 1) * scan_s
         while begin < t - INSTANT_S:
-            switched(rows, ring, number, pwm, begin, end)
+            switch_period(rows, ring, number, pwm, begin, end)
             begun, number = begun + 1, number + 1
             begin = origin + begun * period
     _ended(rows, meter, first, min(lanes_of(rows), len(batch.plants) - first), scans)
 
 
-def _heard(rows: Places, batch: Batch, first: int, k: int) -> None:
+def _heard(rows: Places, batch: LoopBatch, first: int, k: int) -> None:
     """Take the noise of a scan."""
     for lane in range(lanes_of(rows)):
         i, counts = loop_of(batch, first, lane), loaded_counts(rows, lane)
-        stored_counts(rows, lane, Counts(batch.noise[min(i, len(batch.noise) - 1)][k], counts.limited, counts.faults))
+        stored_counts(rows, lane,
+                      LaneCounts(batch.noise[min(i, len(batch.noise) - 1)][k], counts.limited, counts.faults))
 
 
 def started_up(rows: Places, parameters: Any, cold: Any) -> None:
@@ -141,7 +142,7 @@ def started_up(rows: Places, parameters: Any, cold: Any) -> None:
     """
     for lane in range(lanes_of(rows)):
         state, word = law_loaded(rows, lane)
-        law_stored(rows, lane, (restarted(parameters, cold, state), word))
+        law_stored(rows, lane, (warm_state(parameters, cold, state), word))
 
 
 def _ended(rows: Places, meter: Meter, first: int, count: int, scans: int) -> None:

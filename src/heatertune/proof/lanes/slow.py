@@ -5,16 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 from heatertune.heater.exact import Factors
-from heatertune.proof.kernel import HEAT, Batch, changed, divided, measured
+from heatertune.proof.kernel import HEAT, LoopBatch, apply_event, end_phase, measure_interval
 from heatertune.proof.lanes.parts import (
     NEVER,
-    Counts,
     Inner,
-    Line,
-    Now,
+    LaneCounts,
+    LaneLag,
+    LaneStretch,
     Point,
+    ScanState,
     Second,
-    Stretch,
     Under,
     flow_of,
     loaded_inner,
@@ -24,7 +24,6 @@ from heatertune.proof.lanes.parts import (
     loaded_seen,
     loaded_stretch,
     loaded_under,
-    other,
     plant_of,
     stored_counts,
     stored_inner,
@@ -35,17 +34,18 @@ from heatertune.proof.lanes.parts import (
     stored_seen,
     stored_stretch,
     stored_under,
+    toggled_power,
 )
-from heatertune.proof.lanes.ring import Ring, Window, following
+from heatertune.proof.lanes.ring import EdgeWindow, Ring, next_edge
 from heatertune.proof.lanes.rows import lanes_of
-from heatertune.proof.meter import Meter, Places, Rest
+from heatertune.proof.meter import Meter, Places, SteadyStateStats
 from heatertune.proof.meter import begin as seen_at
-from heatertune.proof.plant import factors, moved, plant_from
+from heatertune.proof.plant import advance_heater, factors, plant_from
 
-__all__ = ["loop_of", "meter_of", "slowly", "started"]
+__all__ = ["loop_of", "meter_of", "slowly", "start_loop"]
 
 
-def loop_of(batch: Batch, first: int, lane: int) -> int:
+def loop_of(batch: LoopBatch, first: int, lane: int) -> int:
     """Return the number of a loop of the 32 from the first one on: the last of all once more where there are fewer."""
     return min(first + lane, len(batch.plants) - 1)
 
@@ -56,7 +56,7 @@ def meter_of(meter: Meter, i: int) -> Meter:
                  meter.totals[i], meter.high[i], meter.low[i], meter.leads)
 
 
-def started(rows: Places, lane: int, row: Places, scan_s: float, meter: Meter, noise: float) -> None:
+def start_loop(rows: Places, lane: int, row: Places, scan_s: float, meter: Meter, noise: float) -> None:
     """Put a loop at its start; `row` is one of `Batch.plants`.
 
     Args:
@@ -69,21 +69,21 @@ def started(rows: Places, lane: int, row: Places, scan_s: float, meter: Meter, n
     """
     plant, y = plant_from(row[0], row[1], row[2], row[3], row[4]), row[5]
     whole = factors(scan_s, plant)
-    stored_line(rows, lane, Line(plant.gain, plant.first, plant.dead, plant.ambient, plant.by_first, whole.outer))
+    stored_line(rows, lane, LaneLag(plant.gain, plant.first, plant.dead, plant.ambient, plant.by_first, whole.outer))
     stored_second(rows, lane, Second(
         plant.second, plant.by_second, plant.apart, plant.by_apart, whole.coupling, whole.inner))
     stored_inner(rows, lane, Inner(y, y))
-    stored_stretch(rows, lane, Stretch(0.0, y, plant.ambient, 0.0, 0.0, 1.0))
+    stored_stretch(rows, lane, LaneStretch(0.0, y, plant.ambient, 0.0, 0.0, 1.0))
     stored_point(rows, lane, Point(0.0, y, False))
     stored_under(rows, lane, Under(NEVER, NEVER, -1.0, 0.0, 0.0, False, 0.0, 0))
     stored_seen(rows, lane, seen_at(meter, 0, 0.0, y - meter.setpoints[0]))
-    stored_rest(rows, lane, Rest(False, 0.0, 0.0, 0.0, 0.0))
-    stored_counts(rows, lane, Counts(noise, 0.0, 0.0))
+    stored_rest(rows, lane, SteadyStateStats(False, 0.0, 0.0, 0.0, 0.0))
+    stored_counts(rows, lane, LaneCounts(noise, 0.0, 0.0))
 
 
 def slowly(
-    rows: Places, ring: Ring, window: Window, batch: Batch, meter: Meter, first: int, t: float, steady: bool
-) -> Now:
+    rows: Places, ring: Ring, window: EdgeWindow, batch: LoopBatch, meter: Meter, first: int, t: float, steady: bool
+) -> ScanState:
     """Bring all heaters to a scan, whatever happens before it, one after the other; return what is common then.
 
     Args:
@@ -103,11 +103,12 @@ def slowly(
         listed = min(listed, batch.event_time[i][_lived(rows, ring, window, lane, batch, own, i, t, steady)])
     seen, rest = loaded_seen(rows, 0), loaded_rest(rows, 0)
     resting = rest.start if rest.lasts and seen.phase == 0 else NEVER
-    return Now(listed, seen.phase, rest.lasts, resting)
+    return ScanState(listed, seen.phase, rest.lasts, resting)
 
 
 def _lived(  # noqa: PLR0913 - as `kernel.run`
-    rows: Places, ring: Ring, window: Window, lane: int, batch: Batch, own: Meter, i: int, t: float, steady: bool
+    rows: Places, ring: Ring, window: EdgeWindow, lane: int, batch: LoopBatch, own: Meter, i: int, t: float,
+    steady: bool
 ) -> Any:
     """Bring one heater to a scan as `kernel.run` does; return how many events there were so far."""
     line, u, stretch = loaded_line(rows, lane), loaded_under(rows, lane), loaded_stretch(rows, lane)
@@ -121,20 +122,20 @@ def _lived(  # noqa: PLR0913 - as `kernel.run`
         ends = not min(times[happened], edge_s) <= t
         felt = edge_s < times[happened] or (edge_s == times[happened] and kinds[happened] > HEAT)
         due = t if ends else min(times[happened], edge_s)
-        after = moved(flow, due, whole if ends and steady else factors(due - flow.now, plant))
-        seen, rest = measured(own, seen, rest, plant, flow, after)
+        after = advance_heater(flow, due, whole if ends and steady else factors(due - flow.now, plant))
+        seen, rest = measure_interval(own, seen, rest, plant, flow, after)
         flow, steady = after, False
         if not ends:
             kind = HEAT if felt else kinds[happened]
-            flow = changed(plant, after, kind, other(flow.heat) if felt else batch.event_value[i][happened])
-            seen, rest = divided(own, seen, rest, flow, kind)
+            flow = apply_event(plant, after, kind, toggled_power(flow.heat) if felt else batch.event_value[i][happened])
+            seen, rest = end_phase(own, seen, rest, flow, kind)
             happened += not felt
             if felt:
-                last, edge = edge, following(ring, window, lane, edge)
+                last, edge = edge, next_edge(ring, window, lane, edge)
                 edge_s = edge + line.dead
     stored_seen(rows, lane, seen)
     stored_rest(rows, lane, rest)
-    stored_stretch(rows, lane, Stretch(t, flow.y, flow.target, flow.heat, flow.load, flow.mains))
+    stored_stretch(rows, lane, LaneStretch(t, flow.y, flow.target, flow.heat, flow.load, flow.mains))
     stored_point(rows, lane, Point(t, flow.y, False))
     stored_inner(rows, lane, Inner(flow.x, flow.x))
     stored_under(rows, lane, Under(edge_s, edge, last, u.power, u.owed, u.on, u.times, happened))

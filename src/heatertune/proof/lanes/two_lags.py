@@ -9,11 +9,11 @@ from __future__ import annotations
 from heatertune.heater.exact import Factors
 from heatertune.proof.lanes.parts import (
     NEVER,
-    End,
-    Held,
     Inner,
+    LaneStretch,
+    PhaseLimits,
     Point,
-    Stretch,
+    StretchEnd,
     flow_of,
     loaded_end,
     loaded_inner,
@@ -34,18 +34,27 @@ from heatertune.proof.lanes.parts import (
     stored_seen,
     stored_stretch,
 )
-from heatertune.proof.lanes.passes import due_until, rippled, settled, switches
-from heatertune.proof.lanes.ring import Ring, Window, next_edges
+from heatertune.proof.lanes.passes import begin_stretch, due_until, enter_ripple, switches
+from heatertune.proof.lanes.ring import EdgeWindow, Ring, next_edges
 from heatertune.proof.lanes.rows import lanes_of
-from heatertune.proof.meter import Places, absolute_by, integral, rested_from, seen_from, seen_with, settling, through
+from heatertune.proof.meter import (
+    Places,
+    absolute_by,
+    integral,
+    rested_from,
+    seen_from,
+    seen_with,
+    settling_time,
+    through,
+)
 from heatertune.proof.plant import (
     MOST_ROUNDS,
+    CrossingSearch,
     Flow,
     Plant,
-    Search,
+    advance_heater,
     closer,
     factors,
-    moved,
     searched_from,
     turn,
 )
@@ -53,7 +62,7 @@ from heatertune.proof.plant import (
 __all__ = ["quickly"]
 
 
-def quickly(rows: Places, ring: Ring, window: Window, held: Held, t: float) -> None:
+def quickly(rows: Places, ring: Ring, window: EdgeWindow, held: PhaseLimits, t: float) -> None:
     """Bring all heaters to a scan before which nothing happens but edges.
 
     Args:
@@ -73,7 +82,7 @@ def quickly(rows: Places, ring: Ring, window: Window, held: Held, t: float) -> N
         next_edges(rows, ring, window)
         due = due_until(rows, t)
     _along(rows, held, _to_scan(rows, t) if quiet else _on_to_scan(rows, t))
-    settled(rows)
+    begin_stretch(rows)
     _settled(rows)
 
 
@@ -105,7 +114,7 @@ def _to_edges(rows: Places, t: float) -> int:
         before, due = _before(rows, lane), loaded_under(rows, lane).due
         moves = due <= t
         now = due if moves else before.now
-        there = moved(before, now, factors(now - before.now, _plant(rows, lane)))
+        there = advance_heater(before, now, factors(now - before.now, _plant(rows, lane)))
         after = Flow(now, there.y if moves else before.y, there.x if moves else before.x, before.target, before.heat,
                      before.load, before.mains)
         turns += _arrived(rows, lane, before, after, moves or loaded_point(rows, lane).busy)
@@ -118,7 +127,7 @@ def _to_scan(rows: Places, t: float) -> int:
     for lane in range(lanes_of(rows)):
         before, second = _before(rows, lane), loaded_second(rows, lane)
         whole = Factors(loaded_line(rows, lane).whole, second.coupling, second.inner)
-        turns += _arrived(rows, lane, before, moved(before, t, whole), False)
+        turns += _arrived(rows, lane, before, advance_heater(before, t, whole), False)
     return turns
 
 
@@ -130,7 +139,7 @@ def _on_to_scan(rows: Places, t: float) -> int:
         part = factors(t - before.now, _plant(rows, lane))
         left = Factors(part.outer if busy else loaded_line(rows, lane).whole,
                        part.coupling if busy else second.coupling, part.inner if busy else second.inner)
-        turns += _arrived(rows, lane, before, moved(before, t, left), False)
+        turns += _arrived(rows, lane, before, advance_heater(before, t, left), False)
     return turns
 
 
@@ -141,7 +150,7 @@ def _settled(rows: Places) -> None:
         stored_inner(rows, lane, Inner(x, x))
 
 
-def _along(rows: Places, held: Held, turns: int) -> None:
+def _along(rows: Places, held: PhaseLimits, turns: int) -> None:
     """Measure the stretches of all loops, up to the turn and from it on where there is one."""
     if turns > 0:
         _to_turns(rows)
@@ -156,8 +165,8 @@ def _to_turns(rows: Places) -> None:
         before, after, plant = _before(rows, lane), _after(rows, lane), _plant(rows, lane)
         now = turn(before, after, plant)
         turns = before.now < now < after.now
-        top = moved(before, now, factors(now - before.now, plant))
-        stored_end(rows, lane, End(after.now, after.y, after.x))
+        top = advance_heater(before, now, factors(now - before.now, plant))
+        stored_end(rows, lane, StretchEnd(after.now, after.y, after.x))
         busy = loaded_point(rows, lane).busy
         stored_point(rows, lane, Point(now if turns else before.now, top.y if turns else before.y, busy))
         stored_inner(rows, lane, Inner(before.x, top.x if turns else before.x))
@@ -167,19 +176,19 @@ def _from_turns(rows: Places) -> None:
     """Let the stretches begin where they ended, and end where they did before."""
     for lane in range(lanes_of(rows)):
         stretch, point, end = loaded_stretch(rows, lane), loaded_point(rows, lane), loaded_end(rows, lane)
-        stored_stretch(rows, lane, Stretch(
+        stored_stretch(rows, lane, LaneStretch(
             point.now, point.y, stretch.target, stretch.heat, stretch.load, stretch.mains))
         stored_inner(rows, lane, Inner(loaded_inner(rows, lane).at, end.x))
         stored_point(rows, lane, Point(end.now, end.y, point.busy))
 
 
-def _measured(rows: Places, held: Held) -> None:
+def _measured(rows: Places, held: PhaseLimits) -> None:
     """Measure stretches on which no heater turns."""
     crossings = settles = 0
     for lane in range(lanes_of(rows)):
         after = _after(rows, lane)
         crossings += int(through(held.setpoint, _before(rows, lane), after))
-        settles += int(settling(loaded_seen(rows, lane), held.setpoint, held.band, after))
+        settles += int(settling_time(loaded_seen(rows, lane), held.setpoint, held.band, after))
     if settles > 0:
         for lane in range(lanes_of(rows)):
             _seen(rows, lane, held, True)
@@ -194,10 +203,10 @@ def _measured(rows: Places, held: Held) -> None:
         for lane in range(lanes_of(rows)):
             _rests(rows, lane, held.setpoint)
     if held.resting < NEVER:
-        rippled(rows, held)
+        enter_ripple(rows, held)
 
 
-def _seen(rows: Places, lane: int, held: Held, crosses: bool) -> None:
+def _seen(rows: Places, lane: int, held: PhaseLimits, crosses: bool) -> None:
     stored_seen(rows, lane, seen_from(
         loaded_seen(rows, lane), held.setpoint, held.band, 0.0, _plant(rows, lane), _before(rows, lane),
         _after(rows, lane), crosses, crosses))
@@ -208,14 +217,15 @@ def _searched(rows: Places, setpoint: float) -> None:
     for lane in range(lanes_of(rows)):
         before, after = _before(rows, lane), _after(rows, lane)
         s = searched_from(before, after, setpoint, _plant(rows, lane))
-        stored_search(rows, lane, Search(s.low, s.high, s.now, s.y, s.x, False, not through(setpoint, before, after)))
+        stored_search(rows, lane,
+                      CrossingSearch(s.low, s.high, s.now, s.y, s.x, False, not through(setpoint, before, after)))
     rounds, missing = 0, 1
     while missing > 0 and rounds < MOST_ROUNDS:
         rounds, missing = rounds + 1, 0
         for lane in range(lanes_of(rows)):
             s = loaded_search(rows, lane)
             n = closer(_before(rows, lane), _after(rows, lane), setpoint, _plant(rows, lane), s)
-            stored_search(rows, lane, Search(
+            stored_search(rows, lane, CrossingSearch(
                 s.low if s.found else n.low, s.high if s.found else n.high, s.now if s.found else n.now,
                 s.y if s.found else n.y, s.x if s.found else n.x, n.last, s.found or n.found))
             missing += int(not (s.found or n.found))

@@ -18,19 +18,19 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.plc.pwm import Actuator
-from heatertune.processors import mapped
-from heatertune.progress import Told
-from heatertune.proof.loop import InLoop, scans_of
+from heatertune.processors import threaded_list
+from heatertune.progress import ProgressCallback
+from heatertune.proof.loop import LoopController, scans_of
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.supervision.envelope import plane_of
-from heatertune.proof.supervision.family import Family, Member
-from heatertune.proof.supervision.faults import FAULTS, Kind
+from heatertune.proof.supervision.faults import FAULTS, FaultKind
 from heatertune.proof.supervision.loops import Card, Fault, Ran, card_of, ran
 from heatertune.proof.supervision.monitor import RING, Numbers
+from heatertune.proof.supervision.sample_heaters import FamilyMember, HeaterFamily
 from heatertune.proof.supervision.tallies import first_alarm, tally, windows
 from heatertune.units import written
 
-__all__ = ["FRESH", "Bench", "Designed", "design"]
+__all__ = ["FRESH", "Bench", "MonitorDesign", "design"]
 
 _DRAWN: Final = 200  # heaters beside the corners
 _TURNS: Final = 2  # how often each corner is run, with other noise and loads
@@ -56,25 +56,25 @@ class Bench:
 
     Attributes:
         loop: setpoints of the phases [°C] and a seed → the controller under one of the settings that its manual leaves
-            open, see `heatertune.proof.supervision.loops.loosened`.
+            open, see `heatertune.proof.supervision.loops.breakable_sensor`.
         actuator: the switch.
         family: of heaters.
     """
 
-    loop: Callable[[Sequence[float], int], InLoop]
+    loop: Callable[[Sequence[float], int], LoopController]
     actuator: Actuator
-    family: Family
+    family: HeaterFamily
 
     @property
     def card(self) -> Card:
         """The input module."""
         return card_of(self.loop([self.family.setpoint_degC], 0))
 
-    def story(self, member: Member) -> Ran:
+    def story(self, member: FamilyMember) -> Ran:
         """Run a heater through its story."""
         return self._ran(member, member.scenario)
 
-    def fault(self, member: Member, kind: Kind, tripped_s: float = math.inf) -> Ran:
+    def fault(self, member: FamilyMember, kind: FaultKind, tripped_s: float = math.inf) -> Ran:
         """Run a heater that breaks, and may then be switched off."""
         begins = self.begins_s(kind)
         lasts = self.family.settled_s() if kind.cold else begins
@@ -86,20 +86,21 @@ class Bench:
         wrong = Fault(time_s=begins, mains=kind.mains, stuck_pct=kind.stuck_pct, sensor=kind.sensor)
         return self._ran(member, scenario, wrong, tripped_s)
 
-    def begins_s(self, kind: Kind) -> float:
+    def begins_s(self, kind: FaultKind) -> float:
         """Return when a fault begins [s]."""
         scan = self.family.scan_s
         return (1 + round(0.3 * self.family.way_s() / scan if kind.sensor != "right" else 0)) * scan if kind.cold else (
             self.family.settled_s())
 
-    def _ran(self, member: Member, scenario: Scenario, fault: Fault | None = None, tripped_s: float = math.inf) -> Ran:
+    def _ran(self, member: FamilyMember, scenario: Scenario, fault: Fault | None = None,
+             tripped_s: float = math.inf) -> Ran:
         loop = self.loop(scenario.setpoints_degC, member.seed)
         return ran(loop, member.row, scenario, self.actuator, member.noise(scans_of(loop, scenario)), fault=fault,
                    tripped_s=tripped_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Designed:
+class MonitorDesign:
     """A monitor.
 
     Attributes:
@@ -115,7 +116,7 @@ class Designed:
     off: tuple[tuple[str, str], ...]
 
 
-def design(bench: Bench, checked: int = 300, *, seed: int = 0, progress: Told = str) -> Designed:
+def design(bench: Bench, checked: int = 300, *, seed: int = 0, progress: ProgressCallback = str) -> MonitorDesign:
     """Return the monitor of a bench.
 
     Args:
@@ -132,7 +133,7 @@ def design(bench: Bench, checked: int = 300, *, seed: int = 0, progress: Told = 
     family, corners = bench.family, bench.family.corners()
     members = [family.member(_CORNER_SEEDS + turn, corner=turn % len(corners)) for turn in range(_TURNS * len(corners))]
     members += [family.member(drawn) for drawn in range(seed, seed + _DRAWN)]
-    runs = mapped(bench.story, members)
+    runs = threaded_list(bench.story, members)
     progress("choosing limits and windows")
     numbers, off = _limits(bench, bare, runs)
     broken = {kind: _broken(bench, kind, seed) for kind in (FAULTS[0], FAULTS[1])}
@@ -142,10 +143,10 @@ def design(bench: Bench, checked: int = 300, *, seed: int = 0, progress: Told = 
         made = _with_windows(bench, numbers, runs, windows_of, margin)
         progress(f"trying it on {checked} other heaters ({batch + 1} of {_BATCHES})")
         seeds = range(seed + FRESH + batch * checked, seed + FRESH + (batch + 1) * checked)
-        trips = mapped(partial(_trips, bench, made), list(map(family.member, seeds)))
+        trips = threaded_list(partial(_trips, bench, made), list(map(family.member, seeds)))
         caught = [one for one in trips if one is not None]
         if not caught:
-            return Designed(numbers=made, checked=checked, tripped=tripped, off=off)
+            return MonitorDesign(numbers=made, checked=checked, tripped=tripped, off=off)
         tripped += len(caught)
         runs += caught
         margin *= _WIDER
@@ -154,7 +155,7 @@ def design(bench: Bench, checked: int = 300, *, seed: int = 0, progress: Told = 
         f"no monitor: after {_BATCHES} tries a heater in order still trips it; a smaller --spread may help")
 
 
-def _trips(bench: Bench, numbers: Numbers, member: Member) -> Ran | None:
+def _trips(bench: Bench, numbers: Numbers, member: FamilyMember) -> Ran | None:
     one = bench.story(member)
     return None if first_alarm(numbers, one)[0] < 0 else one
 
@@ -181,10 +182,10 @@ def _limits(
     """Return the numbers of the rules without a window, and which of them are off and why."""
     family, scan = bench.family, bench.family.scan_s
     rest = (int((family.settled_s() - 2.0 * family.slowest_s) / scan), int(family.settled_s() / scan))
-    first = mapped(lambda one: tally(bare, one, rest), runs)
+    first = threaded_list(lambda one: tally(bare, one, rest), runs)
     swing = max(4 * bare.block, math.ceil(1.5 * max(one.steady for one in first)))
     watching = bare._replace(swing=swing, growths=RING)
-    of = mapped(lambda one: tally(watching, one, rest), runs)
+    of = threaded_list(lambda one: tally(watching, one, rest), runs)
     share = _MARGIN * wider
     span = max(one.high for one in of) - min(one.low for one in of)
 
@@ -215,14 +216,14 @@ def _silent(still: int, moved: int, longest: int, scan: float) -> Iterator[tuple
                                                f"after the power has moved by {_MOVED_PCT} %")
 
 
-def _broken(bench: Bench, kind: Kind, seed: int) -> list[tuple[Ran, int]]:
+def _broken(bench: Bench, kind: FaultKind, seed: int) -> list[tuple[Ran, int]]:
     members = [bench.family.member(drawn) for drawn in range(seed, seed + _TRIED)]
     begins = math.ceil(bench.begins_s(kind) / bench.family.scan_s)
-    return [(one, begins) for one in mapped(lambda member: bench.fault(member, kind), members)]
+    return [(one, begins) for one in threaded_list(lambda member: bench.fault(member, kind), members)]
 
 
 def _chosen(
-    bench: Bench, numbers: Numbers, runs: Sequence[Ran], broken: dict[Kind, list[tuple[Ran, int]]], margin: float,
+    bench: Bench, numbers: Numbers, runs: Sequence[Ran], broken: dict[FaultKind, list[tuple[Ran, int]]], margin: float,
 ) -> dict[bool, int]:
     """Return the blocks of the windows: of the largest movement (True) and of the least."""
     chosen = {True: 0, False: 0}
@@ -251,7 +252,7 @@ def _with_windows(
     for largest, length in blocks.items():
         if not length:
             continue
-        rows = np.vstack(mapped(partial(windows, numbers, blocks=length, largest=largest), runs))
+        rows = np.vstack(threaded_list(partial(windows, numbers, blocks=length, largest=largest), runs))
         plane = plane_of(rows, _points(bench, numbers, length, largest=largest), largest=largest, share=margin,
                          more=float(numbers.block))
         if plane is not None:

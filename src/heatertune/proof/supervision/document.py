@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from heatertune.codec import decode, registered
+from heatertune.codec import decode, register_schema
 from heatertune.documents import read_document
 from heatertune.errors import DocumentError
 from heatertune.proof.supervision.monitor import RING, Numbers
-from heatertune.proof.supervision.text.proven import Exported
+from heatertune.proof.supervision.text.program_check import MonitorProgram
 
 __all__ = [
     "SCHEMA", "CardView", "FaultView", "OffView", "SpreadView", "SupervisionView", "TraceView", "read_supervision",
@@ -89,7 +89,7 @@ class TraceView:
     alarm_s: float | None
 
 
-@registered(SCHEMA)
+@register_schema(SCHEMA)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SupervisionView:
     """The document.
@@ -138,7 +138,7 @@ class SupervisionView:
     off: tuple[OffView, ...]
     faults: tuple[FaultView, ...]
     not_tested: tuple[str, ...]
-    program: Exported
+    program: MonitorProgram
     beside: tuple[FaultView, ...]
     trace: TraceView
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["FAULTS", "Kind"]
+__all__ = ["FAULTS", "FaultKind"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Kind:
+class FaultKind:
     """One fault.
 
     Attributes:
@@ -30,17 +30,17 @@ class Kind:
 
 
 FAULTS: Final = (
-    Kind(name="switch stuck on", mains=0.0, stuck_pct=100.0),
-    Kind(name="heater open", mains=0.0),
-    Kind(name="heater open from cold", mains=0.0, cold=True),
-    Kind(name="half of the power", mains=0.5),
-    Kind(name="half of the power from cold", mains=0.5, cold=True),
-    Kind(name="sensor reads its low end", sensor="low"),
-    Kind(name="sensor reads its high end", sensor="high"),
-    Kind(name="sensor frozen at rest", sensor="frozen"),
-    Kind(name="sensor frozen in the heat-up", sensor="frozen", cold=True),
-    Kind(name="sensor half out", sensor="half"),
-    Kind(name="sensor half out from cold", sensor="half", cold=True),
-    Kind(name="sensor loose", sensor="loose"),
-    Kind(name="dead time 4 times as long", later=4.0, cold=True),
+    FaultKind(name="switch stuck on", mains=0.0, stuck_pct=100.0),
+    FaultKind(name="heater open", mains=0.0),
+    FaultKind(name="heater open from cold", mains=0.0, cold=True),
+    FaultKind(name="half of the power", mains=0.5),
+    FaultKind(name="half of the power from cold", mains=0.5, cold=True),
+    FaultKind(name="sensor reads its low end", sensor="low"),
+    FaultKind(name="sensor reads its high end", sensor="high"),
+    FaultKind(name="sensor frozen at rest", sensor="frozen"),
+    FaultKind(name="sensor frozen in the heat-up", sensor="frozen", cold=True),
+    FaultKind(name="sensor half out", sensor="half"),
+    FaultKind(name="sensor half out from cold", sensor="half", cold=True),
+    FaultKind(name="sensor loose", sensor="loose"),
+    FaultKind(name="dead time 4 times as long", later=4.0, cold=True),
 )

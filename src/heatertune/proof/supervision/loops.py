@@ -15,13 +15,13 @@ import numpy.typing as npt
 
 from heatertune.plain import bound
 from heatertune.plc.pwm import Actuator
-from heatertune.proof.happening import events_of
-from heatertune.proof.kernel import LOAD, MAINS, Batch, Record
-from heatertune.proof.loop import InLoop, program_of, pulses_of, ring_size, run_with, scans_of
+from heatertune.proof.event_table import events_of
+from heatertune.proof.kernel import LOAD, MAINS, LoopBatch, TraceArrays
+from heatertune.proof.loop import LoopController, program_of, pulses_of, ring_size, run_with, scans_of
 from heatertune.proof.meter import Places, no_meter
 from heatertune.proof.scenario import Scenario
 
-__all__ = ["SENSOR_FAULTS", "Card", "Fault", "Ran", "card_of", "loosened", "ran", "whole_pct"]
+__all__ = ["SENSOR_FAULTS", "Card", "Fault", "Ran", "breakable_sensor", "card_of", "ran", "whole_pct"]
 
 Array = npt.NDArray[np.float64]
 
@@ -36,7 +36,7 @@ _FAR_DEGC: Final = 1e6
 _OFTEN: Final = 7  # scans: a loose sensor has contact for one in so many
 
 
-class Broken(NamedTuple):
+class BrokenSensor(NamedTuple):
     """A sensor, what becomes of it from which scan on, the ambient [°C], and (scans so far, last right temperature)."""
 
     inner: Any
@@ -46,7 +46,7 @@ class Broken(NamedTuple):
     memory: Places
 
 
-def measured(_sensor: Any, _temperature: float) -> Any:
+def sensor_reading(_sensor: Any, _temperature: float) -> Any:
     """Stand in for the controller's own, see `heatertune.compiled.bound`."""
     raise NotImplementedError
 
@@ -65,7 +65,7 @@ def broken(sensor: Any, temperature: float) -> Any:
     elif sensor.fault == _HIGH:
         seen = _FAR_DEGC
     sensor.memory[0] = number + 1.0
-    return measured(sensor.inner, seen)
+    return sensor_reading(sensor.inner, seen)
 
 
 class Card(NamedTuple):
@@ -76,7 +76,7 @@ class Card(NamedTuple):
     highest: int
 
 
-def card_of(loop: InLoop) -> Card:
+def card_of(loop: LoopController) -> Card:
     """Return the input module of a loop."""
     step = loop.resolution_degC if loop.resolution_degC > 0.0 else loop.unit_degC
     if loop.words is None:
@@ -117,20 +117,20 @@ class Ran:
     temperature_degC: Array
 
 
-def loosened(loop: InLoop) -> InLoop:
+def breakable_sensor(loop: LoopController) -> LoopController:
     """Return the loop of a controller whose sensor can break."""
-    return replace(loop, core=replace(loop.core, measure=bound(broken, measured=loop.core.measure)))
+    return replace(loop, core=replace(loop.core, measure=bound(broken, sensor_reading=loop.core.measure)))
 
 
 def ran(
-    loop: InLoop, row: list[float], scenario: Scenario, actuator: Actuator, noise_degC: Array, *,
+    loop: LoopController, row: list[float], scenario: Scenario, actuator: Actuator, noise_degC: Array, *,
     fault: Fault | None = None, tripped_s: float = math.inf,
 ) -> Ran:
     """Run a loop and return what it did.
 
     Args:
         loop: of `loosened`.
-        row: the heater, see `heatertune.proof.kernel.Batch`.
+        row: the heater, see `heatertune.proof.kernel.LoopBatch`.
         scenario: what happens beside the fault.
         actuator: the switch.
         noise_degC: shape (scans,).
@@ -141,12 +141,12 @@ def ran(
     wrong = fault or Fault(time_s=math.inf)
     time, kind, value = _events(scenario, dead, wrong, tripped_s)
     begins = scans if math.isinf(wrong.time_s) else math.ceil(wrong.time_s / loop.scan_s)
-    sensor = Broken(loop.sensor, SENSOR_FAULTS.index(wrong.sensor), begins, row[4], np.zeros(2))
+    sensor = BrokenSensor(loop.sensor, SENSOR_FAULTS.index(wrong.sensor), begins, row[4], np.zeros(2))
     edges = np.empty(ring_size(pulses_of(dead + 3.0 * loop.scan_s + actuator.pwm_period_s, actuator)))
     stretches = 2 * math.ceil(scans * loop.scan_s / actuator.pwm_period_s) + 16 + time.size
-    record = Record(True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans),
+    record = TraceArrays(True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans),
                     np.zeros(scans, dtype=np.int64), *(np.empty(stretches) for _ in range(4)))
-    batch = Batch(scans, noise_degC[None], np.zeros((1, 1)), np.array([row]), time, kind, value)
+    batch = LoopBatch(scans, noise_degC[None], np.zeros((1, 1)), np.array([row]), time, kind, value)
     given = (program_of(loop, scenario), batch, actuator.switches, tripped_s, edges, record, no_meter())
     run_with(replace(loop, sensor=sensor), given, scans)
     return Ran(counts=_counts(loop, record.reading), power=_power(record.power, scenario, loop.scan_s),
@@ -167,7 +167,7 @@ def _events(scenario: Scenario, dead: float, wrong: Fault, tripped_s: float) -> 
     return table[None, :, 0].copy(), table[None, :, 1].astype(np.int64), table[None, :, 2].copy()
 
 
-def _counts(loop: InLoop, reading: Array) -> npt.NDArray[np.int32]:
+def _counts(loop: LoopController, reading: Array) -> npt.NDArray[np.int32]:
     """Return readings as counts of the card."""
     card = card_of(loop)
     return np.rint((loop.zero_degC - card.low_degC + loop.unit_degC * reading) / card.step_degC).astype(np.int32)

@@ -18,8 +18,20 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 __all__ = [
-    "ALARMS", "RING", "STATE", "Numbers", "alarms", "cold", "counted", "in_a_row", "is_full", "restart", "scan",
-    "unseen", "watch", "windowed",
+    "ALARMS",
+    "RING",
+    "STATE",
+    "Numbers",
+    "alarms",
+    "cold",
+    "in_a_row",
+    "is_full",
+    "restart",
+    "scan",
+    "scan_counts",
+    "unseen",
+    "watch",
+    "window_sums",
 ]
 
 #: alarm → what it says; 0 is none
@@ -104,7 +116,7 @@ class Numbers(NamedTuple):
     growths: int
 
 
-def counted(state: Any) -> tuple[int, int, int, int, bool, int]:
+def scan_counts(state: Any) -> tuple[int, int, int, int, bool, int]:
     """Return for how many scans the reading stood still, so after the power moved, and full power was asked for.
 
     Then how many swings grew, whether a block has just ended, and its level.
@@ -192,7 +204,7 @@ def is_full(numbers: Numbers, state: Any, blocks: int) -> bool:
     return bool(state[_IN_BLOCK] == 0 and state[_BLOCKS] - numbers.delay_high > blocks)
 
 
-def windowed(numbers: Numbers, state: Any, blocks: int, largest: bool) -> tuple[int, int, int]:
+def window_sums(numbers: Numbers, state: Any, blocks: int, largest: bool) -> tuple[int, int, int]:
     """Return movement, level at the window's begin and the largest or least sum of powers of a window's blocks."""
     newest = state[_BLOCKS] - 1 + RING  # no place is negative
     level = state[_LEVELS + newest % RING]
@@ -213,11 +225,11 @@ def _of_block(numbers: Numbers, state: Any) -> int:
     if numbers.growths > 0 and _grew(numbers, state) >= numbers.growths:
         alarm = _SWING
     if numbers.slow_blocks > 0 and is_full(numbers, state, numbers.slow_blocks):
-        move, level, power = windowed(numbers, state, numbers.slow_blocks, False)
+        move, level, power = window_sums(numbers, state, numbers.slow_blocks, False)
         if numbers.slow_scale * move < numbers.slow_gain * power - numbers.slow_loss * level + numbers.slow_rest:
             alarm = _FALLS if move <= -numbers.swing else _SLOW
     if numbers.fast_blocks > 0 and is_full(numbers, state, numbers.fast_blocks):
-        move, level, power = windowed(numbers, state, numbers.fast_blocks, True)
+        move, level, power = window_sums(numbers, state, numbers.fast_blocks, True)
         if numbers.fast_scale * move > numbers.fast_gain * power - numbers.fast_loss * level + numbers.fast_rest:
             alarm = _HOT
     return alarm

@@ -19,11 +19,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.plc.klipper.export import heater_of
-from heatertune.processors import mapped
-from heatertune.progress import Told
+from heatertune.processors import threaded_list
+from heatertune.progress import ProgressCallback
 from heatertune.proof.supervision.design import FRESH, Bench
 from heatertune.proof.supervision.faults import FAULTS
 from heatertune.proof.supervision.loops import Card, Ran
@@ -154,7 +154,7 @@ def first_stop(rule: Rule, bench: Bench, one: Ran, first: int) -> int:
     return _ran(rule, _fault_record(bench, one, first))[0]
 
 
-def printer_rule(bench: Bench, numbers: Numbers, target: str, checked: int, progress: Told) -> Rule:
+def printer_rule(bench: Bench, numbers: Numbers, target: str, checked: int, progress: ProgressCallback) -> Rule:
     """Return the numbers of a printer's rule for a bench.
 
     Args:
@@ -171,7 +171,7 @@ def printer_rule(bench: Bench, numbers: Numbers, target: str, checked: int, prog
     ends = (float(math.floor(low + step * numbers.low)), float(math.ceil(low + step * numbers.high)))
     members = [family.member(2 * seed + 1, corner=seed) for seed in family.corners()]
     members += [family.member(seed) for seed in range(_DRAWN)]
-    stories = mapped(partial(_story, bench), members)
+    stories = threaded_list(partial(_story, bench), members)
     broken = {kind: [_broken(bench, kind, seed) for seed in range(_TRIED)] for kind in (FAULTS[1], FAULTS[2])}
     best = _klipper if target == "klipper" else _marlin
     margin = _MARGIN
@@ -179,7 +179,7 @@ def printer_rule(bench: Bench, numbers: Numbers, target: str, checked: int, prog
         progress(f"the best of {target}'s own rule ({batch + 1} of {_BATCHES})")
         rule = best(stories, list(broken.values()), ends, margin)
         seeds = range(3 * FRESH + batch * checked, 3 * FRESH + (batch + 1) * checked)
-        caught = [one for one in mapped(partial(_stopped, bench, rule), list(seeds)) if one is not None]
+        caught = [one for one in threaded_list(partial(_stopped, bench, rule), list(seeds)) if one is not None]
         if not caught:
             return rule
         stories += caught
@@ -213,7 +213,7 @@ def lines_of(rule: Rule, head: Sequence[str], known: Mapping[str, str]) -> tuple
 
 def _ran(rule: Rule, record: _Record) -> tuple[int, float]:
     function = klipper if isinstance(rule, VerifyHeater) else marlin
-    at, most = compiled(function)(rule, record.seen, record.target, record.scan_s, record.first)
+    at, most = compile_function(function)(rule, record.seen, record.target, record.scan_s, record.first)
     return int(at), float(most)
 
 
@@ -261,7 +261,7 @@ def _soonest(rules: Iterator[Any], records: Sequence[_Record], none: str) -> Any
 
 def _needed(rule: Rule, stories: Sequence[_Record]) -> float:
     """Return the largest error, or the longest time, of loops in order."""
-    return max(most for _, most in mapped(partial(_ran, rule), stories))
+    return max(most for _, most in threaded_list(partial(_ran, rule), stories))
 
 
 def _klipper(
@@ -290,7 +290,7 @@ def _marlin(
         yield at_rest
         for increase, period in itertools.product(_INCREASES, _TIMES_S):
             stricter = at_rest._replace(watch_increase=math.ceil(margin * increase), watch_period=period)
-            if all(at < 0 for at, _ in mapped(partial(_ran, stricter), stories)):
+            if all(at < 0 for at, _ in threaded_list(partial(_ran, stricter), stories)):
                 yield at_rest._replace(watch_increase=increase, watch_period=period)
 
     whole: Protection = _soonest(watched(), broken[1], "none")

@@ -7,9 +7,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.proof.supervision.loops import Ran
-from heatertune.proof.supervision.monitor import STATE, Numbers, counted, is_full, restart, scan, watch, windowed
+from heatertune.proof.supervision.monitor import STATE, Numbers, is_full, restart, scan, scan_counts, watch, window_sums
 
 __all__ = ["Tally", "first_alarm", "tally", "windows"]
 
@@ -45,7 +45,7 @@ def _tallied(numbers: Numbers, state: Any, readings: Any, powers: Any, settled: 
             restart(state)
             off, last = False, reading
         scan(numbers, state, reading, power)
-        still, moved, full, grew, ended, level = counted(state)
+        still, moved, full, grew, ended, level = scan_counts(state)
         out[0], out[1] = min(out[0], reading), max(out[1], reading)
         out[2] = max(out[2], reading - last, last - reading)
         out[3], out[4], out[5], out[6] = max(out[3], still), max(out[4], moved), max(out[5], full), max(out[6], grew)
@@ -69,7 +69,7 @@ def _windows(
             off = False
         scan(numbers, state, int(readings[k]), int(powers[k]))
         if is_full(numbers, state, blocks):
-            out[rows, 0], out[rows, 1], out[rows, 2] = windowed(numbers, state, blocks, largest)
+            out[rows, 0], out[rows, 1], out[rows, 2] = window_sums(numbers, state, blocks, largest)
             rows += 1
     return rows
 
@@ -78,19 +78,19 @@ def tally(numbers: Numbers, one: Ran, rest: tuple[int, int]) -> Tally:
     """Return the extremes of a loop in order; within the scans `rest` it is at rest."""
     out = np.zeros(_TALLIES, dtype=np.int64)
     out[0] = 1 << 40
-    compiled(_tallied)(numbers, _state(), one.counts, one.power, rest[1], rest[0], out)
+    compile_function(_tallied)(numbers, _state(), one.counts, one.power, rest[1], rest[0], out)
     return Tally(*out.tolist())
 
 
 def windows(numbers: Numbers, one: Ran, blocks: int, *, largest: bool) -> npt.NDArray[np.int64]:
     """Return movement, level and power of each window of a loop, shape (n, 3)."""
     out = np.empty((len(one.counts) // numbers.block + 1, 3), dtype=np.int64)
-    return out[:compiled(_windows)(numbers, _state(), one.counts, one.power, blocks, largest, out)]
+    return out[:compile_function(_windows)(numbers, _state(), one.counts, one.power, blocks, largest, out)]
 
 
 def first_alarm(numbers: Numbers, one: Ran, first: int = 0) -> tuple[int, int]:
     """Return the scan of the first alarm from a scan on, -1 for none, and the alarm."""
-    at, alarm = compiled(watch)(numbers, _state(), one.counts, one.power, first)
+    at, alarm = compile_function(watch)(numbers, _state(), one.counts, one.power, first)
     return int(at), int(alarm)
 
 

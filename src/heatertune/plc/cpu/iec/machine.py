@@ -12,21 +12,21 @@ from typing import Any, NamedTuple, cast
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.tape import Got, Tape, run_tape
-from heatertune.plc.cpu.iec.text import Unit
+from heatertune.plc.cpu.iec.text import ProgramUnit
 from heatertune.plc.cpu.iec.translation import (
     BEYOND,
     KIND,
     NOTHING,
-    Block,
-    Memory,
+    InstanceLayout,
+    InstanceMemory,
     Place,
     Run,
     Value,
     row_of,
-    translated,
+    translate_unit,
 )
 
-__all__ = ["Firmware", "Program", "Value"]
+__all__ = ["Firmware", "TextProgram", "Value"]
 
 
 class Firmware(NamedTuple):
@@ -45,11 +45,11 @@ class Firmware(NamedTuple):
     keeps: tuple[Value, ...] = ()
 
 
-class Program:
+class TextProgram:
     """The program of a text, with its memory."""
 
     def __init__(
-        self, units: Sequence[Unit], firmware: Mapping[str, Firmware],
+        self, units: Sequence[ProgramUnit], firmware: Mapping[str, Firmware],
         time_to_real: Callable[[int], float] | None = None,
     ) -> None:
         """Take a text's units, and what the target brings along: blocks, and what TIME_TO_REAL gives of a time [ms].
@@ -59,11 +59,11 @@ class Program:
         """
         known = self._known = {name.upper(): _of_firmware(block) for name, block in firmware.items()}
         for unit in (unit for unit in units if unit.kind == "FUNCTION_BLOCK"):
-            known[unit.name] = translated(unit, known, time_to_real)
+            known[unit.name] = translate_unit(unit, known, time_to_real)
         programs = [unit for unit in units if unit.kind == "PROGRAM"]
         if len(programs) != 1:
             raise InputError(f"{len(programs)} programs; expected one")
-        self._block = translated(programs[0], known, time_to_real)
+        self._block = translate_unit(programs[0], known, time_to_real)
         self._compiles = time_to_real is None and all(_is_plain(block.run) for block in firmware.values())
         self._named: dict[str, tuple[int, int]] = {}  # name as it was asked for → row and place
         self.start()
@@ -71,7 +71,7 @@ class Program:
     def start(self) -> None:
         """Give all variables their initial values."""
         reals, wholes, firmware = self._block.cold
-        self._memory = Memory([*reals], [*wholes], [make() for make in firmware])
+        self._memory = InstanceMemory([*reals], [*wholes], [make() for make in firmware])
 
     def scan(self) -> None:
         """Run it once.
@@ -99,7 +99,7 @@ class Program:
         while trace is not None:
             if found := self._block.lines.get(trace.tb_frame.f_code):
                 unit, lines = found
-                told = unit.told(lines[trace.tb_lineno - BEYOND])
+                told = unit.line_text(lines[trace.tb_lineno - BEYOND])
             trace = trace.tb_next
         return told
 
@@ -139,14 +139,14 @@ def _is_plain(run: Run | None) -> bool:
     return isinstance(run, FunctionType) and run.__closure__ is None
 
 
-def _of_firmware(block: Firmware) -> Block:
-    cold, places = Memory([], [], [block.make] if block.make else []), dict[str, Place]()
+def _of_firmware(block: Firmware) -> InstanceLayout:
+    cold, places = InstanceMemory([], [], [block.make] if block.make else []), dict[str, Place]()
     for name, type_ in block.variables.items():
         places[name.upper()] = type_, cold.with_one(KIND[type_], NOTHING[KIND[type_]])
     for value in block.keeps:
         cold.with_one("REAL" if isinstance(value, float) else "WHOLE", value)
     if block.run is not None:
-        return Block(places, cold, block.run, {})
+        return InstanceLayout(places, cold, block.run, {})
     named = [(name, row_of(type_), places[name.upper()][1][row_of(type_)]) for name, type_ in block.variables.items()]
     put = {name: (row, place) for name, row, place in named}
 
@@ -158,4 +158,4 @@ def _of_firmware(block: Firmware) -> Block:
             row, place = put[name]
             rows[row][first[row] + place] = value
 
-    return Block(places, cold, run, {})
+    return InstanceLayout(places, cold, run, {})

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 from xml.etree import ElementTree as Xml
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.iec.text import Unit, Variable, body_of, literal
+from heatertune.plc.cpu.iec.text import ProgramUnit, Variable, body_of, literal
 
 __all__ = ["Project", "project_of"]
 
@@ -27,7 +27,7 @@ class Project(NamedTuple):
         calls: name of the program that the task calls, in capitals.
     """
 
-    units: list[Unit]
+    units: list[ProgramUnit]
     interval_ms: int
     calls: str
 
@@ -59,11 +59,11 @@ def _some(root: Xml.Element, name: str, count: int = 1) -> list[Xml.Element]:
     return found
 
 
-def _unit(pou: Xml.Element) -> Unit:
+def _unit(pou: Xml.Element) -> ProgramUnit:
     name, kind = pou.get("name", ""), _KINDS.get(pou.get("pouType", ""), "")
     body = pou.findtext("plc:body/plc:ST/text:p", "", _NAMES)
     try:
-        return Unit(kind, name.upper(), tuple(_variables(pou)), body_of(body), tuple(body.splitlines()))
+        return ProgramUnit(kind, name.upper(), tuple(_variables(pou)), body_of(body), tuple(body.splitlines()))
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from None
 

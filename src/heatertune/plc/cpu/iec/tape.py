@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compiled, worth_compiling
+from heatertune.compiled import compile_function, worth_compiling
 from heatertune.plain import bound
 
 __all__ = ["KEEP", "Got", "Tape", "run_tape"]
@@ -66,7 +66,8 @@ def run_tape(
             puts[0][0], tape.reals.values(), strict=True)):
         return None
     try:
-        compiled(loop)(r, w, *puts[0], *puts[1], got[0], _places(read[0], place), got[1], _places(read[1], place),
+        compile_function(loop)(r, w, *puts[0], *puts[1], got[0], _places(read[0], place), got[1],
+                               _places(read[1], place),
                        tape.scans)
     except ArithmeticError:
         return None

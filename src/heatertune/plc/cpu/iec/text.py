@@ -15,8 +15,21 @@ from typing import Final, NamedTuple
 from heatertune.errors import InputError
 
 __all__ = [
-    "Arm", "Assignment", "Branches", "Call", "Expression", "Literal", "Name", "Operation", "Statement", "Unit",
-    "Value", "Variable", "body_of", "literal", "units",
+    "Arm",
+    "Assignment",
+    "Branches",
+    "Call",
+    "Expression",
+    "Literal",
+    "Name",
+    "Operation",
+    "ProgramUnit",
+    "Statement",
+    "Value",
+    "Variable",
+    "body_of",
+    "literal",
+    "units",
 ]
 
 #: weakest first; all of them go from left to right
@@ -109,7 +122,7 @@ class Variable(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class ProgramUnit:
     """A function block or program."""
 
     kind: str
@@ -118,7 +131,7 @@ class Unit:
     body: tuple[Statement, ...]
     lines: tuple[str, ...] = field(compare=False)
 
-    def told(self, line: int) -> str:
+    def line_text(self, line: int) -> str:
         """Return a line of its text as errors name it."""
         return _told(self.lines, line)
 
@@ -129,7 +142,7 @@ class _Token(NamedTuple):
     line: int
 
 
-def units(text: str) -> list[Unit]:
+def units(text: str) -> list[ProgramUnit]:
     """Return the function blocks and programs of a text.
 
     Raises:
@@ -139,8 +152,8 @@ def units(text: str) -> list[Unit]:
 
 
 @lru_cache(8)  # a proof reads the same text for each of its runs
-def _units(text: str) -> tuple[Unit, ...]:
-    reader, found = _Reader(text), list[Unit]()
+def _units(text: str) -> tuple[ProgramUnit, ...]:
+    reader, found = _TokenReader(text), list[ProgramUnit]()
     while reader.kind != "end":
         found.append(reader.unit())
     return tuple(found)
@@ -148,7 +161,7 @@ def _units(text: str) -> tuple[Unit, ...]:
 
 def body_of(text: str) -> tuple[Statement, ...]:
     """Return the statements of a text that holds nothing else; errors as `units`."""
-    reader = _Reader(text)
+    reader = _TokenReader(text)
     statements = tuple(reader.statements())
     reader.take("")
     return statements
@@ -156,7 +169,7 @@ def body_of(text: str) -> tuple[Statement, ...]:
 
 def literal(text: str) -> Literal:
     """Return the literal that a text is; errors as `units`."""
-    reader = _Reader(text)
+    reader = _TokenReader(text)
     found = reader.literal()
     reader.take("")
     return found
@@ -166,7 +179,7 @@ def _told(lines: tuple[str, ...], line: int) -> str:
     return f"line {line}: {lines[line - 1].strip()!r}" if line <= len(lines) else "the end of the text"
 
 
-class _Reader:
+class _TokenReader:
     """Reads one token after the other."""
 
     def __init__(self, text: str) -> None:
@@ -220,7 +233,7 @@ class _Reader:
         if not self._taken(sign):
             raise self._expected(sign or "the end of the text")
 
-    def unit(self) -> Unit:
+    def unit(self) -> ProgramUnit:
         """Return the unit that comes."""
         kind = next((kind for kind in _KINDS if self._taken(kind)), None)
         if kind is None:
@@ -232,7 +245,7 @@ class _Reader:
                 variables.append(self._variable(f"{section}{constant}"))
         body = tuple(self.statements())
         self.take(f"END_{kind}")
-        return Unit(kind, name, tuple(variables), body, self._lines)
+        return ProgramUnit(kind, name, tuple(variables), body, self._lines)
 
     def _variable(self, section: str) -> Variable:
         name = self._next("word", "a variable or END_VAR")

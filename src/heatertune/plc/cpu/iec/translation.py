@@ -20,12 +20,13 @@ from heatertune.plc.cpu.iec.text import (
     Expression,
     Literal,
     Name,
+    ProgramUnit,
     Statement,
-    Unit,
 )
-from heatertune.plc.single import divided, single
+from heatertune.plc.single_precision import divide_single, single
 
-__all__ = ["BEYOND", "KIND", "NOTHING", "Block", "Memory", "Place", "Run", "Value", "row_of", "translated"]
+__all__ = ["BEYOND", "KIND", "NOTHING", "InstanceLayout", "InstanceMemory", "Place", "Run", "Value", "row_of",
+           "translate_unit"]
 
 Value = bool | int | float
 #: of a unit: the rows of REALs and of other numbers, instances of firmware, and where its own begin in each
@@ -45,7 +46,7 @@ _FIRST: Final = ("a", "b", "c")
 Place = tuple[str, tuple[int, int, int]]
 
 
-class Memory(NamedTuple):
+class InstanceMemory(NamedTuple):
     """Rows of a memory: REALs, other numbers, instances of firmware or what makes them."""
 
     reals: list[Any]
@@ -57,7 +58,7 @@ class Memory(NamedTuple):
         """How much stands in each row."""
         return len(self.reals), len(self.wholes), len(self.firmware)
 
-    def grown(self, other: Memory) -> tuple[int, int, int]:
+    def grown(self, other: InstanceMemory) -> tuple[int, int, int]:
         """Add another's rows; return where they begin."""
         begin = self.size
         for mine, more in zip(self, other, strict=True):
@@ -71,7 +72,7 @@ class Memory(NamedTuple):
         return begin
 
 
-class Block(NamedTuple):
+class InstanceLayout(NamedTuple):
     """What an instance is made of.
 
     Attributes:
@@ -82,9 +83,9 @@ class Block(NamedTuple):
     """
 
     places: dict[str, Place]
-    cold: Memory
+    cold: InstanceMemory
     run: Run
-    lines: dict[CodeType, tuple[Unit, list[int]]]
+    lines: dict[CodeType, tuple[ProgramUnit, list[int]]]
 
 
 def row_of(type_: str) -> int:
@@ -104,9 +105,9 @@ def _function(name: str, source: str, called: tuple[tuple[str, Callable[..., Any
     return made
 
 
-def translated(
-    unit: Unit, known: Mapping[str, Block], time_to_real: Callable[[int], float] | None
-) -> Block:
+def translate_unit(
+    unit: ProgramUnit, known: Mapping[str, InstanceLayout], time_to_real: Callable[[int], float] | None
+) -> InstanceLayout:
     """Return a unit translated, given the blocks it may use and what TIME_TO_REAL gives of a time [ms].
 
     Raises:
@@ -119,16 +120,16 @@ class _Compiler:
     """Translates one unit: its statements become a Python function."""
 
     def __init__(
-        self, unit: Unit, known: Mapping[str, Block], time_to_real: Callable[[int], float] | None
+        self, unit: ProgramUnit, known: Mapping[str, InstanceLayout], time_to_real: Callable[[int], float] | None
     ) -> None:
         self._unit, self._known, self._time_to_real = unit, known, time_to_real
-        self._cold = Memory([], [], [])
+        self._cold = InstanceMemory([], [], [])
         self._places: dict[str, Place] = {}
         self._constant = {each.name for each in unit.variables if each.section.endswith("CONSTANT")}
         self._line = 0  # of the statement that is translated
         self._lines = [0, 0]  # of the text, for each of the function's from 0 on: there is none, and its head
 
-    def block(self) -> Block:
+    def block(self) -> InstanceLayout:
         """Return the unit translated."""
         for variable in self._unit.variables:
             if variable.name in self._places:
@@ -145,10 +146,10 @@ class _Compiler:
         run, lines = self._body()
         for other in self._known.values():
             lines |= other.lines
-        return Block(self._places, self._cold, run, lines)
+        return InstanceLayout(self._places, self._cold, run, lines)
 
     def _wrong(self, what: str) -> InputError:
-        where = self._unit.told(self._line) if self._line else self._unit.name
+        where = self._unit.line_text(self._line) if self._line else self._unit.name
         return InputError(f"{where}; {what}")
 
     def _initial(self, given: Literal, type_: str) -> Value:
@@ -158,7 +159,7 @@ class _Compiler:
             return single(given.value)
         return _cut(int(given.value), *_WHOLE[type_]) if type_ in _WHOLE else given.value
 
-    def _body(self) -> tuple[Run, dict[CodeType, tuple[Unit, list[int]]]]:
+    def _body(self) -> tuple[Run, dict[CodeType, tuple[ProgramUnit, list[int]]]]:
         """Return what runs the unit's statements, and the lines of its text."""
         source = "\n".join([f"def run({', '.join((*_ROWS, *_FIRST))}):", *self._all(self._unit.body, " ")])
         called: dict[str, Callable[..., Any]] = {
@@ -295,7 +296,7 @@ def _rest(dividend: int, divisor: int) -> int:
 
 
 #: what a unit's function calls
-_FUNCTIONS: Final[Mapping[str, Any]] = {"single": single, "divided": divided, "truncated": _truncated,
+_FUNCTIONS: Final[Mapping[str, Any]] = {"single": single, "divided": divide_single, "truncated": _truncated,
                                         "quotient": _quotient, "rest": _rest}
 #: operation or function and the kinds of its operands → the kind of what it makes, and how
 _MADE: Final[Mapping[tuple[str, ...], tuple[str, str]]] = {

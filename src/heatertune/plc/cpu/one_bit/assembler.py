@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.one_bit.instructions import MNEMONICS, OPERAND, Instruction, Operand, Program
+from heatertune.plc.cpu.one_bit.instructions import MNEMONICS, OPERAND, OneBitInstruction, OneBitProgram, Operand
 
 __all__ = ["Names", "assemble", "disassemble"]
 
@@ -37,22 +37,22 @@ class Names:
     registers: Mapping[str, int] = field(default_factory=dict)
 
 
-def assemble(text: str, names: Names, *, operand_bits: int) -> Program:
+def assemble(text: str, names: Names, *, operand_bits: int) -> OneBitProgram:
     """Return the program of a listing.
 
     Raises:
         InputError: a line that cannot be understood, an unknown name, a line number out of order.
         OutOfRange: an operand or the program is too large for the ROM.
     """
-    lines: list[Instruction] = []
+    lines: list[OneBitInstruction] = []
     for row in text.splitlines():
         line = row.partition(";")[0].strip()
         if line:
             lines.append(_instruction(line, len(lines), names))
-    return Program(operand_bits=operand_bits, lines=tuple(lines))
+    return OneBitProgram(operand_bits=operand_bits, lines=tuple(lines))
 
 
-def _instruction(line: str, number: int, names: Names) -> Instruction:
+def _instruction(line: str, number: int, names: Names) -> OneBitInstruction:
     match = _LINE.fullmatch(line)
     if match is None or match["mnemonic"] not in _OPS:
         raise InputError(f"line {number}: {line!r} is no instruction; known: {', '.join(_OPS)}")
@@ -63,7 +63,7 @@ def _instruction(line: str, number: int, names: Names) -> Instruction:
     if (operand is None) != (kind is Operand.NONE):
         wanted = "no operand" if kind is Operand.NONE else "an operand"
         raise InputError(f"line {number}: {line!r}; {match['mnemonic']} has {wanted}")
-    return Instruction(op) if operand is None else Instruction(op, _operand(operand, kind, number, names))
+    return OneBitInstruction(op) if operand is None else OneBitInstruction(op, _operand(operand, kind, number, names))
 
 
 def _operand(text: str, kind: Operand, number: int, names: Names) -> int:
@@ -82,7 +82,7 @@ def _table(kind: Operand, names: Names) -> Mapping[str, int]:
     return {Operand.BIT: names.bits, Operand.REGISTER: names.registers}.get(kind, {})
 
 
-def disassemble(program: Program, names: Names | None = None) -> str:
+def disassemble(program: OneBitProgram, names: Names | None = None) -> str:
     """Return the listing; an address that has one name goes by it, others by their number."""
     names = names or Names()
     lines = []

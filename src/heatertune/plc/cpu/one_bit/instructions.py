@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from heatertune.errors import InputError, OutOfRange
 
-__all__ = ["MNEMONICS", "OPERAND", "Instruction", "Op", "Operand", "Program", "from_image", "from_words"]
+__all__ = ["MNEMONICS", "OPERAND", "OneBitInstruction", "OneBitProgram", "Op", "Operand", "from_image", "from_words"]
 
 _CODE_BITS: Final = 4
 
@@ -74,7 +74,7 @@ OPERAND: Final[dict[Op, Operand]] = (
 )
 
 
-class Instruction(NamedTuple):
+class OneBitInstruction(NamedTuple):
     """One line: operation and operand (a bit's address, a line number, a register's address; 0 where it has none)."""
 
     op: Op
@@ -82,7 +82,7 @@ class Instruction(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Program:
+class OneBitProgram:
     """The lines of a program from line 0 on; the rest of the ROM is blank, which is NOP.
 
     Attributes:
@@ -94,7 +94,7 @@ class Program:
     """
 
     operand_bits: int
-    lines: tuple[Instruction, ...]
+    lines: tuple[OneBitInstruction, ...]
 
     def __post_init__(self) -> None:
         if len(self.lines) > self.size:
@@ -119,7 +119,7 @@ class Program:
         return b"".join(word.to_bytes(_width(self.operand_bits), "big") for word in self.words)
 
 
-def from_words(words: tuple[int, ...], operand_bits: int) -> Program:
+def from_words(words: tuple[int, ...], operand_bits: int) -> OneBitProgram:
     """Return the program of these code words.
 
     Raises:
@@ -130,11 +130,11 @@ def from_words(words: tuple[int, ...], operand_bits: int) -> Program:
         code, operand = word >> operand_bits, word & (1 << operand_bits) - 1
         if code not in Op.__members__.values():
             raise OutOfRange(f"code of line {number}", code, f"0…{max(Op)}")
-        lines.append(Instruction(Op(code), operand))
-    return Program(operand_bits=operand_bits, lines=tuple(lines))
+        lines.append(OneBitInstruction(Op(code), operand))
+    return OneBitProgram(operand_bits=operand_bits, lines=tuple(lines))
 
 
-def from_image(image: bytes, operand_bits: int) -> Program:
+def from_image(image: bytes, operand_bits: int) -> OneBitProgram:
     """Return the program of a ROM image.
 
     Raises:

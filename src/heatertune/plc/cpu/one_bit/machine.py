@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from heatertune.errors import OutOfRange
-from heatertune.plc.cpu.one_bit.instructions import Op, Program
+from heatertune.plc.cpu.one_bit.instructions import OneBitProgram, Op
 
-__all__ = ["MOST_STEPS", "START", "State", "Wiring", "scan"]
+__all__ = ["MOST_STEPS", "START", "OneBitState", "Wiring", "scan"]
 
 #: instructions after which a scan that has not come back to line 0 is cut
 MOST_STEPS: Final = 1000
@@ -50,7 +50,7 @@ class Wiring:
                 raise OutOfRange("preset", preset, ">= 0")
 
 
-class State(NamedTuple):
+class OneBitState(NamedTuple):
     """What the processor remembers from one scan to the next.
 
     `outputs` has bit n set where the output at address n is on; `timers` holds address → time since the start [ms] of
@@ -75,13 +75,13 @@ class State(NamedTuple):
 
 
 #: after power-on: everything off
-START: Final = State()
+START: Final = OneBitState()
 
 
 def scan(
-    program: Program, wiring: Wiring, state: State, *, on: frozenset[int] = frozenset(),
+    program: OneBitProgram, wiring: Wiring, state: OneBitState, *, on: frozenset[int] = frozenset(),
     registers: tuple[int, ...] = (), elapsed_ms: int = 0,
-) -> State:
+) -> OneBitState:
     """Run one scan; pure and total.
 
     Args:
@@ -92,7 +92,7 @@ def scan(
         registers: the numbers that Load reads, taken as 16-bit words; one that is not there reads 0.
         elapsed_ms: time since the scan before [ms].
     """
-    machine = _Machine(wiring, state, on, registers, elapsed_ms)
+    machine = _OneBitProcessor(wiring, state, on, registers, elapsed_ms)
     lines, line = program.lines, 0
     for _ in range(MOST_STEPS):
         if line >= len(lines):  # blank ROM does nothing until the program counter rolls over
@@ -104,11 +104,11 @@ def scan(
     return machine.state(endless=True)
 
 
-class _Machine:
+class _OneBitProcessor:
     """The processor within one scan."""
 
     def __init__(
-        self, wiring: Wiring, state: State, on: frozenset[int], registers: tuple[int, ...], elapsed_ms: int
+        self, wiring: Wiring, state: OneBitState, on: frozenset[int], registers: tuple[int, ...], elapsed_ms: int
     ) -> None:
         self._wiring, self._on, self._registers = wiring, on, registers
         self._outputs, self._cff, self._in_series = state.outputs, state.cff, state.in_series
@@ -117,9 +117,9 @@ class _Machine:
         self._timers = {at: min(since + elapsed_ms, wiring.timers[at]) for at, since in state.timers}
         self._counters = dict(state.counters)
 
-    def state(self, *, endless: bool) -> State:
+    def state(self, *, endless: bool) -> OneBitState:
         """Return what is remembered."""
-        return State(
+        return OneBitState(
             self._outputs, self._cff, self._in_series, self._ac1, self._ac2, self._compared,
             tuple(self._timers.items()), tuple(self._counters.items()), self._overflow, endless,
         )
@@ -187,9 +187,9 @@ class _Machine:
 
 
 #: what needs no condition flip-flop
-_NUMERIC: Final[dict[Op, Callable[[_Machine, int], None]]] = {
+_NUMERIC: Final[dict[Op, Callable[[_OneBitProcessor, int], None]]] = {
     Op.NOP: lambda _machine, _operand: None,
-    Op.LOAD: _Machine.load,
+    Op.LOAD: _OneBitProcessor.load,
     Op.ADD: lambda machine, _operand: machine.add(1),
     Op.SUB: lambda machine, _operand: machine.add(-1),
     Op.COMP: lambda machine, _operand: machine.compare(),

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-__all__ = ["CONDITION", "OFF", "ROM", "Unit", "clock"]
+__all__ = ["CONDITION", "OFF", "ROM", "ControlUnit", "clock"]
 
 #: state 1 of figure 3: heater and fan off; 0b10: fan on, 0b11: fan and heater on, 0b00: the same, watching the fan
 OFF: Final = 0b01
@@ -21,7 +21,7 @@ CONDITION: Final[Mapping[int, str]] = {0b00: "D", 0b01: "A", 0b10: "B", 0b11: "C
 ROM: Final = (0b0111, 0b1111, 0b0100, 0b1000, 0b1010, 0b1110, 0b0011, 0b0111)
 
 
-class Unit(NamedTuple):
+class ControlUnit(NamedTuple):
     """State and outputs of the control unit."""
 
     state: int = OFF
@@ -29,7 +29,7 @@ class Unit(NamedTuple):
     heater: bool = False
 
 
-def clock(unit: Unit, inputs: Mapping[str, bool]) -> Unit:
+def clock(unit: ControlUnit, inputs: Mapping[str, bool]) -> ControlUnit:
     """Return the unit after one clock pulse; the outputs are those of its new state.
 
     Args:
@@ -38,7 +38,7 @@ def clock(unit: Unit, inputs: Mapping[str, bool]) -> Unit:
     """
     state = _word(unit.state, inputs) >> 2
     word = _word(state, inputs)  # fan and heater stand in both words of a state alike
-    return Unit(state, bool(word & 2), bool(word & 1))
+    return ControlUnit(state, bool(word & 2), bool(word & 1))
 
 
 def _word(state: int, inputs: Mapping[str, bool]) -> int:

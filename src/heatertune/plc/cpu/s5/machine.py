@@ -12,9 +12,9 @@ from functools import partial
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.statements import Accumulators, Line, Run, Translation
+from heatertune.plc.cpu.statements import Accumulators, Run, StatementLine, Translation
 
-__all__ = ["Cpu"]
+__all__ = ["S5Cpu"]
 
 _CONSTANTS: Final = {"KF": 10, "KB": 10, "KH": 16, "KM": 2}
 _COMPARED: Final = {"!=F": "==", "><F": "!=", ">F": ">", ">=F": ">=", "<F": "<", "<=F": "<="}
@@ -23,7 +23,7 @@ _MULTIPLIER: Final = "FB 242"
 _PARAMETERS: Final = ("Z1", "Z2", "Z3=0", "Z32", "Z31")
 
 
-class Cpu(Accumulators):
+class S5Cpu(Accumulators):
     """A CPU with a listing in its memory.
 
     Attributes:
@@ -72,15 +72,15 @@ class Cpu(Accumulators):
         self.open = before
 
 
-def _on_open_block(effect: Callable[[list[int]], None], cpu: Cpu) -> None:
+def _on_open_block(effect: Callable[[list[int]], None], cpu: S5Cpu) -> None:
     effect(cpu.open)
 
 
-def _blocks(listing: str) -> tuple[dict[str, list[Line]], dict[int, list[int]]]:
+def _blocks(listing: str) -> tuple[dict[str, list[StatementLine]], dict[int, list[int]]]:
     """Return the statements of each block, and the words of each data block."""
-    code: dict[str, list[Line]] = {}
+    code: dict[str, list[StatementLine]] = {}
     data: dict[int, list[int]] = {}
-    statements, words = list[Line](), list[int]()
+    statements, words = list[StatementLine](), list[int]()
     for number, line in enumerate(listing.splitlines(), 1):
         if not line or line.startswith(("//", "NAME")):
             continue
@@ -91,7 +91,7 @@ def _blocks(listing: str) -> tuple[dict[str, list[Line]], dict[int, list[int]]]:
         elif word := re.match(r" *\d+: +(K\w) = ([^;]+);", line):
             words.append(_constant(word[1], word[2], f"line {number}"))
         elif found := re.fullmatch(r"([\w=]*) *:(\S+) *([^;]*?) *(;.*)?", line):
-            statements.append(Line(number, found[1], found[2], found[3]))
+            statements.append(StatementLine(number, found[1], found[2], found[3]))
         else:
             raise InputError(f"line {number}: {line.strip()!r}; expected a block, a data word or a statement")
     for name, block in code.items():
@@ -116,16 +116,16 @@ class _Translated(Translation):
     keep = "cpu.one, cpu.two, cpu.true, cpu.open = one, two, true, dw"
     take = "one, two, true, dw = cpu.one, cpu.two, cpu.true, cpu.open"
 
-    def __init__(self, lines: list[Line], known: set[str], cpu: Cpu, code: Mapping[str, Run]) -> None:
+    def __init__(self, lines: list[StatementLine], known: set[str], cpu: S5Cpu, code: Mapping[str, Run]) -> None:
         super().__init__(lines)
         self._known = known
         self.names |= {"data": cpu.data, "inputs": cpu.inputs, "outputs": cpu.outputs, "code": code}
 
-    def ends(self, line: Line) -> str | None:
+    def ends(self, line: StatementLine) -> str | None:
         label = line.operand[1:] if line.operation in ("JU", "JC") and line.operand.startswith("=") else None
         return "" if line.operation in ("BE", "BEC") else label
 
-    def statement(self, at: int, line: Line) -> list[str]:  # noqa: C901, PLR0911, PLR0912 - one branch for each kind
+    def statement(self, at: int, line: StatementLine) -> list[str]:  # noqa: C901, PLR0911, PLR0912 - one branch for each kind
         name, operand = line.operation, line.operand
         kind, _, rest = operand.partition(" ")
         match name, kind:
@@ -166,7 +166,7 @@ def _wrapped(value: str) -> str:
     return f"({value} + 32768 & 65535) - 32768"
 
 
-def _moved(name: str, kind: str, rest: str, line: Line) -> str:
+def _moved(name: str, kind: str, rest: str, line: StatementLine) -> str:
     """Return the text of a load, at which ACCU 1 goes to ACCU 2, or of what writes ACCU 1 somewhere."""
     match name, kind:
         case _, "DW" if rest.isdigit():
@@ -180,7 +180,7 @@ def _moved(name: str, kind: str, rest: str, line: Line) -> str:
     raise InputError
 
 
-def _product(given: Sequence[Line]) -> list[str]:
+def _product(given: Sequence[StatementLine]) -> list[str]:
     """Return the text of a call of the multiplier with the parameters behind it.
 
     Raises:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["added", "divided", "high_word", "multiplied", "signed"]
+__all__ = ["add_integers", "divide_integers", "high_word", "multiply_integers", "to_signed"]
 
 _WORD: Final = 1 << 16
 
 
-def signed(value: int, bits: int) -> int:
+def to_signed(value: int, bits: int) -> int:
     """Return the low bits of a number as a signed one."""
     half = 1 << (bits - 1)
     return (value + half) % (2 * half) - half
@@ -24,25 +24,25 @@ def high_word(value: int) -> int:
     return value >> 16
 
 
-def added(output: int, operand: int, bits: int, wrap: bool) -> tuple[int, bool]:
+def add_integers(output: int, operand: int, bits: int, wrap: bool) -> tuple[int, bool]:
     """+I, −I, +D, −D: output plus operand (negative for a difference), and whether it overflows."""
-    wrapped = signed(output + operand, bits)
+    wrapped = to_signed(output + operand, bits)
     if wrapped == output + operand:
         return wrapped, False
     return (wrapped if wrap else output), True
 
 
-def multiplied(first: int, second: int) -> int:
+def multiply_integers(first: int, second: int) -> int:
     """MUL: the low words of both → double word; it cannot overflow."""
-    return signed(first, 16) * signed(second, 16)
+    return to_signed(first, 16) * to_signed(second, 16)
 
 
-def divided(dividend: int, divisor: int) -> tuple[int, bool]:
+def divide_integers(dividend: int, divisor: int) -> tuple[int, bool]:
     """DIV: low word of `dividend` / divisor → remainder in the high word, quotient in the low word.
 
     Returns the double word and whether SM1.3 (division by zero) is set; then the operand stays.
     """
-    low = signed(dividend, 16)
+    low = to_signed(dividend, 16)
     if divisor == 0:
         return dividend, True
     quotient = abs(low) // abs(divisor) * (1 if (low < 0) == (divisor < 0) else -1)

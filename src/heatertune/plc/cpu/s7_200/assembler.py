@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.s7_200.cpu import Program
+from heatertune.plc.cpu.s7_200.cpu import S7200Program
 from heatertune.plc.cpu.s7_200.instructions import block_number, instruction, is_subroutine
 from heatertune.plc.cpu.s7_200.opcodes import ATCH, CALL, END, ROW
 
@@ -22,7 +22,7 @@ _Rows = dict[int, list[tuple[int, str, list[int]]]]
 
 
 @lru_cache(maxsize=64)
-def assemble(text: str) -> Program:
+def assemble(text: str) -> S7200Program:
     """Return a program.
 
     Raises:
@@ -61,11 +61,11 @@ def _check_calls(rows: _Rows) -> None:
                 raise InputError(f"line {number}: {code!r}: only OB1 and interrupts call subroutines here")
 
 
-def _laid_out(rows: _Rows) -> Program:
+def _laid_out(rows: _Rows) -> S7200Program:
     code, begins = array("q"), array("q", [-1] * (1 + max(rows, default=0)))
     for block, lines in rows.items():
         begins[block] = len(code)
         for *_, row in lines:
             code.extend(row)
         code.extend([END] + [0] * (ROW - 1))
-    return Program(code, begins)
+    return S7200Program(code, begins)

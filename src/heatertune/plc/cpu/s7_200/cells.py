@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 __all__ = [
     "ATTACHED", "BEGUN", "CYCLE", "ENABLED", "EVENTS", "FAULTS", "PULSED", "SIZE", "V_BEGIN", "V_END", "WHOLE",
-    "WIDTH", "Cell", "bit", "cell", "constant",
+    "WIDTH", "MemoryCell", "bit", "cell", "constant",
 ]
 
 #: area → where it begins in the memory, and its size in bytes
@@ -46,7 +46,7 @@ _ACCUMULATOR: Final = re.compile(r"AC([0-3])")
 _HEX: Final = re.compile(r"16#([0-9A-Fa-f]{1,8})")
 
 
-class Cell(NamedTuple):
+class MemoryCell(NamedTuple):
     """A byte, word or double word."""
 
     start: int
@@ -54,18 +54,18 @@ class Cell(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def cell(text: str, width: int) -> Cell:
+def cell(text: str, width: int) -> MemoryCell:
     """Return the place of a cell that an instruction of this width [bytes] uses.
 
     Raises:
         ValueError: no address, none of this width, or beyond its area.
     """
     if match := _ACCUMULATOR.fullmatch(text):
-        return Cell(_AREAS["AC"][0] + 4 * int(match[1]) + 4 - width, width)
+        return MemoryCell(_AREAS["AC"][0] + 4 * int(match[1]) + 4 - width, width)
     match = _CELL.fullmatch(text)
     if match is None or _WIDTHS[match[2]] != width:
         raise ValueError(text)
-    return Cell(_place(match[1], int(match[3]), width), width)
+    return MemoryCell(_place(match[1], int(match[3]), width), width)
 
 
 def bit(text: str) -> tuple[int, int]:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from array import array
 from typing import Final, NamedTuple
 
-from heatertune.plc.cpu.s7_200.arithmetic import added, divided, multiplied, signed
+from heatertune.plc.cpu.s7_200.arithmetic import add_integers, divide_integers, multiply_integers, to_signed
 from heatertune.plc.cpu.s7_200.cells import ATTACHED, CYCLE, ENABLED, FAULTS, PULSED, WIDTH, cell
-from heatertune.plc.cpu.s7_200.memory import double, number, put, put_double, put_word, word
+from heatertune.plc.cpu.s7_200.memory import double, number, put_double, put_word, word, write_number
 from heatertune.plc.cpu.s7_200.opcodes import (
     ADD_D,
     ADD_W,
@@ -41,9 +41,9 @@ from heatertune.plc.cpu.s7_200.opcodes import (
     SHIFT_D,
 )
 from heatertune.plc.cpu.s7_200.real import calculate
-from heatertune.plc.single import real_of
+from heatertune.plc.single_precision import real_of
 
-__all__ = ["Program", "carry_out", "flag"]
+__all__ = ["S7200Program", "carry_out", "flag"]
 
 _ZERO, _OVERFLOW, _NEGATIVE, _BY_ZERO = 1, 2, 4, 8  # bits of SMB1
 _SMB1: Final = cell("SMB1", 1).start
@@ -51,7 +51,7 @@ _CONTROL, _CYCLE, _WIDTH = (cell(name, width).start for name, width in (("SMB67"
 _PWM_ENABLED: Final = 0xC0
 
 
-class Program(NamedTuple):
+class S7200Program(NamedTuple):
     """A program as the CPU takes it.
 
     Attributes:
@@ -63,7 +63,7 @@ class Program(NamedTuple):
     begins: array[int]
 
 
-def carry_out(program: Program, memory: bytearray, block: int, wrap: bool) -> None:
+def carry_out(program: S7200Program, memory: bytearray, block: int, wrap: bool) -> None:
     """Carry out a block up to its end or its return.
 
     An instruction other than a load or an assignment is carried out where the top of the logic stack is 1.
@@ -133,7 +133,7 @@ def _act(code: array[int], at: int, memory: bytearray, wrap: bool) -> None:
     op, is_constant, operand, output = code[at], code[at + 1] != 0, code[at + 2], code[at + 4]
     if op <= LAST_MOVE:
         width = 1 if op == MOV_B else 2 if op == MOV_W else 4
-        put(memory, output, width, operand if is_constant else number(memory, operand, width))
+        write_number(memory, output, width, operand if is_constant else number(memory, operand, width))
     elif op <= LAST_SUM:
         _sum(memory, op, operand if is_constant else number(memory, operand, 2 if op < ADD_D else 4), output, wrap)
     elif op <= LAST_SHIFT:
@@ -149,8 +149,8 @@ def _act(code: array[int], at: int, memory: bytearray, wrap: bool) -> None:
 def _sum(memory: bytearray, op: int, operand: int, output: int, wrap: bool) -> None:
     width = 2 if op < ADD_D else 4
     operand = operand if op in (ADD_W, ADD_D) else -operand
-    result, overflow = added(number(memory, output, width), operand, 8 * width, wrap)
-    put(memory, output, width, result)
+    result, overflow = add_integers(number(memory, output, width), operand, 8 * width, wrap)
+    write_number(memory, output, width, result)
     flag(memory, result, overflow, False)
 
 
@@ -159,8 +159,8 @@ def _combine(memory: bytearray, op: int, is_constant: bool, operand: int, output
     before = double(memory, output)
     if op < AND_D:
         factor = operand if is_constant else word(memory, operand)
-        after, by_zero = (multiplied(factor, before), False) if op == MUL else divided(before, factor)
-        flag(memory, after if op == MUL else signed(after, 16), False, by_zero)
+        after, by_zero = (multiply_integers(factor, before), False) if op == MUL else divide_integers(before, factor)
+        flag(memory, after if op == MUL else to_signed(after, 16), False, by_zero)
     elif op == SHIFT_D:
         after = (before & 0xFFFFFFFF) >> min(operand if is_constant else number(memory, operand, 1), 32)
     else:

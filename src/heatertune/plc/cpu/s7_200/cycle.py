@@ -8,13 +8,14 @@ from typing import Final, NamedTuple
 from heatertune.errors import OutOfRange
 from heatertune.pid.timer import Timer
 from heatertune.plc.cpu.s7_200.cells import ATTACHED, BEGUN, ENABLED, FAULTS, WIDTH, bit, cell
-from heatertune.plc.cpu.s7_200.cpu import Program, carry_out
+from heatertune.plc.cpu.s7_200.cpu import S7200Program, carry_out
 from heatertune.plc.cpu.s7_200.memory import put_word, word
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import WordField, Words, kept_by
 
 __all__ = [
-    "MOST", "TICK_FIELDS", "TIMER", "Timed", "check_cycle", "cycle_ms", "cycle_s", "run_cycle", "ticks_of", "timed",
+    "MOST", "TICK_FIELDS", "TIMER", "TimedProgram", "check_cycle", "cycle_ms", "cycle_s", "run_cycle", "ticks_of",
+    "timed_program",
     "whole_cycle",
 ]
 
@@ -68,7 +69,7 @@ def whole_cycle(ta: float) -> int:
     return round(1000.0 * kept_by(TIMER, ta))
 
 
-class Timed(NamedTuple):
+class TimedProgram(NamedTuple):
     """A program that computes in timed interrupt 0.
 
     Attributes:
@@ -78,13 +79,14 @@ class Timed(NamedTuple):
         next_cycle: whether a width shapes the PWM cycle after the one in which it is written.
     """
 
-    program: Program
+    program: S7200Program
     cycle_ms: int
     countdown: int
     next_cycle: bool
 
 
-def timed(program: Program, values: Mapping[str, int], countdown: str, *, next_cycle: bool) -> Timed:
+def timed_program(program: S7200Program, values: Mapping[str, int], countdown: str, *,
+                  next_cycle: bool) -> TimedProgram:
     """Return a program that computes in timed interrupt 0.
 
     Args:
@@ -93,10 +95,10 @@ def timed(program: Program, values: Mapping[str, int], countdown: str, *, next_c
         countdown: address of the word of the ticks to go.
         next_cycle: as the attribute.
     """
-    return Timed(program, cycle_ms(values), cell(countdown, 2).start, next_cycle)
+    return TimedProgram(program, cycle_ms(values), cell(countdown, 2).start, next_cycle)
 
 
-def run_cycle(timed: Timed, memory: bytearray) -> tuple[float, int, int]:
+def run_cycle(timed: TimedProgram, memory: bytearray) -> tuple[float, int, int]:
     """Run the first scan, once, and the timed interrupt in which the program computes.
 
     Args:

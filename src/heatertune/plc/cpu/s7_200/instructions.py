@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 from heatertune.plc.cpu.s7_200 import opcodes
-from heatertune.plc.cpu.s7_200.arithmetic import signed
+from heatertune.plc.cpu.s7_200.arithmetic import to_signed
 from heatertune.plc.cpu.s7_200.cells import EVENTS, bit, cell, constant
-from heatertune.plc.single import single, word_of
+from heatertune.plc.single_precision import single, word_of
 
 __all__ = ["block_number", "instruction", "is_subroutine"]
 
@@ -75,7 +75,7 @@ def _operand(text: str, width: int) -> _Operand:
     value = constant(text)
     if value is None:
         return _place(text, width)
-    return _fixed(value & 0xFF if width == 1 else signed(value, 8 * width))
+    return _fixed(value & 0xFF if width == 1 else to_signed(value, 8 * width))
 
 
 def _real(text: str) -> _Operand:

@@ -5,9 +5,9 @@ Plain functions of numbers and bytes, which run compiled too.
 
 from __future__ import annotations
 
-from heatertune.plc.single import real_of, word_of
+from heatertune.plc.single_precision import real_of, word_of
 
-__all__ = ["double", "number", "put", "put_double", "put_real", "put_word", "real", "word"]
+__all__ = ["double", "number", "put_double", "put_real", "put_word", "real", "word", "write_number"]
 
 
 def word(memory: bytearray, at: int) -> int:
@@ -43,7 +43,7 @@ def number(memory: bytearray, at: int, width: int) -> int:
     return double(memory, at) if width == 4 else memory[at] * 1
 
 
-def put(memory: bytearray, at: int, width: int, value: int) -> None:
+def write_number(memory: bytearray, at: int, width: int, value: int) -> None:
     """Write the low bytes of a number."""
     if width == 2:
         put_word(memory, at, value)

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import first_unlike, lines_of, real_of, whole_of, wrong
 
-__all__ = ["Loaded", "Memory", "difference", "is_program", "loads", "statements"]
+__all__ = ["DataBlockMemory", "LoadedNumber", "difference", "is_program", "loads", "statements"]
 
 _PROGRAM: Final = re.compile(r"^[ \t]*(?:(?:ORGANIZATION|SUBROUTINE|INTERRUPT)_BLOCK|NETWORK|LD|MEND)\b",
                              re.IGNORECASE | re.MULTILINE)
@@ -25,7 +25,7 @@ _LOAD: Final = re.compile(r"MOV([BWDR])")
 _EXAMPLE: Final = "an entry such as VW200 1234 or VD112 2.5"
 
 
-class Loaded(NamedTuple):
+class LoadedNumber(NamedTuple):
     """A number that stands in a text."""
 
     line: int
@@ -46,7 +46,7 @@ class _Byte(NamedTuple):
     decimal: bool  # typed as a decimal whole number
 
 
-class Memory:
+class DataBlockMemory:
     """V memory as the entries of a data block fill it.
 
     Args:
@@ -90,7 +90,7 @@ class Memory:
             self._bytes[number] = _Byte(value, line, f"V{size}{place}", shown, decimal)
         return place + len(packed)
 
-    def read(self, name: str, address: str, *, real: bool) -> Loaded | None:
+    def read(self, name: str, address: str, *, real: bool) -> LoadedNumber | None:
         """Return what stands at an address, None where nothing does.
 
         Raises:
@@ -109,7 +109,7 @@ class Memory:
             raise wrong(self._source, first.line, name, first.shown, "a REAL with a point, or the CPU holds another")
         content = bytes(cell.value for cell in there)
         code = ">f" if real else {1: ">B", 2: ">h", 4: ">i"}[size]
-        return Loaded(first.line, first.shown, struct.unpack(code, content)[0])
+        return LoadedNumber(first.line, first.shown, struct.unpack(code, content)[0])
 
     @property
     def rest(self) -> tuple[str, ...]:
@@ -142,13 +142,13 @@ def statements(text: str) -> Iterator[tuple[int, str, list[str]]]:
             yield line, name.upper(), [part.strip() for part in rest.split(",")]
 
 
-def loads(text: str, source: str) -> dict[str, list[Loaded]]:
+def loads(text: str, source: str) -> dict[str, list[LoadedNumber]]:
     """Return address → the constants that a program moves there, in its order.
 
     Raises:
         InputError: what looks like a constant and is none.
     """
-    moved: dict[str, list[Loaded]] = {}
+    moved: dict[str, list[LoadedNumber]] = {}
     for line, name, operands in statements(text):
         match = _LOAD.fullmatch(name)
         if match is None or len(operands) != 2 or not re.match(r"[+\-.\d]", operands[0]):
@@ -157,7 +157,7 @@ def loads(text: str, source: str) -> dict[str, list[Loaded]]:
         value = real_of(shown) if match[1] == "R" else whole_of(shown)
         if value is None:
             raise wrong(source, line, address, shown, "a REAL" if match[1] == "R" else "a whole number")
-        moved.setdefault(address.upper(), []).append(Loaded(line, shown, value))
+        moved.setdefault(address.upper(), []).append(LoadedNumber(line, shown, value))
     return moved
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from heatertune.plc.cpu.s7_200.arithmetic import signed
+from heatertune.plc.cpu.s7_200.arithmetic import to_signed
 from heatertune.plc.cpu.s7_200.memory import double, put_double, put_real, real, word
 from heatertune.plc.cpu.s7_200.opcodes import DIV_R, DTR, ITD, MUL_R, ROUND
-from heatertune.plc.single import divided, real_of, single
+from heatertune.plc.single_precision import divide_single, real_of, single
 
 __all__ = ["calculate"]
 
@@ -43,7 +43,7 @@ def calculate(memory: bytearray, op: int, is_constant: bool, operand: int, outpu
     if op == ROUND:
         return _round(memory, value, output)
     before = real(memory, output)
-    result = single(before * value) if op == MUL_R else divided(before, value)
+    result = single(before * value) if op == MUL_R else divide_single(before, value)
     if not math.isfinite(result):
         return 2
     put_real(memory, output, result)
@@ -53,7 +53,7 @@ def calculate(memory: bytearray, op: int, is_constant: bool, operand: int, outpu
 def _round(memory: bytearray, value: float, output: int) -> int:
     if not (math.isfinite(value) and abs(value) + 0.5 <= _LARGEST):
         return 2
-    put_double(memory, output, signed(int(math.copysign(math.floor(abs(value) + 0.5), value)), 32))
+    put_double(memory, output, to_signed(int(math.copysign(math.floor(abs(value) + 0.5), value)), 32))
     return 1
 
 
@@ -71,8 +71,8 @@ def _pid(memory: bytearray, table: int) -> int:
     error = single(sp - pv)
     factor = kc if kc != 0.0 else 1.0
     proportional = single(kc * error)
-    change = single(single(factor * divided(ts, single(_SECONDS * ti))) * error)
-    derivative = single(single(factor * divided(single(_SECONDS * td), ts)) * single(before - pv))
+    change = single(single(factor * divide_single(ts, single(_SECONDS * ti))) * error)
+    derivative = single(single(factor * divide_single(single(_SECONDS * td), ts)) * single(before - pv))
     integral = single(change + mx)
     output = single(single(proportional + integral) + derivative)
     bias = integral

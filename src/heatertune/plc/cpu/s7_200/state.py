@@ -16,16 +16,16 @@ from heatertune.plc.cpu.s7_200.cells import (
     bit,
     cell,
 )
-from heatertune.plc.cpu.s7_200.cpu import Program, carry_out
+from heatertune.plc.cpu.s7_200.cpu import S7200Program, carry_out
 from heatertune.plc.cpu.s7_200.instructions import block_number
-from heatertune.plc.cpu.s7_200.memory import number, put
+from heatertune.plc.cpu.s7_200.memory import number, write_number
 
-__all__ = ["COLD", "State", "own", "restarted", "run", "started"]
+__all__ = ["COLD", "S7200State", "cold_start", "own", "run", "warm_start"]
 
 _ALWAYS: Final = bit("SM0.0")
 
 
-class State(NamedTuple):
+class S7200State(NamedTuple):
     """An S7-200 between two passes through a block.
 
     Attributes:
@@ -39,7 +39,7 @@ class State(NamedTuple):
         """Return a byte (unsigned), word or double word (signed) by its address."""
         return number(self.memory, *cell(name, _width_of(name)))
 
-    def written(self, values: Mapping[str, int]) -> State:
+    def written(self, values: Mapping[str, int]) -> S7200State:
         """Return the state with some bytes, words or bits written from outside: inputs, special memory."""
         memory = bytearray(self.memory)
         for name, value in values.items():
@@ -47,8 +47,8 @@ class State(NamedTuple):
                 byte, mask = bit(name)
                 memory[byte] = memory[byte] | mask if value else memory[byte] & ~mask
             else:
-                put(memory, *cell(name, _width_of(name)), value)
-        return State(memory)
+                write_number(memory, *cell(name, _width_of(name)), value)
+        return S7200State(memory)
 
     @property
     def cycle(self) -> int:
@@ -80,12 +80,12 @@ def _width_of(name: str) -> int:
     return {"B": 1, "W": 2, "D": 4}[name.rstrip("0123456789")[-1]]
 
 
-def own(state: State) -> State:
+def own(state: S7200State) -> S7200State:
     """Return a copy, whose memory may be changed."""
-    return State(bytearray(state.memory))
+    return S7200State(bytearray(state.memory))
 
 
-def started(_parameters: object, state: State) -> State:
+def cold_start(_parameters: object, state: S7200State) -> S7200State:
     """Return the state, made that of a CPU whose memory was lost; SM0.0 is always 1."""
     for at in range(WHOLE):
         state.memory[at] = 0
@@ -93,7 +93,7 @@ def started(_parameters: object, state: State) -> State:
     return state
 
 
-def restarted(_parameters: object, _cold: State, state: State) -> State:
+def warm_start(_parameters: object, _cold: S7200State, state: S7200State) -> S7200State:
     """Return the state, made that after a start-up that finds V memory as it was, and all else cleared."""
     for at in range(WHOLE):
         if at < V_BEGIN or at >= V_END:
@@ -103,10 +103,10 @@ def restarted(_parameters: object, _cold: State, state: State) -> State:
 
 
 #: after power-up with nothing retained
-COLD: Final = started(None, State(bytearray(WHOLE)))
+COLD: Final = cold_start(None, S7200State(bytearray(WHOLE)))
 
 
-def run(program: Program, block: str, state: State, *, wrap: bool = False) -> State:
+def run(program: S7200Program, block: str, state: S7200State, *, wrap: bool = False) -> S7200State:
     """Return the state after one pass through a block; OB1 once is one scan.
 
     Args:
@@ -117,4 +117,4 @@ def run(program: Program, block: str, state: State, *, wrap: bool = False) -> St
     """
     memory = bytearray(state.memory)
     carry_out(program, memory, block_number(block), wrap)
-    return State(memory)
+    return S7200State(memory)

@@ -7,7 +7,7 @@ from typing import Final
 
 from heatertune.plc.cpu.letters import in_ascii
 from heatertune.plc.cpu.s7_200.cells import cell
-from heatertune.plc.open_points import Switch
+from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.words import Certificate, Scaling, Words
 
 __all__ = ["COUNTS", "SWITCH", "WIDTH_APPLIES", "clock", "counts_wired", "head", "ms_per_count", "wire"]
@@ -17,9 +17,9 @@ COUNTS: Final = 255
 _INPUTS: Final = cell("IB0", 1).start
 _ADJUSTMENT_0: Final = cell("SMB28", 1).start
 
-WIDTH_APPLIES: Final = Switch(
+WIDTH_APPLIES: Final = OpenPoint(
     name="width_applies", means={"this_cycle": False, "next_cycle": True},
-    why="whether a width written at the start of a PWM cycle shapes that cycle or the one after",
+    reason="whether a width written at the start of a PWM cycle shapes that cycle or the one after",
 )
 
 

@@ -8,13 +8,13 @@ from typing import Final, NamedTuple
 from heatertune.plc.cpu.s7_300 import awl
 from heatertune.plc.ramp import Number
 
-__all__ = ["Member", "block", "operands"]
+__all__ = ["BlockMember", "block", "operands"]
 
 #: type → letter of its operand, and bytes
 _SIZES: Final = {"INT": ("W", 2), "DINT": ("D", 4), "REAL": ("D", 4)}
 
 
-class Member(NamedTuple):
+class BlockMember(NamedTuple):
     """A member of a data block: its name, type, value after loading, and meaning."""
 
     name: str
@@ -23,12 +23,12 @@ class Member(NamedTuple):
     meaning: str
 
 
-def operands(number: int, members: Sequence[Member]) -> Mapping[str, str]:
+def operands(number: int, members: Sequence[BlockMember]) -> Mapping[str, str]:
     """Return name → operand in statements, as "DB101.DBX    0.0" or "DB101.DBD    4"."""
     return {member.name: f"DB{number}.{place}" for member, place in zip(members, _places(members), strict=True)}
 
 
-def block(number: int, title: str, members: Sequence[Member]) -> list[str]:
+def block(number: int, title: str, members: Sequence[BlockMember]) -> list[str]:
     """Return the source of a data block with these members."""
     places = ["".join(place.split()) for place in _places(members)]
     return [
@@ -39,18 +39,18 @@ def block(number: int, title: str, members: Sequence[Member]) -> list[str]:
     ]
 
 
-def values(members: Sequence[Member]) -> list[str]:
+def values(members: Sequence[BlockMember]) -> list[str]:
     """Return the assignments between BEGIN and the end of a data block."""
     return [f"  {one.name} := {_literal(one)} ;" for one in members]
 
 
-def _literal(member: Member) -> str:
+def _literal(member: BlockMember) -> str:
     if member.type in ("INT", "DINT"):
         return f"{'L#' if member.type == 'DINT' else ''}{int(member.value)}"
     return awl.literal(member.type, member.value)
 
 
-def _places(members: Sequence[Member]) -> Iterator[str]:
+def _places(members: Sequence[BlockMember]) -> Iterator[str]:
     """Yield the operands: bits one after the other, all else from an even byte on."""
     byte = bit = 0
     for member in members:

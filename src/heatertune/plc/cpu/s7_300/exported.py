@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from typing import Final, cast, final
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.s7_300.machine import Cpu, Firmware
+from heatertune.plc.cpu.s7_300.machine import Firmware, S7300Cpu
 from heatertune.plc.cpu.s7_300.program import DATA, PWM_DATA
 from heatertune.plc.cpu.s7_300.real import clamp
-from heatertune.plc.cpu.s7_300.source import as_real, signed
-from heatertune.plc.exported import Called, Exported
+from heatertune.plc.cpu.s7_300.source import as_real, signed_number
+from heatertune.plc.exported import CallResult, ExportedInPlc
 from heatertune.plc.pwm import on_time, pulsegen
 from heatertune.plc.ramp import Number
 
@@ -32,7 +32,7 @@ class _Pulsegen:
     def __init__(self) -> None:
         self.calls, self.on = 0, 0
 
-    def __call__(self, _cpu: Cpu, words: dict[str, int]) -> None:
+    def __call__(self, _cpu: S7300Cpu, words: dict[str, int]) -> None:
         """Make the output of one call."""
         if words.get("COM_RST", 0):
             self.calls = 0
@@ -49,13 +49,13 @@ class _Pulsegen:
         self.calls = (self.calls + 1) % round(period / interval)
 
 
-class ExportedS7(Exported):
-    """See `heatertune.plc.exported.Exported`."""
+class ExportedS7(ExportedInPlc):
+    """See `heatertune.plc.exported.ExportedInPlc`."""
 
     def __init__(self, source: str, firmware: Mapping[str, Firmware]) -> None:
         """Load a source into a CPU with this firmware; raise InputError where it has what the CPU does not know."""
         self._pulsegen = _Pulsegen()
-        self._cpu = cpu = Cpu(source, {"FB 43": self._pulsegen, **firmware})
+        self._cpu = cpu = S7300Cpu(source, {"FB 43": self._pulsegen, **firmware})
         self._due, self._setpoint = cpu.member(_OWN, "TICKS"), cpu.member(_OWN, "SP")
         self._led = cpu.members[_OWN].get("LED")
         self._pwm = None if _PWM not in cpu.members else (cpu.member(_PWM, "TICK"), cpu.member(_PWM, "COUNT"))
@@ -95,14 +95,14 @@ class ExportedS7(Exported):
         self._begun = False
 
     @final
-    def call(self, asked: Number, counts: int, reading_degC: float) -> Called:
+    def call(self, asked: Number, counts: int, reading_degC: float) -> CallResult:
         """Run OB35 when the controller is due."""
         if self._begun:
             self._cpu.put(self._due, 0)
         return self.tick(asked, counts, reading_degC)[0]
 
     @final
-    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[Called, bool | None]:  # noqa: ARG002
+    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:  # noqa: ARG002
         """Run OB35."""
         cpu = self._cpu
         if self._asked not in (None, asked):
@@ -110,11 +110,11 @@ class ExportedS7(Exported):
         self._asked, self._begun = asked, True
         cpu.memory["P"][_INPUT : _INPUT + 2] = counts.to_bytes(2, "big")
         cpu.run("OB 35")
-        return Called(self._followed(), *self.outcome()), self._on() if self._switches else None
+        return CallResult(self._followed(), *self.outcome()), self._on() if self._switches else None
 
     def _followed(self) -> Number:
         if self._led is not None:
-            return signed(self._cpu.get(self._led), 16)
+            return signed_number(self._cpu.get(self._led), 16)
         as_asked = self._asked is not None and self._cpu.get(self._setpoint) == self.asked(int(self._asked))
         return cast("Number", self._asked) if as_asked else math.nan
 
@@ -152,7 +152,7 @@ class ExportedS7(Exported):
         return self._on()
 
     @final
-    def counted(self) -> int | None:
+    def tick_count(self) -> int | None:
         """Return COUNT, or what PULSEGEN counted."""
         if self._pwm is not None:
             return self._cpu.get(self._pwm[1])

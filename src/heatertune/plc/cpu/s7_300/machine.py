@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.s7_300.source import LAST, Place, constant, numbered, placed, statements
-from heatertune.plc.cpu.s7_300.translation import Called, Translated
-from heatertune.plc.cpu.statements import Accumulators, Line, Run
+from heatertune.plc.cpu.s7_300.source import LAST, MemberPlace, constant, member_places, numbered_lines, statements
+from heatertune.plc.cpu.s7_300.translation import BlockCall, TranslatedBlock
+from heatertune.plc.cpu.statements import Accumulators, Run, StatementLine
 
-__all__ = ["Cpu", "Firmware"]
+__all__ = ["Firmware", "S7300Cpu"]
 
 #: what temporaries hold before they are written: anything
 _JUNK: Final = b"\x5a" * 128
@@ -24,17 +24,17 @@ _HEAD: Final = re.compile(r"(FUNCTION_BLOCK|DATA_BLOCK|FUNCTION|ORGANIZATION_BLO
 _ASSIGNED: Final = re.compile(r"(\w+) := ([^;,)]+)")
 
 #: outputs and inputs, the words of an instance whose block is not in the source → what a call of the block does
-Firmware = Callable[["Cpu", dict[str, int]], None]
+Firmware = Callable[["S7300Cpu", dict[str, int]], None]
 
 
-class _Block(NamedTuple):
+class _CodeBlock(NamedTuple):
     """Source of a code block: its members, its temporaries among them, and its statements."""
 
-    members: dict[str, Place]
-    lines: list[Line]
+    members: dict[str, MemberPlace]
+    lines: list[StatementLine]
 
 
-class Cpu(Accumulators):
+class S7300Cpu(Accumulators):
     """A CPU with a source in its memory.
 
     Attributes:
@@ -51,7 +51,7 @@ class Cpu(Accumulators):
         """
         super().__init__()
         self.memory = {name: bytearray(1024) for name in ("I", "Q", "P")}
-        self.members: dict[str, dict[str, Place]] = {}
+        self.members: dict[str, dict[str, MemberPlace]] = {}
         self.words: dict[str, dict[str, int]] = {}
         self.os = False
         self.instance = ""
@@ -71,7 +71,7 @@ class Cpu(Accumulators):
             self.memory[f"L {block}"][:] = _JUNK
         self._code[block](self)
 
-    def member(self, data: str, name: str) -> Place:
+    def member(self, data: str, name: str) -> MemberPlace:
         """Return the place of a data block's member.
 
         Raises:
@@ -82,14 +82,14 @@ class Cpu(Accumulators):
         except KeyError:
             raise InputError(f"{data}: the source has no member {name} there") from None
 
-    def get(self, place: Place) -> int:
+    def get(self, place: MemberPlace) -> int:
         """Return what stands at a place: a bit, or bytes as an unsigned number."""
         memory = self.memory[place.memory or self.instance]
         if place.size == 0:
             return memory[place.byte] >> place.bit & 1
         return int.from_bytes(memory[place.byte : place.byte + place.size], "big")
 
-    def put(self, place: Place, value: int) -> None:
+    def put(self, place: MemberPlace, value: int) -> None:
         """Write the same."""
         memory = self.memory[place.memory or self.instance]
         if place.size == 0:
@@ -98,11 +98,11 @@ class Cpu(Accumulators):
         else:
             memory[place.byte : place.byte + place.size] = (value % (1 << 8 * place.size)).to_bytes(place.size, "big")
 
-    def _loaded(self, source: str) -> dict[str, _Block]:
+    def _loaded(self, source: str) -> dict[str, _CodeBlock]:
         """Load the data blocks; return the others."""
-        blocks: dict[str, _Block] = {}
+        blocks: dict[str, _CodeBlock] = {}
         part: list[tuple[int, str]] = []
-        for number, line in numbered(source):
+        for number, line in numbered_lines(source):
             part.append((number, line))
             if line in LAST:
                 head = next((found for _, text in part if (found := _HEAD.fullmatch(text))), None)
@@ -115,7 +115,7 @@ class Cpu(Accumulators):
                 part = []
         return blocks
 
-    def _data(self, name: str, part: list[tuple[int, str]], blocks: Mapping[str, _Block]) -> None:
+    def _data(self, name: str, part: list[tuple[int, str]], blocks: Mapping[str, _CodeBlock]) -> None:
         texts = [text for _, text in part]
         begin = texts.index("BEGIN")
         values = {found[1]: (number, _constant(number, found[2].strip())) for number, text in part[begin:]
@@ -125,14 +125,14 @@ class Cpu(Accumulators):
         if of is not None and of not in blocks:
             self.words[name] = {member: value for member, (_, value) in values.items()}
             return
-        members = placed(texts[:begin], name, 0) if of is None else blocks[of].members
+        members = member_places(texts[:begin], name, 0) if of is None else blocks[of].members
         self.members[name] = {member: place._replace(memory=name) for member, place in members.items()}
         for member, (number, value) in values.items():
             if member not in members:
                 raise InputError(f"line {number}: {member}; {name} has no such member")
             self.put(self.members[name][member], value)
 
-    def _block(self, name: str, part: list[tuple[int, str]]) -> _Block:
+    def _block(self, name: str, part: list[tuple[int, str]]) -> _CodeBlock:
         texts = [text for _, text in part]
         begin = texts.index("BEGIN")
         declared, temporary = list[str](), list[str]()
@@ -142,24 +142,25 @@ class Cpu(Accumulators):
             section.append(text)
         own = f"L {name}"
         self.memory[own] = bytearray(len(_JUNK))
-        return _Block(placed(declared, "", 0) | placed(temporary, own, 0), statements(part[begin + 1 : -1]))
+        return _CodeBlock(member_places(declared, "", 0) | member_places(temporary, own, 0),
+                          statements(part[begin + 1 : -1]))
 
-    def _translated(self, block: _Block) -> Run:
-        return Translated(block.lines, lambda operand: self._place(block, operand),
+    def _translated(self, block: _CodeBlock) -> Run:
+        return TranslatedBlock(block.lines, lambda operand: self._place(block, operand),
                           lambda operand: self._call(block, operand), self.memory).run()
 
-    def _place(self, block: _Block, operand: str) -> Place | None:
+    def _place(self, block: _CodeBlock, operand: str) -> MemberPlace | None:
         """Return the place of an operand; None: it is a constant."""
         if operand.startswith("#"):
             return block.members[operand[1:]]
         if found := re.fullmatch(r"DB(\d+)\.DB([XBWD]) ?(\d+)(?:\.(\d))?", operand):
-            return Place(f"DB {found[1]}", int(found[3]), int(found[4] or 0), _WIDTHS[found[2]])
+            return MemberPlace(f"DB {found[1]}", int(found[3]), int(found[4] or 0), _WIDTHS[found[2]])
         if found := re.fullmatch(r"(P?)([IQ])([BWD]?) ?(\d+)(?:\.(\d))?", operand):
             memory = "P" if found[1] else found[2]
-            return Place(memory, int(found[4]), int(found[5] or 0), _WIDTHS[found[3] or "X"])
+            return MemberPlace(memory, int(found[4]), int(found[5] or 0), _WIDTHS[found[3] or "X"])
         return None
 
-    def _call(self, block: _Block, operand: str) -> Called:
+    def _call(self, block: _CodeBlock, operand: str) -> BlockCall:
         """Return what a CALL does."""
         called = re.match(r"((?:FB|FC) \d+)(?: , (DB \d+))?", operand)
         if called is None:
@@ -173,7 +174,7 @@ class Cpu(Accumulators):
         # what is put in comes back as it was
         back = [(member, place) for member, place in places if not place.memory.startswith(("L", "P"))]
 
-        def firmware(cpu: Cpu) -> bool:
+        def firmware(cpu: S7300Cpu) -> bool:
             words = cpu.words[data]
             words |= constants | {member: cpu.get(place) for member, place in places}
             cpu._firmware[name](cpu, words)
@@ -181,7 +182,7 @@ class Cpu(Accumulators):
                 cpu.put(place, words[member])
             return False
 
-        def run(cpu: Cpu) -> bool:
+        def run(cpu: S7300Cpu) -> bool:
             before, members = cpu.instance, cpu.members.get(data, {})
             for member, value in constants.items():
                 cpu.put(members[member], value)

@@ -12,15 +12,15 @@ from typing import Final
 
 from heatertune.plc.core import count
 from heatertune.plc.cpu.s7_300 import awl, cells
-from heatertune.plc.cpu.s7_300.cells import Member
+from heatertune.plc.cpu.s7_300.cells import BlockMember
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, RANGES
 from heatertune.plc.cpu.s7_300.ramp import ramp_begins, ramp_moves
-from heatertune.plc.cpu.s7_300.switch import ANALOG, OWN, PULSEGEN, Switching, pwm_block, pwm_members
+from heatertune.plc.cpu.s7_300.switch import ANALOG, OWN, PULSEGEN, PwmSource, pwm_block, pwm_members
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
 from heatertune.plc.ramp import Ramp
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["DATA", "LEAST", "PWM_DATA", "Program", "by_hand", "counts_of", "whole_number"]
+__all__ = ["DATA", "LEAST", "PWM_DATA", "BlockProgram", "by_hand", "counts_of", "whole_number"]
 
 #: numbers of the program's own blocks, free in most programs: data block, FC that begins anew, PWM and its instance
 DATA: Final = 101
@@ -49,7 +49,7 @@ VAR_TEMP
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Program:
+class BlockProgram:
     """What the program around knows of a controller's block.
 
     Attributes:
@@ -67,7 +67,7 @@ class Program:
     """
 
     real: bool
-    setpoint: Member
+    setpoint: BlockMember
     output: str
     word: str
     begins: list[str]
@@ -75,7 +75,7 @@ class Program:
     call: Callable[[Mapping[str, str]], list[str]]
     temporaries: tuple[str, ...] = ()
     ramp: Ramp | None
-    switch: Switching
+    switch: PwmSource
     input: str | None = None
 
     @property
@@ -136,24 +136,26 @@ class Program:
         return cells.operands(DATA, self._members)
 
     @property
-    def _members(self) -> list[Member]:
+    def _members(self) -> list[BlockMember]:
         kind = "REAL" if self.real else "INT"
         bits = [
-            Member("AUTO", "BOOL", 0, "yours: 0 manual, 1 automatic"),
-            Member("FAULT", "BOOL", 0, "sensor broken: heater off"),
-            Member("WRONG_CLOCK", "BOOL", 0, "OB 35 has another interval than TICK_MS: heater off"),
-            Member("HEAT", "BOOL", 0, "heater on"),
+            BlockMember("AUTO", "BOOL", 0, "yours: 0 manual, 1 automatic"),
+            BlockMember("FAULT", "BOOL", 0, "sensor broken: heater off"),
+            BlockMember("WRONG_CLOCK", "BOOL", 0, "OB 35 has another interval than TICK_MS: heater off"),
+            BlockMember("HEAT", "BOOL", 0, "heater on"),
         ]
         ramp = [] if self.ramp is None else [
-            Member("BEGUN", "BOOL", 0, "setpoint ramp under way"), Member("LED", "INT", 0, "setpoint on its ramp"),
-            Member("COUNTDOWN", "INT", 0, "calls to its next step"), Member("LOWEST", "INT", 0, "end of its way back"),
+            BlockMember("BEGUN", "BOOL", 0, "setpoint ramp under way"),
+            BlockMember("LED", "INT", 0, "setpoint on its ramp"),
+            BlockMember("COUNTDOWN", "INT", 0, "calls to its next step"),
+            BlockMember("LOWEST", "INT", 0, "end of its way back"),
         ]
         return [
             *bits, self.setpoint,
-            Member("POWER", kind, 0, f"yours in manual, {'%' if self.real else f'0..{FULL_SCALE}'}; follows else"),
-            *ramp, Member("TICK_MS", "INT", self.switch.tick_ms, "interval of OB 35"),
-            Member("TICKS", "DINT", 0, "since the last call of the controller"),
-            Member("PER_CALL", "DINT", self.switch.per_call, "ticks from one call of it to the next"),
+            BlockMember("POWER", kind, 0, f"yours in manual, {'%' if self.real else f'0..{FULL_SCALE}'}; follows else"),
+            *ramp, BlockMember("TICK_MS", "INT", self.switch.tick_ms, "interval of OB 35"),
+            BlockMember("TICKS", "DINT", 0, "since the last call of the controller"),
+            BlockMember("PER_CALL", "DINT", self.switch.per_call, "ticks from one call of it to the next"),
         ]
 
     @property
@@ -230,7 +232,7 @@ def whole_number(words: Words) -> str:
     return "the nearest whole number" if has_ends(RANGES, words.scaling.input) else "cut to a whole number"
 
 
-def by_hand(words: Words, certificate: Certificate, switch: Switching, *blocks: str) -> list[str]:
+def by_hand(words: Words, certificate: Certificate, switch: PwmSource, *blocks: str) -> list[str]:
     """Return the facts about clock and switch, and what remains to be done by hand, numbered.
 
     Args:
@@ -256,7 +258,7 @@ def by_hand(words: Words, certificate: Certificate, switch: Switching, *blocks: 
         "not proven",
     ]
     clock = "each tick" if switch.per_call == 1 else f"every {switch.per_call} ticks"
-    missing = f"; the PWM is not in this program: {switch.why}" if analog else ""
+    missing = f"; the PWM is not in this program: {switch.reason}" if analog else ""
     return [
         f"TA: the controller is called every {1000 * words.sample_time_s:g} ms, {clock} of OB 35{missing}",
         "remains to be done by hand:", *(f"  {number}. {step}" for number, step in enumerate(steps, start=1)),

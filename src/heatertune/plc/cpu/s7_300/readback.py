@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300.switch import ANALOG, OWN, PULSEGEN
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import Collected, ReadBack, first_unlike, lines_of, real_of, whole_of, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, first_unlike, lines_of, real_of, whole_of, wrong
 from heatertune.plc.words import WordField, Words
 
 __all__ = ["read_source"]
@@ -62,16 +62,16 @@ def _real(text: str) -> float | None:
 _LITERALS: Final[dict[str, Callable[[str], Number | None]]] = {"BOOL": _bool, "TIME": _time, "REAL": _real}
 
 
-class _Assigned(NamedTuple):
+class _AwlAssignments(NamedTuple):
     line: int
     name: str
     value: str
 
 
-class _Block(NamedTuple):
+class _BlockText(NamedTuple):
     line: int
     number: int | None
-    members: list[_Assigned]
+    members: list[_AwlAssignments]
 
 def read_source(
     text: str, fields: Sequence[WordField], source: str, export: Callable[[Words, str], str]
@@ -88,7 +88,7 @@ def read_source(
     names = {field.name.upper(): field for field in fields}
     blocks = list(_blocks(text, source))
     block = _only(blocks, names, source)
-    collected, over = Collected(source, fields), [_told(other) for other in blocks if other is not block]
+    collected, over = WordCollector(source, fields), [_told(other) for other in blocks if other is not block]
     for line, name, value in block.members:
         field = names.get(name.strip('"').upper())
         if field is None:
@@ -100,7 +100,7 @@ def read_source(
     return ReadBack(collected.values(), tuple(over), _comparing(text, export) if _program(text) else None)
 
 
-def _told(block: _Block) -> str:
+def _told(block: _BlockText) -> str:
     return f"data block{'' if block.number is None else f' DB {block.number}'} (line {block.line})"
 
 
@@ -123,7 +123,7 @@ def _program(text: str) -> list[tuple[int, str]]:
     return code
 
 
-def _only(blocks: Sequence[_Block], names: dict[str, WordField], source: str) -> _Block:
+def _only(blocks: Sequence[_BlockText], names: dict[str, WordField], source: str) -> _BlockText:
     found = [sum(member.name.strip('"').upper() in names for member in block.members) for block in blocks]
     # an instance of another block may share a name or two
     with_words = [block for block, count in zip(blocks, found, strict=True) if count and 2 * count >= max(found)]
@@ -137,16 +137,16 @@ def _only(blocks: Sequence[_Block], names: dict[str, WordField], source: str) ->
     return with_words[0]
 
 
-def _blocks(text: str, source: str) -> Iterator[_Block]:
+def _blocks(text: str, source: str) -> Iterator[_BlockText]:
     """Yield the data blocks of a source."""
-    block: _Block | None = None
+    block: _BlockText | None = None
     for line, content in lines_of(text):
         code = content.partition("//")[0].strip()
         begins = _BLOCK.fullmatch(code)
         if begins is not None:
             if block is not None:
                 raise wrong(source, line, "data block", code, f"END_DATA_BLOCK before it: line {block.line} began one")
-            block = _Block(line, int(begins[2]) if begins[2] else None, [])
+            block = _BlockText(line, int(begins[2]) if begins[2] else None, [])
         elif block is not None and _END.fullmatch(code):
             yield block
             block = None
@@ -156,7 +156,7 @@ def _blocks(text: str, source: str) -> Iterator[_Block]:
         raise InputError(f"{source}: the data block of line {block.line} has no end; expected END_DATA_BLOCK")
 
 
-def _members(code: str, line: int, source: str) -> Iterator[_Assigned]:
+def _members(code: str, line: int, source: str) -> Iterator[_AwlAssignments]:
     """Yield the assignments of a line of a data block."""
     if _TITLE.match(code):
         return
@@ -165,7 +165,7 @@ def _members(code: str, line: int, source: str) -> Iterator[_Assigned]:
     for part in ended:
         match = _VALUE.fullmatch(part)
         if match is not None:
-            yield _Assigned(line, match[1], match[2].strip())
+            yield _AwlAssignments(line, match[1], match[2].strip())
         elif part and not _HEAD.fullmatch(part):
             raise wrong(source, line, "member", part, "NAME := VALUE ;")
     if rest and not _HEAD.fullmatch(rest):
@@ -173,7 +173,7 @@ def _members(code: str, line: int, source: str) -> Iterator[_Assigned]:
 
 
 def _transferred(
-    text: str, block: _Block, fields: Sequence[WordField]
+    text: str, block: _BlockText, fields: Sequence[WordField]
 ) -> Iterator[tuple[int, WordField, str]]:
     """Yield what statements of the source load into words of the block."""
     places = {field.address.upper(): field for field in fields}

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from heatertune.plc.single import divided, single
+from heatertune.plc.single_precision import divide_single, single
 
 __all__ = ["clamp", "quotient", "real"]
 
@@ -35,7 +35,7 @@ def real(value: float, os: bool = False) -> tuple[float, bool]:
 
 def quotient(dividend: float, divisor: float, os: bool = False) -> tuple[float, bool]:
     """Return a quotient and OS after it, as `real`; by zero it is infinite or, for 0/0, not a number."""
-    return real(divided(dividend, divisor) if divisor == 0.0 else dividend / divisor, os)
+    return real(divide_single(dividend, divisor) if divisor == 0.0 else dividend / divisor, os)
 
 
 def clamp(value: float, low: float, high: float) -> float:

@@ -8,9 +8,10 @@ from collections.abc import Iterable, Iterator
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.statements import Line
+from heatertune.plc.cpu.statements import StatementLine
 
-__all__ = ["LAST", "Place", "as_real", "bits_of", "constant", "numbered", "placed", "signed", "statements"]
+__all__ = ["LAST", "MemberPlace", "as_real", "bits_of", "constant", "member_places", "numbered_lines", "signed_number",
+           "statements"]
 
 #: last lines of blocks
 LAST: Final = ("END_FUNCTION_BLOCK", "END_DATA_BLOCK", "END_FUNCTION", "END_ORGANIZATION_BLOCK")
@@ -22,7 +23,7 @@ _REAL: Final = struct.Struct(">f")
 _BITS: Final = struct.Struct(">I")
 
 
-class Place(NamedTuple):
+class MemberPlace(NamedTuple):
     """Where something stands: the name of a memory, its first byte, its bit or none, and how many bytes."""
 
     memory: str
@@ -31,19 +32,19 @@ class Place(NamedTuple):
     size: int
 
 
-def numbered(source: str) -> Iterator[tuple[int, str]]:
+def numbered_lines(source: str) -> Iterator[tuple[int, str]]:
     """Yield the lines and their numbers, from 1 on, without remarks and blanks around."""
     for number, line in enumerate(source.splitlines(), 1):
         yield number, line.partition("//")[0].strip()
 
 
-def statements(lines: Iterable[tuple[int, str]]) -> list[Line]:
+def statements(lines: Iterable[tuple[int, str]]) -> list[StatementLine]:
     """Return the statements of a block's lines: each ends in a semicolon, and may take several of them.
 
     Raises:
         InputError: a line after which none ends.
     """
-    found, begun, text = list[Line](), 0, ""
+    found, begun, text = list[StatementLine](), 0, ""
     for number, line in lines:
         if not line or (not text and line.startswith(("NETWORK", "TITLE"))):
             continue
@@ -56,11 +57,11 @@ def statements(lines: Iterable[tuple[int, str]]) -> list[Line]:
     return found
 
 
-def _statement(number: int, text: str) -> Line:
+def _statement(number: int, text: str) -> StatementLine:
     parts = _STATEMENT.fullmatch(text)
     if parts is None:
         raise InputError(f"line {number}: {text.strip()!r}; this is no statement")
-    return Line(number, parts[1] or "", parts[2], " ".join(parts[3].split()))
+    return StatementLine(number, parts[1] or "", parts[2], " ".join(parts[3].split()))
 
 
 def as_real(pattern: int) -> float:
@@ -75,12 +76,12 @@ def bits_of(value: float) -> int:
     return pattern
 
 
-def signed(value: int, width: int) -> int:
+def signed_number(value: int, width: int) -> int:
     """Return the number that so many bits hold."""
     return (value + (1 << width - 1)) % (1 << width) - (1 << width - 1)
 
 
-def placed(lines: list[str], memory: str, byte: int) -> dict[str, Place]:
+def member_places(lines: list[str], memory: str, byte: int) -> dict[str, MemberPlace]:
     """Return the places of declared members: bits one after the other, all else from an even byte on."""
     members, bit = {}, 0
     for line in lines:
@@ -90,12 +91,12 @@ def placed(lines: list[str], memory: str, byte: int) -> dict[str, Place]:
         size = _SIZES.get(found[2], 20)
         if size == 0:
             byte, bit = (byte + 1, 0) if bit > 7 else (byte, bit)
-            members[found[1]] = Place(memory, byte, bit, 0)
+            members[found[1]] = MemberPlace(memory, byte, bit, 0)
             bit += 1
             continue
         byte, bit = byte + (1 if bit else 0), 0
         byte += byte % 2 if size > 1 else 0
-        members[found[1]] = Place(memory, byte, 0, size)
+        members[found[1]] = MemberPlace(memory, byte, 0, size)
         byte += size
     return members
 

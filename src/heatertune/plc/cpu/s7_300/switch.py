@@ -8,14 +8,14 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from heatertune.plc.cpu.s7_300 import awl
-from heatertune.plc.cpu.s7_300.cells import Member, values
+from heatertune.plc.cpu.s7_300.cells import BlockMember, values
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.pwm import Actuator, pulse_ends
 from heatertune.plc.ramp import Number
-from heatertune.plc.single import real_of, word_of
+from heatertune.plc.single_precision import real_of, word_of
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["ANALOG", "OWN", "PULSEGEN", "Switching", "like", "pwm_block", "pwm_members", "switching"]
+__all__ = ["ANALOG", "OWN", "PULSEGEN", "PwmSource", "like", "pwm_block", "pwm_members", "pwm_source"]
 
 #: who makes the pulses: a block of this source, FB43 of the Standard Library, or the user behind an analog output
 OWN: Final = "own"
@@ -149,7 +149,7 @@ part: L     #POWER;
       +D    ;"""
 
 
-class Switching(NamedTuple):
+class PwmSource(NamedTuple):
     """The clock of the program, and what its pulses are made with.
 
     Attributes:
@@ -168,10 +168,10 @@ class Switching(NamedTuple):
     least: Number = 0
     most: Number = 0
     shortest_ms: int = 0
-    why: str = ""
+    reason: str = ""
 
 
-def switching(words: Words, certificate: Certificate, *, real: bool) -> Switching:
+def pwm_source(words: Words, certificate: Certificate, *, real: bool) -> PwmSource:
     """Return how the program switches what was proven.
 
     Args:
@@ -187,18 +187,18 @@ def switching(words: Words, certificate: Certificate, *, real: bool) -> Switchin
         return _analog(words, "its times are no whole ticks of OB 35")
     if actuator.block == PULSEGEN:
         shortest = max(tick_ms, round(1000.0 * actuator.minimum_on_s))
-        return Switching(PULSEGEN, tick_ms, *ticks, shortest_ms=shortest)
+        return PwmSource(PULSEGEN, tick_ms, *ticks, shortest_ms=shortest)
     if actuator.minimum_rule != "drop":
         return _analog(words, "its rule makes up what is left out")
-    return Switching(OWN, tick_ms, *ticks, *_ends(actuator, real=real))
+    return PwmSource(OWN, tick_ms, *ticks, *_ends(actuator, real=real))
 
 
-def like(words: Words, by: str) -> Switching:
+def like(words: Words, by: str) -> PwmSource:
     """Return any switching by these means, for a comparison of statements alone."""
     return _analog(words, "")._replace(by=by)
 
 
-def pwm_block(number: int, data: int, switch: Switching, *, real: bool) -> list[str]:
+def pwm_block(number: int, data: int, switch: PwmSource, *, real: bool) -> list[str]:
     """Return the source of the PWM's function block and its instance."""
     kind = "REAL" if real else "INT"
     declared = _VARIABLES.format(type=kind, range="% of full power" if real else f"0..{FULL_SCALE}")
@@ -213,20 +213,22 @@ def pwm_block(number: int, data: int, switch: Switching, *, real: bool) -> list[
     ]
 
 
-def pwm_members(switch: Switching, *, real: bool) -> list[Member]:
+def pwm_members(switch: PwmSource, *, real: bool) -> list[BlockMember]:
     """Return the members of the PWM's instance."""
     kind = "REAL" if real else "INT"
     return [
-        Member("POWER", kind, 0, ""), Member("HEAT", "BOOL", 0, ""), Member("PERIOD", "DINT", switch.per_period, ""),
-        Member("LEAST", kind, switch.least, ""), Member("MOST", kind, switch.most, ""), Member("TICK", "DINT", 0, ""),
-        Member("COUNT", "DINT", 0, ""),
+        BlockMember("POWER", kind, 0, ""), BlockMember("HEAT", "BOOL", 0, ""),
+        BlockMember("PERIOD", "DINT", switch.per_period, ""),
+        BlockMember("LEAST", kind, switch.least, ""), BlockMember("MOST", kind, switch.most, ""),
+        BlockMember("TICK", "DINT", 0, ""),
+        BlockMember("COUNT", "DINT", 0, ""),
     ]
 
 
-def _analog(words: Words, why: str) -> Switching:
+def _analog(words: Words, why: str) -> PwmSource:
     ms = max(1, round(1000.0 * words.sample_time_s))
     per_call = next(ticks for ticks in range(-(-ms // _SLOWEST), ms + 1) if ms % ticks == 0)
-    return Switching(ANALOG, ms // per_call, per_call, why=why)
+    return PwmSource(ANALOG, ms // per_call, per_call, reason=why)
 
 
 def _milliseconds(seconds: float) -> int | None:

@@ -14,13 +14,13 @@ from struct import Struct
 from typing import Any, Final, Literal
 
 from heatertune.plc.cpu.s7_300.real import quotient, real
-from heatertune.plc.cpu.s7_300.source import Place, as_real, bits_of, constant, signed
-from heatertune.plc.cpu.statements import Line, Translation
+from heatertune.plc.cpu.s7_300.source import MemberPlace, as_real, bits_of, constant, signed_number
+from heatertune.plc.cpu.statements import StatementLine, Translation
 
-__all__ = ["Called", "Translated"]
+__all__ = ["BlockCall", "TranslatedBlock"]
 
 #: runs the block of a CALL on a CPU; returns whether the next bit is asked for anew
-Called = Callable[[Any], bool]
+BlockCall = Callable[[Any], bool]
 _Form = Literal["bits", "real"]
 _Slot = Literal["one", "two"]
 
@@ -43,14 +43,15 @@ class _Value:
         self.bits, self.real = bits, real
 
 
-class Translated(Translation):
+class TranslatedBlock(Translation):
     """A block of the S7-300."""
 
     keep = "cpu.one, cpu.two, cpu.true, cpu.os = one, two, true, os"
     take = "one, two, true, os = cpu.one, cpu.two, cpu.true, cpu.os"
 
     def __init__(
-        self, lines: Sequence[Line], place_of: Callable[[str], Place | None], called: Callable[[str], Called],
+        self, lines: Sequence[StatementLine], place_of: Callable[[str], MemberPlace | None],
+        called: Callable[[str], BlockCall],
         memory: Mapping[str, bytearray],
     ) -> None:
         """Take a block.
@@ -66,11 +67,11 @@ class Translated(Translation):
         self._one, self._two, self._made, self._emitted = _Value(), _Value(), 0, list[str]()
         self._read = self._read_later()
         self.names |= {
-            "real": real, "quotient": quotient, "as_real": as_real, "bits_of": bits_of, "signed": signed,
+            "real": real, "quotient": quotient, "as_real": as_real, "bits_of": bits_of, "signed": signed_number,
             "trunc": math.trunc, "share": _share, "number": int.from_bytes, "packed": _REAL.pack,
             "unpacked": _REAL.unpack_from}
 
-    def ends(self, line: Line) -> str | None:
+    def ends(self, line: StatementLine) -> str | None:
         """See `Translation`."""
         return line.operand if line.operation in _JUMPS else "" if line.operation == "BEU" else None
 
@@ -78,7 +79,7 @@ class Translated(Translation):
         """See `Translation`."""
         return ["first = True", *(["own = cpu.memory[cpu.instance]"] if any("own[" in line for line in text) else [])]
 
-    def statement(self, at: int, line: Line) -> list[str]:
+    def statement(self, at: int, line: StatementLine) -> list[str]:
         """See `Translation`."""
         if at == 0 or self._is_last(at - 1):
             self._one, self._two = _Value(bits="one"), _Value(bits="two")
@@ -93,7 +94,7 @@ class Translated(Translation):
             self._write(at)
         return self._emitted or ["pass"]
 
-    def _carried_out(self, at: int, line: Line) -> list[str]:  # noqa: C901, PLR0911, PLR0912 - one branch for each kind
+    def _carried_out(self, at: int, line: StatementLine) -> list[str]:  # noqa: C901, PLR0911, PLR0912 - one branch for each kind
         """Return what a statement does beside what it makes of the accumulators."""
         name, operand = line.operation, line.operand
         place = self._place_of(operand) if operand else None
@@ -160,7 +161,7 @@ class Translated(Translation):
         two, one = (f"signed({self._as(held, 'bits')}, {width})" for held in (self._two, self._one))
         return f"true, first = {two} {asks} {one}, False"
 
-    def _loaded(self, at: int, operand: str, place: Place | None) -> _Value:
+    def _loaded(self, at: int, operand: str, place: MemberPlace | None) -> _Value:
         """Return what L brings: as a number where nothing asks for its bits."""
         if place is None:
             bits = constant(operand)
@@ -171,7 +172,7 @@ class Translated(Translation):
             return _Value(real=self._named(f"unpacked({self._bytes(place)}, {place.byte})[0]"))
         return self._new(self._value(place))
 
-    def _stored(self, place: Place) -> str:
+    def _stored(self, place: MemberPlace) -> str:
         """Return the text that T is."""
         held = self._one
         if place.size == 4 and not held.bits:
@@ -265,7 +266,7 @@ class Translated(Translation):
         after = "os = False" if name == "JOS" else "true = True"
         return [f"goes, first = {asked}, True", after, "if goes:", *(f" {line}" for line in goes)]
 
-    def _bytes(self, place: Place) -> str:
+    def _bytes(self, place: MemberPlace) -> str:
         """Return what names the memory of a place; one that is nowhere is looked for when it is asked for."""
         memory = self._memory.get(place.memory)
         if memory is None:
@@ -276,13 +277,13 @@ class Translated(Translation):
         self.names[name] = memory
         return name
 
-    def _value(self, place: Place) -> str:
+    def _value(self, place: MemberPlace) -> str:
         memory, byte = self._bytes(place), place.byte
         if place.size == 0:
             return f"{memory}[{byte}] >> {place.bit} & 1"
         return f"number({memory}[{byte}:{byte + place.size}], 'big')"
 
-    def _put(self, place: Place, value: str) -> str:
+    def _put(self, place: MemberPlace, value: str) -> str:
         memory, byte, size = self._bytes(place), place.byte, place.size
         if size == 0:
             mask = 1 << place.bit
@@ -292,6 +293,6 @@ class Translated(Translation):
 
 def _share(two: int, one: int, rest: bool) -> int:
     """Return quotient or remainder, cut towards zero."""
-    dividend, divisor = signed(two, 32), signed(one, 32)
+    dividend, divisor = signed_number(two, 32), signed_number(one, 32)
     share = abs(dividend) // abs(divisor) * (1 if (dividend < 0) == (divisor < 0) else -1)
     return (dividend - share * divisor if rest else share) & 0xFFFFFFFF

@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import Final, final
 
+from heatertune.proof.supervision.text.statement_walk import WIDE, Operand, Set, Step, SumTerm, steps
 from heatertune.proof.supervision.text.statements import Group
-from heatertune.proof.supervision.text.walk import WIDE, Operand, Set, Step, Term, steps
 
 __all__ = ["Printer"]
 
@@ -23,7 +23,7 @@ class Printer(ABC):
         self._label, self._pending = 0, ""
 
     @final
-    def printed(self, group: Group) -> Iterator[str]:
+    def print_group(self, group: Group) -> Iterator[str]:
         """Yield the lines of a group; where its last comparison jumps to, stands before the next line."""
         for step in steps(group):
             over = self._next() if step.asked else ""
@@ -73,7 +73,7 @@ class Printer(ABC):
             yield "L", self.operand(beside)
             yield (self.operation(_ELSE[relation]),)
             yield self.jump(over)
-        held: tuple[Term, ...] = ()  # what is in the accumulator
+        held: tuple[SumTerm, ...] = ()  # what is in the accumulator
         for made in step.sets:
             if made.cell == WIDE:
                 yield from self.wide(made)

@@ -10,14 +10,14 @@ from typing import Final
 
 import numpy as np
 
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.plc.cpu.one_bit.assembler import Names, assemble, disassemble
-from heatertune.plc.cpu.one_bit.instructions import Program
+from heatertune.plc.cpu.one_bit.instructions import OneBitProgram
 from heatertune.plc.cpu.one_bit.machine import START, Wiring, scan
 from heatertune.proof.supervision.loops import Ran
 from heatertune.proof.supervision.monitor import STATE, Numbers, alarms
 
-__all__ = ["FILE", "TARGET", "departs", "reduced", "written"]
+__all__ = ["FILE", "TARGET", "departs", "reduce_monitor", "written"]
 
 TARGET: Final = "on-off"
 FILE: Final = "monitor_listing.txt"
@@ -46,7 +46,7 @@ _LONG: Final = """\
 _NEVER: Final = 1 << 30
 
 
-def reduced(numbers: Numbers) -> Numbers:
+def reduce_monitor(numbers: Numbers) -> Numbers:
     """Return the monitor that is left: without all rules that need a memory for numbers."""
     return numbers._replace(jump=_NEVER, still=0, still_moved=0, slow_blocks=0, fast_blocks=0, growths=0)
 
@@ -80,7 +80,8 @@ def departs(text: str, numbers: Numbers, scan_s: float, runs: Sequence[Ran]) -> 
     wiring = Wiring(inputs=frozenset({3}), results={1: -1, 2: 1}, timers={4: _delay_ms(numbers, scan_s)})
     for one in runs:
         wanted = np.empty(len(one.counts), dtype=np.int64)
-        compiled(alarms)(reduced(numbers), np.zeros(STATE, dtype=np.int64), one.counts, one.power, wanted)
+        compile_function(alarms)(reduce_monitor(numbers), np.zeros(STATE, dtype=np.int64), one.counts, one.power,
+                                 wanted)
         state, tripped = START, False
         for k, (count, power, alarm) in enumerate(
                 zip(one.counts.tolist(), one.power.tolist(), wanted.tolist(), strict=True)):
@@ -95,7 +96,7 @@ def departs(text: str, numbers: Numbers, scan_s: float, runs: Sequence[Ran]) -> 
     return None
 
 
-def _program(numbers: Numbers) -> Program:
+def _program(numbers: Numbers) -> OneBitProgram:
     return assemble(_ENDS + (_LONG if numbers.full else "10. Jump line0\n"), _NAMES, operand_bits=4)
 
 

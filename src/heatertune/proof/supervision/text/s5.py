@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.s5.machine import Cpu
+from heatertune.plc.cpu.s5.machine import S5Cpu
 from heatertune.plc.s5_ob251.blocks import WORK
 from heatertune.plc.s5_ob251.step import FULL_SCALE
 from heatertune.proof.supervision.text.accumulators import Printer
+from heatertune.proof.supervision.text.statement_walk import WIDE, Operand, Set
 from heatertune.proof.supervision.text.statements import INPUTS, OUTPUTS, Group, Statements, alarms_told
-from heatertune.proof.supervision.text.walk import WIDE, Operand, Set
 
-__all__ = ["FILE", "Text", "written"]
+__all__ = ["FILE", "S5Text", "written"]
 
 FILE: Final = "monitor_listing.txt"
 #: numbers of the blocks: each call, end of a block, addition in 32 bits, begin anew; and of the data block
@@ -30,7 +30,7 @@ _MOST_WORDS: Final = 256
 _WIDTH: Final = 20
 
 
-class _Printer(Printer):
+class _S5Printer(Printer):
     def __init__(self, at: Mapping[str, int]) -> None:
         super().__init__()
         self._at = at
@@ -94,7 +94,7 @@ def written(statements: Statements, head: list[str]) -> str:
     at = {name.upper(): dw for dw, (name, _) in enumerate(cells)}
     if len(cells) > _MOST_WORDS:
         raise InputError(f"no program: {len(cells)} words; a data block has {_MOST_WORDS}")
-    printer = _Printer(at)
+    printer = _S5Printer(at)
     blocks = [
         [f"DB{_DB}", *(f"{f'{dw:4d}:  KF = +00000;'.ljust(33)}{name.upper()}: {meaning}"
                        for dw, (name, meaning) in enumerate(cells))],
@@ -129,7 +129,7 @@ def _by_hand(at: Mapping[str, int]) -> list[str]:
     ]
 
 
-def _each_call(statements: Statements, printer: _Printer) -> Iterator[str]:
+def _each_call(statements: Statements, printer: _S5Printer) -> Iterator[str]:
     output, power = printer.operand("YA"), printer.operand("Power")
     for operation, operand, remark in (
             ("C", f"DB {WORK}", ""), ("L", "DW 1", "X"), ("L", "DW 4", "YA"), ("C", f"DB {_DB}", ""), ("T", output, ""),
@@ -146,18 +146,18 @@ def _each_call(statements: Statements, printer: _Printer) -> Iterator[str]:
         yield printer.next(operation, operand)
 
 
-def _each_block(statements: Statements, printer: _Printer) -> Iterator[str]:
+def _each_block(statements: Statements, printer: _S5Printer) -> Iterator[str]:
     yield from _groups(statements.each_block, printer)
     yield printer.next("BE")
 
 
-def _groups(groups: tuple[Group, ...], printer: _Printer) -> Iterator[str]:
+def _groups(groups: tuple[Group, ...], printer: _S5Printer) -> Iterator[str]:
     for group in groups:
         yield f"// {group.title}"
-        yield from printer.printed(group)
+        yield from printer.print_group(group)
 
 
-def _sum(printer: _Printer) -> Iterator[str]:
+def _sum(printer: _S5Printer) -> Iterator[str]:
     """Yield what adds Z32 and Z31 to the margin; a carry shows where a sum, taken without a sign, is the smaller."""
     high = int(printer.operand(WIDE).removeprefix("DW "))
     one, low = printer.operand("Z31"), f"DW {high + 1}"
@@ -172,12 +172,12 @@ def _sum(printer: _Printer) -> Iterator[str]:
         yield printer.next(operation, operand)
 
 
-class Text:
-    """The listing in its CPU, see `heatertune.proof.supervision.text.proven.Text`."""
+class S5Text:
+    """The listing in its CPU, see `heatertune.proof.supervision.text.program_check.Text`."""
 
     def __init__(self, listing: str) -> None:
         """Load it; raise InputError where it has what the CPU does not know."""
-        self._cpu = Cpu(f"{listing}\nDB{WORK}\n" + "".join(f"{dw:4d}:  KF = +00000;\n" for dw in range(5)), {})
+        self._cpu = S5Cpu(f"{listing}\nDB{WORK}\n" + "".join(f"{dw:4d}:  KF = +00000;\n" for dw in range(5)), {})
         self._given, self._own = self._cpu.block(WORK, 4), self._cpu.block(_DB, len(OUTPUTS) + len(INPUTS))
 
     def start(self) -> None:

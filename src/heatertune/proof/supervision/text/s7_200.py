@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-from heatertune.compiled import compiled
+from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.plc.cpu.letters import in_ascii
 from heatertune.plc.cpu.s7_200 import assemble
@@ -14,10 +14,10 @@ from heatertune.plc.cpu.s7_200.cpu import carry_out
 from heatertune.plc.cpu.s7_200.instructions import block_number
 from heatertune.plc.cpu.s7_200.memory import put_word, word
 from heatertune.plc.cpu.s7_200.text import Network, block, program
+from heatertune.proof.supervision.text.statement_walk import WIDE, Operand, Set, Step, steps
 from heatertune.proof.supervision.text.statements import INPUTS, OUTPUTS, Group, Statements, alarms_told
-from heatertune.proof.supervision.text.walk import WIDE, Operand, Set, Step, steps
 
-__all__ = ["FILE", "Text", "reading_of", "written"]
+__all__ = ["FILE", "S7200Text", "reading_of", "written"]
 
 FILE: Final = "monitor.awl"
 #: first of its words: those below are the controller's
@@ -158,8 +158,8 @@ def _wide(made: Set, at: Mapping[str, str]) -> Iterator[str]:
         yield f"{'+' if term.sign > 0 else '-'}D AC0, {target}"
 
 
-class Text:
-    """The subroutines in their CPU, see `heatertune.proof.supervision.text.proven.Text`."""
+class S7200Text:
+    """The subroutines in their CPU, see `heatertune.proof.supervision.text.program_check.Text`."""
 
     def __init__(self, text: str, statements: Statements, target: str, per_count: int, cycle_ms: int) -> None:
         """Load them; raise InputError where they have what the CPU does not know."""
@@ -195,5 +195,5 @@ class Text:
         memory, at = self._memory, self._at
         put_word(memory, self._reading, count * self._per_count)
         put_word(memory, self._width, int(output))
-        compiled(carry_out)(self._program, memory, block_number("INT0"), False)
+        compile_function(carry_out)(self._program, memory, block_number("INT0"), False)
         return word(memory, at["Alarm"]), word(memory, at["Told"]), word(memory, at["Power"])

@@ -8,13 +8,13 @@ from typing import Final
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300 import awl
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.machine import Cpu
-from heatertune.plc.single import word_of
+from heatertune.plc.cpu.s7_300.machine import S7300Cpu
+from heatertune.plc.single_precision import word_of
 from heatertune.proof.supervision.text.accumulators import Printer
+from heatertune.proof.supervision.text.statement_walk import Operand, Set
 from heatertune.proof.supervision.text.statements import INPUTS, OUTPUTS, Statements, alarms_told
-from heatertune.proof.supervision.text.walk import Operand, Set
 
-__all__ = ["FILE", "Text", "written"]
+__all__ = ["FILE", "S7300Text", "written"]
 
 FILE: Final = "monitor.awl"
 #: of the function block and its instance: free beside the controller's program
@@ -38,7 +38,7 @@ _PERCENT_OF_REAL: Final = f"""\
       T     #POWER;"""
 
 
-class _Printer(Printer):
+class _S7300Printer(Printer):
     def line(self, label: str, operation: str, operand: str = "", remark: str = "") -> str:
         mark = f"{label}:" if label else ""
         return f"{mark:6s}{operation:6s}{operand};" + (f"  // {remark}" if remark else "")
@@ -96,7 +96,7 @@ def _by_hand() -> list[str]:
 
 
 def _block(statements: Statements, real: bool) -> Iterator[str]:
-    kind, printer = ("REAL", "% of full power") if real else ("INT", f"0..{FULL_SCALE}"), _Printer()
+    kind, printer = ("REAL", "% of full power") if real else ("INT", f"0..{FULL_SCALE}"), _S7300Printer()
     yield from (
         f"FUNCTION_BLOCK FB {_NUMBER}", "TITLE =monitor of the heater; it does not replace a thermal cut-out",
         "VERSION : 0.1", "VAR_INPUT", "  PV : INT ;  // analog value", f"  OUT : {kind[0]} ;  // {kind[1]}", "END_VAR",
@@ -105,11 +105,11 @@ def _block(statements: Statements, real: bool) -> Iterator[str]:
         "      L     #PV;", "      ITD   ;", "      T     #READING;",
         *(_PERCENT_OF_REAL if real else _PERCENT_OF_INT).splitlines())
     for group in statements.each_call:
-        yield from ("NETWORK", f"TITLE ={group.title}", *printer.printed(group))
+        yield from ("NETWORK", f"TITLE ={group.title}", *printer.print_group(group))
     yield from ("NETWORK", "TITLE =is a block over?", printer.next("L", "#IN_BLOCK"),
                 f"      L     L#{statements.block};", "      <D    ;", "      JC    end;")
     for group in statements.each_block:
-        yield from ("NETWORK", f"TITLE ={group.title}", *printer.printed(group))
+        yield from ("NETWORK", f"TITLE ={group.title}", *printer.print_group(group))
     yield from (printer.next("NOP", "0"), "end:  NOP   0;", "END_FUNCTION_BLOCK", "")
 
 
@@ -122,12 +122,12 @@ def _instance() -> list[str]:
             "BEGIN", "END_DATA_BLOCK"]
 
 
-class Text:
-    """The source in its CPU, see `heatertune.proof.supervision.text.proven.Text`."""
+class S7300Text:
+    """The source in its CPU, see `heatertune.proof.supervision.text.program_check.Text`."""
 
     def __init__(self, source: str, *, real: bool) -> None:
         """Load it; raise InputError where it has what the CPU does not know."""
-        self._cpu, self._real = Cpu(source, {}), real
+        self._cpu, self._real = S7300Cpu(source, {}), real
         data, block = f"DB {_NUMBER}", f"FB {_NUMBER}"
         if block not in self._cpu.memory and f"L {block}" not in self._cpu.memory:
             raise InputError(f"the source has no {block}")

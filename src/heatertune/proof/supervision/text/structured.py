@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Final
 
-from heatertune.plc.cpu.iec.machine import Program
+from heatertune.plc.cpu.iec.machine import TextProgram
 from heatertune.plc.cpu.iec.text import units
-from heatertune.plc.single import single
+from heatertune.plc.single_precision import single
 from heatertune.plc.st.program import literal
-from heatertune.plc.st.source import Source, comment, function_block
+from heatertune.plc.st.source import BlockSource, comment, function_block
 from heatertune.proof.supervision.text.statements import INPUTS, OUTPUTS, Group, Statements, alarms_told
 
-__all__ = ["FILE", "Text", "written"]
+__all__ = ["FILE", "StructuredText", "written"]
 
 FILE: Final = "monitor.st"
 _NAME: Final = "HT_MONITOR"
@@ -58,7 +58,7 @@ def written(statements: Statements, head: list[str], *, low_degC: float, step_de
         f"  IF In_Block >= {statements.block} THEN\n{_indented(''.join(map(_printed, statements.each_block)))}"
         "  END_IF;\nEND_IF;\n")
     return (comment(*head, *_by_hand())
-            + function_block(Source(_NAME, declarations, body)))
+            + function_block(BlockSource(_NAME, declarations, body)))
 
 
 def _by_hand() -> list[str]:
@@ -91,12 +91,12 @@ def _indented(lines: str) -> str:
     return "".join(f"  {line}\n" for line in lines.splitlines())
 
 
-class Text:
-    """The block in a machine for structured text, see `heatertune.proof.supervision.text.proven.Text`."""
+class StructuredText:
+    """The block in a machine for structured text, see `heatertune.proof.supervision.text.program_check.Text`."""
 
     def __init__(self, text: str, *, low_degC: float, step_degC: float) -> None:
         """Load it; raise InputError where it has what the machine does not know."""
-        self._program = Program(units(text + _CALLER), {})
+        self._program = TextProgram(units(text + _CALLER), {})
         self._low, self._step = low_degC, step_degC
 
     def start(self) -> None:

@@ -1,0 +1,258 @@
+"""The whole chain in one call, and its report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from heatertune import cache
+from heatertune.chain.as_left import as_left_in, files_of
+from heatertune.chain.as_left import related_documents as documents_beside
+from heatertune.chain.documents import log_document, read_documents, words_document
+from heatertune.chain.precompile import Worker, work_alongside
+from heatertune.chain.stages import export, fit
+from heatertune.codec import decode, encode
+from heatertune.commissioned import AsLeftSettings, RecordSettings
+from heatertune.documents import DATA, plain, to_json
+from heatertune.log import read_log
+from heatertune.log.values import Log
+from heatertune.model import document as model_document
+from heatertune.model.values import FittedModel
+from heatertune.pid import document as pid_document
+from heatertune.pid.design_provenance import DesignProvenance
+from heatertune.pid.values import PidDesign
+from heatertune.plc import controller_for
+from heatertune.plc.design import loop_fit
+from heatertune.plc.word_selection import search_document
+from heatertune.progress import ProgressCallback
+from heatertune.proof import Proof
+from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
+from heatertune.proof.design_request import DesignRequest, DesignResult
+from heatertune.proof.document_views import ComparisonView
+from heatertune.proof.pictures import pictures, robustness
+from heatertune.proof.redesign.on_samples import closed_on_samples
+from heatertune.proof.text_comparison import as_exported
+from heatertune.proof.write_comparison import WriteHistory
+from heatertune.settings import FitSettings, ReadSettings
+from heatertune.writing import write_files
+
+__all__ = ["TYPICAL_S", "ChainResult", "design", "dossier", "redraw", "write_report"]
+
+#: stage → what is told where it begins, and how long it takes as a rule, its machine code being kept [s]
+_STAGES: Final = {
+    "fit": ("finding the heater", 8.0), "design": ("tuning", 1.5), "words": ("finding the words", 2.0),
+    "proof": ("proving them", 4.0), "report": ("comparing with other designs, drawing the report", 5.0)}
+TYPICAL_S: Final = tuple(seconds for _, seconds in _STAGES.values())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChainResult:
+    """What a design came to.
+
+    Attributes:
+        log: as it was read.
+        fitted: the heater behind it.
+        closed: the design, its words and their proof.
+        files: for the PLC, name → content; none where the verdict is not PASS and the export was not forced.
+        documents: of all stages, as JSON holds them.
+    """
+
+    log: Log
+    fitted_model: FittedModel
+    outcome: DesignResult
+    files: Mapping[str, str | bytes]
+    documents: Mapping[str, Mapping[str, Any]]
+
+
+def _told(stage: str) -> str:
+    return f"{_STAGES[stage][0]} ({list(_STAGES).index(stage) + 1} of {len(_STAGES)})"
+
+
+def design(
+    source: str | Path | Log, request: DesignRequest, *, out: str | Path, read: ReadSettings | None = None,
+    fitted_with: FitSettings | None = None, force: bool = False, progress: ProgressCallback = str,
+    begun: Worker | None = None,
+) -> ChainResult:
+    """Run the whole chain, write every stage's document, the export files and the report.
+
+    A verdict that is not PASS writes documents and report but no export files, unless `force` is given.
+
+    Args:
+        source: a log's file, "table3" / "table4", or what `read_log` returned.
+        request: what the design is asked for.
+        out: directory for the results.
+        read: how the log is read; misprints of a built-in table are corrected.
+        fitted_with: what is known beside the log.
+        force: export whatever the verdict.
+        progress: told what begins.
+        begun: what works `beside` already; None: it begins now.
+
+    Raises:
+        HeatertuneError: as the stages; nothing is written then.
+    """
+    controller_for(request.target)  # an unknown target is refused before the long part
+    with work_alongside(request.target) if begun is None else nullcontext(begun) as second:
+        log = source if isinstance(source, Log) else read_log(source, read, errata=True)
+        request = _of_its_heater(request, log)
+        progress(_told("fit"))
+        fitted = fit(log, fitted_with, companions=True, progress=progress)
+        second.draw(_found(log, fitted), "log")
+        found = closed_on_samples(fitted, request, progress=progress, stage=lambda name: progress(_told(name)))
+        progress(_told("report"))
+        files, documents = _shown(log, fitted, found, force, second)
+        result = replace(found, proof=as_exported(found.proof))  # while the pictures are drawn
+        if result.proof.diagnostics != found.proof.diagnostics:
+            files, documents = _shown(log, fitted, result, force, second)
+        documents = _with_comparison(documents, log, fitted, result.ideal, result.proof, second)
+        _write(documents, files, out, second)
+        return ChainResult(log=log, fitted_model=fitted, outcome=result, files=files, documents=documents)
+
+
+def _of_its_heater(request: DesignRequest, log: Log) -> DesignRequest:
+    """Return the request with the heater of a printer that the user named when the log was read (`--tag`)."""
+    open_ = next((each for each in controller_for(request.target).switches if each.name == "heater"), None)
+    tag = None if log.taken is None else log.taken.reading.get("tag")
+    known = request.conditions.switches
+    if open_ is None or open_.name in known or tag not in open_.settings:
+        return request
+    return replace(request, conditions=replace(request.conditions, switches={**known, open_.name: str(tag)}))
+
+
+def _shown(
+    log: Log, fitted: FittedModel, result: DesignResult, force: bool, second: Worker
+) -> tuple[Mapping[str, str | bytes], dict[str, dict[str, Any]]]:
+    """Return the export files of a design, and its documents without the comparison."""
+    proof = result.proof
+    files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
+    search = search_document(result.choice, fitted, result.notes)
+    return files, _without_comparison(log, fitted, result.ideal, proof, files, search, result.recipe, second)
+
+
+def write_report(
+    log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, out: str | Path, *, force: bool = False
+) -> list[Path]:
+    """Write the documents, the export files of words that passed (or were forced) and `report.html`; return the paths.
+
+    Args:
+        log: as it was read.
+        fitted: the heater behind it.
+        wished: the design.
+        proof: of its words.
+        out: directory for the results.
+        force: export whatever the verdict.
+
+    Raises:
+        InputError: the directory cannot be written.
+        ExportRefused: as `export`.
+    """
+    files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
+    return _write(dossier(log, fitted, wished, proof, files), files, out)
+
+
+def dossier(
+    log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
+    search: Mapping[str, Any] | None = None, recipe: DesignProvenance | None = None,
+) -> dict[str, dict[str, Any]]:
+    """Return the documents of all stages, as JSON holds them: a report drawn now is one drawn later from the files.
+
+    Args:
+        log: as it was read.
+        fitted: the heater behind it.
+        wished: the design.
+        proof: of its words.
+        files: that were exported, name → content; none where the words may not leave.
+        search: how the words were found, see `heatertune.plc.word_selection.search_document`; None: not told.
+        recipe: how the design became these words; None: not told.
+    """
+    nobody = Worker(None)
+    documents = _without_comparison(log, fitted, wished, proof, files, search, recipe, nobody)
+    return _with_comparison(documents, log, fitted, wished, proof, nobody)
+
+
+def _without_comparison(
+    log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
+    search: Mapping[str, Any] | None, recipe: DesignProvenance | None, second: Worker,
+) -> dict[str, dict[str, Any]]:
+    """Return the documents without the comparison, whose pictures are being drawn."""
+    documents = _found(log, fitted) | {
+        "pid": pid_document.to_document(wished, fitted, recipe),
+        "words": words_document(proof.words, proof, files, search),
+        "proof": proof.to_document(),
+        "pictures": robustness(fitted, proof),
+    }
+    second.draw(documents, "design")
+    documents["pictures"] = pictures(wished, fitted, proof, documents["pictures"])
+    second.draw(documents, "proof")
+    return documents
+
+
+def _with_comparison(
+    documents: Mapping[str, dict[str, Any]], log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof,
+    second: Worker,
+) -> dict[str, dict[str, Any]]:
+    """Return the documents with the comparison, whose pictures are being drawn."""
+    inputs = {name: documents[name] for name in ("model", "pid", "words", "proof")} | {"same_heater": log.same_heater}
+    comparison = cache.load_or_compute("comparison", inputs, lambda: encode(ComparisonView(
+        paper=paper_runs(fitted) if log.same_heater else None,
+        price=price_of_doubt(loop_fit(fitted, proof.words.target, proof.words.scaling), wished),
+        rivals=rivals(fitted, wished, proof),  # last: they wait for the compiler
+    )), lambda kept: encode(decode(ComparisonView, kept, "comparison")))
+    compared = {**documents, "comparison": comparison}
+    second.draw(compared, "comparison")
+    return compared
+
+
+def _found(log: Log, fitted: FittedModel) -> dict[str, dict[str, Any]]:
+    """Return the documents of a log and of the heater behind it."""
+    return {"log": log_document(log), "model": model_document.to_document(fitted)}
+
+
+def redraw(
+    directory: str | Path, trace: Log | None = None, about: AsLeftSettings | None = None,
+    record: RecordSettings | None = None, progress: ProgressCallback = str, *, written: WriteHistory | None = None,
+) -> dict[str, dict[str, Any]]:
+    """Draw `report.html` anew from the documents in a directory; return them.
+
+    Args:
+        directory: that `design` wrote.
+        trace: of the commissioned loop: it is held against the proof; None: as before.
+        about: what is known beside the trace.
+        record: what the record calls the plant and itself; what it does not say is as before.
+        progress: told how far the runs for the trace are.
+        written: what was written into the PLC, of this proof; None: as before.
+
+    Raises:
+        DocumentError: a document is missing or is none.
+        InputError: the directory cannot be written; as `heatertune.proof.as_left.as_left`.
+    """
+    documents = read_documents(directory)
+    documents |= documents_beside(directory, documents["proof"])
+    if record is not None and record != RecordSettings():
+        own = {name: text for name, text in encode(record).items() if text is not None}
+        documents["record"] = encode(RecordSettings()) | documents.get("record", {}) | own
+    if trace is not None:
+        documents["as_left"] = plain(encode(as_left_in(directory, documents, trace, about, progress)))
+    if written is not None:
+        documents["written"] = encode(written)
+    given = files_of(directory, documents) if (trace, record, written) != (None, None, None) else {}
+    write_files(directory, {"report.html": _page(documents), **given})
+    return documents
+
+
+def _write(
+    documents: Mapping[str, Mapping[str, Any]], files: Mapping[str, str | bytes], out: str | Path,
+    second: Worker | None = None,
+) -> list[Path]:
+    written = {f"{name}.json": to_json(document) for name, document in documents.items()}
+    moved = {f"{DATA}/{name}": content for name, content in written.items()}
+    drawn = None if second is None else second.sections()
+    return write_files(out, {**files, "report.html": _page(documents, drawn), **moved}, gone=written)
+
+
+def _page(documents: Mapping[str, Mapping[str, Any]], drawn: Mapping[str, str] | None = None) -> str:
+    from heatertune.report import render  # noqa: PLC0415 - matplotlib only where pictures are drawn
+
+    return render(documents, drawn)

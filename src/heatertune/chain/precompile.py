@@ -1,0 +1,184 @@
+"""What a design needs later, done in a second process while the first one is busy: machine code, and pictures.
+
+Where no machine code of a controller's loop is kept, the compiler needs as long for it as a fit takes. The second
+process (`heatertune.chain.worker`) leaves it on disk and says so, and whoever needs it waits for that. Then it draws
+the sections of the report that have pictures, as the first one would. Whatever ends it, the first process compiles
+what it does not find, and draws what it was not given.
+
+Importing this takes little time: the second process begins before the first one has all that a design needs.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import partial
+from itertools import count
+from threading import Event, Thread
+from time import monotonic
+from typing import IO, Any, Final, NamedTuple
+
+from heatertune.cache import folder
+from heatertune.compiled import is_kept, machine_code, made_beside
+from heatertune.processors import processors
+
+__all__ = ["Worker", "work_alongside"]
+
+_PATIENCE_S: Final = 60.0  # who waits longer compiles on his own
+_PATIENCE_FOR_PICTURES_S: Final = 10.0  # likewise
+
+_Documents = Mapping[str, Mapping[str, Any]]
+
+
+class _Asked(NamedTuple):
+    """A section that is to be drawn: the number of the request, of what, and whether it is by now."""
+
+    request: int
+    documents: _Documents
+    drawn: Event
+
+
+class Worker:
+    """The second process as the first one sees it; where there is none, nothing is ever drawn by it."""
+
+    def __init__(self, process: subprocess.Popen[bytes] | None) -> None:
+        self._process = process
+        self._made = dict[str, Event]()
+        self._requests = count()
+        self._asked = dict[str, _Asked]()
+        self._drawn = dict[tuple[int, str], str]()
+
+    def compile(self, targets: Iterable[str]) -> None:
+        """Have the loops of controllers compiled, or none: before it is told, it does nothing else."""
+        self._made = {target: Event() for target in targets}
+        self._send(_write, list(self._made), self._made.values())
+
+    def draw(self, documents: _Documents, name: str) -> None:
+        """Have a section of the report drawn, see `heatertune.report.sections`, or drawn anew of other documents."""
+        asked = _Asked(next(self._requests), dict(documents), Event())
+        self._asked = {**self._asked, name: asked}
+        self._send(_write_on, (asked.request, asked.documents, name), [asked.drawn])
+
+    def sections(self) -> dict[str, str]:
+        """Return those that were drawn, and wait for those that are still to come, or draw the last of them here."""
+        until = monotonic() + _PATIENCE_FOR_PICTURES_S
+        while _has_drawn() and len(left := self._undrawn()) > 1:  # the first one is in work
+            self._draw(left[-1])
+        for asked in self._asked.values():
+            asked.drawn.wait(max(0.0, until - monotonic()))
+        return {name: self._drawn[asked.request, name] for name, asked in self._asked.items()
+                if (asked.request, name) in self._drawn}
+
+    def waits(self, target: str) -> None:
+        """Wait until a loop is compiled, or no more will be, and draw meanwhile what the other one did not come to."""
+        while not self._made[target].is_set() and (left := self._undrawn()):
+            self._draw(left[0])
+        self._made[target].wait(_PATIENCE_S)
+
+    def _undrawn(self) -> list[str]:
+        return [name for name, asked in self._asked.items() if not asked.drawn.is_set()]
+
+    def _draw(self, name: str) -> None:
+        """Draw a section here."""
+        from heatertune.report import sections  # noqa: PLC0415 - matplotlib only where pictures are drawn
+
+        asked = self._asked[name]
+        self._send(_write_on, asked.request, [])
+        self._drawn[asked.request, name] = sections(asked.documents, [name])[name]
+        asked.drawn.set()
+
+    def listen(self, lines: IO[bytes]) -> None:
+        """Take what is made, and in the end that no more will be."""
+        for line in lines:
+            with suppress(ValueError, TypeError):
+                match json.loads(line):
+                    case str() as target if target in self._made:
+                        self._made[target].set()
+                    case [int() as request, str() as name, str() as text]:
+                        self._drawn[request, name] = text
+                        if name in self._asked and self._asked[name].request == request:
+                            self._asked[name].drawn.set()
+        self._process = None
+        for event in (*self._made.values(), *(asked.drawn for asked in self._asked.values())):
+            event.set()
+
+    def _send(self, write: Callable[[IO[bytes], object], None], message: object, told: Iterable[Event]) -> None:
+        pipe = None if self._process is None else self._process.stdin
+        if pipe is not None:
+            write(pipe, message)
+        if self._process is None:  # or by now
+            for event in told:
+                event.set()
+
+
+@contextmanager
+def work_alongside(target: str) -> Iterator[Worker]:
+    """Work beside what is done in the block for a controller's design, and no longer.
+
+    What is compiled are its own loop and that of the two-level control it is compared with. Nothing is begun where
+    there is no second processor, or nothing to do: machine code is kept, or cannot be, and this process has drawn
+    pictures before, so that it does so at once, and as it may have been told to.
+
+    Raises:
+        InputError: there is no such controller.
+    """
+    wanted = processors() > 1 and (not _has_drawn() or _missing(target))
+    process = _begun() if wanted else None
+    second = Worker(process)
+    if process is None:
+        yield second
+        return
+    listener = Thread(target=second.listen, args=(process.stdout,), daemon=True)
+    listener.start()
+    try:
+        missing = _missing(target)  # imports what the first process needs as well
+        second.compile(missing)
+        with made_beside({loop: partial(second.waits, name) for name, loop in missing.items()}):
+            yield second
+    finally:
+        process.kill()
+        process.wait()
+        listener.join()
+        with suppress(OSError):  # what it did not read
+            process.communicate()
+
+
+def _has_drawn() -> bool:
+    return "matplotlib" in sys.modules
+
+
+def _missing(target: str) -> dict[str, Callable[..., Any]]:
+    """Return the loops of a controller and of what it is compared with that are not kept compiled, by target."""
+    from heatertune.chain.worker import loops  # noqa: PLC0415 - imports all that a proof needs
+
+    return {} if folder() is None else {name: loop for name, loop in loops(target) if not is_kept(loop)}
+
+
+def _begun() -> subprocess.Popen[bytes] | None:
+    """Begin the second process, with the modules of this one; None where that cannot be."""
+    if not sys.executable or getattr(sys, "frozen", False):  # no interpreter but a program of its own
+        return None
+    place = folder()
+    likely = ["compiles"] if place is not None and not machine_code(place) else []
+    with suppress(OSError):
+        return subprocess.Popen(
+            [sys.executable, "-P", "-m", "heatertune.chain.worker", *likely],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(map(str, sys.path))})
+    return None
+
+
+def _write(pipe: IO[bytes], message: object) -> None:
+    with suppress(OSError, ValueError):  # it has ended
+        pipe.write(pickle.dumps(message))
+        pipe.flush()
+
+
+def _write_on(pipe: IO[bytes], message: object) -> None:
+    """Write without waiting for the reader: what it has still to read may fill the pipe."""
+    Thread(target=_write, args=(pipe, message), daemon=True).start()

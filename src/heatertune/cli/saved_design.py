@@ -1,0 +1,234 @@
+"""What `pid.json` says of the words that were proven, and the options that take its place."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from heatertune import options
+from heatertune.cli import common
+from heatertune.errors import InputError
+from heatertune.options import Option, options_of
+from heatertune.settings import Conditions, SensorSettings, WordSettings
+
+if TYPE_CHECKING:
+    from heatertune.model.values import FittedModel
+    from heatertune.pid.design_provenance import DesignProvenance
+    from heatertune.pid.values import PidDesign
+    from heatertune.plc import Words
+    from heatertune.plc.word_choice import WordChoice
+
+__all__ = ["ProofSource", "in_force", "proof_source", "redesign_command"]
+
+#: an option in what was found to pass when a design was made
+_OPTION: Final = re.compile(r"(--[a-z][a-z-]*) ([^\s,;:]+)")
+_BY_HAND: Final = ("gain", "time_constant", "second_time_constant", "dead_time", "ambient")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProofSource:
+    """What is to be proven.
+
+    Attributes:
+        words: of a words file, or of a design.
+        choice: how they were found; None: they were given.
+        fitted: the heater to prove them on.
+        conditions: of the proof.
+        ramp: another way of the setpoint than the words have, see `heatertune.proof.setpoint_ramp.prove_ramped`.
+        notes: what was taken from the file, and what options took its place, one sentence each.
+        way_on: where they fail, what was found when they were made for the very same; None: nobody looked.
+        design: from which the words were made; None: the words were given.
+        recipe: how they were made from it; None: the words were given.
+        structure: of the design behind the words; None: not known.
+    """
+
+    words: Words
+    choice: WordChoice | None
+    fitted_model: FittedModel
+    conditions: Conditions
+    ramp: float | str | None
+    notes: tuple[str, ...]
+    way_on: str | None = None
+    design: PidDesign | None = None
+    recipe: DesignProvenance | None = None
+    structure: str | None = None
+
+
+def proof_source(settings: argparse.Namespace) -> ProofSource:
+    """Return what is to be proven of a design or words file.
+
+    Raises:
+        InputError: the file holds no model and none is given by hand; words of another target; as `in_force`.
+        NotRepresentable, OutOfRange: the words do not fit.
+    """
+    from heatertune.proof.rebuild_words import made_again  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.words_file import read_words  # noqa: PLC0415
+
+    words, by = read_words(settings.pid, common.target(settings)), options.of(WordSettings, settings)
+    ramp = by.setpoint_ramp
+    if words is not None:
+        words = replace(words, boost=None) if by.boost == "none" else words
+        return ProofSource(words=words, choice=None, fitted_model=common.model_from(settings, None),
+                       conditions=common.conditions(settings), ramp=ramp, notes=())
+    design, fitted, kept = common.design_and_model(settings)
+    recipe, notes = in_force(settings, kept, settings.pid)
+    choice, same = made_again(design, fitted, recipe), recipe == kept and ramp is None and not common.by_hand(settings)
+    return ProofSource(words=choice.words, choice=choice, fitted_model=fitted, conditions=recipe.conditions, ramp=ramp,
+                   notes=tuple(notes), way_on=recipe.way_on if same else None, design=design, recipe=recipe,
+                   structure=design.structure)
+
+
+def redesign_command(settings: argparse.Namespace, asked: ProofSource, setpoint_degC: float) -> tuple[str, ...]:
+    """Return the whole command that designs again what fails, for the same heater, controller and conditions.
+
+    Args:
+        settings: of the command that proved it.
+        asked: what was proven.
+        setpoint_degC: of the proof [°C].
+    """
+    from heatertune.cli.parsing import again  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc.targets import REPAIRED  # noqa: PLC0415
+
+    target, path = asked.words.target, Path(settings.pid)
+    hand = [part for name in _BY_HAND if (value := getattr(settings, name)) is not None
+            for part in (f"--{name.replace('_', '-')}", f"{value:g}")]
+    words = ["tune", *(hand or [str(path)]), "--target", REPAIRED.get(target, target)]
+    scaling, known = asked.words.scaling, asked.conditions
+    words += [] if scaling.input is None else ["--input", scaling.input]
+    words += ["--range", *(f"{end:.12g}" for end in scaling.sensor_degC)]
+    if known.setpoint_degC is None and known.profile is None:
+        known = replace(known, setpoint_degC=setpoint_degC)
+    if target in REPAIRED:
+        known = replace(known, switches={})
+    for name, one in options_of(Conditions).items():
+        if (value := getattr(known, name)) != one.default:
+            words += _typed(one, value)
+    if asked.choice is not None and asked.structure not in (None, "pi"):
+        words += ["--structure", str(asked.structure)]
+    words += ["--out", str(path.with_name(f"{path.stem}_redesigned.json"))]
+    found = [part for flag, value in _OPTION.findall(asked.way_on or "") for part in (flag, value)]
+    return again(words, found) if found else ("heatertune", *words)
+
+
+def _typed(one: Option, value: Any) -> list[str]:
+    """Return an option as the words of a command line."""
+    if isinstance(value, Mapping):
+        return [part for name, setting in value.items() for part in (one.flag, f"{name}={setting}")]
+    if one.kind is tuple:
+        return [part for item in value for part in (one.flag, str(item))]
+    if one.kind is bool:
+        return [one.flag]
+    values = value if isinstance(value, tuple) else (value,)
+    return [one.flag, *(f"{item:.12g}" if isinstance(item, float) else str(item) for item in values)]
+
+
+def in_force(settings: argparse.Namespace, kept: DesignProvenance | None, where: str) -> tuple[DesignProvenance,
+                                                                                               list[str]]:
+    """Return the recipe in force: that of the file with options in the place of what it says, and what is told of it.
+
+    Of a recipe for another controller the conditions hold, but for what is known of that controller.
+
+    Raises:
+        InputError: a file of the specification has changed since; another controller whose module gives no degrees;
+            as `heatertune.options.of`.
+    """
+    from heatertune.pid.design_provenance import DesignProvenance  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.rebuild_words import demand_same_files  # noqa: PLC0415
+
+    target = common.target(settings) if hasattr(settings, "target") else None
+    sensor, own = options.provided_options(SensorSettings, settings), options.provided_options(Conditions, settings)
+    by = {name: value for name, value in options.provided_options(WordSettings, settings).items()
+          if name in ("words_by", "refined")}
+    if kept is None:
+        return DesignProvenance(target=target or "", conditions=common.conditions(settings), **sensor, **by), []
+    demand_same_files(kept, own, where)
+    kept, foreign = _of(kept, kept.target if target is None else target, where, sensor)
+    if common.by_hand(settings):  # what was accepted was found in another model
+        kept = replace(kept, conditions=replace(kept.conditions, accept=()))
+    recipe = replace(kept, conditions=_merged(kept.conditions, own), **sensor, **by)
+    if "setpoint_ramp" in options.provided_options(WordSettings, settings):
+        recipe = replace(recipe, setpoint_ramp=None)
+    if options.of(WordSettings, settings).boost == "none":
+        recipe = replace(recipe, boost=None)
+    return recipe, [*foreign, *_told(kept, recipe, where)]
+
+
+def _of(kept: DesignProvenance, target: str, where: str, sensor: Mapping[str, Any]) -> tuple[DesignProvenance,
+                                                                                             list[str]]:
+    """Return what a recipe says of any controller, where it is of another one, and what of it is not taken then."""
+    from heatertune.plc import controller_for  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc.inputs import has_ends  # noqa: PLC0415
+
+    degrees = has_ends(controller_for(kept.target).ranges, kept.input)
+    if degrees:
+        kept = replace(kept, range_degC=options_of(SensorSettings)["range_degC"].default)
+    if target == kept.target:
+        return kept, []
+    has = kept.input in controller_for(target).ranges
+    if degrees and not has and not sensor:
+        raise InputError(f"{where} is for --input {kept.input} of {kept.target}, which {target} has not: say a --range")
+    theirs = replace(
+        kept, target=target, input=kept.input if has else None,
+        words_by="auto", refined=False, power_most_pct=None, setpoint_ramp=None, boost=None,
+        conditions=replace(kept.conditions, switches={}))
+    left = [part for part in _parts(kept) if part not in _parts(theirs)]
+    return theirs, [f"Of {where} not taken, as it is of {kept.target}: {', '.join(left)}."] if left else []
+
+
+def _merged(kept: Conditions, own: Mapping[str, Any]) -> Conditions:
+    """Return conditions with the user's own: a specification in the place of the whole, limits and settings by name."""
+    if "spec" in own:
+        kept = replace(kept, limit=(), tolerance_degC=None, step_power_pct=None)
+    limits = own.get("limit", ())
+    named = {_name(limit) for limit in limits}
+    others = tuple(limit for limit in kept.limit if _name(limit) not in named)
+    return replace(kept, **{
+        **own, "limit": (*others, *limits), "switches": {**kept.switches, **own.get("switches", {})},
+        "accept": tuple(dict.fromkeys((*kept.accept, *own.get("accept", ()))))})
+
+
+def _name(limit: str) -> str:
+    return limit.partition("=")[0].strip()
+
+
+def _told(kept: DesignProvenance, recipe: DesignProvenance, where: str) -> Iterator[str]:
+    """Return what is taken from the file, and what of it is not."""
+    said, heard = list(_parts(kept)), list(_parts(recipe))
+    if taken := [part for part in heard if part in said]:
+        yield f"As {where} has it: {', '.join(taken)}."
+    if left := [part for part in said if part not in heard]:
+        yield f"Not as {where} has it, for an option says otherwise: {', '.join(left)}."
+
+
+def _parts(recipe: DesignProvenance) -> Iterator[str]:
+    """Return what a recipe says beyond the defaults, as the command line would."""
+    for kind, holder in ((SensorSettings, recipe), (WordSettings, recipe), (Conditions, recipe.conditions)):
+        for name, one in options_of(kind).items():
+            value = getattr(holder, name, one.default)
+            if name not in ("setpoint_ramp", "boost") and value != one.default:
+                yield from _flags(one, value)
+    if recipe.power_most_pct is not None:
+        yield f"an output of at most {recipe.power_most_pct:.3g} %"
+    if recipe.setpoint_ramp is not None:
+        ramp = recipe.setpoint_ramp
+        held = "" if ramp.hold_degC is None else f" held within {ramp.hold_degC:.3g} °C of the reading"
+        yield f"a setpoint ramp of {ramp.degC_per_min:.3g} °C/min{held}"
+    if recipe.boost is not None:
+        yield f"a boost to {recipe.boost.within_degC:.3g} °C from the setpoint"
+
+
+def _flags(one: Option, value: Any) -> Iterator[str]:
+    """Return an option as the command line would have it, as often as it would."""
+    if isinstance(value, Mapping):
+        yield from (f"{one.flag} {name}={setting}" for name, setting in value.items())
+    elif one.kind is tuple:
+        yield from (f"{one.flag} {item}" for item in value)
+    elif one.kind is bool:
+        yield one.flag
+    else:
+        values = value if isinstance(value, tuple) else (value,)
+        yield " ".join([one.flag, *(f"{item:.6g}" if isinstance(item, float) else str(item) for item in values)])

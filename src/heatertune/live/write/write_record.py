@@ -1,0 +1,163 @@
+"""The record of a write: one line of JSON a step, on the disk before the step is made, and never changed after.
+
+A line without its end is what a kill left, and was never acted on: readers leave it out.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+
+from heatertune.documents import plain
+from heatertune.errors import DocumentError, InputError
+from heatertune.files import read_bytes
+from heatertune.writing import settle
+
+__all__ = ["RECORD_SCHEMA", "Lines", "RecordBroken", "WriteRecord", "read_lines", "utc_now", "write_new"]
+
+RECORD_SCHEMA: Final = "heatertune/write-record/1"
+#: steps after which nothing is left to be found out
+_ENDS: Final = ("end",)
+#: says that the line before it was left by a kill
+_TORN: Final = "torn"
+
+
+def utc_now() -> str:
+    """Return the time of this machine, UTC."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """A record that was read.
+
+    Attributes:
+        path: its file.
+        begin: its first line.
+        steps: the others.
+        torn: whether a line without its end was left out.
+    """
+
+    path: Path
+    begin: Mapping[str, Any]
+    steps: tuple[Mapping[str, Any], ...]
+    torn: bool
+
+    @property
+    def complete(self) -> bool:
+        """Whether the last that was begun also ended."""
+        return bool(self.steps) and self.steps[-1]["step"] in _ENDS
+
+    def last(self, step: str) -> Mapping[str, Any] | None:
+        """Return the last line of a kind."""
+        return next((line for line in reversed(self.steps) if line["step"] == step), None)
+
+
+class RecordBroken(InputError):
+    """Raised when a record that was begun cannot be gone on with."""
+
+
+class WriteRecord:
+    """A record that is being written."""
+
+    def __init__(self, path: Path, *, torn: bool = False) -> None:
+        """Open it; what stands there stays.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        self.path, self._broken = path, False
+        try:
+            self._number = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+        except OSError as problem:
+            raise InputError(f"{path}: cannot be written: {problem.strerror}") from None
+        if torn:
+            os.write(self._number, b"\n")
+            self.write_line(_TORN)
+        settle(path.parent)
+
+    def write_line(self, step: str, **what: Any) -> None:
+        """Write a line, and wait until the disk has it; once it could not be, nothing more is written.
+
+        Raises:
+            RecordBroken: it cannot be written, for the first time.
+        """
+        if self._broken:
+            return
+        line = json.dumps(plain({"step": step, "at": utc_now(), **what}), ensure_ascii=False, allow_nan=False)
+        content = f"{line}\n".encode()
+        try:
+            while content:
+                content = content[os.write(self._number, content):]
+            os.fsync(self._number)
+        except OSError as problem:
+            self._broken = True
+            raise RecordBroken(f"{self.path}: cannot be written: {problem.strerror}") from None
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._number)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def read_lines(path: str | Path) -> Lines:
+    """Return a record.
+
+    Raises:
+        DocumentError: it cannot be read, or is none; the message names the line.
+    """
+    try:
+        *whole, rest = read_bytes(path).split(b"\n")
+    except OSError as problem:
+        raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from None
+    found = [_line(content) for content in whole]
+    for number, line in enumerate(found, start=1):
+        after = found[number] if number < len(found) else None
+        if line is None and (number == 1 or after is None or after["step"] != _TORN):
+            raise DocumentError(f"{path}, line {number}: no step of a record")
+    lines = [line for line in found if line is not None and line["step"] != _TORN]
+    if not lines or lines[0].get("schema") != RECORD_SCHEMA:
+        raise DocumentError(f"{path}: no record of a write; expected the schema {RECORD_SCHEMA!r} in its first line")
+    missing = [name for name in ("address", "directory", "target", "digest", "begin", "before", "parts", "words")
+               if name not in lines[0]]
+    if missing:
+        raise DocumentError(f"{path}, line 1: {missing[0]}: is missing")
+    return Lines(Path(path), lines[0], tuple(lines[1:]), torn=bool(rest))
+
+
+def _line(content: bytes) -> dict[str, Any] | None:
+    """Return a line of a record, None where it is none."""
+    try:
+        line = json.loads(content)
+    except (ValueError, RecursionError):
+        return None
+    return line if isinstance(line, dict) and isinstance(line.get("step"), str) else None
+
+
+def write_new(path: Path, content: bytes) -> None:
+    """Write a file that is not there yet, and wait until the disk has it and its name.
+
+    Raises:
+        InputError: it is there already, or cannot be written.
+    """
+    try:
+        with path.open("xb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be written: {problem.strerror}") from None
+    settle(path.parent)

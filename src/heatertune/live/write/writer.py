@@ -1,0 +1,308 @@
+"""Words into a PLC, part by part: compared before, read back after, and taken back where anything is not as expected.
+
+Nothing is written twice because an answer was lost: the PLC is asked what stands there, and that decides.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Final
+
+from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
+from heatertune.live.plc_state import PlcState
+from heatertune.live.write.block_image import BlockImage, WritePart
+from heatertune.live.write.plc_block import BlockSnapshot, Peer
+from heatertune.live.write.write_budget import Budget
+from heatertune.live.write.write_record import RecordBroken, WriteRecord
+from heatertune.plc.ramp import Number
+
+__all__ = ["WriteEnd", "WriteOutcome", "Writer"]
+
+Values = Mapping[str, Number]
+_SCANS: Final = 2  # after which a program that writes words of its own has done so
+_ROUNDS: Final = 5  # of taking back what was interrupted, or arrived late
+_PAUSE_S: Final = 1.0  # between two looks for what may still arrive
+
+
+class WriteOutcome(StrEnum):
+    """How a write ended."""
+
+    DONE = "done"
+    NOT_DONE = "not done"
+    ROLLED_BACK = "rolled back"
+    PARTLY = "partly done"
+    UNWATCHED = "done, not watched"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class WriteEnd:
+    """The end of a write.
+
+    Attributes:
+        outcome: of it.
+        told: what happened, one sentence.
+        stands: the words in the PLC when it was last read; None: it could not be.
+    """
+
+    outcome: WriteOutcome
+    message: str
+    stands: Values | None = None
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all was done that was asked for."""
+        return self.outcome is WriteOutcome.DONE
+
+    def to_document(self) -> dict[str, Any]:
+        """Return it as a record has it."""
+        return {"outcome": self.outcome.value, "told": self.message,
+                "stands": None if self.stands is None else dict(self.stands)}
+
+
+class _Stopped(Exception):
+    """Raised where the next part cannot be written; the text says why."""
+
+
+#: what ends a write: nothing worse than that happens
+_STOPS: Final = (_Stopped, LinkError, InputError)
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """What is written: parts in their order, and all words at both ends.
+
+    Attributes:
+        parts: in their order.
+        before, after: all words.
+        stored: word → what the device keeps in the place of what was written.
+        pending: words that stood there as before when their part had just been written.
+    """
+
+    parts: Sequence[WritePart]
+    before: Values
+    after: Values
+    stored: dict[str, Number] = field(default_factory=dict)
+    pending: set[str] = field(default_factory=set)
+
+    def is_written(self, name: str, value: Number) -> bool:
+        """Return whether a word stands there as this change left it."""
+        return value == self.after[name] or (name in self.stored and value == self.stored[name])
+
+    @property
+    def names(self) -> list[str]:
+        """The words that differ."""
+        return [name for part in self.parts for name in part.names]
+
+
+class Writer:
+    """What writes to one PLC, and records it."""
+
+    def __init__(
+        self, peer: Peer, record: WriteRecord, budget: Budget, progress: Callable[[str], object] = str
+    ) -> None:
+        """Take a PLC.
+
+        Args:
+            peer: the PLC.
+            record: that every step goes into first.
+            budget: that every write is counted in.
+            progress: called with a sentence where something takes long.
+        """
+        self._peer, self._record, self._budget, self._progress = peer, record, budget, progress
+        self._state = PlcState(peer.address)
+        self._standing: BlockImage = peer.standing
+        #: what was seen before each part was written, and when it was read back
+        self.looks: list[BlockSnapshot] = []
+
+    def write(self, parts: Sequence[WritePart], before: Values, after: Values) -> WriteEnd:
+        """Write parts in their order, and take back those that were written where one cannot be.
+
+        Args:
+            parts: what differs.
+            before: all words, as they are expected to stand there.
+            after: all words, as they are to stand there.
+        """
+        change = _Change(parts, before, after)
+        expected, sent = dict(before), False
+        try:
+            for part in parts:
+                self._demand_left(part)
+            for part in parts:
+                self._expected(expected)
+                sent = True
+                self._put(part)
+                self._demand_stored(part.names, change)
+                expected |= {name: after[name] for name in part.names}
+            return self._read_back(expected, change)
+        except (*_STOPS, KeyboardInterrupt) as stopped:
+            why = _why(stopped)
+            self._peer.close()  # what is under way when somebody interrupts must not be taken for another's answer
+            return self._safely(change, why) if sent else WriteEnd(WriteOutcome.NOT_DONE, f"nothing was sent: {why}")
+
+    def restore(self, parts: Sequence[WritePart], before: Values, after: Values, why: str) -> WriteEnd:
+        """Put back what a write has changed, the last first, and nothing that somebody else has changed since.
+
+        Args:
+            parts: as they were written.
+            before: the words as they were.
+            after: the words as they were written.
+            why: it is done.
+        """
+        return self._safely(_Change(parts, before, after), why)
+
+    def _safely(self, change: _Change, why: str) -> WriteEnd:
+        try:
+            for _ in range(_ROUNDS):
+                try:
+                    ended = self._taken_back(change, why)
+                except KeyboardInterrupt:  # a second one: what was begun is ended all the same
+                    self._peer.close()
+                    continue
+                if (late := self._late(change, ended)) is not None:
+                    return late
+            raise LinkDown("again and again, requests have no answer")
+        except LinkError as problem:
+            return WriteEnd(WriteOutcome.UNKNOWN, f"{why}; whether {', '.join(change.names)} stand there is not known: "
+                         f"{problem}; heatertune rollback {self._record.path} asks again")
+
+    def _late(self, change: _Change, ended: WriteEnd) -> WriteEnd | None:
+        """Look at the PLC until no request without an answer can still arrive.
+
+        Returns:
+            The end; None: one has arrived, and what it brought has to be taken back.
+
+        Raises:
+            LinkError: the PLC cannot be read.
+        """
+        if not self._state.late_left_s():
+            return ended
+        self._noted("waiting", told="a request without an answer may still arrive")
+        try:
+            while left_s := self._state.late_left_s():
+                self._progress(f"looking for {left_s:.0f} s more whether a request without an answer still arrives")
+                time.sleep(min(_PAUSE_S, left_s))
+                stands = self._peer.look().values
+                if any(stands[name] == change.after[name] != (ended.stands or {}).get(name) for name in change.names):
+                    self._noted("arrived late", stands=dict(stands))
+                    return None
+        except KeyboardInterrupt:
+            raise LinkDown("interrupted while a request without an answer may still arrive") from None
+        return WriteEnd(ended.outcome, f"{ended.message}; nothing more has arrived since", ended.stands)
+
+    def _demand_left(self, part: WritePart) -> None:
+        if spent := self._budget.spent(part.names):
+            raise _Stopped(spent)
+
+    def _expected(self, expected: Values) -> None:
+        look = self._peer.look()
+        if unlike := self._unlike(look.values, expected):
+            raise _Stopped(f"somebody has changed the words meanwhile: {unlike}")
+        self.looks.append(look)
+        self._record.write_line("compared", **look.to_document())
+
+    def _unlike(self, found: Values, expected: Values) -> str:
+        return ", ".join(f"{name} is {found[name]:g}, not {expected[name]:g}" for name in self._standing.own
+                         if found[name] != expected[name])
+
+    def _put(self, part: WritePart, *, back: bool = False) -> None:
+        """Write a part over what was looked at; raise `_Stopped` where it does not stand there afterwards.
+
+        What was before is put back even where that can be neither recorded nor counted.
+        """
+        earlier = self._state.late_left_s() > 0.0  # it may still arrive, whatever becomes of this one
+        with suppress(*((InputError,) if back else ())):
+            self._record.write_line("writing", **part.to_document())
+            self._budget.count(part.names)
+            self._state.send()
+        try:
+            self._peer.write(part, part.after)
+        except (PlcRefused, LinkDown) as problem:
+            self._answered(earlier)
+            self._record.write_line("not written", told=str(problem))
+            raise _Stopped(str(problem)) from None
+        except ReplyLost as problem:
+            self._record.write_line("no answer", told=str(problem))
+            self._decide(part, str(problem))
+        else:
+            self._answered(earlier)
+            self._record.write_line("written", names=list(part.names))
+
+    def _demand_stored(self, names: Sequence[str], change: _Change) -> None:
+        """Look at words that were just written; raise `_Stopped` where the device keeps other values in their place."""
+        found = self._peer.look().values
+        for name in names:
+            if found[name] == change.before[name] != change.after[name]:
+                change.pending.add(name)
+            elif not change.is_written(name, found[name]):
+                change.stored[name] = found[name]
+        if change.stored:
+            kept = ", ".join(f"{name} = {value:g} in place of {change.after[name]:g}"
+                             for name, value in change.stored.items())
+            raise _Stopped(f"the device keeps {kept}: a limit of its own, or a scale")
+
+    def _answered(self, earlier: bool) -> None:
+        if not earlier:
+            self._state.note_answer()
+
+    def _decide(self, part: WritePart, problem: str) -> None:
+        """Ask the PLC whether a part arrived; raise `_Stopped` where it did not."""
+        look = self._peer.later(self._peer.look(), _SCANS)
+        begin = self._standing.at(part.start)
+        arrived = look.content[begin : begin + len(part.after)] == part.after
+        self._record.write_line("asked", arrived=arrived, **look.to_document())
+        if not arrived:
+            raise _Stopped(f"{problem}; two scans later it is not there")
+
+    def _read_back(self, expected: Values, change: _Change) -> WriteEnd:
+        first = look = self._peer.look()
+        self._demand_stored(tuple(change.pending), change)
+        for again in (False, True):
+            look = self._peer.later(look, _SCANS) if again else look
+            self.looks.append(look)
+            self._record.write_line("read back", again=again, **look.to_document())
+            if unlike := self._unlike(look.values, expected):
+                raise _Stopped(f"read back{' two scans later' if again else ''}, {unlike}")
+        if first.status is not None and look.status is not None and look.status.scans - first.status.scans < _SCANS:
+            return WriteEnd(WriteOutcome.UNWATCHED, "the words stand in the PLC, but it has run no scan with them",
+                            look.values)
+        return WriteEnd(WriteOutcome.DONE, "the words stand in the PLC: read back, and again two scans later",
+                        look.values)
+
+    def _taken_back(self, change: _Change, why: str) -> WriteEnd:
+        """Put back, the last part first, the words that stand there as they were written; errors as `Peer.look`."""
+        self._noted("taking back", why=why)
+        tried, problems = False, list[str]()
+        for part in reversed(change.parts):
+            look = self._peer.look()
+            mine = {name: change.before[name] for name in part.names if change.is_written(name, look.values[name])}
+            for back in self._standing.parts(look.content, mine):
+                tried = True
+                try:
+                    self._put(back, back=True)
+                except _STOPS as stopped:
+                    problems.append(_why(stopped))
+        look = self._peer.later(self._peer.look(), _SCANS)
+        self._noted("read back", again=True, **look.to_document())
+        if left := [name for name in change.names if change.is_written(name, look.values[name])]:
+            return WriteEnd(WriteOutcome.PARTLY,
+                            f"{why}; {', '.join(left)} stand there as written and could not be taken "
+                         f"back: {'; '.join(problems) or 'somebody has written them again'}", look.values)
+        others = self._unlike(look.values, change.before)
+        seen = f"; besides, somebody has changed the words: {others}" if others else ""
+        if not tried:
+            return WriteEnd(WriteOutcome.NOT_DONE, f"{why}; nothing that was written stands there{seen}", look.values)
+        return WriteEnd(WriteOutcome.ROLLED_BACK, f"{why}; what was written is taken back{seen}", look.values)
+
+    def _noted(self, step: str, **what: Any) -> None:
+        """Record a step of taking back, which is made even where it cannot be recorded."""
+        with suppress(RecordBroken):
+            self._record.write_line(step, **what)
+
+
+def _why(stopped: BaseException) -> str:
+    return "interrupted" if isinstance(stopped, KeyboardInterrupt) else str(stopped)

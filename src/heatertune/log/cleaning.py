@@ -1,0 +1,239 @@
+"""Rows that are no readings of the heater: dropouts, an open sensor, spikes; and which run of several is read.
+
+Nothing is put in their place: the models take any spacing of readings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import LogError
+from heatertune.log.cells import Sheet
+from heatertune.log.columns import Columns
+from heatertune.log.numbers import Array, cell_error
+from heatertune.log.values import MIN_SAMPLES
+from heatertune.units import count
+
+__all__ = ["no_readings", "one_run", "tell_gaps"]
+
+Mask = npt.NDArray[np.bool_]
+
+#: what converters give without a sensor: MAX6675 and MAX31855 at full scale, DS18B20, open inputs of PLC modules
+_OPEN: Final = (1023.75, 1024.0, 2047.75, 2048.0, -127.0, 3276.7, 3276.8, 6553.5, -999.0, 9999.0)
+_MOST_LOST: Final = 0.1  # share of the rows: a log with more holes is not repaired
+_LONGEST_SPIKE: Final = 3  # readings
+_SHORTEST_STAND: Final = 5
+_FAR_VALUE: Final = "at one value that the log jumps to, as of an open sensor,"
+_SPIKE_SHARE: Final = 0.1  # of the log's span
+_LEVELS: Final = 1.5
+_SPIKE_TIMES: Final = 12.0  # the usual departure of a reading from its neighbours
+_EDGE_TIMES: Final = 2.0  # what 90 % of the log's steps stay below: one reading in twenty may be a spike
+_GAP_TIMES: Final = 5.0  # the usual interval
+_PAUSE_TIMES: Final = 3.0  # the usual interval: a jump after a longer pause may be the heater's
+_STARTS: Final = (0.0, 85.0, 32.0, 185.0)  # °C and °F
+_STARTS_TIMES: Final = 2.0  # the largest other step
+_ALONE_TIMES: Final = 4.0
+_SHOWN: Final = 5
+
+
+def one_run(
+    sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]
+) -> tuple[Sheet, Array, int | None]:
+    """Return the rows of one run, their times, and which run it is, None where there is one alone.
+
+    It is the one asked for (1 = first), else the longest.
+
+    A run begins where the clock starts again as it began; a time that merely goes backwards is not one. The times [s]
+    are of shape (n,), one for each row.
+
+    Raises:
+        LogError: a run that is not there.
+    """
+    starts = _restarts(time)
+    if wanted is not None and not 1 <= wanted <= len(starts):
+        raise LogError(f"run {wanted}", file=sheet.file, expected=f"1…{len(starts)}, as many runs as the file holds")
+    if len(starts) == 1:
+        return sheet, time, wanted
+    ends = [*starts[1:], len(time)]
+    lengths = [end - start for start, end in zip(starts, ends, strict=True)]
+    chosen = int(np.argmax(lengths)) if wanted is None else wanted - 1
+    begin, end = starts[chosen], ends[chosen]
+    why = "the longest" if wanted is None else "as asked"
+    repairs.append(
+        f"The file holds {len(starts)} runs (from lines {', '.join(str(sheet.lines[k]) for k in starts)}); run "
+        f"{chosen + 1} was read, {why}: --run reads another."
+    )
+    return replace(sheet, rows=sheet.rows[begin:end], lines=sheet.lines[begin:end]), time[begin:end], chosen + 1
+
+
+def _restarts(time: Array) -> list[int]:
+    steps = np.diff(time)
+    forward = steps[steps > 0]
+    usual = float(np.median(forward)) if len(forward) else 0.0
+    starts = [0]
+    for k in (np.flatnonzero(steps < 0) + 1).tolist():
+        begins_anew = abs(time[k] - time[0]) <= 2.0 * usual and k + 1 < len(time) and 0 <= steps[k] <= 3.0 * usual
+        if begins_anew and k - starts[-1] >= MIN_SAMPLES and len(time) - k >= MIN_SAMPLES:
+            starts.append(k)
+    return starts
+
+
+def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str]) -> Mask:
+    """Return which rows hold no reading of the temperature, shape (n,), and tell them.
+
+    Args:
+        sheet: for line numbers.
+        columns: for names.
+        raw: the temperature as it stands in the file, shape (n,), NaN where the cell is empty or no number of the
+            sensor.
+        time: of each row, shape (n,) [s].
+        repairs: what was left out is added here.
+
+    Raises:
+        LogError: more than a tenth of the rows are lost.
+    """
+    empty = np.isnan(raw)
+    is_open = _is_open(raw)
+    kept = np.flatnonzero(~(empty | is_open))
+    stuck = np.zeros_like(empty)
+    stuck[kept[_stuck(raw[kept], time[kept])]] = True
+    lost = empty | is_open | stuck
+    if np.count_nonzero(lost) > _MOST_LOST * len(raw):
+        row = int(np.flatnonzero(lost)[0])
+        what = _FAR_VALUE if stuck[row] else "without a reading,"
+        problem = f"{count(int(np.count_nonzero(lost)), 'row')} of {len(raw)} {what} the first:"
+        raise cell_error(sheet, columns, "temperature", row, problem, "a log with a reading in nine rows of ten")
+    spikes = np.zeros_like(lost)
+    kept = np.flatnonzero(~lost)
+    spikes[kept[_spikes(raw[kept])]] = True
+    ends = np.zeros_like(lost)
+    kept = np.flatnonzero(~(lost | spikes))
+    ends[kept[_wild_ends(raw[kept], time[kept])]] = True
+    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"),
+             (stuck, _FAR_VALUE),
+             (spikes, "with a spike"), (ends, "at an end of the log, far from all others,"))
+    for mask, what in kinds:
+        if np.any(mask):
+            rows = count(int(np.count_nonzero(mask)), "row")
+            repairs.append(f"{rows} {what} left out ({_places(sheet, raw, mask)}).")
+    return np.asarray(lost | spikes | ends)
+
+
+def _is_open(raw: Array) -> Mask:
+    """Return which readings are an open sensor's: a heater that passes such a value comes from below and goes on above."""
+    there = np.isin(raw, _OPEN)
+    known = np.flatnonzero(~there & ~np.isnan(raw))
+    for place in np.flatnonzero(there) if len(known) else []:
+        after = int(np.searchsorted(known, place))
+        before, following = raw[known[[max(after - 1, 0), min(after, len(known) - 1)]]]
+        there[place] = not min(before, following) < raw[place] < max(before, following)
+    return there
+
+
+def _stuck(values: Array, time: Array) -> Mask:
+    """Return which readings stand at the log's highest or lowest, entered and left as it moves nowhere else.
+
+    An input whose sensor is open reads an end of its range. An end that a heater reaches is entered step by step, and
+    cold goods are not left by a jump. A few readings may be the heater's, and so may a jump over a pause. At the begin
+    a heater may rest until cold goods come: what stands there is an open sensor's where the log jumps up and rises.
+    """
+    n = len(values)
+    stuck = np.zeros(n, dtype=np.bool_)
+    if n < 2 * MIN_SAMPLES:
+        return stuck
+    steps, pauses = np.abs(np.diff(values)), np.diff(time)
+    for end in (float(values.max()), float(values.min())):
+        there = values == end
+        edges = np.flatnonzero(np.diff(there))  # entered, left, entered, …
+        others = values[~there]
+        if not len(edges) or len(others) < MIN_SAMPLES or (there[0] and not end < others[0] < others[-1]):
+            continue
+        lengths = np.diff([*([-1] if there[0] else []), *edges.tolist(), n - 1])[::2]
+        least = max(_ALONE_TIMES * float(np.delete(steps, edges).max()), _SPIKE_SHARE * float(np.ptp(others)))
+        at_once = np.all(pauses[edges] <= _PAUSE_TIMES * np.median(pauses))
+        if at_once and lengths.min() >= _SHORTEST_STAND and steps[edges].min() > least:
+            stuck |= there
+    return stuck
+
+
+def _spikes(values: Array) -> npt.NDArray[np.intp]:
+    """Return the readings that leave the line of their neighbours, far beyond what the log does, and come back.
+
+    A jump that stays, such as cold goods, is none; nor is a heater that is logged so slowly that it often moves so far.
+    """
+    n = len(values)
+    is_spike = np.zeros(n, dtype=np.bool_)
+    if n < 2 * MIN_SAMPLES:
+        return np.flatnonzero(is_spike)
+    usual = 1.4826 * float(np.median(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2.0)))
+    span = float(np.subtract(*np.percentile(values, [98.0, 2.0])))
+    levels = np.unique(values)  # a reading one step of the card away is none
+    least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * span, _LEVELS * float(np.diff(levels).min(initial=span)))
+    steps = np.abs(np.diff(values))
+    steep = _EDGE_TIMES * float(np.percentile(steps, 90.0))
+    for width in range(1, _LONGEST_SPIKE + 1):
+        before, after = values[: n - width - 1], values[width + 1 :]
+        shares = np.arange(1, width + 1)[:, None] / (width + 1)
+        lines = before + shares * (after - before)
+        off = np.stack([values[k : n - width - 1 + k] for k in range(1, width + 1)]) - lines
+        away = np.min(np.abs(off), axis=0)
+        together = np.abs(np.sum(np.sign(off), axis=0)) == width
+        back = np.abs(after - before) < 0.3 * away
+        abrupt = np.minimum(steps[: n - width - 1], steps[width:]) > steep
+        for k in np.flatnonzero((away > least) & together & back & abrupt).tolist():
+            if not np.any(is_spike[k : k + width + 2]):
+                is_spike[k + 1 : k + 1 + width] = True
+    return np.flatnonzero(is_spike)
+
+
+def _wild_ends(values: Array, time: Array) -> list[int]:
+    """Return the first and last readings from which the log jumps as it does nowhere else: a sensor that starts.
+
+    A jump is one from reading to reading, without a pause, beyond what the log does and several times its largest other
+    step: a heater that is logged slowly makes large steps, but not one alone. 0 and 85 are what a DS18B20 and many
+    converters give before their first conversion; less is asked of them.
+    """
+    n = len(values)
+    wild: list[int] = []
+    if n < MIN_SAMPLES + 2 * _LONGEST_SPIKE:
+        return wild
+    for order in (np.arange(n), np.arange(n)[::-1]):
+        y, t = values[order], time[order]
+        steps, pauses = np.abs(np.diff(y)), np.abs(np.diff(t))
+        held = int(np.argmax(y != y[0]))
+        starts = bool(y[0] in _STARTS and 0 < held <= max(_LONGEST_SPIKE, _MOST_LOST * n))
+        width = held if starts else int(np.argmax(steps[:_LONGEST_SPIKE])) + 1
+        core = y[max(width, _LONGEST_SPIKE):]
+        usual = 1.4826 * float(np.median(np.abs(core[1:-1] - (core[:-2] + core[2:]) / 2.0)))
+        least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * float(np.ptp(core)))
+        others = float(np.max(steps[width:-_LONGEST_SPIKE]))
+        times = _STARTS_TIMES if starts else _ALONE_TIMES if n > 2 * MIN_SAMPLES else np.inf
+        together = pauses[width - 1] <= _PAUSE_TIMES * np.median(pauses)
+        if together and others > 0.0 and steps[width - 1] > max(least, times * others):
+            wild += order[:width].tolist()
+    return wild
+
+
+def tell_gaps(time: Array, lines: Sequence[int], powered: bool, doubts: list[str]) -> None:
+    """Add to the doubts where the log pauses; `time`, shape (n,) [s], and `lines` are those of its rows."""
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > _GAP_TIMES * np.median(steps)) if len(steps) else np.zeros(0, dtype=np.intp)
+    if not len(gaps):
+        return
+    places = ", ".join(f"{steps[k]:g} s after line {lines[k]}" for k in gaps[:_SHOWN])
+    more = f" and {len(gaps) - _SHOWN} more" if len(gaps) > _SHOWN else ""
+    held = "; the power is taken as held through them" if powered else ""
+    doubts.append(f"The log has {count(len(gaps), 'gap')} ({places}{more}){held}.")
+
+
+def _places(sheet: Sheet, raw: Array, mask: Mask) -> str:
+    rows = np.flatnonzero(mask)
+    listed = ", ".join(
+        f"line {sheet.lines[row]}" + ("" if np.isnan(raw[row]) else f": {raw[row]:g}") for row in rows[:_SHOWN]
+    )
+    return listed + (f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else "")

@@ -1,0 +1,325 @@
+"""Loads that nobody logged, found in the log of a running loop together with its heater.
+
+A door, a batch of goods, a draught act like steps of power through the heater's own lags. Taken for what the power
+did, they bend the heater, the more the better its controller answers them. So both are sought at once: for given lags
+and dead time everything else is linear, and the load that explains most of what is left is added, one after the other,
+as long as the criterion of `heatertune.model.statistics.ar1_bic` falls. The readings without them then go to the fit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import least_squares
+
+from heatertune.log.values import Log
+from heatertune.loops.excitation import PowerCourse, power_course, risen
+from heatertune.loops.measures import average_log, found_period_s
+from heatertune.loops.pwm_reconstruction import DutySwitch, phases, reconstruct_power, with_duty
+from heatertune.model.statistics import ar1_bic
+
+__all__ = ["LoadFreeLog", "LoadStep", "without_loads"]
+
+Array = npt.NDArray[np.float64]
+
+_INSTANTS: Final = 120  # tried for a load
+_EDGES: Final = (0.08, 0.97)  # of the log: what happens before is the start's, and after it nobody sees it answered
+_MOST: Final = 6
+_GAIN: Final = 20.0  # BIC points a load has to be worth: its instant is chosen among many
+_LEAST_PCT: Final = 3.0  # of power: a smaller load is drift, or a switch that is not as fine as its duty
+_LARGEST_PCT: Final = 50.0  # a larger one is no load but another heater
+_BELOW: Final = 0.3  # of the span of readings, under its setpoint: there a loop was not at work before
+_COLDEST: Final = 0.02  # of the span: within it a reading is the coldest
+_RISEN: Final = (0.1, 0.2)  # of the span, where a straight line is laid through the rise
+_STILL: Final = 3.0  # rows before that line begins
+_ONE: Final = 0.01  # of the log: two loads that are nearer are one
+_LONGER: Final = (1.2, 1.4, 1.7, 2.0, 2.5, 3.0, 4.0)  # times the dead time, that are tried
+_RULED_OUT: Final = 50.0  # BIC points
+_LAGS: Final = 10
+_DELAYS: Final = 40
+_EVERY: Final = 6  # of them with loads, and the nearest without: where a loop swings its phase tells the dead time
+_NEAREST: Final = 3
+_STARTS: Final = 3
+_APART: Final = 1.4  # ratio of the lags of two starts
+_HINT: Final = 6.0  # BIC points, with which another switch is tried
+_ROUNDS: Final = 5  # of looking for a heater and for its switch
+_TICKS: Final = range(10, 101)  # of a PWM period; with more of them nobody sees them
+_SOME: Final = 0.05  # of lags and dead time, to see what changes with them
+_RATIO: Final = 0.1  # of two lags, to begin with
+
+
+class LoadStep(NamedTuple):
+    """A load: when it sets in, in the log's time [s], and the power that does the same [%]; below 0 it cools."""
+
+    instant_s: float
+    power_pct: float
+
+
+class _LoadFit(NamedTuple):
+    """Lags, dead time and loads with their criterion; `linear` as the columns of `PowerCourse.basis`."""
+
+    bic: float
+    lag: float
+    ratio: float
+    delay: float
+    instants: Array
+    linear: Array
+
+    @property
+    def sizes(self) -> Array:
+        """Of the loads, as power [%]."""
+        return np.asarray(self.linear[len(self.linear) - len(self.instants):] / self.linear[0])
+
+    @property
+    def sensible(self) -> bool:
+        return bool(self.linear[0] > 0.0 and np.all(np.abs(self.sizes) <= _LARGEST_PCT))
+
+
+class LoadFreeLog(NamedTuple):
+    """A log as it would be without the loads.
+
+    Attributes:
+        log: at fewer rows, see `heatertune.loops.measures.average_log`.
+        loads: that are taken out, in order.
+        power_before_pct: power before the log that explains it best; None: not known.
+        ambient_degC: of a loop that was off and cold when its log began; None: not known.
+        most_dead_time_s: with a longer one no heater explains the whole log; None: with any.
+        ticks: whole ones that the switch counts in a PWM period; None: too many for the log to tell.
+    """
+
+    log: Log
+    loads: tuple[LoadStep, ...] = ()
+    power_before_pct: float | None = None
+    ambient_degC: float | None = None
+    most_dead_time_s: float | None = None
+    ticks: int | None = None
+
+
+def without_loads(log: Log, pwm_period_s: float | None = None) -> LoadFreeLog:
+    """Return a log with power as it would be without the loads, and these.
+
+    Args:
+        log: of a heater in its loop, with power that changes.
+        pwm_period_s: of its switch; None: not known.
+    """
+    best, switch = _best_with_switch(log, pwm_period_s)
+    thin, course, found = best
+    if not found.sensible:
+        return LoadFreeLog(thin)
+    since = thin.time_s - thin.time_s[0]
+    done = risen(since, found.instants, found.lag, found.ratio) @ (found.sizes * found.linear[0])
+    loads = sorted(LoadStep(float(log.time_s[0] + at), float(size))
+                   for at, size in zip(found.instants, found.sizes, strict=True))
+    return LoadFreeLog(replace(thin, temperature_degC=thin.temperature_degC - done), tuple(loads),
+                   course.before, float(found.linear[1]) if course.rest else None,
+                   _most_dead_time_s(course, found, pwm_period_s or course.step), switch.ticks)
+
+
+class _LoadTrial(NamedTuple):
+    """A start, and the heater that goes with it."""
+
+    thin: Log
+    course: PowerCourse
+    found: _LoadFit
+
+    def worth(self) -> tuple[bool, float]:
+        """Less is better."""
+        return _worth(self.found)
+
+
+def _best(log: Log, pwm_period_s: float | None) -> _LoadTrial:
+    tried = [_tried(log, pwm_period_s, before, rest=rest) for before, rest in _starts(log, pwm_period_s)]
+    return min(tried, key=_LoadTrial.worth)
+
+
+def _best_with_switch(log: Log, pwm_period_s: float | None) -> tuple[_LoadTrial, DutySwitch]:
+    """Return the heater, and the switch that goes with it where that explains plainly more."""
+    plain, own = _best(log, pwm_period_s), found_period_s(log)
+    duty = log if own is None else with_duty(log, own)
+    if own is not None and duty is log:
+        return plain, DutySwitch()
+    best, kept = plain if duty is log else _best(duty, pwm_period_s), DutySwitch()
+    for _ in range(_ROUNDS):
+        other, switch = _switched(duty, pwm_period_s, best)
+        if switch == kept:
+            break
+        tried = _best(other, pwm_period_s)
+        if tried.worth() >= best.worth():
+            break
+        best, kept = tried, switch
+    return (best, kept) if best.found.bic < plain.found.bic - _RULED_OUT else (plain, DutySwitch())
+
+
+def _switched(log: Log, pwm_period_s: float | None, tried: _LoadTrial) -> tuple[Log, DutySwitch]:
+    """Return a log with the power that its switch gave, and that switch; itself, where none explains more.
+
+    Lags, dead time and instants are not those of the right switch yet: what changes with them is free here.
+    """
+    found, bent = tried.found, _bent(tried.course, tried.found)
+
+    def left(switch: DutySwitch) -> float:
+        thin = average_log(reconstruct_power(log, switch, pwm_period_s), pwm_period_s, tried.course.before)
+        course = power_course(thin, tried.course.before, pwm_period_s, rest=tried.course.rest)
+        basis = np.column_stack([course.basis(found.lag, found.ratio, found.delay, found.instants), bent])
+        linear = np.linalg.lstsq(basis, course.readings, rcond=None)[0]
+        return ar1_bic(course.readings - basis @ linear, len(linear))
+
+    plain = least = left(DutySwitch())
+    switch, begins = DutySwitch(), phases(log, pwm_period_s)
+    for change in ("phase_s", "ticks", "phase_s"):
+        others = [replace(switch, ticks=count, down=down) for count in _TICKS for down in (False, True)] if (
+            change == "ticks") else [replace(switch, phase_s=begin) for begin in begins]
+        least, switch = min([(least, switch), *((left(other), other) for other in others)], key=lambda one: one[0])
+    return (reconstruct_power(log, switch, pwm_period_s), switch) if least < plain - _HINT else (log, DutySwitch())
+
+
+def _bent(course: PowerCourse, found: _LoadFit) -> Array:
+    """Return what the readings change by with lags, dead time and the instants of loads, shape (m, 3 + loads)."""
+    def readings(lag: float, ratio: float, delay: float, at: Array) -> Array:
+        loads = found.linear[len(found.linear) - len(at):]
+        return np.asarray(
+            found.linear[0] * course.answer(lag, ratio, delay) + risen(course.middle, at, lag, ratio) @ loads)
+
+    lag, ratio, delay, at = found.lag, max(found.ratio, _SOME), found.delay, found.instants
+    some = max(_SOME * delay, course.step)
+    others = [(lag * (1.0 + _SOME), ratio, delay, at), (lag, ratio + _SOME, delay, at), (lag, ratio, delay + some, at),
+              *((lag, ratio, delay, np.where(np.arange(len(at)) == place, at + some, at)) for place in range(len(at)))]
+    return np.column_stack([readings(*other) - readings(lag, ratio, delay, at) for other in others])
+
+
+def _tried(log: Log, pwm_period_s: float | None, before: float, *, rest: bool) -> _LoadTrial:
+    thin = average_log(log, pwm_period_s, before)
+    course = power_course(thin, before, pwm_period_s, rest=rest)
+    return _LoadTrial(thin, course, _searched(course))
+
+
+def _most_dead_time_s(course: PowerCourse, found: _LoadFit, wait_s: float) -> float | None:
+    """Return the shortest dead time tried with which one lag, its loads fitted anew, is plainly worse [s].
+
+    A duty acts when the next PWM period begins, `wait_s` later at most: the log does not tell a dead time finer.
+    """
+    best = _refined(course, found.lag, 0.0, found.delay + found.ratio * found.lag, found.instants)
+    for times in _LONGER:
+        held = times * best.delay + wait_s
+        if _refined(course, best.lag, 0.0, held, best.instants, held=True).bic > best.bic + _RULED_OUT:
+            return held
+    return None
+
+
+def _worth(found: _LoadFit) -> tuple[bool, float]:
+    return not found.sensible, found.bic
+
+
+def _starts(log: Log, pwm_period_s: float | None) -> list[tuple[float, bool]]:
+    """Return what the power may have been before the first reading [%], and whether the heater was at rest with that.
+
+    A loop that is at its setpoint as its log begins was at work. One that is far below may have been off, and cold:
+    that is plain where the temperature begins to rise no sooner than a dead time after the power.
+    """
+    assert log.power_pct is not None
+    readings, own = log.temperature_degC, float(np.median(np.diff(log.time_s)))
+    first, span = float(readings[0]), float(np.ptp(readings))
+    at_work = (float(log.power_pct[log.time_s < log.time_s[0] + (pwm_period_s or own)].mean()), False)
+    if log.setpoint_degC is not None and float(log.setpoint_degC[0]) - first < _BELOW * span:
+        return [at_work]
+    risen = [float(log.time_s[np.argmax(readings >= first + share * span)] - log.time_s[0]) for share in _RISEN]
+    if first < float(readings.min()) + _COLDEST * span and 2.0 * risen[0] - risen[1] > _STILL * own:
+        return [(0.0, True)]
+    return [at_work, (0.0, False)]
+
+
+def _searched(course: PowerCourse) -> _LoadFit:
+    """Return the best heater with its loads."""
+    tried = np.linspace(*_EDGES, _INSTANTS) * course.length
+    delays = np.append(0.0, np.geomspace(max(course.step, course.length / 600.0), course.length / 10.0, _DELAYS - 1))
+    rough = []
+    for lag in np.geomspace(max(3.0 * course.step, course.length / 150.0), course.length / 2.0, _LAGS).tolist():
+        steps = risen(course.middle, tried, lag, 0.0)
+        bases = [course.basis(lag, 0.0, delay, ()) for delay in delays.tolist()]
+        left = [np.linalg.norm(course.readings - q @ (q.T @ course.readings)) for q, _ in map(np.linalg.qr, bases)]
+        near = {*range(0, _DELAYS, _EVERY), *np.argsort(left)[:_NEAREST].tolist()}
+        rough += [(*_added(course, bases[place], steps, tried), lag, float(delays[place])) for place in sorted(near)]
+    starts: list[tuple[float, Array, float, float]] = []
+    for start in sorted(rough, key=lambda one: one[0]):
+        if all(max(start[2] / kept[2], kept[2] / start[2]) > _APART for kept in starts):
+            starts.append(start)
+    refined = [_refined(course, lag, 0.0, delay, instants) for _, instants, lag, delay in starts[:_STARTS]]
+    best = min(refined, key=_worth)
+    best = min(best, _refined(course, best.lag, _RATIO, best.delay, best.instants), key=_worth)
+    steps = risen(course.middle, tried, best.lag, best.ratio)
+    _, instants = _added(
+        course, course.basis(best.lag, best.ratio, best.delay, best.instants), steps, tried, best.instants)
+    again = best if len(instants) == len(best.instants) else _refined(
+        course, best.lag, best.ratio, best.delay, instants)
+    return _pruned(course, min(best, again, key=_worth))
+
+
+def _added(
+    course: PowerCourse, basis: Array, steps: Array, tried: Array, instants: Array | None = None
+) -> tuple[float, Array]:
+    """Return the criterion and the instants of the loads that are worth it, added one by one to those given."""
+    kept = np.zeros(0) if instants is None else instants
+    best, chosen, at_best = math.inf, kept, 0
+    size = np.sum(steps**2, axis=0)
+    for count in range(len(kept), _MOST + 1):
+        q, _ = np.linalg.qr(basis)
+        left = course.readings - q @ (q.T @ course.readings)
+        bic = ar1_bic(left, basis.shape[1] + len(chosen))
+        if bic < best - _GAIN:
+            best, at_best, kept = bic, count, chosen
+        elif count > at_best + 1:  # a pulse is two loads, of which the first alone explains little
+            break
+        fresh = steps - q @ (q.T @ steps)
+        free = np.sum(fresh**2, axis=0)
+        score = np.where(free > 1e-6 * size, (fresh.T @ left) ** 2 / np.maximum(free, 1e-12), 0.0)
+        place = int(np.argmax(score))
+        chosen, basis = np.append(chosen, tried[place]), np.column_stack([basis, steps[:, place]])
+    return best, kept
+
+
+def _refined(
+    course: PowerCourse, lag: float, ratio: float, delay: float, instants: Array, *, held: bool = False
+) -> _LoadFit:
+    """Return what least squares makes of a start: all that is not linear, the instants of the loads included.
+
+    `held`: the dead time stays.
+    """
+    two, length = ratio > 0.0, course.length
+
+    def parts(z: Array) -> tuple[float, float, float, Array]:
+        return math.exp(z[0]), float(z[2]) if two else 0.0, float(z[1]) * length, z[2 + two:] * length
+
+    def left(z: Array) -> Array:
+        basis = course.basis(*parts(z))
+        return np.asarray(basis @ np.linalg.lstsq(basis, course.readings, rcond=None)[0] - course.readings)
+
+    low = [math.log(0.5 * course.step), 0.0, *([0.005] if two else []), *([_EDGES[0]] * len(instants))]
+    high = [math.log(5.0 * length), 0.25, *([0.98] if two else []), *([_EDGES[1]] * len(instants))]
+    if held:
+        low[1], high[1] = delay / length - 1e-6, delay / length + 1e-6
+    start = np.clip([math.log(lag), delay / length, *([ratio] if two else []), *(instants / length)],
+                    np.array(low) + 1e-9, np.array(high) - 1e-9)
+    z = least_squares(left, start, bounds=(low, high), x_scale="jac", diff_step=1e-4, max_nfev=40).x
+    basis = course.basis(*parts(z))
+    linear = np.asarray(np.linalg.lstsq(basis, course.readings, rcond=None)[0])
+    return _LoadFit(ar1_bic(left(z), len(z) + len(linear)), *parts(z), linear)
+
+
+def _pruned(course: PowerCourse, found: _LoadFit) -> _LoadFit:
+    """Return what was found without what is no load: too small, the start's, or the second of two at one instant."""
+    while len(found.instants):
+        order = np.argsort(found.instants)
+        apart = np.diff(found.instants[order])
+        smallest = int(np.argmin(np.abs(found.sizes)))
+        if found.instants.min() < (_EDGES[0] + _ONE) * course.length:
+            smallest = int(np.argmin(found.instants))
+        elif len(apart) and apart.min() < _ONE * course.length:
+            smallest = int(order[np.argmin(apart)])
+        elif abs(found.sizes[smallest]) >= _LEAST_PCT:
+            break
+        found = _refined(course, found.lag, found.ratio, found.delay, np.delete(found.instants, smallest))
+    return found

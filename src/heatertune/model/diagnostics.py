@@ -1,0 +1,139 @@
+"""From the sentences of a fit's checks to the findings that a verdict hears."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from heatertune.log.read_summary import ReadSummary
+from heatertune.log.values import Log
+from heatertune.model.findings import Finding
+from heatertune.model.intervals import Interval
+from heatertune.model.values import FitOutcome, FittedModel
+from heatertune.units import degF_to_degC
+
+__all__ = [
+    "DROP_PCT", "Remark", "fast_remarks", "findings_of", "level_remarks", "poor_remarks", "unit_findings",
+]
+
+#: fit that may be lost on readings not seen [%]
+DROP_PCT = 10.0
+_BESIDE = 1.01  # times the least time constant
+_TWO = 2  # levels of power
+_FULL = 99.0  # %
+_AMBIENT_DEGC = (-40.0, 50.0)  # around a heater that is off
+_NEAR = 0.2  # share of a log's span
+_ROOM_DEGC = (10.0, 35.0)
+_LEAST_TIME_CONSTANT_S = 0.5  # a wire in a stream of air is as fast
+_MOST_TIME_CONSTANT_S = 3.0 * 86400.0
+_MOST_DEAD_TIME_S = 3600.0
+_MOST_RISE_DEGC = 4000.0  # at full power: tungsten melts at 3422 °C
+_HOLDS = {"time": "the time", "temperature": "the temperature", "power": "the power"}
+
+
+class Remark(NamedTuple):
+    """A sentence about a fit, and the name of the finding that it is; empty where a verdict need not hear it."""
+
+    finding: str
+    sentence: str
+
+
+def findings_of(remarks: Iterable[Remark]) -> tuple[Finding, ...]:
+    """Return the findings among some sentences."""
+    return tuple(Finding(name=remark.finding, told=remark.sentence) for remark in remarks if remark.finding)
+
+
+def poor_remarks(outcome: FitOutcome, fit_pct: float, name: str) -> tuple[Remark, ...]:
+    """Return what a poor fit of a log, or logs, of this name means; nothing for another outcome."""
+    if outcome is not FitOutcome.POOR_FIT:
+        return ()
+    return (Remark("poor-fit", f"{fit_pct:.0f} % of {name} are explained."),)
+
+
+def level_remarks(log: Log) -> tuple[Remark, ...]:
+    """Return what it means that a log knows one level of power beside none; a switch that is full on is linear."""
+    assert log.power_pct is not None
+    levels = np.unique(np.round(log.power_pct))
+    if len(levels) > _TWO or levels[0] > 0.0 or levels[-1] >= _FULL:
+        return ()
+    return (Remark("one-level", (
+        f"{log.name} knows no power but 0 and {levels[-1]:g} %: whether the gain is the same at others it cannot tell."
+    )),)
+
+
+def fast_remarks(least_s: float, time_constant_s: float, name: str) -> tuple[Remark, ...]:
+    """Return what it means that the search for the time constant ended at the least that was searched."""
+    if time_constant_s > _BESIDE * least_s:
+        return ()
+    return (Remark("faster-than-log", (
+        f"The time constant ended at {time_constant_s:.3g} s, half the interval of {name} and the least searched: "
+        "the heater answers faster than the log shows."
+    )),)
+
+
+def unit_findings(fitted: FittedModel, logs: Sequence[Log]) -> tuple[Finding, ...]:
+    """Return a finding for each log with a unit for which it holds no evidence, or with one that the fit contradicts.
+
+    A unit that the user states by an option is never asked for again.
+    """
+    findings = []
+    for log, taken in ((log, log.taken) for log in logs if log.taken is not None):
+        doubts = {role: doubt for role, doubt in _implausible(fitted, log).items()
+                  if role in taken.columns and role not in taken.stated}
+        if taken.assumed or doubts:
+            findings.append(Finding(name="unit-assumed", told=_unit_sentence(taken, doubts)))
+    return tuple(findings)
+
+
+def _unit_sentence(taken: ReadSummary, doubts: Mapping[str, str]) -> str:
+    """Return which units are assumed or contradicted, with the options that state them all."""
+    parts = []
+    if taken.assumed:
+        columns = [f"{_HOLDS[role]} ({', '.join(taken.columns[role])})" for role in taken.assumed]
+        parts.append(f"nothing in {taken.file} shows the unit of {' and '.join(columns)}")
+    parts += doubts.values()
+    options = dict(taken.assumed)
+    for role in doubts:
+        options.setdefault(role, taken.unit_option(role))
+    return f"{'; '.join(parts)}; check, and state: {' '.join(options.values())}"
+
+
+def _implausible(fitted: FittedModel, log: Log) -> dict[str, str]:
+    """Return role → what a fit gives that hardly any heater has, so that the unit of that column is doubtful.
+
+    An ambient counts where the log comes near it; that of a log far above it is an extrapolation.
+    """
+    ends = {name: _ends(fitted.ci95.get(name), getattr(fitted.model, name)) for name in (
+        "gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")}
+    doubts = {}
+    low, high = ends["ambient_degC"]
+    readings = log.temperature_degC
+    near = float(readings.min()) - (fitted.model.ambient_degC or 0.0) < _NEAR * float(np.ptp(readings))
+    if near and (high < _AMBIENT_DEGC[0] or low > _AMBIENT_DEGC[1]):
+        doubts["temperature"] = _ambient_doubt(float(fitted.model.ambient_degC or 0.0))
+    low, high = ends["time_constant_s"]
+    if high < _LEAST_TIME_CONSTANT_S or low > _MOST_TIME_CONSTANT_S:
+        doubts["time"] = f"a time constant of {fitted.model.time_constant_s:.3g} s is hardly a heater's"
+    if ends["dead_time_s"][0] > _MOST_DEAD_TIME_S:
+        doubts["time"] = f"a dead time of {fitted.model.dead_time_s / 3600.0:.3g} h is hardly a heater's"
+    if 100.0 * abs(ends["gain_degC_per_pct"][0]) > _MOST_RISE_DEGC:
+        doubts["power"] = f"full power would heat by {100.0 * fitted.model.gain_degC_per_pct:.4g} °C"
+    return doubts
+
+
+def _ambient_doubt(ambient_degC: float) -> str:
+    """Return what is odd about an ambient, and in which unit it would be a room's [°C]."""
+    least, most = _ROOM_DEGC
+    other = next((f": {value:.3g} °C if the readings are in {unit}" for unit, value in (
+        ("°F", degF_to_degC(ambient_degC)), ("tenths of a degree", ambient_degC / 10.0)) if least <= value <= most), "")
+    return f"an ambient of {ambient_degC:.3g} °C is no room's{other}"
+
+
+def _ends(interval: Interval | None, value: float | None) -> tuple[float, float]:
+    """Return the ends of an interval; NaN, which no comparison holds for, where an end or the value is not known."""
+    if interval is None or value is None:
+        return math.nan, math.nan
+    return (math.nan if interval.low is None else interval.low, math.nan if interval.high is None else interval.high)

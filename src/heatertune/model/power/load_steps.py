@@ -1,0 +1,150 @@
+"""Load steps at unknown instants: a lid that stays open, a door, another heater that comes on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.model.outliers import replace_outliers
+from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.regressors import AMBIENT, GAIN
+from heatertune.model.statistics import ar1_bic
+
+__all__ = ["bic_of", "coincides", "edges_of", "is_sensible", "left_over", "lowest_degC", "with_loads"]
+
+Array = npt.NDArray[np.float64]
+
+_MOST = 3
+_GAIN = 20.0  # BIC points a load step has to be worth: its instant is chosen among many
+_LEFT = 2e-3  # of the span
+_INSTANTS = 80
+_ROUNDS = 3
+_COLDER = 0.05  # of the span: noise and a poor start
+_GRID = 16  # instants
+_EDGE = 0.1  # of the power's range: a smaller edge moves too little to hide anything
+_FEW = 3.0  # sampling intervals
+_OFTEN = 0.5  # of the log
+_RATIO = 0.1  # of two lags to begin with
+
+
+def bic_of(problem: PowerProblem, fit: PowerFit) -> float:
+    """Return the criterion of a fit on its problem's readings; infinite where it is no heater."""
+    if fit.model is None and problem.sign > 0.0 and problem.least_dead_time_s == 0.0:
+        return np.inf
+    if problem.sign < 0.0 and not float(fit.linear[GAIN]) < 0.0:  # no cooler fits at all
+        return np.inf
+    return ar1_bic(problem.readings.temperature_degC - fit.simulated_degC, fit.unknowns)
+
+
+def left_over(problem: PowerProblem, fit: PowerFit) -> bool:
+    """Return whether a fit leaves enough for a drift or a load to be there at all, and not the arithmetic of a fit."""
+    record = problem.readings.temperature_degC
+    return float(np.sqrt(np.mean((record - fit.simulated_degC) ** 2))) > _LEFT * float(np.ptp(record))
+
+
+def is_sensible(problem: PowerProblem, fit: PowerFit) -> bool:
+    """Return whether the ambient lies below the readings, but for a little: no heater is colder than its room."""
+    readings = problem.readings.temperature_degC
+    return float(fit.linear[AMBIENT]) <= lowest_degC(problem) + _COLDER * float(np.ptp(readings))
+
+
+def lowest_degC(problem: PowerProblem) -> float:
+    """Return the lowest temperature of a log: of the running median, or noise would be the coldest [°C]."""
+    return float(replace_outliers(problem.readings.temperature_degC, share=0.0).min())
+
+
+def edges_of(problem: PowerProblem) -> tuple[Array, Array]:
+    """Return instants [s] and sizes [%] of the power's steps of more than a tenth of its range, each shape (k,)."""
+    readings = problem.readings
+    steps = np.diff(readings.level_pct)
+    large = np.abs(steps) > _EDGE * np.ptp(readings.level_pct)
+    return readings.edge_s[1:][large], steps[large]
+
+
+def coincides(problem: PowerProblem, dead_time_s: float, instant_s: float) -> bool:
+    """Return whether a load sets in as an edge of the power arrives: what follows is the heater's doing, not a load's.
+
+    Where the power moves so often that most instants would coincide, none does.
+    """
+    readings = problem.readings
+    edges, _ = edges_of(problem)
+    early = _FEW * float(np.median(np.diff(readings.time_s)))
+    late = 2.0 * dead_time_s + early
+    if len(edges) * (early + late) > _OFTEN * float(np.ptp(readings.time_s)):
+        return False
+    return bool(np.any((instant_s > edges - early) & (instant_s < edges + late)))
+
+
+def with_loads(
+    problems: list[PowerProblem], fits: list[PowerFit], *, edges_dead_time_s: float | None = None
+) -> tuple[list[PowerProblem], list[PowerFit]]:
+    """Return the problems and fits with the load steps that every one of them asks for.
+
+    A step that only the poorer model wants covers that model's own fault. `edges_dead_time_s`: dead time after
+    which edges of the power arrive; a load that sets in with one ends the search.
+    """
+    for _ in range(_MOST):
+        bics = [bic_of(problem, fit) for problem, fit in zip(problems, fits, strict=True)]
+        best = int(np.argmin(bics))
+        if not left_over(problems[best], fits[best]):
+            break
+        ways = [_descended(problems, fits, best)]
+        if not problems[0].loads_s:  # under feedback a load passes for a weak heater, far from the true one
+            ways += [way for way in [_descended(problems, _far_off(problems), 0)] if is_sensible(way[0][0], way[1][0])]
+        trial, trial_fits = min(ways, key=lambda way: min(map(bic_of, *way)))
+        gains = [bic - bic_of(t, f) for bic, t, f in zip(bics, trial, trial_fits, strict=True)]
+        if min(gains) < _GAIN or (
+            edges_dead_time_s is not None and coincides(trial[best], edges_dead_time_s, trial[best].loads_s[-1])
+        ):
+            break
+        problems, fits = trial, trial_fits
+    return problems, fits
+
+
+def _descended(
+    problems: list[PowerProblem], fits: list[PowerFit], best: int
+) -> tuple[list[PowerProblem], list[PowerFit]]:
+    """Return the problems and fits with one more load, found from where the fits are."""
+    trial = problems
+    for _ in range(_ROUNDS):  # the load bends lags and dead time, and these its instant
+        instant = _instant(problems[best], fits[best])
+        trial = [replace(problem, loads_s=(*problem.loads_s, instant)) for problem in problems]
+        fits = [t.refine(fit.vector[None, :]) for t, fit in zip(trial, fits, strict=True)]
+    return trial, fits
+
+
+def _far_off(problems: list[PowerProblem]) -> list[PowerFit]:
+    """Return the fits with one load whose instant, lag and dead time were searched together, on a coarse grid."""
+    time = problems[0].readings.time_s
+    tried = time[0] + np.linspace(0.05, 0.95, _GRID) * float(np.ptp(time))
+    rough = [replace(problems[0], loads_s=(float(instant),)).roughly() for instant in tried]
+    place = int(np.argmin([cost for cost, _ in rough]))
+    vector, fits = rough[place][1], []
+    for problem in problems:
+        start = np.array([[vector[0], vector[1], _RATIO if problem.two_lags else 0.0]])
+        fits.append(replace(problem, loads_s=(float(tried[place]),)).refine(start))
+    return fits
+
+
+def _instant(problem: PowerProblem, fit: PowerFit) -> float:
+    """Return when a further load step would explain most, lags and dead time as they are."""
+    time = problem.readings.time_s
+    length = float(np.ptp(time))
+    trial = replace(problem, loads_s=(*problem.loads_s, float(time[0])))
+    tried = time[0] + np.linspace(0.03, 0.97, _INSTANTS) * length
+    spacing = float(tried[1] - tried[0])
+    best = _best(trial, fit, tried)
+    for _ in range(4):
+        near = best + spacing * np.linspace(-0.75, 0.75, 7)
+        best = _best(trial, fit, near[(near > time[0]) & (near < time[-1])])
+        spacing /= 3.0
+    return best
+
+
+def _best(trial: PowerProblem, fit: PowerFit, tried: Array) -> float:
+    """Return at which of the instants tried (n,) the last load step explains most [s]."""
+    left = trial.with_last_load(fit.vector, tried)
+    bics = [ar1_bic(residuals, 0) if np.all(np.isfinite(residuals)) else np.inf for residuals in left]
+    return float(tried[np.argmin(bics)])

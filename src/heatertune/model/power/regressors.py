@@ -1,0 +1,150 @@
+"""What a log's temperature is made of: the answer to held power, ambient, drift, free states and loads.
+
+The columns' weighted sum is the temperature; see `projection` for the weights.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.heater.exact import Factors, factors
+
+__all__ = [
+    "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "SECOND_STATE", "HeldPower", "columns", "forced_response",
+    "of_lags",
+    "of_power",
+]
+
+Array = npt.NDArray[np.float64]
+#: time: middle of each reading, shape (m,) [s]; half: half the time that it is the mean of, shape (m,) [s];
+#: edges: instants from which a power is held, shape (e,) [s]; levels: the powers, shape (e,) [%]; before: the power
+#: before the first [%]; loads: instants at which they begin to act, shape (s,) [s]; restarts: instants at which the
+#: state begins anew, shape (r,) [s]
+HeldPower = tuple[Array, Array, Array, Array, float, Array, Array]
+
+#: columns of the linear part; one more for each load step, then two states for each restart
+GAIN, AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE, COLUMNS = 0, 1, 2, 3, 4, 5
+
+#: half widths of a reading in lags, from which on a free state is gone within it: its mean would overflow
+STEEP = 100.0
+ALIKE = 1e-10  # share of a step of the time by which another may differ and have its factors
+
+
+def forced_response(
+    time: Array, half: Array, edges: Array, levels: Array, before: float, lags: tuple[float, float], dead: float,
+    out: Array,
+) -> None:
+    """Write the answer of a unit gain to the held power into out.
+
+    A reading is the mean over its time ± half. The mean is exact: a lag's own equation gives the integral of what
+    leaves it, ∫out = ∫in − lag·(out at the end − out at the start). The answer starts as if `before` had
+    been the power for ever; the free initial state corrects it. `x` and `y` are how far the lags' outputs are from the
+    power: under constant power one product takes each to the next reading.
+
+    Args:
+        time: middle of each reading, shape (n,) [s].
+        half: half the time that it is the mean of, shape (n,) [s].
+        edges: instants from which a power is held, shape (e,) [s].
+        levels: the powers, shape (e,) [%].
+        before: the power before the first [%].
+        lags: the second is 0 where there is one alone [s].
+        dead: dead time [s].
+        out: the answer, shape (n,) [%].
+    """
+    inner, outer = lags if lags[1] > 0.0 else (0.0, lags[0])
+    now, acting, x, y, j = time[0] - half[0], before, 0.0, 0.0, 0
+    edge = edges[0] + dead if len(edges) else math.inf
+    length, f = 0.0, Factors(1.0, 0.0, 1.0)  # of the last step: readings are often evenly spaced
+    for i in range(len(time)):
+        if half[i] == 0.0 and time[i] < edge and abs(time[i] - now - length) <= ALIKE * length:
+            y = f.outer * y if inner == 0.0 else f.outer * y + f.coupling * x
+            x *= f.inner
+            now = time[i]
+            out[i] = acting + y
+            continue
+        begun, x_begun, y_begun, area = now, 0.0, 0.0, 0.0
+        for part in range(2):  # to the begin of the reading, then over it
+            target = time[i] + half[i] if part else time[i] - half[i]
+            begun, x_begun, y_begun, area = now, acting + x, acting + y, 0.0
+            while now < target or edge <= target:
+                end = min(target, edge)
+                t = end - now
+                if t > 0.0:
+                    if abs(t - length) > ALIKE * t:
+                        length, f = t, factors(t, outer, inner)
+                    y = f.outer * y + f.coupling * x
+                    x *= f.inner
+                    now = end
+                    area += acting * t
+                if edge <= target:
+                    x, y, acting = x + (acting - levels[j]), y + (acting - levels[j]), levels[j]
+                    j += 1
+                    edge = edges[j] + dead if j < len(edges) else math.inf
+        out[i] = acting + y
+        if now > begun:  # irregular runs may overlap so far that nothing is left of one
+            out[i] = (area - inner * (acting + x - x_begun) - outer * (acting + y - y_begun)) / (now - begun)
+
+
+def _decay(time: Array, half: Array, begun: float, lag: float, out: Array) -> None:
+    step, factor, left, width, mean = 0.0, 1.0, 0.0, 0.0, 1.0
+    for i in range(len(time)):
+        if time[i] < begun:
+            out[i] = 0.0
+            continue
+        if i == 0 or time[i - 1] < begun:
+            left = math.exp((begun - time[i]) / lag)
+        else:
+            if abs(time[i] - time[i - 1] - step) > ALIKE * step:
+                step = time[i] - time[i - 1]
+                factor = math.exp(-step / lag)
+            left *= factor
+        if half[i] != width:
+            width, share = half[i], min(half[i] / lag, STEEP)
+            mean = math.sinh(share) / share if share > 1e-4 else 1.0  # below, the mean over the block is its middle
+        out[i] = left * mean
+
+
+def _states(time: Array, half: Array, begun: float, first: float, second: float, out: Array) -> None:
+    """Write what free states at an instant add from there on into out (2, n); second = 0: one lag."""
+    _decay(time, half, begun, first, out[0])
+    out[1] = 0.0
+    if second > 0.0:
+        _decay(time, half, begun, second, out[1])
+
+
+def columns(log: HeldPower, lags: tuple[float, float], dead: float, one: Array, basis: Array) -> None:
+    """Fill basis for the lags and the dead time.
+
+    Args:
+        log: see `Held`.
+        lags: the second is 0 where there is one alone [s].
+        dead: dead time [s].
+        one: the number 1, shape (1,): the level of a load.
+        basis: the columns, as named above, shape (5 + s + 2·r, m).
+    """
+    of_lags(log, lags, one, basis)
+    of_power(log, lags, dead, basis)
+
+
+def of_power(log: HeldPower, lags: tuple[float, float], dead: float, basis: Array) -> None:
+    """Fill the answer to the power, which alone knows the dead time; arguments as `columns`, of the same shapes."""
+    forced_response(log[0], log[1], log[2], log[3], log[4], lags, dead, basis[GAIN])
+
+
+def of_lags(log: HeldPower, lags: tuple[float, float], one: Array, basis: Array) -> None:
+    """Fill all other columns; arguments as `columns`, of the same shapes."""
+    time, half, _, _, _, loads, restarts = log
+    first, second = lags
+    m = len(time)
+    _states(time, half, time[0], first, second, basis[FIRST_STATE:COLUMNS])
+    for i in range(m):
+        basis[AMBIENT, i] = 1.0
+        basis[DRIFT, i] = time[i] - time[0]
+    for k in range(len(loads)):
+        forced_response(time, half, loads[k : k + 1], one, 0.0, lags, 0.0, basis[COLUMNS + k])
+    for k in range(len(restarts)):
+        place = COLUMNS + len(loads) + 2 * k
+        _states(time, half, restarts[k], first, second, basis[place : place + 2])

@@ -1,0 +1,138 @@
+"""A design as it is asked for, its words and their proof."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from heatertune.model.values import FittedModel
+from heatertune.pid.design_provenance import DesignProvenance
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Scaling, controller_for
+from heatertune.plc.cooler import with_cooling
+from heatertune.plc.cycle import with_pwm_period
+from heatertune.plc.design import tune
+from heatertune.plc.word_choice import WordChoice
+from heatertune.plc.word_selection import choose_words, tune_for_words
+from heatertune.progress import ProgressCallback
+from heatertune.proof import Proof
+from heatertune.proof.interlock import demand_none
+from heatertune.proof.prove_words import told_of_aim, tune_settings_for
+from heatertune.proof.pwm_period import with_pwm
+from heatertune.proof.rebuild_words import files_of, recorded_conditions
+from heatertune.proof.refine import refine
+from heatertune.proof.setpoint_ramp import prove_ramped
+from heatertune.settings import Conditions, SampleSettings, TuneSettings, WordSettings
+from heatertune.units import count
+
+__all__ = ["Candidate", "DesignRequest", "DesignResult", "made_for", "plainly"]
+
+#: a design and its words
+Candidate = tuple[PidDesign, WordChoice]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignRequest(WordSettings):
+    """What a design is asked for.
+
+    Attributes:
+        target: the controller.
+        scaling: sensor range; None: 0…100 °C.
+        tuned: how the design is found.
+        conditions: of the proof.
+        interval_by_words: whether TA is the one whose words are best, see `tune_for_words`.
+        drawn: on which drawn heaters it has to pass as well.
+
+    Raises:
+        InputError: samples behind an interlock.
+    """
+
+    target: str
+    scaling: Scaling | None = None
+    tune_settings: TuneSettings = field(default_factory=TuneSettings)
+    conditions: Conditions = field(default_factory=Conditions)
+    interval_by_words: bool = False
+    sample_settings: SampleSettings = field(default_factory=SampleSettings)
+
+    def __post_init__(self) -> None:
+        WordSettings.__post_init__(self)
+        if self.sample_settings.samples is not None:
+            demand_none(self.conditions.interlock)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignResult:
+    """A design, its words and their proof.
+
+    Attributes:
+        wished: the design.
+        choice: its words, and how they were found.
+        proof: of the words.
+        notes: what was done to make them pass and what that costs, one sentence each.
+        conditions: of the proof, with the PWM period that was proposed.
+        recipe: of the words, for those who have the design alone.
+        passes_with: of a design that fails or winds up, flags and values under which no run does; none: none are known.
+    """
+
+    ideal: PidDesign
+    choice: WordChoice
+    proof: Proof
+    notes: tuple[str, ...]
+    conditions: Conditions
+    recipe: DesignProvenance
+    passes_with: tuple[str, ...] = ()
+
+
+def plainly(
+    fitted: FittedModel, request: DesignRequest, *, made: Candidate | None = None, plain: Proof | None = None,
+    text: bool = True,
+    progress: ProgressCallback = str, stage: ProgressCallback = str,
+) -> DesignResult:
+    """Return the design as asked for, proven; errors as the stages.
+
+    Args:
+        fitted: the heater and its candidates.
+        request: what for.
+        made: the design and its words, where they are made already.
+        plain: their proof without a ramp, where there is one already.
+        text: whether the exported text is run, too, see `heatertune.proof.text_comparison.as_exported`.
+        progress: told what begins.
+        stage: told "design", "words" and "proof".
+    """
+    wished, choice = made_for(fitted, request, progress, stage) if made is None else made
+    conditions = request.conditions
+    if request.switch_kind is not None:
+        wished, conditions = with_pwm(wished, fitted, request.switch_kind, conditions, words=choice.words)
+    words = with_cooling(choice.words, conditions.cooling_gain)
+    choice = replace(choice,
+                     words=with_pwm_period(controller_for(request.target).cycle, words, conditions.pwm_period_s))
+    if request.refined:
+        choice = refine(choice, fitted, conditions, progress=progress)
+    stage("proof")
+    progress(f"proving the words on {count(len(fitted.plants), 'possible heater')}")
+    proof, notes = prove_ramped(
+        choice.words, fitted, request.setpoint_ramp, conditions, plain=plain, text=text, progress=progress)
+    return DesignResult(ideal=wished, choice=choice, proof=proof, notes=tuple(notes), conditions=conditions,
+                  recipe=_recipe(request, proof, conditions))
+
+
+def _recipe(request: DesignRequest, proof: Proof, conditions: Conditions) -> DesignProvenance:
+    scaling, conditions = proof.words.scaling, recorded_conditions(conditions)
+    return DesignProvenance(
+        target=request.target, range_degC=scaling.sensor_degC, input=scaling.input,
+        words_by=request.words_by,
+        refined=request.refined, setpoint_ramp=proof.setpoint_ramp,
+        boost=proof.boost, conditions=conditions,
+        files=files_of(conditions))
+
+
+def made_for(fitted: FittedModel, request: DesignRequest, progress: ProgressCallback,
+             stage: ProgressCallback) -> Candidate:
+    """Return a design and its words; arguments and errors as `plainly`."""
+    stage("design")
+    find = tune_for_words if request.interval_by_words else tune
+    tuned = tune_settings_for(request.tune_settings, request.conditions)
+    wished = find(fitted, tuned, target=request.target, scaling=request.scaling, progress=progress)
+    wished = replace(wished, notes=(*wished.notes, *told_of_aim(request.tune_settings, tuned)))
+    stage("words")
+    return wished, choose_words(
+        wished, request.target, fitted, scaling=request.scaling, way=request.words_by, progress=progress)

@@ -1,0 +1,299 @@
+"""What passes, when the heater's circuit is open for longer or shorter than in the story, or the setpoint rises after.
+
+And when the PLC loses its supply until the heater is neither hot nor cold, or the setpoint changes by a part of its
+range.
+
+Most controllers stop summing somewhere, and how long it is open changes nothing. One that does not asks for more power
+the longer it waits, so no story is long enough: what it does after a longer one leaves its words unproven. Where little
+power is left over it cannot overshoot by much, and the overshoot's limit shows nothing: then the time to return grows
+with the length. So that time is held against the time after the story's length, too.
+
+Most has been summed up, and is given back by nothing, after a shorter one than a story's, and on the way back from a
+restart in between: see `heatertune.proof.outage_timing`.
+
+One that stops at its limit, also where the sum leads back from it, may stay there. While the reading rises, the D part
+takes power away and the sum makes up for it, beyond full power. A setpoint that rises then takes the output to its
+limit, where the sum is kept: once the reading is slow and D is gone, nothing takes the power back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+from heatertune.heater.exact import time_to
+from heatertune.model.findings import Finding
+from heatertune.model.values import HeaterModel
+from heatertune.proof.criteria import Criterion
+from heatertune.proof.criterion_table import IN_DEGC
+from heatertune.proof.scenario import Disturbance, Mains, NewSetpoint, PlcPower, Scenario, conditions
+from heatertune.proof.verdict import FitDiagnostics
+from heatertune.units import written
+
+__all__ = [
+    "JUDGED", "OF_RANGE", "OVERSHOOTS", "LongOutage", "briefly", "heat_up", "nights_of", "unmended", "winds_up",
+    "wound",
+]
+
+#: criteria of the way back from an open circuit, and after a start-up of the PLC
+_REHEATED: Final = ("reheat_overshoot", f"reheat_overshoot{IN_DEGC}")
+_RESTARTED: Final = ("restart_overshoot", f"restart_overshoot{IN_DEGC}")
+_CHANGED: Final = ("change_overshoot", f"change_overshoot{IN_DEGC}")
+_RETURN, _GROWTH = "reheat_time", "return_growth"
+_LONGER, _RISING, _BRIEF, _WARM, _PART = "winds-up", "stays-at-limit", "briefly-open", "warm-restart", "part-change"
+_LOW: Final = "low-outage"
+#: what is broken there is of a story's kind, and other gains may mend it
+_MENDED: Final = frozenset({_LOW, _BRIEF, _WARM, _PART})
+#: what the lower end of the range of use leads to
+OF_RANGE: Final = frozenset({_LOW, _PART})
+#: name of what is found → criteria that tell which run is the hardest
+OVERSHOOTS: Final = {
+    _LONGER: _REHEATED, _RISING: _REHEATED, _LOW: _REHEATED, _BRIEF: _REHEATED, _WARM: _RESTARTED, _PART: _CHANGED}
+#: name of what is found → criteria that count
+JUDGED: Final = {
+    **OVERSHOOTS, _LONGER: (*_REHEATED, _RETURN, _GROWTH), _RISING: (*_REHEATED, _RETURN)}
+_TIMES: Final = 4.0  # as long as in the story
+#: of the time to return after the story's open circuit: a heater that was not quite cold then needs so much more
+_COLDER: Final = 0.1
+_SLACK: Final = 1.1  # the limit is the story's; what stays at its limit goes far beyond it, or never comes to rest
+_LATER: Final = 1.2  # than full power takes to the lower setpoint: where two lags carry the reading beyond it
+
+
+class LongOutage(NamedTuple):
+    """What else an open circuit may lead to.
+
+    Attributes:
+        name: of what is found where it breaks a limit.
+        scenario: from the heat-up right into it, and the way back.
+        told: when it is.
+        kept: what the story has shown.
+        heater_s: sum of lags and dead time of the slowest heater, by which a time to return may differ by chance [s].
+        most: strain of a limit that is not yet held to be broken.
+    """
+
+    name: str
+    scenario: Scenario
+    summary: str
+    kept: str = ""
+    most: float = 1.0
+    heater_s: float = 0.0
+
+    @property
+    def compares(self) -> bool:
+        """Whether the time to return is held against that after the story's open circuits."""
+        return self.name == _LONGER
+
+    def compare(self, criteria: Sequence[Criterion], before: Iterable[Criterion]) -> tuple[Criterion, ...]:
+        """Return the criteria of a run, with how much longer it takes to return than after the story's open circuits.
+
+        Args:
+            criteria: of the run.
+            before: criteria of the same run in the story.
+        """
+        now = {each.name: each for each in criteria}.get(_RETURN)
+        then = {each.name: each for each in before}.get(_RETURN)
+        if not self.compares or now is None or then is None or math.isinf(then.value):
+            return tuple(criteria)
+        growth = Criterion(
+            name=_GROWTH, value=now.value - then.value, limit=_COLDER * then.value + self.heater_s, unit="s",
+            what="By how much longer it takes to return after a longer open circuit.", where=now.where)
+        return *criteria, growth
+
+    def findings(self, criteria: Iterable[Criterion]) -> list[Finding]:
+        """Return what broken limits mean; nothing where all are kept."""
+        worst = self._worst(criteria)
+        if worst.strain <= self.most:
+            return []
+        grows = worst.name == _GROWTH and math.isfinite(worst.value)
+        beyond = worst.name in OVERSHOOTS[self.name]
+        does = (f"overshoots by {worst.value:.3g} {worst.unit}" if beyond else
+                f"takes {written(worst.value / 60.0, 2)} min longer to return" if grows else "does not come to rest")
+        return [Finding(name=self.name, told=f"{self.summary} it {does}{self.kept}.")]
+
+    def strain(self, criteria: Iterable[Criterion]) -> float:
+        """Return how much of a limit that counts here is used at most."""
+        return self._worst(criteria).strain
+
+    def _worst(self, criteria: Iterable[Criterion]) -> Criterion:
+        return max((each for each in criteria if each.name in JUDGED[self.name]), key=lambda each: each.strain)
+
+
+def nights_of(
+    scenario: Scenario, models: Sequence[HeaterModel], brief_s: Sequence[float] = (), warm_s: Sequence[float] = (),
+    lows_degC: Sequence[float] = (), low_brief_s: Sequence[float] = (),
+) -> Iterator[LongOutage]:
+    """Yield the longest open circuit of a story right after the heat-up: longer, closed at the lower setpoint, shorter.
+
+    Also open circuits of the same and of shorter lengths at the lower setpoint, a restart of the PLC between the
+    shortest and the longest, and changes of the setpoint by less than the range.
+
+    Args:
+        scenario: the story; none of its circuits may be closed again.
+        models: the heaters.
+        brief_s: how long a shorter one lasts, each [s].
+        warm_s: how long the PLC is without supply, each [s].
+        lows_degC: setpoints to which it falls, and rises again, each [°C].
+        low_brief_s: how long a shorter open circuit at the lower setpoint lasts, each [s].
+    """
+    opened = {number: closed.time_s - event.time_s
+              for number, (event, closed) in enumerate(pairwise(scenario.disturbances))
+              if isinstance(event, Mains) and isinstance(closed, Mains) and event.share == 0.0 < closed.share}
+    if opened:
+        yield from _opened(scenario, models, max(opened, key=lambda one: opened[one]), opened, brief_s, low_brief_s)
+    back = next((number for number, (lost, event) in enumerate(pairwise(scenario.disturbances))
+                 if isinstance(lost, PlcPower) and isinstance(event, PlcPower) and event.on), None)
+    if warm_s and back is not None and scenario.rests_s:
+        told = f"Where the PLC is restarted after {_minutes(warm_s)} without supply"
+        yield LongOutage(_WARM, _each(scenario, back, warm_s), told,
+                         "; the limit is kept where the heater is hot, or cold")
+    fall = next((number for number, pair in enumerate(pairwise(scenario.disturbances))
+                 if all(isinstance(event, NewSetpoint) for event in pair)), None)
+    if lows_degC and fall is not None and scenario.rests_s:
+        falls, rises = scenario.disturbances[fall:fall + 2]
+        befores = [NewSetpoint(time_s=falls.time_s, setpoint_degC=low) for low in lows_degC]
+        down_s = rises.time_s - falls.time_s - scenario.rests_s[fall + 1] + scenario.rests_s[fall + 2]
+        told = f"Where the setpoint changes between its highest and {min(lows_degC):.4g} to {max(lows_degC):.4g} °C"
+        yield LongOutage(_PART, _each(scenario, fall, [down_s] * len(befores), befores), told,
+                    "; the limit is kept where it falls to its lowest, and rises from there")
+
+
+def _opened(
+    scenario: Scenario, models: Sequence[HeaterModel], number: int, opened: Mapping[int, float],
+    brief_s: Sequence[float], low_brief_s: Sequence[float],
+) -> Iterator[LongOutage]:
+    heater_s = max(sum(model.lags_s) + model.dead_time_s for model in models)
+    yield _longer(scenario, number, opened[number])._replace(heater_s=heater_s)
+    low = scenario.lower_setpoint_degC
+    if low is not None and scenario.rests_s:
+        yield _rising(scenario, number, low, models)
+    lengths_s = {*opened.values(), *(each for each in low_brief_s if each < opened[number])}
+    if low is not None and brief_s and scenario.rests_s:
+        yield _at_lower_setpoint(scenario, number, low, sorted(lengths_s))
+    if brief_s and scenario.rests_s:
+        told = f"After {_minutes(brief_s)} with an open circuit"
+        yield LongOutage(_BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
+
+
+def heat_up(scenario: Scenario) -> Scenario:
+    """Return the heat-up of a story alone."""
+    end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
+    return replace(scenario, disturbances=(), rests_s=scenario.rests_s[:1], duration_s=end_s)
+
+
+def _longer(scenario: Scenario, number: int, proven_s: float) -> LongOutage:
+    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
+    off_s, open_s = ends[0], _TIMES * proven_s
+    events = [replace(event, time_s=time_s) for event, time_s in zip(
+        scenario.disturbances[number:number + 2], (off_s, off_s + open_s), strict=True)]
+    rests = scenario.rests_s
+    longer = replace(scenario, disturbances=tuple(events), rests_s=(*rests[:1], *rests[number + 1:number + 3]),
+                     duration_s=off_s + open_s + ends[number + 2] - ends[number + 1])
+    return LongOutage(_LONGER, longer, f"After {open_s / 3600.0:.2g} h with an open circuit",
+                 f"; the limit is kept after {proven_s / 3600.0:.2g} h")
+
+
+def _rising(scenario: Scenario, number: int, low_degC: float, models: Sequence[HeaterModel]) -> LongOutage:
+    """Return two open circuits, closed at a lower setpoint, which rises as the reading gets there.
+
+    Then the sum is highest: full power, with next to no error.
+    """
+    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
+    opens, closes = scenario.disturbances[number:number + 2]
+    open_s, back_s = ends[number + 1] - ends[number], ends[number + 2] - ends[number + 1]
+    arrives = [_arrives_s(model, low_degC, conditions(scenario, model)[0]) for model in models]
+    time_s, events, rests = ends[0], list[Disturbance](), list(scenario.rests_s[:1])
+    for rises_s in (min(arrives), _LATER * max(arrives)):
+        close_s = time_s + open_s
+        events += [replace(opens, time_s=time_s),
+                   NewSetpoint(time_s=time_s + 0.5 * open_s, setpoint_degC=low_degC),
+                   replace(closes, time_s=close_s),
+                   NewSetpoint(time_s=close_s + rises_s, setpoint_degC=scenario.setpoint_degC)]
+        rests += [0.0, 0.0, 0.0, scenario.rests_s[number + 2]]
+        time_s = close_s + rises_s + back_s
+    rising = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
+    return LongOutage(_RISING, rising, (
+        f"Where the setpoint rises from {low_degC:.4g} to {scenario.setpoint_degC:.4g} °C on the way back from an open "
+        "circuit"), most=_SLACK)
+
+
+def _at_lower_setpoint(scenario: Scenario, number: int, low_degC: float, lengths_s: Sequence[float]) -> LongOutage:
+    """Construct the open circuits of the test sequence again, and those of other lengths, each at the lower setpoint.
+
+    The controller sums up until it asks for full power. The less power the setpoint takes, the more of that sum has to
+    be given back, and the less P takes away on the way: the overshoot is larger than at the highest setpoint.
+    """
+    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
+    fall = next(place for place, event in enumerate(scenario.disturbances) if isinstance(event, NewSetpoint))
+    opens, closes = scenario.disturbances[number:number + 2]
+    back_s, rest_s = ends[number + 2] - ends[number + 1], scenario.rests_s[number + 2]
+    time_s, rests = ends[0] - scenario.rests_s[0] + rest_s, [rest_s, rest_s]
+    events: list[Disturbance] = [NewSetpoint(time_s=time_s, setpoint_degC=low_degC)]
+    time_s += ends[fall + 1] - ends[fall] - scenario.rests_s[fall + 1] + rest_s
+    for length_s in lengths_s:
+        events += [replace(opens, time_s=time_s), replace(closes, time_s=time_s + length_s)]
+        rests += [0.0, rest_s]
+        time_s += length_s + back_s
+    lower = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
+    return LongOutage(_LOW, lower, f"After {_minutes(lengths_s)} with an open circuit at {low_degC:.4g} °C",
+                 "; the limit is kept at the highest setpoint")
+
+
+def _each(
+    scenario: Scenario, number: int, lengths_s: Sequence[float], befores: Sequence[Disturbance] = ()
+) -> Scenario:
+    """Return the heat-up and then, of each length, what begins with an event of a story and ends with the next one.
+
+    Args:
+        scenario: the story.
+        number: of the event.
+        lengths_s: each [s].
+        befores: events in its place; none: it.
+    """
+    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
+    begins, back = scenario.disturbances[number:number + 2]
+    back_s, rest_s = ends[number + 2] - ends[number + 1], scenario.rests_s[number + 2]
+    time_s, events, rests = ends[0] - scenario.rests_s[0] + rest_s, list[Disturbance](), [rest_s]
+    for length_s, before in zip(lengths_s, befores or [begins] * len(lengths_s), strict=True):
+        events += [replace(before, time_s=time_s), replace(back, time_s=time_s + length_s)]
+        rests += [0.0, rest_s]
+        time_s += length_s + back_s
+    return replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
+
+
+def _minutes(lengths_s: Sequence[float]) -> str:
+    ends = dict.fromkeys(written(each / 60.0, 2) for each in (lengths_s[0], lengths_s[-1]))
+    return f"{' to '.join(ends)} min"
+
+
+def _arrives_s(model: HeaterModel, low_degC: float, ambient_degC: float) -> float:
+    """Return in what time full power leads from the ambient to a temperature."""
+    share = (low_degC - ambient_degC) / (100.0 * model.gain_degC_per_pct)
+    return model.dead_time_s + time_to(share, *model.lags_s)
+
+
+def wound(diagnostics: FitDiagnostics) -> set[str]:
+    """Return which of these were found, and not accepted by the user."""
+    return {finding.name for finding in diagnostics.findings} & set(JUDGED) - set(diagnostics.accepted)
+
+
+def winds_up(diagnostics: FitDiagnostics) -> bool:
+    """Return whether any was found, and the user has not accepted it."""
+    return bool(wound(diagnostics))
+
+
+def unmended(diagnostics: FitDiagnostics) -> set[str]:
+    """Return which were found that no other gains mend; where there is none such, all that were found."""
+    found = wound(diagnostics)
+    return found - _MENDED or found
+
+
+def briefly(diagnostics: FitDiagnostics) -> frozenset[str]:
+    """Return what is broken after a shorter open circuit, a restart or a change in between, if nothing else was found.
+
+    These are criteria of a story, and other gains may mend them, as they mend what fails.
+    """
+    found = wound(diagnostics)
+    return frozenset(name for each in found for name in JUDGED[each]) if found <= _MENDED else frozenset()

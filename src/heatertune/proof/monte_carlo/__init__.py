@@ -1,0 +1,1 @@
+"""Heaters, noise and delays drawn at random: how many of them a set of words serves."""

@@ -1,0 +1,326 @@
+"""A proof on many heaters: each sample one loop whose heater, mains, room, goods and sensor are drawn.
+
+Each sample lives through its story once under every setting of what the manual leaves open: a controller has one of
+them, whichever it is, and all of them are held against the same heaters.
+
+Sample number i of a run with seed S has the seed S + i, and all that is drawn for it comes from streams of Philox of
+that key (`heatertune.proof.monte_carlo.philox`, `heatertune.proof.monte_carlo.scan_noise`). So a sample depends neither
+on how many there are
+nor on how many workers share them, and its seed alone brings it back, with its trace.
+
+What is drawn, each independently:
+
+- gain and lags: lognormal, the dead time normal, as wide as the fit's 95 % intervals (`pid.uncertain.spreads_of`),
+  around each candidate in turn; no dead time below what is believed;
+- mains voltage: even within ±10 %, the tolerance of the public supply (EN 50160); the power goes with its square. One
+  value for the whole run, for a sag that lasts is the one that counts; but where the story's mains fall or rise to an
+  end of that tolerance, they do so from there, and not by as much again; a cooler beside the heater, a fan or a valve,
+  is as strong as ever, as it is where the story's mains change;
+- ambient temperature: even within ±5 °C, the span between a cold morning and a hot afternoon in a hall (this project's
+  choice), the heater starting from it;
+- each temperature step and load: its size times an even factor of 0.5…1.5 (this project's choice); a load is a share
+  of the rated power, for goods and draughts know nothing of the mains;
+- sensor noise: Gaussian, as the scenario says;
+- delay of each scan: even within 0 and the jitter, none by default: some milliseconds are nothing to a heater;
+  the first one, with which the PWM begins, and the last one, with which the story ends, are not late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import InputError, OutOfRange
+from heatertune.model.values import Fopdt, HeaterModel, TwoLag
+from heatertune.plc.controller import Controller
+from heatertune.plc.open_points import settings_to_prove
+from heatertune.plc.pwm import Actuator
+from heatertune.plc.words import Words
+from heatertune.processors import processors, threaded_list
+from heatertune.proof.criteria import LoopLimits
+from heatertune.proof.criterion_table import CriterionTable, join_tables, reorder
+from heatertune.proof.lanes.choice import fits, order_by_edges, pays
+from heatertune.proof.lanes.rows import LANES, STEP
+from heatertune.proof.loop import LoopController, actuator_of, in_loop, plant_row, scans_of, trace_run
+from heatertune.proof.measured_runs import measure_runs
+from heatertune.proof.monte_carlo.philox import normal, uniform
+from heatertune.proof.monte_carlo.scan_noise import normals
+from heatertune.proof.scenario import Disturbance, Load, Mains, Scenario, TemperatureStep
+from heatertune.proof.switch_edges import AS_TOLD
+from heatertune.proof.trace import Trace
+from heatertune.units import check
+
+__all__ = ["SampleRequest", "SampleSpread", "measure", "replay"]
+
+Array = npt.NDArray[np.float64]
+
+_LATE: Final = 2  # stream of the delays, beside that of the heaters, 0, and that of the noise
+_NORMAL: Final = 4  # uniform numbers of which those of the heater are made
+_CALLS: Final = 8  # at least, where samples are so many that more of them go into one call
+_GROUPS: Final = 4  # of samples side by side in one call at most: some megabytes of noise
+_LEAST: Final = 5  # samples that take as long one after the other as a step side by side
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleSpread:
+    """How far samples differ, see the head of this file.
+
+    Attributes:
+        heater: standard deviations of the logarithms of gain and lags, and of the dead time [s].
+        least_dead_time_s: no dead time is drawn below it [s].
+        mains_pct: half width of the mains voltage [%].
+        ambient_degC: half width of the ambient temperature [°C].
+        disturbance_pct: half width of each disturbance's size [%].
+        jitter_s: latest delay of a scan [s]; less than the scan interval. A controller's own PWM waits for its scan, so
+            with it there is none.
+
+    Raises:
+        OutOfRange: one that is negative or leaves no mains or no disturbance.
+    """
+
+    heater: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    least_dead_time_s: float = 0.0
+    mains_pct: float = 10.0
+    ambient_degC: float = 5.0
+    disturbance_pct: float = 50.0
+    jitter_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("mains_pct", "disturbance_pct"):
+            check(name, getattr(self, name), least=0.0, most=99.0)
+        for name in ("ambient_degC", "jitter_s", "least_dead_time_s"):
+            check(name, getattr(self, name), least=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SampleRequest:
+    """Whose samples are drawn.
+
+    Attributes:
+        controllers: the words, running under each setting of what is open.
+        heaters: candidates, in turn.
+        scenario: what is drawn around.
+        actuator: the switch.
+        spread: how far they differ.
+        delay_s: of the controller, added to each dead time that is drawn [s].
+
+    Raises:
+        InputError: no heater, no controller, or no switch where one is needed.
+        OutOfRange: an ambient that may reach the setpoint, a jitter as long as a scan.
+    """
+
+    controllers: Sequence[LoopController]
+    heaters: Sequence[HeaterModel]
+    scenario: Scenario
+    actuator: Actuator
+    spread: SampleSpread
+    delay_s: float = 0.0
+    rows: tuple[tuple[float, ...], ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        if not self.heaters or not self.controllers:
+            raise InputError("a proof needs at least one model and one controller")
+        rows = tuple(tuple(plant_row(heater, self.scenario)) for heater in self.heaters)
+        object.__setattr__(self, "rows", rows)
+        low = min(abs(asked - row[4]) for row in rows for asked in self.scenario.setpoints_degC)
+        if not self.spread.ambient_degC < low:
+            rule = f"< {low:g}, or it reaches the setpoint"
+            raise OutOfRange("spread of the ambient", self.spread.ambient_degC, rule)
+        scan_s = self.controllers[0].scan_s
+        if not self.spread.jitter_s < scan_s:
+            raise OutOfRange("jitter_s", self.spread.jitter_s, f"< {scan_s:g}, the scan interval")
+
+    @classmethod
+    def of(
+        cls, controller: Controller, words: Words, heaters: Sequence[HeaterModel], scenario: Scenario,
+        spread: SampleSpread,
+        actuator: Actuator | None = None, switches: dict[str, str] | None = None,
+    ) -> SampleRequest:
+        """Return the drawing of a controller that runs words; errors as in `simulate`.
+
+        Args:
+            controller: that is to run the words.
+            words: what it holds.
+            heaters: candidates.
+            scenario: what is drawn around.
+            spread: how far samples differ.
+            actuator: the switch; None: the controller makes the PWM itself.
+            switches: settings of open points that are known; of the others each is run.
+        """
+        controller.check(words)
+        controller.check_ramp(words)
+        controllers = [in_loop(controller, words, scenario.setpoints_degC, setting, direct=True)
+                       for setting in settings_to_prove(controller.switches, switches)]
+        return cls(controllers=controllers, heaters=heaters, scenario=scenario, spread=spread,
+                   delay_s=controller.delayed_s(words.scaling), actuator=actuator_of(controllers[0], actuator))
+
+    def heaters_of(self, seeds: Sequence[int]) -> tuple[Array, Array]:
+        """Return rows of `Batch.plants` and factors of the disturbances, shapes (n, 6) and (n, disturbances).
+
+        Args:
+            seeds: of the n samples.
+        """
+        even = uniform(seeds, _NORMAL + 2 + len(self.scenario.disturbances))
+        drawn, even = normal(even[:, :_NORMAL])[:, :3] * self.spread.heater, 2.0 * even[:, _NORMAL:] - 1.0
+        turns = [seed % len(self.rows) for seed in seeds]
+        gain, first, second, dead, ambient, start = np.array(self.rows)[turns].T
+        power = self._power_of(even[:, 0])
+        shift = self.spread.ambient_degC * even[:, 1]
+        lags = np.exp(drawn[:, 1])
+        rows = np.column_stack([
+            gain * np.exp(drawn[:, 0]) * power, first * lags, second * lags,
+            np.maximum(dead + drawn[:, 2], self.spread.least_dead_time_s) + self.delay_s, ambient + shift,
+            start + shift if self.scenario.start_degC is None else start])
+        sizes = 1.0 + self.spread.disturbance_pct / 100.0 * even[:, 2:]
+        for number, (event, share) in enumerate(zip(self.scenario.disturbances, self.scenario.mains[1:], strict=True)):
+            if isinstance(event, Load):  # a share of the rated power, and the gain is that of the drawn mains
+                sizes[:, number] /= power
+            elif not isinstance(event, TemperatureStep):
+                sizes[:, number] = 1.0 if share in (0.0, 1.0) else 1.0 / power  # likewise
+        return rows, sizes
+
+    def cooling_of(self, seeds: Sequence[int]) -> Array:
+        """Return `Batch.cooling` of samples, shape (n,) or (1,): a cooler beside a heater knows nothing of the mains.
+
+        Args:
+            seeds: of the n samples.
+        """
+        if self.actuator.cooling_gain is None:
+            return AS_TOLD
+        return 1.0 / self._power_of(2.0 * uniform(seeds, _NORMAL + 1)[:, _NORMAL] - 1.0)
+
+    def _power_of(self, even: Array) -> Array:
+        """Return what full power is of the rated one, for mains from −1, the lowest, to 1, the highest."""
+        return (1.0 + self.spread.mains_pct / 100.0 * even) ** 2
+
+    def heater(self, seed: int) -> HeaterModel:
+        """Return the heater of a sample, its mains in the gain, without the controller's delay; `replay` adds more."""
+        (row,), _ = self.heaters_of([seed])
+        return _heater(row - [0.0, 0.0, 0.0, self.delay_s, 0.0, 0.0])
+
+    def scans_of(self, seeds: Sequence[int], scans: int) -> tuple[Array, Array]:
+        """Return noise [°C] and delay [s] of the scans of samples, shape (n, scans), or (1, 1) where none is.
+
+        Args:
+            seeds: of the n samples.
+            scans: how many.
+        """
+        noise = late = np.zeros((1, 1))
+        if self.scenario.noise_degC > 0.0:
+            noise = normals(seeds, scans, self.scenario.noise_degC)
+        if self.spread.jitter_s > 0.0 and not self.controllers[0].pwm_period_s:
+            late = self.spread.jitter_s * uniform(seeds, scans, _LATE)
+            late[:, [0, -1]] = 0.0  # with the first one the PWM begins, with the last one the story ends
+        return noise, late
+
+
+def measure(drawing: SampleRequest, limits: LoopLimits, count: int, *, seed: int = 0,
+            workers: int | None = None) -> CriterionTable:
+    """Run samples and return what was measured: all samples under the first setting, then under the next one.
+
+    Args:
+        drawing: what is drawn.
+        limits: what is right.
+        count: how many samples.
+        seed: of the first one.
+        workers: how many share them; None: every processor.
+
+    Raises:
+        OutOfRange: no samples, a negative seed.
+    """
+    check("samples", count, least=1)
+    check("seed", seed, least=0)
+    seeds, scans = range(seed, seed + count), scans_of(drawing.controllers[0], drawing.scenario)
+    rows, sizes = drawing.heaters_of(seeds)
+
+    def run(part: _SampleChunk) -> CriterionTable:
+        places, (noise, late) = part.places, drawing.scans_of([seeds[place] for place in part.places], scans)
+        cooling = drawing.cooling_of([seeds[place] for place in part.places])
+        return join_tables([measure_runs(controller, rows[places], drawing.scenario, drawing.actuator, limits, noise,
+                                         late,
+                               sizes[places], cooling=cooling, side_by_side=part.side_by_side)
+                       for controller in differing.values()])
+
+    # of settings that no run tells apart, one is run for all
+    differing = {controller.shown: controller for controller in drawing.controllers}
+    parts = _parts(drawing, rows, count * len(differing) * scans // (workers or processors()))
+    runs = [part.places + count * setting for part in parts for setting in range(len(differing))]
+    back = np.argsort(np.concatenate(runs)).reshape(len(differing), count)
+    settings = [list(differing).index(controller.shown) for controller in drawing.controllers]
+    return reorder(join_tables(threaded_list(run, parts, workers)), back[settings].ravel())
+
+
+class _SampleChunk(NamedTuple):
+    """Samples of one call: their places among all, and whether they run side by side."""
+
+    places: npt.NDArray[np.intp]
+    side_by_side: bool
+
+
+def _parts(drawing: SampleRequest, rows: Array, scans: int) -> list[_SampleChunk]:
+    """Return all samples in parts; those side by side are alike, so that edges come in the same scans.
+
+    `scans` tells how much work they are to one processor.
+    """
+    lags, parts, shaken = (rows[:, 2] > 0.0).astype(int), list[_SampleChunk](), np.full((1, 1), drawing.spread.jitter_s)
+    fit = all(fits(controller, drawing.scenario, drawing.actuator, shaken) for controller in drawing.controllers)
+    for more in np.unique(lags).tolist():
+        own = np.flatnonzero(lags == more)
+        own = own[order_by_edges(rows[own], drawing.scenario.setpoint_degC, drawing.actuator.pwm_period_s)]
+        work = int(scans * np.mean(lags == more))
+        worth = pays(drawing.controllers[0], drawing.actuator, work, two_lags=bool(more))
+        parts += _chunks(own, side_by_side=worth and fit)
+    return parts
+
+
+def _chunks(places: npt.NDArray[np.intp], *, side_by_side: bool) -> list[_SampleChunk]:
+    rest = len(places) % STEP
+    beside = len(places) - (rest if rest < _LEAST else 0) if side_by_side else 0
+    chunk = LANES * min(max(len(places) // (_CALLS * LANES), 1), _GROUPS)
+    return [_SampleChunk(own[begin:begin + chunk], way)
+            for own, way in ((places[:beside], True), (places[beside:], False))
+            for begin in range(0, len(own), chunk)]
+
+
+def replay(drawing: SampleRequest, seed: int, setting: int = 0) -> Trace:
+    """Return the trace of the sample that has this seed: the same run, instant by instant.
+
+    Args:
+        drawing: what is drawn.
+        seed: of the sample.
+        setting: number of the controller.
+
+    Raises:
+        OutOfRange: a negative seed.
+    """
+    check("seed", seed, least=0)
+    controller = drawing.controllers[setting]
+    (row,), (factors,) = drawing.heaters_of([seed])
+    (noise,), (late,) = drawing.scans_of([seed], scans_of(controller, drawing.scenario))
+    model, start, actuator = _heater(row), float(row[5]), drawing.actuator
+    if actuator.cooling_gain is not None:
+        actuator = replace(actuator, cooling_gain=actuator.cooling_gain * float(drawing.cooling_of([seed])[0]))
+    disturbances = tuple(map(_sized, drawing.scenario.disturbances, factors.tolist()))
+    scenario = replace(drawing.scenario, ambient_degC=model.ambient_degC, start_degC=start, disturbances=disturbances,
+                       seed=seed)
+    return trace_run(controller, model, scenario, actuator, noise, late)
+
+
+def _heater(row: Array) -> HeaterModel:
+    """Return the heater of a row of `SampleRequest.heaters_of`, shape (6,)."""
+    gain, first, second, dead, ambient, _ = row.tolist()
+    known = {"gain_degC_per_pct": gain, "time_constant_s": first, "dead_time_s": dead, "ambient_degC": ambient}
+    return TwoLag(**known, second_time_constant_s=second) if second else Fopdt(**known)
+
+
+def _sized(event: Disturbance, factor: float) -> Disturbance:
+    """Return a disturbance times a factor, where it has a size."""
+    if isinstance(event, TemperatureStep):
+        return replace(event, temperature_degC=factor * event.temperature_degC)
+    if isinstance(event, Mains):
+        return replace(event, share=factor * event.share)
+    return replace(event, power_pct=factor * event.power_pct) if isinstance(event, Load) else event

@@ -1,0 +1,305 @@
+"""Words, the heaters that a fit leaves possible, and what is assumed → the proof."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+from heatertune.errors import InputError, OutOfRange
+from heatertune.model.cooler_mirror import cools
+from heatertune.model.values import FitOutcome, FittedModel, HeaterModel
+from heatertune.options import merge_options
+from heatertune.pid.loop.robustness import margins
+from heatertune.plc import Words, controller_for
+from heatertune.plc.cooler import with_cooler
+from heatertune.plc.inputs import has_ends
+from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
+from heatertune.progress import ProgressCallback
+from heatertune.proof.acceptance import Acceptance
+from heatertune.proof.coverage import Coverage, Run
+from heatertune.proof.criteria import LoopLimits
+from heatertune.proof.criterion_table import band_of
+from heatertune.proof.heaters import (
+    beyond_log,
+    default_setpoint,
+    holding_heaters,
+    left_out,
+    range_is_unknown,
+    unreachable_findings,
+)
+from heatertune.proof.interlock import Interlock
+from heatertune.proof.loop import MOST_SCANS
+from heatertune.proof.mains import MAINS_POWERS, RESERVE_PCT, Supply, limits_off_rated, mains_label, scale_power
+from heatertune.proof.proof import Proof, prove_models
+from heatertune.proof.sequence_plan import LoopTiming, SequencePlan
+from heatertune.proof.spec_file import specification_of
+from heatertune.proof.specification import Specification
+from heatertune.proof.test_sequence import story_for
+from heatertune.proof.verdict import FitDiagnostics
+from heatertune.settings import Conditions, TuneSettings
+
+__all__ = [
+    "actuator_for",
+    "course_for",
+    "default_pwm_period_s",
+    "every_setpoint",
+    "limits_of",
+    "prove",
+    "setpoints_for",
+    "told_of_aim",
+    "tune_settings_for",
+]
+
+#: of the band of soaks: as near to the ambient a heater has to be before a profile
+_OF_BAND: Final = 0.5
+#: times how far from the setpoint is still right: the least setpoint change that is judged by itself, so that half of
+#: it, its limit, is no less than what is right
+_IN_BANDS: Final = 2.0
+
+
+def prove(
+    words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool = False,
+    only: Sequence[Run] | None = None, night: str | None = None, progress: ProgressCallback = str,
+    **changed: Any,
+) -> Proof:
+    """Run the words in the closed loop on every candidate model, under every open point of the manual.
+
+    Without a setpoint, the loop is proven where the log says that the heater was used, or, without a log, half way
+    between ambient and full power on the weakest model.
+
+    Args:
+        words: what the PLC will hold.
+        fitted: the heater and its candidates.
+        conditions: what is assumed; None: the defaults.
+        first_look: only the nominal model under the default settings, in the same scenario; `export` refuses it.
+        only: only these runs, in the same scenario; `export` refuses it too.
+        night: with `only`: the heat-up and one of `heatertune.proof.long_outage` alone, by its name, if the words have
+            it.
+        progress: told how many runs are done.
+        changed: fields of `Conditions` that are other than in `conditions`.
+
+    Raises:
+        InputError: an interlock for a cooler; or as `heatertune.proof.prove_models`.
+        OutOfRange: as `heatertune.proof.prove_models`.
+        UnknownName: no such interlock, switch or setting, or no finding to accept.
+    """
+    asked = merge_options(Conditions, conditions, changed)
+    if asked.interlock is not None and cools(fitted):
+        raise InputError("an interlock switches off a heater that gets too hot; for a cooler leave --interlock out")
+    setpoint, farthest = setpoints_for(fitted, asked)
+    models, setpoints = holding_heaters(fitted, farthest), every_setpoint(fitted, asked)
+    heaters = [model for _, model in models]
+    course, specification = course_for(words, heaters, asked, setpoint), specification_of(asked)
+    powers = () if first_look else MAINS_POWERS if only is None else dict.fromkeys(power for *_, power in only if power)
+    supplies, told, untested = _supplies(words, models, asked, (setpoint, farthest), powers)
+    heard = FitDiagnostics(
+        findings=(*fitted.findings, *unreachable_findings(fitted, len(models), farthest),
+                  *beyond_log(fitted, setpoints)), accepted=asked.accept,
+        assumed=fitted.assumed, not_tested=(*course.not_tested, *untested),
+        remarks=(*_remarks(words, fitted, asked, setpoints), *left_out(fitted, len(models), farthest), *course.notes,
+                 *told))
+    acceptance = Acceptance(
+        limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
+        reading_step_degC=fitted.reading_step_degC, diagnostics=heard)
+    coverage = Coverage(
+        known=asked.switches, open_points=not first_look, only=only, night=night,
+        draws=not first_look and night is None,  # as in a whole proof, whose nights have one draw
+        progress=progress, supplies=supplies)
+    return prove_models(
+        controller_for(words.target), words, models[:1] if first_look else models, course.scenario,
+        actuator_for(asked, words), acceptance, coverage, interlock=_interlock(asked, words))
+
+
+def _supplies(
+    words: Words, models: Sequence[tuple[str, HeaterModel]], conditions: Conditions,
+    setpoints_degC: tuple[float, float], powers: Iterable[float],
+) -> tuple[list[Supply], list[str], list[str]]:
+    """Return the test sequence at other mains voltages, what is easier in it, and where it is not run, and why.
+
+    Args:
+        words: what the PLC will hold.
+        models: (label, heater) of the proof.
+        conditions: of the proof.
+        setpoints_degC: the upper end of the setpoints of use, and the farthest of it and a profile's targets [°C].
+        powers: full power as a share of the rated one, of each voltage.
+    """
+    supplies, told, untested = list[Supply](), list[str](), list[str]()
+    story, scan_s = (specification_of(conditions).story_at(conditions.lowest_degC),
+                     controller_for(words.target).timing(words).scan_s)
+    if not story.mains or story.paper_times:
+        return supplies, told, untested
+    for power in powers:
+        label = f"{mains_label(power)} throughout"
+        at_power = [(name, scale_power(model, power)) for name, model in models]
+        held = [(max(setpoints_degC, key=lambda each: abs(each - ambient)) - ambient) / model.gain_degC_per_pct
+                for _, model in at_power for ambient in [float(model.ambient_degC or 0.0)]]
+        able = tuple(one for one, pct in zip(at_power, held, strict=True) if pct <= 100.0 - RESERVE_PCT)
+        if len(able) < len(models):
+            whom = "" if len(models) == 1 else f" on {len(models) - len(able)} of {len(models)} heaters"
+            untested.append(f"{label}{whom} ({max(held):.3g} % of that power would hold the setpoint)")
+        if not able:
+            continue
+        try:
+            course = course_for(words, [model for _, model in able], conditions, setpoints_degC[0], mains_power=power)
+        except (InputError, OutOfRange) as problem:
+            untested.append(f"{label} ({problem})")
+            continue
+        if course.scenario.duration_s > MOST_SCANS * scan_s:
+            untested.append(f"{label} (more than {MOST_SCANS // 1_000_000} million scans)")
+            continue
+        supplies.append(Supply(mains_power=power, scenario=course.scenario, models=able))
+        told += [f"{label}, of that power: {easier}" for easier in course.notes]
+    return supplies, told, untested
+
+
+def setpoints_for(fitted: FittedModel, conditions: Conditions) -> tuple[float, float]:
+    """Return the upper end of the setpoints of use, and what is the farthest of it and a profile's targets [°C].
+
+    Where the user tells none it is where the log says that the heater was used, or the farthest of the profile.
+    """
+    profile = specification_of(conditions).profile
+    given, cold = conditions.highest_degC, cools(fitted)
+    farthest = min if cold else max
+    targets = [] if profile is None else [segment.target_degC for segment in profile.segments]
+    if given is None:
+        given = farthest(targets) if targets else default_setpoint(fitted)
+    return given, farthest([given, *targets])
+
+
+def every_setpoint(fitted: FittedModel, conditions: Conditions) -> tuple[float, ...]:
+    """Return every temperature that a proof asks for: both ends of the setpoints of use, a profile's targets [°C]."""
+    profile, lowest = specification_of(conditions).profile, conditions.lowest_degC
+    targets = () if profile is None else tuple(segment.target_degC for segment in profile.segments)
+    return (*setpoints_for(fitted, conditions), *targets, *(() if lowest is None else (lowest,)))
+
+
+def course_for(
+    words: Words, models: Sequence[HeaterModel], conditions: Conditions, setpoint_degC: float, *,
+    mains_power: float | None = None,
+) -> SequencePlan:
+    """Return what words have to live through on heaters.
+
+    Args:
+        words: what the PLC will hold.
+        models: the heaters, with their gains at the mains voltage.
+        conditions: of the proof.
+        setpoint_degC: upper end of the setpoints of use [°C].
+        mains_power: full power as a share of the rated one throughout; None: the rated one, but where the story
+            changes it. A load is a share of the rated power: draughts and goods know no mains voltage.
+
+    Raises:
+        InputError, OutOfRange: as `story_for`.
+    """
+    controller, actuator = controller_for(words.target), actuator_for(conditions, words)
+    timing, design = controller.timing(words), controller.decode(words)
+    specification = specification_of(conditions)
+    limits, cooling_gain, story = (
+        limits_of(specification, models), actuator.cooling_gain or 0.0, specification.story_at(conditions.lowest_degC))
+    if mains_power is not None:
+        limits, cooling_gain = limits_off_rated(limits), cooling_gain / mains_power
+        story = replace(story, mains=False, load_pct=min(story.load_pct / mains_power, 99.0))
+    resolution_degC = words.scaling.span_degC / controller.sensor(words.scaling).counts
+    loop = LoopTiming(
+        scan_s=timing.scan_s, sample_time_s=words.sample_time_s,
+        pwm_period_s=actuator.pwm_period_s if timing.pwm_period_s is None else timing.pwm_period_s,
+        integral_time_s=None if design is None else design.integral_time_s,
+        ramp_degC_per_min=controller.ramp_degC_per_min(words), settling_s=limits.settling_s or 0.0,
+        recovery_s=limits.recovery_s or 0.0, soak_settles_s=limits.soak_settles_s,
+        cold_degC=_OF_BAND * (limits.tolerance_degC if limits.soak_band_degC is None else limits.soak_band_degC),
+        again_degC=controller.again_degC(words), forgets_degC=controller.forgets_degC(words),
+        cooling_gain=cooling_gain, small_change_degC=_IN_BANDS * band_of(limits, resolution_degC))
+    return story_for(models, loop, story, noise_degC=conditions.noise_degC, setpoint_degC=setpoint_degC)
+
+
+def actuator_for(conditions: Conditions, words: Words) -> Actuator:
+    """Return the switch behind the controller; without a PWM period, its own, or else TA in parts up to 10 s.
+
+    Without a resolution its pulses are ticks of the target's clock, see `heatertune.plc.pwm.tick_for`.
+
+    Raises:
+        OutOfRange, UnknownName: as `switched_by`.
+        InputError, OutOfRange: as `heatertune.plc.cooler.with_cooler`.
+    """
+    return with_cooler(_heaters_switch(conditions, words), words, conditions.cooling_gain,
+                       minimum_on_s=conditions.cooling_minimum_on_s, minimum_off_s=conditions.cooling_minimum_off_s)
+
+
+def _heaters_switch(conditions: Conditions, words: Words) -> Actuator:
+    controller, interval = controller_for(words.target), words.sample_time_s
+    tick, (own, longest) = controller.tick_s, controller.own_pwm
+    rule = conditions.pwm_rule or own
+    period, resolution = conditions.pwm_period_s, conditions.pwm_resolution_s
+    if period is None:
+        period = controller.pwm_period_s or default_pwm_period_s(interval, tick_s=tick, most_s=longest)
+        return switched_by(rule, pwm_period_s=period, resolution_s=tick_for(
+            tick, sample_time_s=interval, pwm_period_s=period))
+    if resolution is None:
+        resolution = tick_for(tick, sample_time_s=interval, pwm_period_s=period)
+    return switched_by(
+        rule, pwm_period_s=period, minimum_on_s=conditions.minimum_on_s,
+        minimum_off_s=conditions.minimum_off_s, resolution_s=resolution)
+
+
+def tune_settings_for(tuned: TuneSettings, conditions: Conditions) -> TuneSettings:
+    """Return what a design is asked for with the specification's limits on Ms and on the power of one sensor step."""
+    limits = specification_of(conditions).limits_for(1.0)
+    ms, step_power = (math.inf if limit is None else limit for limit in (limits.ms, limits.step_power_pct))
+    own = math.inf if tuned.step_power_pct is None else tuned.step_power_pct
+    return replace(tuned, ms=min(tuned.ms, ms), step_power_pct=min(own, step_power))
+
+
+def told_of_aim(asked: TuneSettings, tuned: TuneSettings) -> tuple[str, ...]:
+    """Return the sentence that the design aims at a smaller Ms than it was asked for, where it does."""
+    if tuned.ms < asked.ms:
+        return (f"Ms <= {tuned.ms:g} in place of {asked.ms:g}: the specification asks for it.",)
+    return ()
+
+
+def limits_of(specification: Specification, models: Sequence[HeaterModel]) -> LoopLimits:
+    """Return what a loop with any of these heaters must keep."""
+    return specification.limits_for(max(sum(model.lags_s) + model.dead_time_s for model in models))
+
+
+def default_pwm_period_s(sample_time_s: float, *, tick_s: float | None, most_s: float = 10.0) -> float:
+    """Return TA, or the largest part of it up to the most: each sample then holds whole PWM periods [s].
+
+    Args:
+        sample_time_s: TA [s].
+        tick_s: `Controller.tick_s`: the period is whole ticks, where one above half of the most is; None: any.
+        most_s: the most.
+    """
+    parts = max(1, math.ceil(sample_time_s / most_s))
+    periods = (sample_time_s / more for more in range(parts, 2 * parts + 1))
+    return next((period for period in periods if in_ticks(period, tick_s)), sample_time_s / parts)
+
+
+def _interlock(conditions: Conditions, words: Words) -> Interlock | None:
+    if conditions.interlock is None:
+        return None
+    limit, scale = conditions.limit_degC, words.scaling
+    if limit is None:
+        if has_ends(controller_for(words.target).ranges, scale.input):
+            raise InputError(f"--interlock with --input {scale.input} needs --limit-temperature: the module's readings "
+                             f"go up to {scale.high_degC:g} °C")
+        limit = scale.high_degC
+    return Interlock(name=conditions.interlock, limit_degC=limit, fan_stops_s=conditions.fan_stops_s)
+
+
+def _remarks(
+    words: Words, fitted: FittedModel, asked: Conditions, setpoints_degC: Sequence[float]
+) -> Iterator[str]:
+    """Return what stands on the verdict's line beside the findings of the fit."""
+    if fitted.outcome is FitOutcome.BY_HAND:
+        yield "the model was given by hand"
+    if range_is_unknown(fitted, setpoints_degC):
+        yield "how far the log reached is not in the model (fit the log again)"
+    if (delay := controller_for(words.target).delayed_s(words.scaling)) > 0.0:
+        yield f"dead time {delay:g} s longer, for the input module"
+    if (cooling := controller_for(words.target).cooling) is not None:
+        told = asked.cooling_gain is not None
+        yield (f"the cooler was given as {asked.cooling_gain:g} times the heater's power" if told else
+               f"the cooler was taken for {cooling.gain(words):g} times the heater's power, as the words say")
+    if words.sample_time_s < fitted.log_interval_s:
+        yield f"TA {words.sample_time_s:g} s is below the log's interval of {fitted.log_interval_s:g} s"

@@ -1,0 +1,174 @@
+"""The design closed on drawn heaters, too: where too few keep every limit, it is made for the worst of them, too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+from heatertune.errors import HeatertuneError, InputError
+from heatertune.model.values import Candidate, FittedModel, HeaterModel
+from heatertune.progress import ProgressCallback
+from heatertune.proof import redesign_cost
+from heatertune.proof.design_request import DesignRequest, DesignResult
+from heatertune.proof.monte_carlo.quantiles import SampleProof
+from heatertune.proof.monte_carlo.run import drawing_for, with_samples
+from heatertune.proof.prove_words import prove
+from heatertune.proof.rebuild_words import made_again
+from heatertune.proof.redesign.redesign_search import closed_on_runs
+from heatertune.proof.redesign.suggestion import known_as, passes_told
+from heatertune.proof.verdict import samples_told, verdict_of_samples
+from heatertune.settings import SampleSettings
+from heatertune.units import count
+
+__all__ = ["closed_on_samples"]
+
+_MORE: Final = 3  # drawn heaters that a design is made for, too, each time it fails
+_MOST_ROUNDS: Final = 3
+
+
+def closed_on_samples(
+    fitted: FittedModel, request: DesignRequest, *, ways_on: bool = True, progress: ProgressCallback = str,
+    stage: ProgressCallback = str
+) -> DesignResult:
+    """Return the design of `closed_on_runs`, where too few samples pass made for the worst of them, too.
+
+    Who looks for a design that passes on some samples finds one that suits them: what was found so is judged by as many
+    others, whose verdict stands. Where none is found, for heaters lack the power, say, it is the design as asked for.
+
+    Args:
+        fitted: the heater and its candidates.
+        request: what the design is asked for; without samples it is that of `closed_on_runs`.
+        ways_on: as `closed_on_runs`.
+        progress: told what begins.
+        stage: as `closed_on_runs`.
+
+    Raises:
+        HeatertuneError: as `closed_on_runs`; as `heatertune.proof.monte_carlo.run.sampled`.
+    """
+    drawn = request.sample_settings
+    found = closed_on_runs(fitted, request, ways_on=ways_on, progress=progress, stage=stage)
+    if drawn.samples is None:
+        return found
+    progress(f"proving the words on {count(drawn.samples, 'sample')}")
+    first = _heard(found, fitted, drawn)
+    if request.as_is or found.proof.verdict == "FAIL" or _drawn(first).verdict == "PASS" or _hopeless(first):
+        return first
+    if (mended := _made_for_more(first, found.proof.verdict, fitted, request, progress)) is not None or not ways_on:
+        return mended or first
+    return _with_way_on(_remarked(first, "nothing tried mends the samples"), fitted, request, progress)
+
+
+def _made_for_more(
+    first: DesignResult, verdict: str, fitted: FittedModel, request: DesignRequest, progress: ProgressCallback
+) -> DesignResult | None:
+    """Return the first design that passes as it is made for ever more drawn heaters, too; None where none does.
+
+    Args:
+        first: the design as it was asked for, which the samples fail.
+        verdict: of it without them, which another one has to reach.
+        fitted: as `closed_on_samples`.
+        request: likewise.
+        progress: likewise.
+    """
+    drawn, found, heaters = request.sample_settings, first, dict[int, HeaterModel]()
+    drawing = drawing_for(first.proof.words, fitted, drawn.spread, first.conditions)
+    same = request
+    if request.conditions.setpoint_degC is None:  # it would hang on the heaters
+        setpoint = first.proof.scenario.setpoint_degC
+        same = replace(request, conditions=replace(request.conditions, setpoint_degC=setpoint))
+    for _ in range(_MOST_ROUNDS):
+        new = [seed for seed in _drawn(found).broken if seed not in heaters][:_MORE]
+        heaters |= {seed: drawing.heater(seed) for seed in new}
+        progress(f"too few samples keep every limit: trying a design for {len(heaters)} of them, too")
+        try:
+            wider = closed_on_runs(_with(fitted, heaters), same, ways_on=False, progress=progress)
+            if wider.proof.verdict not in ("PASS", verdict):
+                return None
+            bare = _proven_on(fitted, request, wider)
+        except HeatertuneError:  # there is no design for all of them
+            return None
+        if (bare.proof.words, bare.conditions) == (found.proof.words, found.conditions):
+            return None  # what they break a limit by is not their heaters
+        found = _heard(bare, fitted, drawn)
+        if bare.proof.verdict in ("PASS", verdict) and _drawn(found).verdict == "PASS":
+            others = replace(drawn, seed=drawn.seed + _drawn(first).count)
+            return _changed(first, _heard(bare, fitted, others), len(heaters))
+    return None
+
+
+def _with(fitted: FittedModel, heaters: Mapping[int, HeaterModel]) -> FittedModel:
+    """Return a fit with drawn heaters, by their seeds, among the possible ones; nothing is drawn around them."""
+    def candidate(model: HeaterModel, log: str, part: str = "") -> Candidate:
+        return Candidate(model=model, log=log, window_s=(0.0, 0.0), law="", fit_pct=0.0, rmse_degC=0.0, delta_bic=0.0,
+                         part=part)
+
+    own = fitted.candidates or (candidate(fitted.model, "by hand"),)
+    return replace(fitted, candidates=(
+        *own, *(candidate(model, "drawn", f"number {seed}") for seed, model in heaters.items())))
+
+
+def _proven_on(fitted: FittedModel, request: DesignRequest, wider: DesignResult) -> DesignResult:
+    """Return a design that was made for more heaters, its words as `verify` makes them again, on the possible ones."""
+    setpoint = request.conditions.setpoint_degC
+    conditions, recipe = replace(wider.conditions, setpoint_degC=setpoint), replace(
+        wider.recipe, conditions=replace(wider.recipe.conditions, setpoint_degC=setpoint))
+    choice = made_again(wider.ideal, fitted, recipe)
+    proof = prove(choice.words, fitted, conditions)
+    changes = [remark for remark in wider.proof.diagnostics.remarks if remark.startswith("with ")]
+    heard = replace(proof.diagnostics, remarks=(*proof.diagnostics.remarks, *changes))
+    return replace(wider, choice=choice, proof=replace(proof, diagnostics=heard), conditions=conditions, recipe=recipe)
+
+
+def _with_way_on(first: DesignResult, fitted: FittedModel, request: DesignRequest,
+                 progress: ProgressCallback) -> DesignResult:
+    """Return a design that says with which setting of an open point one would pass, where it fails for another."""
+    drawn = _drawn(first)
+    assumed, worst = drawn.settings[0].switches, min(drawn.settings, key=lambda setting: setting.kept).switches
+    for name in (name for name, setting in assumed.items() if worst[name] != setting):
+        kept = [setting.kept for setting in drawn.settings if setting.switches[name] == assumed[name]]
+        if verdict_of_samples(drawn.count, drawn.quantile, kept) != "PASS":
+            continue
+        known, options = known_as(request, {name: assumed[name]})
+        progress(f"too few samples keep every limit: trying {' '.join(options)}")
+        other = closed_on_samples(fitted, known, ways_on=False, progress=progress)
+        if other.proof.verdict == "PASS":
+            return replace(_remarked(first, passes_told(options)), passes_with=options)
+    return first
+
+
+def _heard(found: DesignResult, fitted: FittedModel, drawn: SampleSettings) -> DesignResult:
+    return replace(found, proof=with_samples(found.proof, fitted, drawn, found.conditions))
+
+
+def _drawn(found: DesignResult) -> SampleProof:
+    """Return what the samples showed.
+
+    Raises:
+        InputError: there are none.
+    """
+    if found.proof.samples is None:
+        raise InputError("samples: none")
+    return found.proof.samples
+
+
+def _hopeless(found: DesignResult) -> bool:
+    """Return whether no design would pass: samples so few show nothing, or one in twenty lacks the power."""
+    drawn = _drawn(found)
+    reserve = next(spot.p95 for spot in drawn.criteria if spot.name == "power_reserve")
+    return reserve <= 0.0 or verdict_of_samples(drawn.count, drawn.quantile, [drawn.count]) != "PASS"
+
+
+def _changed(first: DesignResult, found: DesignResult, more: int) -> DesignResult:
+    """Return a design that was made for more heaters; it says so, and what that costs."""
+    before, now = (samples_told(_drawn(each).to_document()) for each in (first, found))
+    what = f"made for {more} of them, too"
+    if found.proof.design and first.proof.design and (gains := redesign_cost.gains_told(first.ideal, found.ideal)):
+        what = f"with {gains}, {what}"
+    note = f"As asked for, {before}; {what}, of as many others, {now}; {redesign_cost.costs(first, found)}."
+    return replace(_remarked(found, what.replace("them", "the drawn heaters")), notes=(note, *found.notes))
+
+
+def _remarked(found: DesignResult, remark: str) -> DesignResult:
+    heard = found.proof.diagnostics
+    return replace(found, proof=replace(found.proof, diagnostics=replace(heard, remarks=(*heard.remarks, remark))))

@@ -1,0 +1,364 @@
+"""Where nothing mends a design as it was asked for: the nearest question that would be answered with PASS.
+
+Of a program with its source's faults that is the one repaired.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from heatertune.errors import HeatertuneError, NotRepresentable
+from heatertune.model.cooler_mirror import cools
+from heatertune.model.findings import KINDS
+from heatertune.model.values import FittedModel
+from heatertune.plc import controller_for
+from heatertune.plc.targets import REPAIRED
+from heatertune.progress import ProgressCallback
+from heatertune.proof import redesign_cost
+from heatertune.proof.design_request import DesignRequest, DesignResult, plainly
+from heatertune.proof.heaters import ROOM_DEGC
+from heatertune.proof.long_outage import OF_RANGE, briefly, unmended, winds_up, wound
+from heatertune.proof.nearest_specification import (
+    both_that_pass,
+    broken_names,
+    broken_told,
+    limits_above,
+    limits_that_pass,
+    loosen_conditions,
+    options_of,
+    passing_settings,
+    physical_help,
+    suspects,
+    tolerance_that_passes,
+    within_reach,
+)
+from heatertune.proof.proof import Proof
+from heatertune.proof.redesign.design_changes import COARSE, calmest_pwm
+from heatertune.proof.scenario import NewSetpoint
+from heatertune.proof.search_budget import SearchBudget
+from heatertune.proof.verdict import BREAKS_NONE
+from heatertune.proof.worst_runs import RunScreen
+from heatertune.settings import TuneSettings
+
+__all__ = ["Suggestion", "free_request", "known_as", "passes_told", "passing_told"]
+
+#: shares of the rise above ambient of lower setpoints that may be suggested
+_LOWER: Final = (0.95, 0.9, 0.8)
+#: of the range of use, down from its upper end, of smaller ones that may be suggested
+_OF_RANGE: Final = (0.5, 0.25)
+_HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
+
+
+def known_as(request: DesignRequest, settings: Mapping[str, str]) -> tuple[DesignRequest, tuple[str, ...]]:
+    """Return what is asked for where settings of open points are known, and the options that say so."""
+    known = {**request.conditions.switches, **settings}
+    options = tuple(word for name, setting in settings.items() for word in ("--switch", f"{name}={setting}"))
+    return replace(request, conditions=replace(request.conditions, switches=known)), options
+
+
+def free_request(request: DesignRequest) -> tuple[tuple[str, ...], DesignRequest]:
+    """Return a request that leaves open what the user fixed of the design, and the options that say so.
+
+    What the command line cannot take back by an option, a PWM period and a rule's closed-loop time, stays.
+
+    Args:
+        request: as it was.
+
+    Returns:
+        the options, none where nothing is fixed, and the request.
+    """
+    usual, tuned, options = TuneSettings(), request.tune_settings, list[str]()
+    for name, flag in (("structure", "--structure"), ("method", "--method"), ("ms", "--ms")):
+        if getattr(tuned, name) != getattr(usual, name) and tuned.closed_loop_s is None:
+            tuned = replace(tuned, **{name: getattr(usual, name)})
+            options += [flag, f"{getattr(usual, name)}"]
+    if tuned.sample_time_s is not None or request.interval_by_words:
+        tuned = replace(tuned, sample_time_s=None)
+        options += ["--sample-time", "auto"]
+    boost, ramp = request.boost, request.setpoint_ramp
+    if boost == "none":
+        boost = "auto"
+        options += ["--boost", "auto"]
+    if ramp not in (None, "auto") and controller_for(request.target).has_ramp:
+        ramp = "auto"
+        options += ["--setpoint-ramp", "auto"]
+    return tuple(options), replace(
+        request, tune_settings=tuned, boost=boost, setpoint_ramp=ramp, interval_by_words=False)
+
+
+def passes_told(options: Sequence[str], changes: str = "") -> str:
+    """Return what is told of options of known settings, and of `changes`, with which a design would pass."""
+    return f"would pass with {' '.join(options)}{changes}: find out what this controller does"
+
+
+def passing_told(other: DesignResult, options: Sequence[str]) -> str:
+    """Return what is told of a design that passes with options of known settings."""
+    return passes_told(options, f", {other.proof.diagnostics.remarks[-1]}" if other.notes else "")
+
+
+@dataclass(slots=True, kw_only=True)
+class Suggestion:
+    """What else could be asked for: first another design, then a setting to find out or a condition, a limit last.
+
+    Attributes:
+        fitted: the heater and its candidates.
+        asked: what for.
+        first: the plain design, which fails or winds up.
+        progress: told what is tried.
+        close: `heatertune.proof.redesign.redesign_search.closed_on_runs` without ways on.
+        freeing: whether what is fixed of the design may be left open.
+        sooner: a control without gains that scans more often, where it was tried.
+        untried: what could not be tried, and why, each once.
+        unproven: options of the first request whose design keeps every limit, yet has a finding that blocks.
+    """
+
+    fitted_model: FittedModel
+    request: DesignRequest
+    first: DesignResult
+    progress: ProgressCallback
+    close: Callable[..., DesignResult]
+    freeing: bool = True
+    sooner: DesignResult | None = None
+    untried: dict[str, None] = field(default_factory=dict)
+    unproven: tuple[str, ...] = ()
+
+    def left_out(self, changes: str, problem: HeatertuneError) -> None:
+        """Keep why some changes were not tried; that a PLC cannot hold their words is no news."""
+        if not isinstance(problem, NotRepresentable):
+            self.untried[f"Not tried: {changes or 'other gains'} ({problem})."] = None
+
+    def with_suggestion(self, ended: str = "") -> DesignResult:
+        """Return the design as asked for; its proof says which other question would be answered with PASS.
+
+        Args:
+            ended: that the search for changes ended early; empty: it did not.
+        """
+        first, proof = self.first, self.first.proof
+        share, coarse = self._coarse()
+        why = coarse if share >= COARSE else None
+        told, options = "", tuple[str, ...]()
+        with SearchBudget() as budget:
+            options = self._by_repair()
+            if not options:
+                told, options = self.by_settings()
+            options = (options or self._by_design() or self._by_more_scans() or self._by_setpoint()
+                       or self._by_tolerance() or self._by_limits() or self._by_both())
+        if not told:
+            would = f"would pass at {' '.join(options)}" if options else self._hopeless
+            if not options and self.unproven:
+                options = self.unproven
+                would = f"{BREAKS_NONE} {' '.join(options)}"
+            told = "; ".join(filter(None, (why, would, ended or (budget.message if budget.spent else ""))))
+        heard = replace(proof.diagnostics, remarks=(*proof.diagnostics.remarks, told))
+        note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
+        return replace(first, proof=replace(proof, diagnostics=heard), notes=(*first.notes, note, *self.untried),
+                       passes_with=options, recipe=replace(first.recipe, way_on=told))
+
+    def unwound(self, wound_up: Sequence[DesignResult]) -> DesignResult:
+        """Return the first of several designs that wind up; its proof says what passes.
+
+        That is a setting of an open point, a smaller range of use or a larger limit, in this order. What another one of
+        the designs would need counts, too.
+        """
+        found, *_ = wound_up
+        different = {repr(each.proof.words): each for each in wound_up}.values()
+        told, options = "", tuple[str, ...]()
+        with SearchBudget() as budget:
+            told, options = self.by_settings(found)
+            for way in (self._by_range, self._by_overshoot):
+                options = options or next(filter(None, map(way, different)), ())
+        told = told or (f"would pass at {' '.join(options)}" if options else "")
+        if budget.spent and not told:
+            heard = replace(found.proof.diagnostics, remarks=(*found.proof.diagnostics.remarks, budget.message))
+            return replace(found, proof=replace(found.proof, diagnostics=heard))
+        if not told:
+            return found
+        heard = replace(found.proof.diagnostics, remarks=(*found.proof.diagnostics.remarks, told))
+        shorts = " and ".join(KINDS[name].short for name in sorted(wound(found.proof.diagnostics)))
+        note = f"{shorts[0].upper()}{shorts[1:]}; it {told}."
+        return replace(found, proof=replace(found.proof, diagnostics=heard), notes=(*found.notes, note),
+                       passes_with=options)
+
+    def _by_repair(self) -> tuple[str, ...]:
+        target = REPAIRED.get(self.request.target)
+        if target is None:
+            return ()
+        self.progress(f"{redesign_cost.broken(self.first)} fails: trying the same program repaired, {target}")
+        try:
+            other = self.close(self.fitted_model, replace(self.request, target=target), progress=self.progress)
+        except HeatertuneError:  # what was asked for is of the other alone
+            return ()
+        return self._taken(other.proof, ("--target", target))
+
+    def _taken(self, proof: Proof, options: tuple[str, ...]) -> tuple[str, ...]:
+        """Return options whose proof passes; none where it does not; those that break no limit are kept in mind."""
+        if self._passes(proof):
+            return options
+        if proof.verdict != "FAIL":
+            self.unproven = self.unproven or options
+        return ()
+
+    def _passes(self, proof: Proof) -> bool:
+        """Return whether a proof keeps every limit, and nothing blocks it but what the log or the first design has."""
+        known = {finding.name for finding in (*self.fitted_model.findings, *self.first.proof.diagnostics.findings)}
+        blocks = {view.name for view in proof.diagnostics.views if view.effect == "blocks" and not view.accepted}
+        return proof.verdict != "FAIL" and blocks <= known
+
+    def by_settings(self, found: DesignResult | None = None) -> tuple[str, tuple[str, ...]]:
+        """Return what is told where one setting of an open point would do, and its options; nothing where none does.
+
+        Args:
+            found: the design that fails or winds up; None: the plain one.
+        """
+        if (known := self.with_settings(found or self.first)) is None:
+            return "", ()
+        return passing_told(*known), known[1]
+
+    def with_settings(self, found: DesignResult) -> tuple[DesignResult, tuple[str, ...]] | None:
+        """Return the design that passes where one setting of an open point is known, and its options; None: none does.
+
+        Args:
+            found: the design that fails or winds up.
+        """
+        proof = found.proof
+        settings = {name: kept[0] for name, kept in passing_settings(proof).items()}
+        settings = dict(list(settings.items())[:1]) or (
+            suspects(proof, _settings_that_wind_up(proof)) if self._coarse()[0] < _HOPELESS else {})
+        if not settings:
+            return None
+        asked, options = known_as(self.request, settings)
+        self.progress(f"{redesign_cost.broken(self.first)} fails: trying {' '.join(options)}")
+        other = self.close(self.fitted_model, asked, progress=self.progress)
+        return None if other.proof.verdict == "FAIL" or winds_up(other.proof.diagnostics) else (other, options)
+
+    def _by_range(self, found: DesignResult) -> tuple[str, ...]:
+        """Return the option of a smaller range of use, where its lower end is all that a design fails at; else none."""
+        proof, asked = found.proof, self.request
+        if not wound(proof.diagnostics) <= OF_RANGE or asked.conditions.profile is not None or cools(self.fitted_model):
+            return ()
+        high, screen = proof.scenario.setpoint_degC, RunScreen(fitted_model=self.fitted_model).with_nights([proof])
+        lowest = min(event.setpoint_degC for event in proof.scenario.disturbances if isinstance(event, NewSetpoint))
+        for share in _OF_RANGE:
+            ends = float(f"{high - share * (high - lowest):.4g}"), float(f"{high:.4g}")
+            if ends[0] >= ends[1] or screen.wound(proof.words, replace(found.conditions, setpoint_degC=ends)):
+                continue
+            option = "--setpoint", f"{ends[0]:g} {ends[1]:g}"
+            self.progress(f"it winds up: trying {' '.join(option)}")
+            smaller = replace(asked, conditions=replace(asked.conditions, setpoint_degC=ends))
+            try:
+                other = self.close(self.fitted_model, smaller, progress=self.progress)
+            except HeatertuneError:  # the range is too small for a story
+                continue
+            if other.proof.verdict != "FAIL" and not winds_up(other.proof.diagnostics):
+                return option
+        return ()
+
+    def _by_overshoot(self, found: DesignResult) -> tuple[str, ...]:
+        """Return the options that allow what a design overshoots by in other lengths of the story's parts.
+
+        None where more than that was found, and where no design passes with them.
+        """
+        proof = found.proof
+        if not briefly(proof.diagnostics):
+            return ()
+        over = RunScreen(fitted_model=self.fitted_model).with_nights([proof]).wound(proof.words, found.conditions)
+        looser = limits_above(over)
+        if not looser or not within_reach(looser, proof, self.fitted_model, found.conditions):
+            return ()
+        asked = replace(self.request, conditions=loosen_conditions(self.request.conditions, looser))
+        options = options_of(looser)
+        self.progress(f"it winds up: trying {' '.join(options)}")
+        other = self.close(self.fitted_model, asked, progress=self.progress)
+        return () if other.proof.verdict == "FAIL" or winds_up(other.proof.diagnostics) else options
+
+    def _coarse(self) -> tuple[float, str]:
+        """Return how much of the band the calmest PWM of whole half-waves takes, and what is told of it."""
+        proof, tolerance = self.first.proof, self.first.proof.limits.tolerance_degC
+        calm = None if self.request.conditions.pwm_period_s else calmest_pwm(proof, self.fitted_model.plants)
+        if calm is None or "limit_cycle" not in broken_names(proof):
+            return 0.0, ""
+        bursts = ""
+        if proof.design is not None:  # a control without gains is not designed anew for them
+            free = self.request.switch_kind is None
+            way = "were tried, too" if free else "are calmer, and tried without --switch-kind"
+            bursts = f": bursts of a power controller {way}"
+        told = (f"at the calmest PWM of a solid-state relay, {calm.period_s:.3g} s, the ripple is "
+                f"{calm.ripple_degC:.2g} °C and one half-wave is {calm.half_wave_degC:.2g} °C, asked ±{tolerance:.3g} "
+                f"°C{bursts}")
+        return calm.share(tolerance), told
+
+    @property
+    def _hopeless(self) -> str:
+        """What is told where nothing that may be suggested passes."""
+        help_ = physical_help(sorted(broken_names(self.first.proof)))
+        return "nothing tried mends it, nor a limit of up to twice its default" + (
+            f"; at the heater itself would help: {help_}" if help_ else "")
+
+    def _by_design(self) -> tuple[str, ...]:
+        """Return the options that leave open what the user gave of the design; none where that does not pass."""
+        options, asked = free_request(self.request)
+        if not options or not self.freeing:
+            return ()
+        self.progress(f"{redesign_cost.broken(self.first)} fails: trying {' '.join(options)}")
+        try:
+            other = self.close(self.fitted_model, asked, progress=self.progress)
+        except HeatertuneError:  # there is no such design
+            return ()
+        return self._taken(other.proof, options)
+
+    def _by_setpoint(self) -> tuple[str, ...]:
+        """Return the option of a lower setpoint at which the plain design passes; none where there is none nearby."""
+        conditions, scenario = self.request.conditions, self.first.proof.scenario
+        if conditions.profile is not None or conditions.lowest_degC is not None:
+            return ()
+        ambient = self.fitted_model.plants[0].ambient_degC
+        start = ROOM_DEGC if ambient is None else ambient
+        screen, words = RunScreen(fitted_model=self.fitted_model).with_failed(self.first.proof), self.first.proof.words
+        for share in _LOWER:
+            setpoint = float(f"{start + share * (scenario.setpoint_degC - start):.3g}")
+            lower = replace(conditions, setpoint_degC=setpoint)
+            try:
+                if not screen.keeps(words, replace(self.first.conditions, setpoint_degC=setpoint)):
+                    continue
+                self.progress(f"{redesign_cost.broken(self.first)} fails: trying a setpoint of {setpoint:g} °C")
+                asked = replace(self.request, setpoint_ramp=self.request.setpoint_ramp or "none", conditions=lower)
+                found = plainly(self.fitted_model, asked, text=False, progress=self.progress)
+            except HeatertuneError:  # there the heater cannot be held, or the sensor does not see it
+                continue
+            if options := self._taken(found.proof, ("--setpoint", f"{setpoint:g}")):
+                return options
+        return ()
+
+    def _by_limits(self) -> tuple[str, ...]:
+        """Return the options that loosen each broken limit by as little as will do, none where they would not."""
+        looser = limits_that_pass(self.first.proof)
+        if not looser or not within_reach(looser, self.first.proof, self.fitted_model, self.first.conditions):
+            return ()
+        self.progress(f"{redesign_cost.broken(self.first)} fails: trying what it would keep")
+        asked = replace(self.request, setpoint_ramp=self.request.setpoint_ramp or "none",
+                        conditions=loosen_conditions(self.request.conditions, looser))
+        return self._taken(
+            plainly(self.fitted_model, asked, text=False, progress=self.progress).proof, options_of(looser))
+
+    def _by_more_scans(self) -> tuple[str, ...]:
+        sooner = self.sooner
+        if sooner is None or not sooner.passes_with:
+            return ()
+        return "--sample-time", f"{sooner.ideal.sample_time_s:g}", *sooner.passes_with
+
+    def _by_both(self) -> tuple[str, ...]:
+        proof = self.first.proof
+        return () if proof.design else both_that_pass(
+            proof.words, self.fitted_model, proof, self.first.conditions, self._passes)
+
+    def _by_tolerance(self) -> tuple[str, ...]:
+        proof = self.first.proof
+        wider = tolerance_that_passes(proof.words, self.fitted_model, proof, self.first.conditions, self._passes)
+        return () if wider is None else ("--tolerance", f"{wider:g}")
+
+
+def _settings_that_wind_up(proof: Proof) -> list[Mapping[str, str]]:
+    """Return the settings of the runs with what no other gains mend, of all that wind up where they mend it all."""
+    return [settings for name in sorted(unmended(proof.diagnostics)) for _, settings, _ in proof.nights.get(name, ())]

@@ -1,0 +1,303 @@
+"""Words and the heaters that a fit leaves possible → a monitor, and how soon it tells each fault, as a document."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+
+from heatertune.codec import encode
+from heatertune.errors import InputError
+from heatertune.model.cooler_mirror import cools
+from heatertune.model.values import FittedModel
+from heatertune.plc import Words, controller_for
+from heatertune.plc.open_points import settings_to_prove
+from heatertune.processors import threaded_list
+from heatertune.progress import ProgressCallback
+from heatertune.proof.heaters import holding_heaters
+from heatertune.proof.loop import LoopController, actuator_of, check_words, in_loop
+from heatertune.proof.prove_words import actuator_for, setpoints_for
+from heatertune.proof.scenario import Scenario
+from heatertune.proof.spec_file import specification_of
+from heatertune.proof.supervision.design import FRESH, Bench, MonitorDesign, design
+from heatertune.proof.supervision.document import (
+    CardView,
+    FaultView,
+    OffView,
+    SpreadView,
+    SupervisionView,
+    TraceView,
+)
+from heatertune.proof.supervision.faults import FAULTS, FaultKind
+from heatertune.proof.supervision.loops import Card, Ran, breakable_sensor
+from heatertune.proof.supervision.monitor import ALARMS, Numbers
+from heatertune.proof.supervision.printers import TARGETS, Rule, first_stop, lines_of, printer_rule
+from heatertune.proof.supervision.sample_heaters import FamilyMember, HeaterFamily
+from heatertune.proof.supervision.tallies import first_alarm
+from heatertune.proof.supervision.text.one_bit import TARGET, reduce_monitor
+from heatertune.proof.supervision.text.program_check import MonitorProgram, export_monitor
+from heatertune.settings import Conditions
+from heatertune.units import check, written
+
+__all__ = ["WARNING", "SampleCounts", "bench_of", "supervise"]
+
+WARNING: Final = (
+    "This does not replace a thermal cut-out: it sees what the controller sees, through the same sensor, and switches "
+    "off through whatever the program can reach.")
+#: sensor noise where neither the user nor the log tells it [°C]
+_NOISE_DEGC: Final = 0.1
+_LATER: Final = 2 * FRESH  # seeds of the heaters that break
+_POINTS: Final = 400  # of a trace
+_DRAWN_SHARE: Final = 0.6  # of the slowest heater's time, for which a trace is drawn at least
+_STORIES: Final = 2  # on which the program is run beside the monitor
+#: a run and the scan at which its fault begins → the scan at which something stops it, -1 for never, and what it says
+_First = Callable[[Ran, int], tuple[int, str]]
+_NOT_TESTED: Final = (
+    "a temperature that jumps at once (cold goods, a door): it may trip as a sensor does that slips",
+    "a load of more than 15 % of full power, a mains voltage beyond ±10 %",
+    "a sensor that drifts or slips slowly: its readings are those of another heater",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleCounts:
+    """How widely, and how often, heaters are drawn.
+
+    Attributes:
+        spread_pct: half width of gain and lags; the dead time's is half as much again [%].
+        ambient_degC: half width of the ambient temperature [°C].
+        least_noise_degC: noise that the sensor has at least [°C].
+        checked: fresh heaters on which the monitor must not trip.
+        broken: heaters that break, for each fault.
+        seed: of the first one.
+
+    Raises:
+        OutOfRange: one without meaning.
+    """
+
+    spread_pct: float = 20.0
+    ambient_degC: float = 5.0
+    least_noise_degC: float = 0.0
+    checked: int = 1000
+    broken: int = 60
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check("--spread", self.spread_pct, least=0.0, most=60.0)
+        check("--ambient-spread", self.ambient_degC, least=0.0, most=50.0)
+        check("--least-noise", self.least_noise_degC, least=0.0)
+        check("--samples", self.checked, least=1, most=1_000_000)
+        check("--broken", self.broken, least=1, most=100_000)
+        check("--seed", self.seed, least=0, most=FRESH - 1000)
+
+
+def supervise(
+    words: Words, fitted: FittedModel, conditions: Conditions | None = None, drawn: SampleCounts | None = None, *,
+    progress: ProgressCallback = str,
+) -> dict[str, Any]:
+    """Return the monitor of a loop and what it sees, as a JSON object.
+
+    Args:
+        words: what the controller holds.
+        fitted: the heater; the possible ones are drawn around.
+        conditions: as of the proof; without a noise it is the log's, or 0.1 °C.
+        drawn: how heaters are drawn; None: as by default.
+        progress: told what begins.
+
+    Raises:
+        InputError: a cooler; no limits tell loops in order from broken ones.
+        OutOfRange: a setpoint out of the sensor's range or of a heater's reach.
+        UnknownName: no such switch or setting.
+    """
+    assumed, drawn = conditions or Conditions(), drawn or SampleCounts()
+    bench = bench_of(words, fitted, assumed, drawn)
+    made = design(bench, drawn.checked, seed=drawn.seed, progress=progress)
+    faults = []
+    for number, kind in enumerate(FAULTS):
+        progress(f"{kind.name} ({number + 1} of {len(FAULTS)})")
+        faults.append(_fault(bench, _monitored(made.numbers), kind, drawn))
+    family, card = bench.family, bench.card
+    head, beside = list(_head(words, family, made, card)), list[FaultView]()
+    if words.target in TARGETS:
+        write = partial(lines_of, head=head, known=dict(assumed.switches))
+        program, beside = _by_printer(bench, made, words, drawn, write, progress)
+    else:
+        progress("running the program of the monitor beside it")
+        program = export_monitor(made.numbers, words, card, head, _runs(bench, drawn))
+    if words.target == TARGET:
+        beside = [_fault(bench, _monitored(reduce_monitor(made.numbers)), kind, drawn) for kind in FAULTS]
+    document: dict[str, Any] = encode(SupervisionView(
+        warning=WARNING, target=words.target, words=dict(words.values), scan_s=family.scan_s,
+        setpoint_degC=family.setpoint_degC, card=CardView(zero_degC=card.low_degC, step_degC=card.step_degC),
+        numbers=made.numbers._asdict(), told=tuple(_told(made, card, family.scan_s)), heaters=len(family.heaters),
+        spread_pct=drawn.spread_pct, ambient_spread_degC=drawn.ambient_degC, noise_degC=family.noise_degC,
+        seed=drawn.seed, checked=made.checked, false_trips=0, widened_for=made.tripped,
+        off=tuple(OffView(rule=rule, why=why) for rule, why in made.off), faults=tuple(faults),
+        not_tested=(*_NOT_TESTED, *_untested(assumed)), program=program,
+        beside=tuple(replace(row, missed_because=None) for row in beside), trace=_trace(bench, made, FAULTS[0])))
+    return document
+
+
+def bench_of(words: Words, fitted: FittedModel, conditions: Conditions, drawn: SampleCounts) -> Bench:
+    """Return what runs.
+
+    Raises:
+        InputError: a cooler; less noise at most than at least.
+        OutOfRange: as `supervise`.
+    """
+    if cools(fitted):
+        raise InputError("a monitor is made for heaters; this one cools")
+    controller = controller_for(words.target)
+    setpoint, _ = setpoints_for(fitted, conditions)
+    check_words(controller, words, Scenario(setpoint_degC=setpoint, duration_s=1.0))
+    noise = conditions.noise_degC or fitted.reading_step_degC or _NOISE_DEGC
+    if drawn.least_noise_degC > noise:
+        raise InputError(f"--least-noise is {drawn.least_noise_degC:g} °C; at most the noise of {noise:g} °C")
+    settings = list(settings_to_prove(controller.switches, dict(conditions.switches)))
+
+    def loop_of(setpoints: Sequence[float], seed: int) -> LoopController:
+        return breakable_sensor(in_loop(controller, words, setpoints, settings[seed % len(settings)], direct=True))
+
+    family = HeaterFamily(
+        heaters=[heater for _, heater in holding_heaters(fitted, setpoint)], setpoint_degC=setpoint,
+        low_degC=conditions.lowest_degC, scan_s=controller.timing(words).scan_s,
+        delay_s=controller.delayed_s(words.scaling), spread=drawn.spread_pct / 100.0, ambient_degC=drawn.ambient_degC,
+        noise_degC=(drawn.least_noise_degC, noise), ramp_degC_per_min=controller.ramp_degC_per_min(words))
+    actuator = actuator_of(loop_of([setpoint], 0), actuator_for(conditions, words))
+    return Bench(loop=loop_of, actuator=actuator, family=family)
+
+
+def _untested(conditions: Conditions) -> Iterator[str]:
+    if specification_of(conditions).profile is not None:
+        yield "the profile: steps of the setpoint stand for it"
+    if conditions.interlock is not None:
+        yield "the interlock"
+
+
+def _fault(bench: Bench, first_of: _First, kind: FaultKind, drawn: SampleCounts) -> FaultView:
+    scan_s, begins = bench.family.scan_s, bench.begins_s(kind)
+    first = math.ceil(begins / scan_s)
+
+    def seen(member: FamilyMember) -> tuple[float, float, str]:
+        one = bench.fault(member, kind)
+        at, alarm = first_of(one, first)
+        if at >= 0:
+            one = bench.fault(member, kind, at * scan_s)
+        return (at - first) * scan_s if at >= 0 else math.nan, float(one.temperature_degC[first:].max()), alarm
+
+    members = [bench.family.member(_LATER + drawn.seed + number) for number in range(drawn.broken)]
+    times, peaks, alarms = zip(*threaded_list(seen, members), strict=True)
+    late = [time for time in times if not math.isnan(time)]
+    return FaultView(
+        name=kind.name, heaters=len(members), detected=len(late), detection_s=_of(late) if late else None,
+        peak_degC=_of(peaks), alarms=dict(Counter(alarm for alarm in alarms if alarm)),
+        missed_because=None if len(late) == len(members) else _missed(kind))
+
+
+def _trace(bench: Bench, made: MonitorDesign, kind: FaultKind) -> TraceView:
+    """Return a fault on one heater around its alarm: what it does if nobody sees it, and switched off by the alarm."""
+    family, member = bench.family, bench.family.member(_LATER)
+    first = math.ceil(bench.begins_s(kind) / family.scan_s)
+    left = bench.fault(member, kind)
+    at, _ = first_alarm(made.numbers, left, first)
+    stopped = left if at < 0 else bench.fault(member, kind, at * family.scan_s)
+    lasts = max(4 * (at - first), int(_DRAWN_SHARE * family.slowest_s / family.scan_s))
+    begin, end = max(0, first - lasts // 4), min(first + lasts, len(left.counts))
+    part = slice(begin, end, max(1, (end - begin) // _POINTS))
+    time_s = (np.arange(begin, end) - first)[::part.step] * family.scan_s
+    return TraceView(
+        name=kind.name, time_s=tuple(time_s.tolist()), left_degC=tuple(left.temperature_degC[part].tolist()),
+        stopped_degC=tuple(stopped.temperature_degC[part].tolist()),
+        alarm_s=None if at < 0 else (at - first) * family.scan_s)
+
+
+def _monitored(numbers: Numbers) -> _First:
+    def first_of(one: Ran, first: int) -> tuple[int, str]:
+        at, alarm = first_alarm(numbers, one, first)
+        return at, ALARMS[alarm] if alarm else ""
+    return first_of
+
+
+def _by_printer(
+    bench: Bench, made: MonitorDesign, words: Words, drawn: SampleCounts, write: Callable[[Rule], tuple[str, str]],
+    progress: ProgressCallback
+) -> tuple[MonitorProgram, list[FaultView]]:
+    """Return the lines of a printer's own rule, and how soon it sees each fault."""
+    try:
+        rule = printer_rule(bench, made.numbers, words.target, drawn.checked, progress)
+    except InputError as problem:
+        return MonitorProgram(why=str(problem)), []
+    file, text = write(rule)
+
+    def first_of(one: Ran, first: int) -> tuple[int, str]:
+        at = first_stop(rule, bench, one, first)
+        return at, "stops" if at >= 0 else ""
+
+    rows = [_fault(bench, first_of, kind, drawn) for kind in FAULTS]
+    return MonitorProgram(file=file, text=text), rows
+
+
+def _of(values: Sequence[float]) -> SpreadView:
+    median, p95 = np.percentile(values, [50.0, 95.0]).tolist()
+    return SpreadView(median=median, p95=p95, worst=max(values))
+
+
+def _missed(kind: FaultKind) -> str:
+    if kind.later != 1.0:
+        return "the loop bears it: it is slower to settle and hardly swings"
+    if kind.sensor == "frozen":
+        return ("a reading that stays where the setpoint is asks for the power that holds it: nothing moves, until a "
+                "load or the setpoint does; where the process bears it, move the setpoint a little now and then")
+    if kind.sensor != "right":
+        return "its readings are those of another possible heater"
+    return "with what is left it does what a weaker heater, a lower voltage or a load make of one in order"
+
+
+def _runs(bench: Bench, drawn: SampleCounts) -> list[Ran]:
+    """Return the runs on which the program is held against the monitor: stories, and each fault once."""
+    members = [bench.family.member(_LATER + drawn.seed + number) for number in range(_STORIES)]
+    return [*threaded_list(bench.story, members), *threaded_list(lambda kind: bench.fault(members[0], kind), FAULTS)]
+
+
+def _head(words: Words, family: HeaterFamily, made: MonitorDesign, card: Card) -> Iterator[str]:
+    """Return what the program says first."""
+    yield (f"Supervision of the heater by {words.target}'s own rule, numbers by heatertune" if words.target in TARGETS
+           else f"Monitor of the heater beside the controller of {words.target}, written by heatertune")
+    yield from textwrap.wrap(WARNING, 100)
+    yield (f"proven: no false trip on {made.checked} drawn heaters; setpoint {family.setpoint_degC:g} degC, called "
+           f"every {family.scan_s:g} s")
+    yield f"count 0 = {card.low_degC:g} degC, a count = {card.step_degC:.6g} degC"
+    yield "not tried in the maker's own tool or machine"
+
+
+def _seconds(time: float) -> str:
+    return f"{written(time, 3)} s"
+
+
+def _told(made: MonitorDesign, card: Card, scan: float) -> Iterator[str]:
+    """Return what the numbers mean, one sentence for each rule."""
+    numbers, step = made.numbers, card.step_degC
+    block = numbers.block * scan
+    yield f"A block is {numbers.block} scans, {_seconds(block)}."
+    yield (f"Sensor gone: below {card.low_degC + step * numbers.low:.4g} °C or above "
+           f"{card.low_degC + step * numbers.high:.4g} °C.")
+    yield f"Implausible rate: more than {step * numbers.jump:.3g} °C from scan to scan."
+    if numbers.still:
+        yield f"Frozen: the same reading for more than {_seconds(numbers.still * scan)}."
+    if numbers.still_moved:
+        yield (f"Frozen: the same reading for more than {_seconds(numbers.still_moved * scan)} after the power has "
+               f"moved by {numbers.moved} % or more.")
+    if numbers.slow_blocks:
+        yield (f"Heats too slowly, falls although heated: over {_seconds(numbers.slow_blocks * block)} less than the "
+               f"power of {written(numbers.delay_low * block, 3)}…{_seconds(numbers.delay_high * block)} ago explains.")
+    if numbers.fast_blocks:
+        yield f"Too hot for its power: over {_seconds(numbers.fast_blocks * block)} more than it explains."
+    yield f"Setpoint out of reach: full power for more than {_seconds(numbers.full * scan)}."
+    yield (f"Swing grows: {numbers.growths + 1} swings of {step * numbers.swing / numbers.block:.3g} °C or more in a "
+           "row, each larger than the one before.")

@@ -1,0 +1,146 @@
+"""Written into the PLC: when and where, words as found, proven and as left, and the response over its proven band."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from datetime import datetime
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from heatertune.plc import controller_for
+from heatertune.plc.keyed_entry import KeyedEntry, value_texts
+from heatertune.proof.words_file import words_of
+from heatertune.report.html import BLANK, bullets, picture, table, text_of, with_code
+from heatertune.report.layout import screen, wrap_text
+from heatertune.report.style import LOOK, key, label_levels, new_figure
+from heatertune.report.text import figure, keyed_entries
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["in_plc", "written", "written_brief"]
+
+Document = Mapping[str, Any]
+
+_KINDS: Final = {"write": "Write", "rollback": "Rollback"}
+_NOT_KNOWN: Final = "not known"
+
+
+def written(documents: Mapping[str, Document]) -> str:
+    """Return each time that somebody wrote, as HTML; nothing where nobody did."""
+    found = documents.get("written")
+    return "" if found is None else "<h2>Written into the PLC</h2>" + "".join(
+        _passage(one, documents["words"]) for one in found["passages"])
+
+
+def written_brief(found: Document, page: str) -> str:
+    """Return each time that somebody wrote, as a terminal shows it."""
+    parts = [wrap_text(f"{_when(one)}, {_where(one)}: {one['told']}", f"{_outcome(one)}  ") + [
+        f"  {row[0]:<14} {row[1]} -> {row[3]}" for row in _quantities(one)] for one in found["passages"]]
+    return screen(*parts, [page])
+
+
+def in_plc(values: Mapping[str, float] | None, words: Document) -> str:
+    """Return the words that stood in a PLC, each as it is typed in; those that the program writes are left out."""
+    if values is None:
+        return _NOT_KNOWN
+    texts = _texts(words, values)
+    return ", ".join(f"{row.name} {texts[row.name]}" for row in _own(words) if row.name in values)
+
+
+def _passage(one: Document, words: Document) -> str:
+    rows = [("when", f"{_when(one)} to {_clock(one['ended'])}" if one["ended"] else f"{_when(one)}, not ended"),
+            ("record", one["record"]), ("where", _where(one)), ("made by", f"heatertune {one['version']}"),
+            ("by", BLANK)]
+    facts = "".join(f"<dt>{name}</dt><dd>{text_of(value)}</dd>" for name, value in rows)
+    mark = "pass" if one["outcome"] == "done" else "fail"
+    heads = ["", "as found", "proven", "as left"]
+    source = f"{one['record']}; proven: the proof of these words"
+    watch = one["watch"]
+    drawn = "<p>The response was not watched.</p>" if watch is None else picture(
+        plot_watch(watch), "Measured against proven: the response, and the band in which the proof has it.")
+    seen = f"<p>Looked at before: {text_of('; '.join(one['seen']))}.</p>" if one["seen"] else ""
+    return (
+        f'<section><h3>{_KINDS[one["kind"]]}: <span class="{mark}">{_outcome(one)}</span></h3>'
+        f'<dl class="identity">{facts}</dl><p>{_sentence(one["told"])}</p>{seen}{bullets(one["notes"])}'
+        f"{table(heads, [*_quantities(one), *_words(one, words)], numeric=(1, 2, 3), source=source)}{drawn}</section>")
+
+
+def _sentence(text: str) -> str:
+    return with_code(f"{text[:1].upper()}{text[1:]}.")
+
+
+def _outcome(one: Document) -> str:
+    return str(one["outcome"]).upper()
+
+
+def _when(one: Document) -> str:
+    return f"{datetime.fromisoformat(one['begun']):%Y-%m-%d %H:%M:%S %Z}"
+
+
+def _clock(instant: str) -> str:
+    return f"{datetime.fromisoformat(instant):%H:%M:%S}"
+
+
+def _where(one: Document) -> str:
+    return f"{one['address']}{', a simulator' if one['simulated'] else ''}"
+
+
+def _quantities(one: Document) -> Iterator[list[str]]:
+    """Yield what the words mean; what is in none of the three sets is left out."""
+    for each in one["quantities"]:
+        values = [each[name] for name in ("found", "proven", "left")]
+        if any(value is not None for value in values):
+            shown = [_shown(value, each["unit"], known=one[of] is not None)
+                     for value, of in zip(values, ("found", "quantities", "left"), strict=True)]
+            yield [each["name"], *shown]
+
+
+def _shown(value: float | None, unit: str, *, known: bool) -> str:
+    return _NOT_KNOWN if not known else "none" if value is None else f"{figure(value)} {unit}"
+
+
+def _words(one: Document, words: Document) -> Iterator[list[str]]:
+    """Yield the words that are not the same in all three sets."""
+    proven = {row.name: row.then for row in _own(words)}
+    sets = [one["found"] or {}, proven, one["left"] or {}]
+    texts = [_texts(words, values) for values in sets]
+    for row in _own(words):
+        if any(values.get(row.name) != row.then for values in sets):
+            yield [row.name if row.address == row.name else f"{row.address} {row.name}",
+                   *(text[row.name] if row.name in values else _NOT_KNOWN
+                     for values, text in zip(sets, texts, strict=True))]
+
+
+def _texts(words: Document, values: Mapping[str, float]) -> dict[str, str]:
+    """Return each word as a person enters it, with these values in place of the proven ones."""
+    return value_texts(words_of(words, words["target"], "words.json"), values)
+
+
+def _own(words: Document) -> Iterator[KeyedEntry]:
+    """Yield the words that the program does not write, with their proven values."""
+    live = controller_for(words["target"]).written
+    for row in keyed_entries(words):
+        if row.name not in live:
+            yield row
+
+
+def plot_watch(watch: Document) -> Figure:
+    """Draw the response over its band; readings outside of it are marked."""
+    drawn, (ax,) = new_figure(1, 3.0)
+    time, seen, low, high, asked = (np.asarray(watch[name]) for name in (
+        "time_s", "temperature_degC", "low_degC", "high_degC", "setpoint_degC"))
+    ax.fill_between(time, low, high, step="post", color=LOOK["other"]["color"], alpha=0.6, linewidth=0)
+    ax.step(time, high, where="post", label="highest that is proven", **LOOK["other"])
+    ax.step(time, low, where="post", label="lowest that is proven", **LOOK["other"])
+    ax.plot(time, seen, label="measured", **LOOK["log"])
+    outside = (seen < low) | (seen > high)
+    if outside.any():
+        ax.plot(time[outside], seen[outside], linestyle="", marker="o", markersize=4, color=LOOK["worst"]["color"],
+                label="outside")
+    ax.step(time, asked, where="post", label="setpoint", **LOOK["limit"])
+    label_levels(ax, (float(asked[-1]), "setpoint"))
+    key(ax, ("measured", "log"), ("the proven band", "other"))
+    ax.set(xlabel="time since the words were written [s]", ylabel="temperature [°C]")
+    return drawn
