@@ -125,7 +125,7 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs
 
 
 def _is_open(raw: Array) -> Mask:
-    """Return which readings are an open sensor's: a heater that passes such a value comes from below and goes on above."""
+    """Return which readings are an open sensor's: a heater that passes such a value comes from one side and goes on."""
     there = np.isin(raw, _OPEN)
     known = np.flatnonzero(~there & ~np.isnan(raw))
     for place in np.flatnonzero(there) if len(known) else []:
