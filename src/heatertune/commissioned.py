@@ -43,7 +43,7 @@ class AsLeftSettings:
         instead=("where setpoint, power or temperature show it", ""))
     load_at_s: float | None = option(
         None, float, "instant of the trace at which a load came", unit="s", flag="--load-at",
-        help="instant of the trace at which a load came, a door or cold goods [s]: the recovery is measured from there")
+        help="instant of the trace at which a load came [s]: a door or cold goods; the recovery is measured from there")
 
     def __post_init__(self) -> None:
         validate_options(self)

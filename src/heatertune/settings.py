@@ -101,7 +101,7 @@ class FitSettings:
         help="last instant to use [s]; default: up to a jump")
     dead_time_at_most_s: float | None = _time(
         None, "no dead time is longer, as you know of this heater", "--dead-time-at-most",
-        help="no dead time is longer, as you know of this heater [s]; the certificate says so")
+        help="longest dead time that this heater can have [s]; the certificate says so")
     sensor_delay_s: float = _time(0.0, "by which the sensor is known to lag", "--sensor-delay", instead=("0", ""))
     log_pwm_period_s: float | None = _time(
         None, "PWM period of the heater's switch while it was logged", "--log-pwm-period", instead=("the log's", ""))
@@ -166,8 +166,8 @@ class TuneSettings:
         math.inf, float, "largest Mks of the optimum", unit="%/°C", flag="--mks",
         help="largest noise gain Mks from reading to power [%/°C]", above=0.0, infinite=True, instead=("no limit", ""))
     ms: float = option(
-        1.6, float, "largest Ms of the optimum", flag="--ms", help="largest sensitivity Ms of the optimum", above=1.0,
-        most=4.0, instead=("1.6", ""))
+        1.6, float, "largest Ms of the optimum", flag="--ms", help="largest sensitivity peak Ms; of the optimum",
+        above=1.0, most=4.0, instead=("1.6", ""))
     robust: str = option(
         "none", str, "on which drawn heaters the limits of the optimum hold too", flag="--robust",
         choices=("none", "p95", "worst"),
@@ -200,8 +200,8 @@ class WordSettings:
 
     words_by: str = option(
         "auto", str, "how the words are found", flag="--words", choices=("auto", "optimum", "rounded"),
-        help="the best whole numbers the controller can hold, or each rounded on its own (default: optimum for a "
-             "design that is an optimum itself, else rounded)")
+        help="how words are rounded: optimum, the best whole numbers the controller can hold; rounded, each on its own "
+             "(default: optimum for a design that is an optimum itself, else rounded)")
     refined: bool = option(
         False, bool, "change K and TN where the loop of the proof (limits, anti-windup, PWM) gains by it",
         flag="--refine")
@@ -237,8 +237,8 @@ class SensorSettings:
     input: str | None = option(
         None, str, "range of the analog module", flag="--input",
         choices=("4-20mA", "thermocouple", "rtd", "rtd-climatic"),
-        help="range of the analog module, where the target's program reads it: a transmitter of 4 to 20 mA, off below "
-             "3.6 mA; thermocouples and resistance thermometers, whose digits are degrees (default: a plain range)")
+        help="range of the analog module: a transmitter of 4 to 20 mA, off below 3.6 mA; thermocouples and resistance "
+             "thermometers, whose digits are degrees; where the target's program reads it (default: a plain range)")
 
     def __post_init__(self) -> None:
         validate_options(self)
@@ -324,7 +324,7 @@ class Conditions:
     setpoint_degC: float | tuple[float, float] | None = option(
         None, float, "setpoint of the proof", unit="°C", flag="--setpoint", label="setpoint", least=_COLDEST_DEGC,
         instead=("", "where the log was used"), several=True,
-        help="setpoint of the proof [°C], or the lowest and the highest of use; not right before PID")
+        help="setpoint of the proof [°C], or lowest and highest; not right before PID")
     pwm_period_s: float | None = _time(
         None, "PWM period", "--pwm-period", least=None, above=0.0, instead=("TA in parts up to 10 s", "from TA"))
     minimum_on_s: float = _time(0.0, "shortest on time", "--minimum-on", needs="pwm_period_s", instead=("0", ""))
@@ -355,7 +355,7 @@ class Conditions:
              "[min]; the proof lives through it, too", instead=("the specification's, else none", ""))
     limit: tuple[str, ...] = option(
         (), tuple, "a limit of your own", flag="--limit", metavar="NAME=VALUE",
-        help="a limit of your own in place of the specification's, such as overshoot=3degC (see: heatertune spec); "
+        help="a limit of your own, such as overshoot=3degC; in place of the specification's (see: heatertune spec); "
              "may be repeated: several of one name hold together")
     tolerance_degC: float | None = option(
         None, float, "how far from the setpoint is still right", unit="°C", flag="--tolerance",
@@ -366,7 +366,7 @@ class Conditions:
         0.0, float, "sensor noise, standard deviation", unit="°C", flag="--noise", least=0.0)
     step_power_pct: float | None = _step_power("the specification's")
     accept: tuple[str, ...] = option(
-        (), tuple, "accept a finding of the fit that leaves words not proven; the certificate says so; may be repeated",
+        (), tuple, "accept a finding that leaves words not proven; the certificate says so; may be repeated",
         flag="--accept", metavar="NAME")
     interlock: str | None = option(
         None, str, "what may open the heater's circuit", flag="--interlock", choices=("heater-fan",),
@@ -380,7 +380,7 @@ class Conditions:
         help="instant at which the interlock's fan fails [s]")
     switches: Mapping[str, str] = option(
         {}, dict, "settings of points that the manual leaves open", flag="--switch", metavar="NAME=SETTING",
-        help="setting of a point that the manual leaves open, where you know it of your controller, or of a choice "
+        help="setting of a point that the manual leaves open; where you know it of your controller, or of a choice "
              "that the export follows (see: heatertune targets); may be repeated")
 
     def __post_init__(self) -> None:

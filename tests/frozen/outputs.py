@@ -77,10 +77,11 @@ DESIGNS = {"logged": _logged, "ramped": _ramped, "tight": _tight}
 
 
 def of_help() -> Iterator[Item]:
-    """Yield the help of every command."""
+    """Yield the help of every command, its first layer and all of it."""
     for command in COMMANDS:
         name = command.__name__.rsplit(".", 1)[1].replace("_", "-")
         yield f"help/{name}.out", stable(".out", _called(name, "--help")[1])
+        yield f"help/{name}-all.out", stable(".out", _called(name, "--help-all")[1])
 
 
 def of_readme() -> Iterator[Item]:
@@ -96,7 +97,7 @@ def of_readme() -> Iterator[Item]:
             name = re.sub(r"[^\w.=-]+", "_", " ".join(arguments))
             if arguments[0] not in _TEXT_IN_MANUAL:
                 _keep_text(name, *arguments)
-            if "--json" in _called(arguments[0], "--help")[1]:
+            if "--json" in _called(arguments[0], "--help-all")[1]:
                 _keep_document(name, *arguments)
     yield from _files(folder)
 

@@ -43,7 +43,7 @@ _FIRST: Final = {
 FAULT: Final = 70
 
 #: after these no command is looked at
-_BEFORE: Final = ("-h", "--help", "--version")
+_BEFORE: Final = ("-h", "--help", "--help-all", "--version")
 
 _EPILOG = """\
 the chain: log → model → pid → plc → proof → report

@@ -85,7 +85,7 @@ def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = 
     default = "" if target is None else f" (default: {target})"
     group.add_argument("--target", required=needed and target is None, default=target, metavar="NAME",
                        type=options.one_of(NAMES),
-                       help=f"the controller: {', '.join(NAMES)}{default}")
+                       help=f"the controller (see: heatertune targets): {', '.join(NAMES)}{default}")
     group.add_argument("--faithful", action="store_true",
                        help="the program as its source prints it, faults included (s7-200)")
     options.add(group, Conditions, "switches", default=argparse.SUPPRESS)

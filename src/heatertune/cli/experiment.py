@@ -51,7 +51,8 @@ def add_to(commands: Any) -> None:
     command.add_argument("--in-manual", action="store_true",
                          help="the controller is in manual before, and goes back to manual at the same value")
     command.add_argument("--restore", action="store_true",
-                         help="with ADDRESS alone: bring back what stood there before an experiment that was cut off")
+                         help="bring back what stood there before; with ADDRESS alone, after an experiment that was "
+                         "cut off")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 

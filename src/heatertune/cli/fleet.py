@@ -22,10 +22,10 @@ def add_to(commands: Any) -> None:
         "cannot be read, fitted or proven is a row with its reason. Exit status 0 where the table is written, "
         "whatever the verdicts in it.",
     )
-    command.add_argument("logs", metavar="LOGS", help="a folder, a pattern in quotation marks, or a list of paths")
+    command.add_argument("logs", metavar="LOGS", help="a folder, a pattern in quotes or a list of paths")
     batch.add_table_options(command)
     options.add(command, SampleSettings, "samples",
-                help="close each zone's design on N drawn heaters, too (see: design --samples)")
+                help="also prove each zone on N drawn heaters; see: design --samples")
     options.add(command, WordSettings, "words_by", "as_is")
     common.add_proof_options(command)
     common.add_log_options(command)

@@ -27,10 +27,10 @@ def add_to(commands: Any) -> None:
         "is from what is possible for its heater. One page, the worst loop first, with proven words where words cure; "
         "a Parquet table beside it. Exit status 0 where the page is written, however ill the loops are.",
     )
-    command.add_argument("logs", metavar="LOGS", nargs="+", help="a folder, a pattern in quotation marks, or a list of "
+    command.add_argument("logs", metavar="LOGS", nargs="+", help="a folder, a pattern in quotes or a list of "
                          "paths: one log a loop, with setpoint, temperature and power; or the addresses of running "
                          "PLCs, as record takes them, which are only read")
-    command.add_argument("--loops", metavar="FILE", help="CSV or TOML: what the logs do not say (file, name, target, "
+    command.add_argument("--loops", metavar="FILE", help="what the logs do not say: CSV or TOML (file, name, target, "
                          "folder, setpoint_degC, switch, pwm_period_s, low_degC, high_degC, map)")
     command.add_argument("--for", dest="for_s", type=float, metavar="S",
                          help="record the loops at the addresses so long")
@@ -40,7 +40,7 @@ def add_to(commands: Any) -> None:
     options.add(command, WordSettings, "switch_kind", "as_is")
     options.add(command.add_argument_group("reading the logs"), ReadSettings)
     common.add_tuning_options(command)
-    batch.add_table_options(command, "page; its table lies beside it, .parquet in the place of .html")
+    batch.add_table_options(command, "the page to write; its table lies beside it, .parquet in the place of .html")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 

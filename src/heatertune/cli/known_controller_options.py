@@ -21,7 +21,7 @@ __all__ = ["add_known_options", "known_words"]
 def add_known_options(command: argparse.ArgumentParser) -> None:
     """Add --controller, --words, --setpoint and --switch."""
     group = command.add_argument_group("a log without power, of a controller you know")
-    group.add_argument("--controller", metavar="NAME", help=f"one of {', '.join(NAMES)}")
+    group.add_argument("--controller", metavar="NAME", help=f"the controller of this log: one of {', '.join(NAMES)}")
     group.add_argument("--words", metavar="FILE", help="its words: words.json as written by export-db")
     group.add_argument("--setpoint", type=float, nargs=1, metavar="°C",
                        help="its setpoint, where the log does not hold it [°C]")

@@ -26,7 +26,7 @@ def add_to(commands: Any) -> None:
         "tell before heating what it would make known.",
     )
     command.add_argument("model", metavar="MODEL", nargs="?", help="model.json as written by fit")
-    command.add_argument("-o", "--out", metavar="FILE", help="write the schedule (or the relay's settings) to this CSV")
+    command.add_argument("-o", "--out", metavar="FILE", help="write the schedule to this CSV; or the relay's settings")
     _add_prior_options(command)
     group = command.add_argument_group("the experiment")
     group.add_argument("--limit-temperature", type=float, required=True, metavar="°C",
@@ -38,7 +38,7 @@ def add_to(commands: Any) -> None:
     group.add_argument("--power-now", type=float, default=0.0, metavar="%",
                        help="power at which the heater rests before and after [%%] (default: 0)")
     group.add_argument("--aim", type=float, default=10.0, metavar="%",
-                       help="half width of the 95 %% intervals that is good enough [%%] (default: 10)")
+                       help="half width of 95 %% intervals that is good enough [%%] (default: 10)")
     group.add_argument("--kind", choices=("best", "doublet", "relay"), default="best",
                        help="kind of experiment (default: the better one)")
     group.add_argument("--relay", dest="kind", action="store_const", const="relay", help="the same as --kind relay")

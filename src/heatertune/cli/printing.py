@@ -94,7 +94,7 @@ def time_left(number: int, total: int, elapsed_s: float, typical_s: Sequence[flo
 def add_output_options(command: argparse.ArgumentParser, *, brief: bool = False) -> None:
     """Add --json and --quiet; where the command has a short form, --verbose."""
     group = command.add_argument_group("output")
-    group.add_argument("--json", action="store_true", help="print one JSON document on stdout instead of the table; "
+    group.add_argument("--json", action="store_true", help="print JSON on stdout instead of the table; "
                        "--json=full: with every curve in it")
     group.add_argument(FULL, action="store_true", help=argparse.SUPPRESS)
     group.add_argument("--quiet", action="store_true", help="no progress on stderr")

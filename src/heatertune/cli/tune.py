@@ -34,7 +34,7 @@ def add_to(commands: Any) -> None:
                     "taken; exit status 1 where none is found.",
     )
     command.add_argument("model", metavar="MODEL", nargs="?",
-                         help="model.json as written by fit, or a pid.json, which holds one")
+                         help="model.json as written by fit; or a pid.json, which holds one")
     command.add_argument("-o", "--out", metavar="FILE", help="write the design to this JSON file")
     common.add_word_options(command)
     common.add_proof_options(command, needed=False)

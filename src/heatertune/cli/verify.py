@@ -22,7 +22,7 @@ def add_to(commands: Any) -> None:
         "verify", help="prove a design or words: exit status 1 where the verdict is not PASS", epilog=_EXAMPLE,
         description="Run the closed loop in the PLC's own arithmetic on every possible heater and judge it.",
     )
-    command.add_argument("pid", metavar="PID|WORDS", help="pid.json as written by tune, or words.json by export-db")
+    command.add_argument("pid", metavar="PID|WORDS", help="pid.json of tune, or words.json of export-db")
     common.add_word_options(command, "words_by", "setpoint_ramp", "boost")
     common.add_proof_options(command)
     common.add_model_options(command)
