@@ -30,7 +30,7 @@ ROOMS = ("chain", "log", "heater", "model", "pid", "plc", FOLDERS, "proof", "red
          "report",
          "batch", "loops", "live", COMMON)
 #: room → its folder, where that has another name
-_FOLDERS = {FOLDERS: "plc", "redesign": "proof/redesign", "lanes": "proof/lanes", "supervision": "proof/supervision"}
+_FOLDERS = {FOLDERS: "plc", "redesign": "proof/redesign", "lanes": "proof/lanes"}
 #: what is no folder of its own → what it is for
 _TOLD = {COMMON: "What all rooms may use: settings, options, units, terms, errors.",
          FOLDERS: "The folder of each controller, and the machines that run what is exported."}
@@ -149,7 +149,8 @@ def modules(room: str) -> list[str]:
     apart = {SOURCE / each for each in _FOLDERS.values() if each.startswith(f"{room}/")}
     for path in sorted(of_room.get(room, folder.rglob("*.py"))):
         offers = path.name != "__init__.py" and "__all__" in path.read_text(encoding="utf-8")
-        if offers and apart.isdisjoint(path.parents):
+        command = path.parent.name == "commands" or path.name == "command.py"  # the page of the commands shows these
+        if offers and not command and apart.isdisjoint(path.parents):
             found.append(".".join(path.relative_to(SOURCE).with_suffix("").parts))
     return found
 

@@ -1,6 +1,6 @@
 """A second monitor, written from the numbers that `heatertune supervise` tells and what they mean: many heaters at once.
 
-It shares no line with `heatertune.proof.supervision`: whole records instead of rings, arrays instead of counters.
+It shares no line with `heatertune.supervision`: whole records instead of rings, arrays instead of counters.
 """
 
 import numpy as np

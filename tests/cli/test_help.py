@@ -6,7 +6,7 @@ import re
 import pytest
 
 from heatertune.cli import parser
-from heatertune.cli.first_options import FIRST_OPTIONS
+from heatertune.cli.command_table import FIRST_OPTIONS
 
 #: a terminal as it opens
 LINES, COLUMNS = 24, 80

@@ -148,7 +148,7 @@ def test_the_reference_is_what_the_program_says_of_itself(site):
         return "".join(page.words)
 
     commands = words("commands.html")
-    for command in COMMANDS:
+    for command in COMMANDS.values():
         assert " ".join(command._EXAMPLE.split()) in " ".join(commands.split())
     for name in ("chain.stages.fit", "log.values.Log", "plc.controller.Controller", "proof.proving.Proof", "units.check"):
         page = site / "reference" / f"python_{'common' if name == 'units.check' else name.partition('.')[0]}.html"

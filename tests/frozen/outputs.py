@@ -78,8 +78,7 @@ DESIGNS = {"logged": _logged, "ramped": _ramped, "tight": _tight}
 
 def of_help() -> Iterator[Item]:
     """Yield the help of every command, its first layer and all of it."""
-    for command in COMMANDS:
-        name = command.__name__.rsplit(".", 1)[1].replace("_", "-")
+    for name in COMMANDS:
         yield f"help/{name}.out", stable(".out", _called(name, "--help")[1])
         yield f"help/{name}-all.out", stable(".out", _called(name, "--help-all")[1])
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.bench import supervise
 
-from heatertune.proof.supervision import printers
+from heatertune.supervision import printers
 
 
 @pytest.mark.long(seconds=5)

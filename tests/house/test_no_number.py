@@ -14,7 +14,7 @@ import heatertune
 SOURCE = Path(heatertune.__file__).parent
 #: what is read from a running loop, or made of it, as it is called where it is judged
 READINGS = {"degC", "seen", "reading", "rate", "used", "measured", "power_pct", "asked", "found_degC", "temperature", "moved"}
-FILES = sorted([*SOURCE.glob("live/**/*.py"), *SOURCE.glob("proof/as_left*.py"), *SOURCE.glob("proof/supervision/monitor.py")])
+FILES = sorted([*SOURCE.glob("live/**/*.py"), *SOURCE.glob("proof/as_left*.py"), *SOURCE.glob("supervision/monitor.py")])
 
 
 def named(node):

@@ -12,6 +12,13 @@ from tests.conftest import ROOT
 import heatertune
 
 SOURCE = ROOT / "src" / "heatertune"
+#: in the order of their imports: each may import the core and those before it
+EXTRAS = ("loops", "supervision", "batch", "live", "studio")
+#: files of the core that name modules of the extras → why
+NAMING_EXTRAS = {
+    "cli/command_table.py": "the one table through which the command line reaches the extras' commands",
+    "__init__.py": "the Python package offers fleet, study and virtual_plc",
+}
 STAGES = ("heater", "log", "model", "pid", "plc", "proof", "report")
 FREE = ("units", "terms", "errors", "options", "progress", "settings", "documents", "codec", "files", "writing", "cache",
         "compiled", "compiler", "native", "plain", "lazy", "show", "hooks", "commissioned", "processors")
@@ -38,9 +45,19 @@ def _imported(nodes):
             names = [f"{node.module}.{alias.name}" if node.module == "heatertune" else node.module for alias in node.names]
         elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
             names = [part.value for part in ast.walk(node.args[0]) if isinstance(part, ast.Constant)]
-        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "offered":
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "lazy_attributes":
             names = [f"heatertune.{key.value}" for key in node.args[1].keys]
         yield from (name.split(".")[1] for name in names if re.match(r"heatertune\.\w", name))
+
+
+def _named_extras(nodes):
+    """Yield the extras that a file imports, and those of whose modules it holds the dotted name in a text."""
+    yield from {*_imported(nodes)} & {*EXTRAS}
+    for node in nodes:
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            extra, _, module = node.value.removeprefix("heatertune.").partition(".")
+            if extra in EXTRAS and re.split(r"\W", module)[0] in {path.stem for path in (SOURCE / extra).iterdir()}:
+                yield extra
 
 
 @pytest.mark.parametrize("stage", STAGES)
@@ -63,23 +80,36 @@ def test_what_is_free_to_all_imports_nothing_but_itself_and_nobody_imports_the_c
     for name in FREE:
         assert _imports(SOURCE / f"{name}.py") <= set(FREE)
     for path in MODULES:
-        if path.parent.name != "cli" and path.name != "__main__.py":
+        if path.parent.name not in ("cli", "commands") and path.name not in ("__main__.py", "command.py"):
             assert "cli" not in _imports(path), path
 
 
-def test_the_studio_is_imported_by_its_command_alone_and_its_logic_knows_no_browser():
-    for path in MODULES:
-        if "studio" in _imports(path):
-            assert path.parent == SOURCE / "studio" or path == SOURCE / "cli" / "studio.py", path
+def test_the_core_imports_no_extra_not_even_lazily():
+    core = [path for path in MODULES if path.relative_to(SOURCE).parts[0] not in EXTRAS]
+    naming = {path.relative_to(SOURCE).as_posix(): sorted(set(_named_extras(_nodes(path)))) for path in core}
+    assert {name for name, extras in naming.items() if extras} == set(NAMING_EXTRAS), naming
+
+
+@pytest.mark.parametrize("code", [
+    "from heatertune.live import serve", "import heatertune.live.serve", "from heatertune import live",
+    "def run():\n    from heatertune.live.serve import virtual_plc", "if TYPE_CHECKING:\n    import heatertune.live.serve",
+    "import_module('heatertune.live.serve')", "lazy_attributes(__name__, {'live.serve': ('virtual_plc',)})",
+    "HOMES = {'virtual_plc': 'live.serve'}", "import_module(f'heatertune.{\"live.serve\"}')",
+])
+def test_every_way_to_import_an_extra_is_seen(code):
+    assert {*_named_extras(list(ast.walk(ast.parse(code))))} == {"live"}
+
+
+@pytest.mark.parametrize("extra", EXTRAS)
+def test_an_extra_imports_the_core_and_the_extras_before_it(extra):
+    for path in (SOURCE / extra).rglob("*.py"):
+        later = EXTRAS[EXTRAS.index(extra) + 1 :]
+        assert not {*_imports(path)} & {*later}, path
+
+
+def test_the_studios_logic_knows_no_browser():
     knowing = {path.stem for path in (SOURCE / "studio").glob("*.py") if "from nicegui" in path.read_text(encoding="utf-8")}
     assert knowing == {"controls", "as_left_card", "monte_carlo_card", "stale", "live_card", "loop_card", "page", "parts", "server", "sheet_card"}
-
-
-def test_the_live_side_imports_all_stages_but_neither_studio_nor_commands_and_these_and_the_face_alone_import_it():
-    for path in (SOURCE / "live").rglob("*.py"):
-        assert _imports(path) - {"__version__"} <= {*FREE, *STAGES, "chain", "batch", "loops", "live"}, path
-    knowing = {path.relative_to(SOURCE).parts[0] for path in MODULES if "live" in _imports(path)}
-    assert knowing <= {"live", "studio", "cli", "__init__.py"}
 
 
 def _dotted(path):

@@ -428,7 +428,7 @@ def test_a_folder_that_is_gone_is_told(served, places, tmp_path):
 
 def test_the_command_says_that_the_log_was_removed(served, design_folder, tmp_path, capsys, monkeypatch):
     plc, path, looked = served(**FAST), tmp_path / "log.csv", []
-    monkeypatch.setattr("heatertune.cli.record.LINE.show", lambda _: (looked.append(1), len(looked) == 30 and path.unlink()))
+    monkeypatch.setattr("heatertune.live.commands.record.LINE.show", lambda _: (looked.append(1), len(looked) == 30 and path.unlink()))
     line = ["record", plc.urls["s7"], "--design", str(design_folder), "-o", str(path), "--for", "2000"]
     assert main(line) == 1
     said = capsys.readouterr()

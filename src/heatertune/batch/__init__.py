@@ -3,10 +3,23 @@
 The table depends on the cases alone: not on the number of workers, nor on what was stopped and resumed.
 """
 
-from heatertune.batch.cluster import on_dask
-from heatertune.batch.engine import run
-from heatertune.batch.processes import in_processes
-from heatertune.batch.values import CaseBatch, Chunk, Progress, Row, TableColumn, Workers, silent
+from typing import TYPE_CHECKING
+
+from heatertune.lazy import lazy_attributes
+
+if TYPE_CHECKING:
+    from heatertune.batch.cluster import on_dask
+    from heatertune.batch.engine import run
+    from heatertune.batch.processes import in_processes
+    from heatertune.batch.values import CaseBatch, Chunk, Progress, Row, TableColumn, Workers, silent
 
 __all__ = ["CaseBatch", "Chunk", "Progress", "Row", "TableColumn", "Workers", "in_processes", "on_dask", "run",
            "silent"]
+
+# the help of a command that writes a table needs none of them
+__getattr__, __dir__ = lazy_attributes(__name__, {
+    "batch.cluster": ("on_dask",),
+    "batch.engine": ("run",),
+    "batch.processes": ("in_processes",),
+    "batch.values": ("CaseBatch", "Chunk", "Progress", "Row", "TableColumn", "Workers", "silent"),
+})

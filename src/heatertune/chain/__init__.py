@@ -16,14 +16,13 @@ from heatertune.lazy import lazy_attributes
 
 __all__ = [
     "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "read_log",
-    "supervise", "tune", "validate", "write_report",
+    "tune", "validate", "write_report",
 ]
 
 if TYPE_CHECKING:
     from heatertune.chain.experiment import plan
     from heatertune.chain.pipeline import design, write_report
     from heatertune.chain.stages import encode, export, fit, fit_known, fit_together
-    from heatertune.chain.supervision import supervise
     from heatertune.chain.validation import validate
     from heatertune.log import read_log
     from heatertune.plc.design import tune
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
 __getattr__, __dir__ = lazy_attributes(__name__, {
     "chain.experiment": ("plan",),
     "chain.stages": ("encode", "export", "fit", "fit_known", "fit_together"),
-    "chain.supervision": ("supervise",),
     "chain.validation": ("validate",),
     "chain.pipeline": ("design", "write_report"),
     "log": ("read_log",),

@@ -1,4 +1,7 @@
-"""The command line: one file per command, each a few lines around `heatertune.chain`."""
+"""The command line: one file per command, each a few lines around `heatertune.chain`.
+
+The commands of the extras are in the extras: `command_table` says where.
+"""
 
 from __future__ import annotations
 
@@ -10,25 +13,16 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
 from heatertune import __version__
+from heatertune.cli.command_table import COMMAND_MODULES, command_module
 from heatertune.cli.parsing import CommandParser, CommandStub
-from heatertune.cli.progress_line import LINE, to_nobody
-from heatertune.cli.terminal import colourise
+from heatertune.cli.terminal import LINE, colourise, to_nobody
 from heatertune.errors import ExportRefused, HeatertuneError, InputError, did_you_mean, one_line
 
 __all__ = ["main"]
-
-#: their names as users type them, in the order of the help; each is a module here
-_NAMES: Final = (
-    "design", "read", "fit", "validate", "plan", "spec", "tune", "pareto", "export-db", "verify", "supervise",
-    "feed-forward", "compare", "advise", "study", "fleet", "health", "report", "decode", "diff", "replay", "targets",
-    "terms", "studio", "simulate", "record", "experiment", "write", "rollback", "watch", "doctor", "bench",
-    "completion",
-)
 
 #: those that most people need, in the order in which they do, and what they are for
 _FIRST: Final = {
@@ -62,19 +56,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def __getattr__(name: str) -> Any:
-    """Give the modules of all commands as COMMANDS: a command that is run imports its own alone."""
+    """Give the modules of all commands by their names as COMMANDS: a command that is run imports its own alone."""
     if name == "COMMANDS":
-        return tuple(map(_command, _NAMES))
+        return {command: command_module(command) for command in COMMAND_MODULES}
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def _command(name: str) -> Any:
-    return import_module(f"{__name__}.{name.replace('-', '_')}")
 
 
 def _welcome() -> str:
     """Return what `heatertune` alone shows: the commands that most people need, each by its example."""
-    told = [f"  {_command(name)._EXAMPLE.removeprefix('example: ')}\n      {what}" for name, what in _FIRST.items()]
+    examples = {name: command_module(name)._EXAMPLE.removeprefix("example: ") for name in _FIRST}
+    told = [f"  {examples[name]}\n      {what}" for name, what in _FIRST.items()]
     return "\n".join([
         "From a temperature log to PLC words, proven before they reach the heater.", "", *told, "",
         "heatertune --help lists all commands, heatertune COMMAND --help its options."])
@@ -94,8 +85,8 @@ def parser(only: str | None = None) -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"heatertune {__version__}")
     made: Any = CommandStub if only in _BEFORE else CommandParser
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=made)
-    for name in [only] if only in _NAMES else _NAMES:
-        _command(name).add_to(commands)
+    for name in [only] if only in COMMAND_MODULES else COMMAND_MODULES:
+        command_module(name).add_to(commands)
     return top
 
 
@@ -143,8 +134,9 @@ def _run(given: tuple[str, ...]) -> int:
     if not given:
         print(_welcome())
         return 0
-    if not given[0].startswith("-") and given[0] not in _NAMES:
-        raise InputError(f"unknown command {given[0]!r}{did_you_mean(given[0], _NAMES)} (see: heatertune --help)")
+    if not given[0].startswith("-") and given[0] not in COMMAND_MODULES:
+        near = did_you_mean(given[0], COMMAND_MODULES)
+        raise InputError(f"unknown command {given[0]!r}{near} (see: heatertune --help)")
     settings = parser(given[0]).parse_args(given)
     settings.given = given
     return int(settings.run(settings))

@@ -7,9 +7,10 @@ import copy
 import re
 import sys
 from collections.abc import Sequence
+from itertools import takewhile
 from typing import Any, Final, NoReturn
 
-from heatertune.cli.first_options import FIRST_OPTIONS
+from heatertune.cli.command_table import FIRST_OPTIONS
 from heatertune.errors import InputError, did_you_mean
 
 __all__ = ["FULL", "CommandParser", "CommandStub", "again"]
@@ -82,13 +83,10 @@ class CommandParser(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Return the options of a command; one that it does not have is named before any that is missing."""
-        flags = [flag for action in self._actions for flag in action.option_strings]
-        for word in () if self._subparsers else args:
-            name = word.partition("=")[0]
-            if name == "--":
-                break
-            if name.startswith("--") and not any(flag.startswith(name) for flag in flags):
-                self.error(f"unknown option {name}{did_you_mean(name, flags)}")
+        if not self._subparsers:
+            flags = tuple(flag for action in self._actions for flag in action.option_strings)
+            if (unknown := _unknown(args, flags)) is not None:
+                self.error(f"unknown option {unknown}{did_you_mean(unknown, flags)}")
         return super().parse_known_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
@@ -102,6 +100,13 @@ class CommandParser(argparse.ArgumentParser):
         raise InputError(f"{message} (see: {self.prog} {layer})")
 
 
+def _unknown(words: Sequence[str], flags: tuple[str, ...]) -> str | None:
+    """Return the first long option of a command line that no flag begins with."""
+    options = takewhile(lambda word: word != "--", words)
+    names = (word.partition("=")[0] for word in options if word.startswith("--"))
+    return next((name for name in names if not any(flag.startswith(name) for flag in flags)), None)
+
+
 def _in_brief(action: argparse.Action) -> argparse.Action:
     """Return an argument with the first clause of its help; choices too long for the option stand there."""
     brief = copy.copy(action)
@@ -112,11 +117,17 @@ def _in_brief(action: argparse.Action) -> argparse.Action:
         brief.metavar, brief.choices = _short_metavar(flag), None
     elif isinstance(action.metavar, str) and _too_long(flag, action.metavar):
         brief.metavar = _short_metavar(flag)
-    if not brief.help.endswith(")") and (default := re.search(r" \(default: [^()]*\)", action.help or "")) is not None:
-        brief.help += default[0]
-    if len(brief.help) > _TEXT_COLUMNS:
-        brief.help = brief.help.partition(" (default")[0]
+    brief.help = _with_default(brief.help, action.help or "")
     return brief
+
+
+def _with_default(clause: str, text: str) -> str:
+    """Return the first clause of a help with the default that the help names, where that fits into the line."""
+    default = re.search(r" \(default: [^()]*\)", text)
+    if default is None:
+        return clause
+    alone = clause.removesuffix(default[0])
+    return alone + default[0] if len(alone + default[0]) <= _TEXT_COLUMNS else alone
 
 
 def _too_long(flag: str, values: str) -> bool:

@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli.parsing import FULL, again
-from heatertune.cli.progress_line import LINE, to_nobody
-from heatertune.cli.terminal import colourise
+from heatertune.cli.terminal import LINE, colourise, to_nobody
 from heatertune.errors import InputError
 
 if TYPE_CHECKING:

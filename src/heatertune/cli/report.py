@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.cli import common, printing
+from heatertune.cli.command_table import written_in
 from heatertune.commissioned import AsLeftSettings, RecordSettings
 from heatertune.errors import InputError
 from heatertune.settings import ReadSettings
@@ -78,8 +79,4 @@ def _run(settings: argparse.Namespace) -> int:
 
 
 def _written(settings: argparse.Namespace) -> WriteHistory | None:
-    if settings.record is None:
-        return None
-    from heatertune.live.write_history import written_in  # noqa: PLC0415
-
-    return written_in(settings.record, settings.directory)
+    return None if settings.record is None else written_in(settings.record, settings.directory)

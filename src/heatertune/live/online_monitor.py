@@ -15,9 +15,9 @@ import numpy as np
 from heatertune.errors import InputError
 from heatertune.live.poller import Snapshot
 from heatertune.plc import Words
-from heatertune.proof.supervision.document import SupervisionView
-from heatertune.proof.supervision.loops import whole_pct
-from heatertune.proof.supervision.monitor import ALARMS, Numbers, cold, in_a_row, restart, scan, unseen
+from heatertune.supervision.document import SupervisionView
+from heatertune.supervision.loops import whole_pct
+from heatertune.supervision.monitor import ALARMS, Numbers, cold, in_a_row, restart, scan, unseen
 
 __all__ = ["Alarm", "OnlineMonitor"]
 
@@ -41,7 +41,7 @@ class OnlineMonitor:
 
     Attributes:
         view: what supervision.json holds.
-        needs: scans in a row, see `heatertune.proof.supervision.monitor.in_a_row`.
+        needs: scans in a row, see `heatertune.supervision.monitor.in_a_row`.
         scans: that were seen.
         missed: that were not, and taken from a straight line.
         begun_anew: times, after longer gaps and restarts of the PLC.

@@ -20,7 +20,7 @@ _COLUMNS: Final = "{:30}{:>9} {:>21} {:>18}"
 
 
 def supervision_page(document: Mapping[str, Any]) -> str:
-    """Return the page of a document of `heatertune.proof.supervision`."""
+    """Return the page of a document of `heatertune.supervision`."""
     return "\n".join(_lines(document))
 
 

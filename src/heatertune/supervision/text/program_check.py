@@ -14,11 +14,11 @@ from heatertune.errors import InputError
 from heatertune.plc import Words
 from heatertune.plc.cpu.s7_200.cycle import cycle_ms
 from heatertune.plc.s7_200_pid.words import FULL
-from heatertune.proof.supervision.loops import Card, Ran
-from heatertune.proof.supervision.monitor import ALARMS, STATE, Numbers, alarms
-from heatertune.proof.supervision.text import one_bit, s5, s7_200, s7_300, structured
-from heatertune.proof.supervision.text.statement_walk import check_reach
-from heatertune.proof.supervision.text.statements import Statements, statements_of
+from heatertune.supervision.loops import Card, Ran
+from heatertune.supervision.monitor import ALARMS, STATE, Numbers, alarms
+from heatertune.supervision.text import one_bit, s5, s7_200, s7_300, structured
+from heatertune.supervision.text.statement_walk import check_reach
+from heatertune.supervision.text.statements import Statements, statements_of
 
 __all__ = ["LoadedText", "MonitorProgram", "export_monitor"]
 

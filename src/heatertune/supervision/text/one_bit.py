@@ -14,8 +14,8 @@ from heatertune.compiled import compile_function
 from heatertune.plc.cpu.one_bit.assembler import Names, assemble, disassemble
 from heatertune.plc.cpu.one_bit.instructions import OneBitProgram
 from heatertune.plc.cpu.one_bit.machine import START, Wiring, scan
-from heatertune.proof.supervision.loops import Ran
-from heatertune.proof.supervision.monitor import STATE, Numbers, alarms
+from heatertune.supervision.loops import Ran
+from heatertune.supervision.monitor import STATE, Numbers, alarms
 
 __all__ = ["FILE", "TARGET", "departs", "reduce_monitor", "written"]
 

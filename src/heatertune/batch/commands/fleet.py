@@ -6,7 +6,8 @@ import argparse
 from typing import Any
 
 from heatertune import options
-from heatertune.cli import batch, common, printing
+from heatertune.batch.commands.table_options import Bar, add_table_options, workers
+from heatertune.cli import common, printing
 from heatertune.settings import FitSettings, SampleSettings, WordSettings
 
 __all__ = ["add_to"]
@@ -23,7 +24,7 @@ def add_to(commands: Any) -> None:
         "whatever the verdicts in it.",
     )
     command.add_argument("logs", metavar="LOGS", help="a folder, a pattern in quotes or a list of paths")
-    batch.add_table_options(command)
+    add_table_options(command)
     options.add(command, SampleSettings, "samples",
                 help="also prove each zone on N drawn heaters; see: design --samples")
     options.add(command, WordSettings, "words_by", "as_is")
@@ -40,7 +41,7 @@ def _run(settings: argparse.Namespace) -> int:
 
     zones = ZoneSettings(request=common.design_request(settings), read=common.reading(settings),
                          fitted_with=options.of(FitSettings, settings))
-    document = fleet(settings.logs, zones, out=settings.out, workers=batch.workers(settings), resume=settings.resume,
-                     progress=batch.Bar(settings, "zones"))
+    document = fleet(settings.logs, zones, out=settings.out, workers=workers(settings), resume=settings.resume,
+                     progress=Bar(settings, "zones"))
     printing.output(settings, document, lambda: outcome_lines(document))
     return 0

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune.cli import batch, printing
+from heatertune.batch.commands.table_options import Bar, add_table_options, workers
+from heatertune.cli import printing
 
 __all__ = ["add_to"]
 
@@ -34,7 +35,7 @@ def add_to(commands: Any) -> None:
         "is a row with its reason. Exit status 0 where the table is written, whatever the verdicts in it.",
     )
     command.add_argument("study", metavar="STUDY.toml", help="what is swept")
-    batch.add_table_options(command)
+    add_table_options(command)
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
@@ -44,8 +45,8 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.report.text import outcome_lines  # noqa: PLC0415
 
     document = study(
-        settings.study, out=settings.out, workers=batch.workers(settings), resume=settings.resume,
-        progress=batch.Bar(settings, "cases"),
+        settings.study, out=settings.out, workers=workers(settings), resume=settings.resume,
+        progress=Bar(settings, "cases"),
     )
     printing.output(settings, document, lambda: outcome_lines(document))
     return 0

@@ -25,8 +25,9 @@ from heatertune.proof.loop import LoopController, actuator_of, check_words, in_l
 from heatertune.proof.prove_words import actuator_for, setpoints_for
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.spec_file import specification_of
-from heatertune.proof.supervision.design import FRESH, Bench, MonitorDesign, design
-from heatertune.proof.supervision.document import (
+from heatertune.settings import Conditions
+from heatertune.supervision.design import FRESH, Bench, MonitorDesign, design
+from heatertune.supervision.document import (
     CardView,
     FaultView,
     OffView,
@@ -34,15 +35,14 @@ from heatertune.proof.supervision.document import (
     SupervisionView,
     TraceView,
 )
-from heatertune.proof.supervision.faults import FAULTS, FaultKind
-from heatertune.proof.supervision.loops import Card, Ran, breakable_sensor
-from heatertune.proof.supervision.monitor import ALARMS, Numbers
-from heatertune.proof.supervision.printers import TARGETS, Rule, first_stop, lines_of, printer_rule
-from heatertune.proof.supervision.sample_heaters import FamilyMember, HeaterFamily
-from heatertune.proof.supervision.tallies import first_alarm
-from heatertune.proof.supervision.text.one_bit import TARGET, reduce_monitor
-from heatertune.proof.supervision.text.program_check import MonitorProgram, export_monitor
-from heatertune.settings import Conditions
+from heatertune.supervision.faults import FAULTS, FaultKind
+from heatertune.supervision.loops import Card, Ran, breakable_sensor
+from heatertune.supervision.monitor import ALARMS, Numbers
+from heatertune.supervision.printers import TARGETS, Rule, first_stop, lines_of, printer_rule
+from heatertune.supervision.sample_heaters import FamilyMember, HeaterFamily
+from heatertune.supervision.tallies import first_alarm
+from heatertune.supervision.text.one_bit import TARGET, reduce_monitor
+from heatertune.supervision.text.program_check import MonitorProgram, export_monitor
 from heatertune.units import check, written
 
 __all__ = ["WARNING", "SampleCounts", "bench_of", "supervise"]

@@ -24,10 +24,10 @@ from heatertune.errors import InputError
 from heatertune.plc.klipper.export import heater_of
 from heatertune.processors import threaded_list
 from heatertune.progress import ProgressCallback
-from heatertune.proof.supervision.design import FRESH, Bench
-from heatertune.proof.supervision.faults import FAULTS
-from heatertune.proof.supervision.loops import Card, Ran
-from heatertune.proof.supervision.monitor import Numbers
+from heatertune.supervision.design import FRESH, Bench
+from heatertune.supervision.faults import FAULTS
+from heatertune.supervision.loops import Card, Ran
+from heatertune.supervision.monitor import Numbers
 
 __all__ = ["TARGETS", "Protection", "VerifyHeater", "first_stop", "lines_of", "printer_rule"]
 

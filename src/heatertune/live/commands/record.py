@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
-from heatertune.cli.progress_line import LINE, can_take
+from heatertune.cli.terminal import LINE, can_take
 
 if TYPE_CHECKING:
     from heatertune.live.recorder import RecordingState

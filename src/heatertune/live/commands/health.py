@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from heatertune import options
-from heatertune.cli import batch, common, printing
-from heatertune.cli.progress_line import LINE
-from heatertune.cli.record import asked_to_end
+from heatertune.batch.commands.table_options import Bar, add_table_options, workers
+from heatertune.cli import common, printing
+from heatertune.cli.terminal import LINE
 from heatertune.errors import InputError
+from heatertune.live.commands.record import asked_to_end
 from heatertune.settings import ReadSettings, WordSettings
 
 __all__ = ["add_to"]
@@ -40,7 +41,7 @@ def add_to(commands: Any) -> None:
     options.add(command, WordSettings, "switch_kind", "as_is")
     options.add(command.add_argument_group("reading the logs"), ReadSettings)
     common.add_tuning_options(command)
-    batch.add_table_options(command, "the page to write; its table lies beside it, .parquet in the place of .html")
+    add_table_options(command, "the page to write; its table lies beside it, .parquet in the place of .html")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
@@ -58,8 +59,8 @@ def _run(settings: argparse.Namespace) -> int:
     asked = HealthSettings(request=common.design_request(settings), read=common.reading(settings))
     logs, loops, left_out = _logs(settings, page)
     document = health(
-        logs, asked, out=table, workers=batch.workers(settings), loops=loops, since=since, resume=settings.resume,
-        progress=batch.Bar(settings, "loops")) | {"page": str(page)}
+        logs, asked, out=table, workers=workers(settings), loops=loops, since=since, resume=settings.resume,
+        progress=Bar(settings, "loops")) | {"page": str(page)}
     document["left_out"] += left_out
     write_files(page.parent, {page.name: loops_page(document)})
     printing.output(settings, document, lambda: loops_lines(document))

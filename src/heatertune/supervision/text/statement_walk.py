@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.text import Assignment, Branches, Expression, Literal, Name, Operation, body_of
-from heatertune.proof.supervision.monitor import Numbers
-from heatertune.proof.supervision.text.statements import MARGIN, Group
+from heatertune.supervision.monitor import Numbers
+from heatertune.supervision.text.statements import MARGIN, Group
 
 __all__ = ["Operand", "Set", "Step", "SumTerm", "check_reach", "steps"]
 

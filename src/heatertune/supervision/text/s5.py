@@ -9,9 +9,9 @@ from heatertune.errors import InputError
 from heatertune.plc.cpu.s5.machine import S5Cpu
 from heatertune.plc.s5_ob251.blocks import WORK
 from heatertune.plc.s5_ob251.step import FULL_SCALE
-from heatertune.proof.supervision.text.accumulators import Printer
-from heatertune.proof.supervision.text.statement_walk import WIDE, Operand, Set
-from heatertune.proof.supervision.text.statements import INPUTS, OUTPUTS, Group, Statements, alarms_told
+from heatertune.supervision.text.accumulators import Printer
+from heatertune.supervision.text.statement_walk import WIDE, Operand, Set
+from heatertune.supervision.text.statements import INPUTS, OUTPUTS, Group, Statements, alarms_told
 
 __all__ = ["FILE", "S5Text", "written"]
 
@@ -173,7 +173,7 @@ def _sum(printer: _S5Printer) -> Iterator[str]:
 
 
 class S5Text:
-    """The listing in its CPU, see `heatertune.proof.supervision.text.program_check.Text`."""
+    """The listing in its CPU, see `heatertune.supervision.text.program_check.Text`."""
 
     def __init__(self, listing: str) -> None:
         """Load it; raise InputError where it has what the CPU does not know."""

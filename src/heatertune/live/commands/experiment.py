@@ -11,9 +11,9 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
-from heatertune.cli.progress_line import LINE
-from heatertune.cli.record import ALL_SIGNALS, asked_to_end, live_line, tell
+from heatertune.cli.terminal import LINE
 from heatertune.errors import InputError
+from heatertune.live.commands.record import ALL_SIGNALS, asked_to_end, live_line, tell
 
 if TYPE_CHECKING:
     from heatertune.live.experiment import Experiment, ExperimentResult

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.compiled import compile_function
-from heatertune.proof.supervision.loops import Ran
-from heatertune.proof.supervision.monitor import STATE, Numbers, is_full, restart, scan, scan_counts, watch, window_sums
+from heatertune.supervision.loops import Ran
+from heatertune.supervision.monitor import STATE, Numbers, is_full, restart, scan, scan_counts, watch, window_sums
 
 __all__ = ["Tally", "first_alarm", "tally", "windows"]
 

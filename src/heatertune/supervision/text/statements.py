@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Final, NamedTuple
 
-from heatertune.proof.supervision.monitor import ALARMS, Numbers
+from heatertune.supervision.monitor import ALARMS, Numbers
 
 __all__ = ["INPUTS", "MARGIN", "OUTPUTS", "Group", "Statements", "alarms_told", "statements_of"]
 

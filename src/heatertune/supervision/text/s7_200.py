@@ -14,8 +14,8 @@ from heatertune.plc.cpu.s7_200.cpu import carry_out
 from heatertune.plc.cpu.s7_200.instructions import block_number
 from heatertune.plc.cpu.s7_200.memory import put_word, word
 from heatertune.plc.cpu.s7_200.text import Network, block, program
-from heatertune.proof.supervision.text.statement_walk import WIDE, Operand, Set, Step, steps
-from heatertune.proof.supervision.text.statements import INPUTS, OUTPUTS, Group, Statements, alarms_told
+from heatertune.supervision.text.statement_walk import WIDE, Operand, Set, Step, steps
+from heatertune.supervision.text.statements import INPUTS, OUTPUTS, Group, Statements, alarms_told
 
 __all__ = ["FILE", "S7200Text", "reading_of", "written"]
 
@@ -159,7 +159,7 @@ def _wide(made: Set, at: Mapping[str, str]) -> Iterator[str]:
 
 
 class S7200Text:
-    """The subroutines in their CPU, see `heatertune.proof.supervision.text.program_check.Text`."""
+    """The subroutines in their CPU, see `heatertune.supervision.text.program_check.Text`."""
 
     def __init__(self, text: str, statements: Statements, target: str, per_count: int, cycle_ms: int) -> None:
         """Load them; raise InputError where they have what the CPU does not know."""

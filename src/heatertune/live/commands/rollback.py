@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from heatertune.cli import printing
-from heatertune.cli.record import signals_as_ctrl_c
-from heatertune.cli.write import add_guard, ended_lines, link_of, not_read
 from heatertune.errors import LinkError
+from heatertune.live.commands.record import signals_as_ctrl_c
+from heatertune.live.commands.write import add_guard, ended_lines, link_of, not_read
 
 if TYPE_CHECKING:
     from heatertune.live.write.rollback import Before

@@ -10,9 +10,9 @@ from heatertune.plc.cpu.s7_300 import awl
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.cpu.s7_300.machine import S7300Cpu
 from heatertune.plc.single_precision import word_of
-from heatertune.proof.supervision.text.accumulators import Printer
-from heatertune.proof.supervision.text.statement_walk import Operand, Set
-from heatertune.proof.supervision.text.statements import INPUTS, OUTPUTS, Statements, alarms_told
+from heatertune.supervision.text.accumulators import Printer
+from heatertune.supervision.text.statement_walk import Operand, Set
+from heatertune.supervision.text.statements import INPUTS, OUTPUTS, Statements, alarms_told
 
 __all__ = ["FILE", "S7300Text", "written"]
 
@@ -123,7 +123,7 @@ def _instance() -> list[str]:
 
 
 class S7300Text:
-    """The source in its CPU, see `heatertune.proof.supervision.text.program_check.Text`."""
+    """The source in its CPU, see `heatertune.supervision.text.program_check.Text`."""
 
     def __init__(self, source: str, *, real: bool) -> None:
         """Load it; raise InputError where it has what the CPU does not know."""

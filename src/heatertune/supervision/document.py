@@ -10,8 +10,8 @@ from typing import Final
 from heatertune.codec import decode, register_schema
 from heatertune.documents import read_document
 from heatertune.errors import DocumentError
-from heatertune.proof.supervision.monitor import RING, Numbers
-from heatertune.proof.supervision.text.program_check import MonitorProgram
+from heatertune.supervision.monitor import RING, Numbers
+from heatertune.supervision.text.program_check import MonitorProgram
 
 __all__ = [
     "SCHEMA", "CardView", "FaultView", "OffView", "SpreadView", "SupervisionView", "TraceView", "read_supervision",
@@ -101,7 +101,7 @@ class SupervisionView:
         scan_s: from one call of the monitor to the next [s].
         setpoint_degC: the highest setpoint of use [°C].
         card: the input module.
-        numbers: of the monitor, see `heatertune.proof.supervision.monitor.Numbers`.
+        numbers: of the monitor, see `heatertune.supervision.monitor.Numbers`.
         told: what they mean.
         heaters: possible ones, around which others were drawn.
         spread_pct: half width of gain and lags [%].

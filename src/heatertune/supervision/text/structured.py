@@ -9,7 +9,7 @@ from heatertune.plc.cpu.iec.text import units
 from heatertune.plc.single_precision import single
 from heatertune.plc.st.program import literal
 from heatertune.plc.st.source import BlockSource, comment, function_block
-from heatertune.proof.supervision.text.statements import INPUTS, OUTPUTS, Group, Statements, alarms_told
+from heatertune.supervision.text.statements import INPUTS, OUTPUTS, Group, Statements, alarms_told
 
 __all__ = ["FILE", "StructuredText", "written"]
 
@@ -92,7 +92,7 @@ def _indented(lines: str) -> str:
 
 
 class StructuredText:
-    """The block in a machine for structured text, see `heatertune.proof.supervision.text.program_check.Text`."""
+    """The block in a machine for structured text, see `heatertune.supervision.text.program_check.Text`."""
 
     def __init__(self, text: str, *, low_degC: float, step_degC: float) -> None:
         """Load it; raise InputError where it has what the machine does not know."""

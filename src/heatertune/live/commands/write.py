@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import options
 from heatertune.cli import printing
-from heatertune.cli.record import signals_as_ctrl_c
 from heatertune.errors import LinkError
+from heatertune.live.commands.record import signals_as_ctrl_c
 from heatertune.settings import SensorSettings
 
 if TYPE_CHECKING:

@@ -22,12 +22,12 @@ from heatertune.processors import threaded_list
 from heatertune.progress import ProgressCallback
 from heatertune.proof.loop import LoopController, scans_of
 from heatertune.proof.scenario import Scenario
-from heatertune.proof.supervision.envelope import plane_of
-from heatertune.proof.supervision.faults import FAULTS, FaultKind
-from heatertune.proof.supervision.loops import Card, Fault, Ran, card_of, ran
-from heatertune.proof.supervision.monitor import RING, Numbers
-from heatertune.proof.supervision.sample_heaters import FamilyMember, HeaterFamily
-from heatertune.proof.supervision.tallies import first_alarm, tally, windows
+from heatertune.supervision.envelope import plane_of
+from heatertune.supervision.faults import FAULTS, FaultKind
+from heatertune.supervision.loops import Card, Fault, Ran, card_of, ran
+from heatertune.supervision.monitor import RING, Numbers
+from heatertune.supervision.sample_heaters import FamilyMember, HeaterFamily
+from heatertune.supervision.tallies import first_alarm, tally, windows
 from heatertune.units import written
 
 __all__ = ["FRESH", "Bench", "MonitorDesign", "design"]
@@ -56,7 +56,7 @@ class Bench:
 
     Attributes:
         loop: setpoints of the phases [°C] and a seed → the controller under one of the settings that its manual leaves
-            open, see `heatertune.proof.supervision.loops.breakable_sensor`.
+            open, see `heatertune.supervision.loops.breakable_sensor`.
         actuator: the switch.
         family: of heaters.
     """

@@ -16,7 +16,7 @@ class FaultKind:
         name: few words.
         mains: share of the power that is left.
         stuck_pct: power that flows whatever is asked for.
-        sensor: what becomes of it, see `heatertune.proof.supervision.loops.SENSOR_FAULTS`.
+        sensor: what becomes of it, see `heatertune.supervision.loops.SENSOR_FAULTS`.
         later: by which the dead time is multiplied, over the whole run.
         cold: whether it is there from the cold start on; else it comes when the loop is at rest.
     """

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
-from heatertune.cli.progress_line import LINE
-from heatertune.cli.record import asked_to_end, live_line, show_notes
+from heatertune.cli.terminal import LINE
 from heatertune.errors import InputError
+from heatertune.live.commands.record import asked_to_end, live_line, show_notes
 
 if TYPE_CHECKING:
     from heatertune.live.band_watch import BandWatch
@@ -97,7 +97,7 @@ def _unmoved(beside: BandWatch, so_far: RecordingState) -> str:
 
 def _monitored(path: str | None, proven: ProvenWords) -> OnlineMonitor | None:
     from heatertune.live.online_monitor import OnlineMonitor  # noqa: PLC0415 - only where it is asked for
-    from heatertune.proof.supervision.document import read_supervision  # noqa: PLC0415
+    from heatertune.supervision.document import read_supervision  # noqa: PLC0415
 
     if path is None:
         return None

@@ -50,19 +50,19 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.documents import to_json  # noqa: PLC0415
+    from heatertune.documents import to_json  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.supervision import supervision_html, supervision_page  # noqa: PLC0415
+    from heatertune.supervision.supervise import SampleCounts, supervise  # noqa: PLC0415
     from heatertune.writing import write_files  # noqa: PLC0415
 
     progress = printing.Progress(settings)
     words, fitted, conditions, notes = _asked(settings, progress)
     for note in notes:
         progress.note(note)
-    document = chain.supervise(
-        words, fitted, conditions, progress=progress, spread_pct=settings.spread, checked=settings.samples,
-        ambient_degC=settings.ambient_spread, least_noise_degC=settings.least_noise, broken=settings.broken,
-        seed=settings.seed)
+    counts = SampleCounts(
+        spread_pct=settings.spread, checked=settings.samples, ambient_degC=settings.ambient_spread,
+        least_noise_degC=settings.least_noise, broken=settings.broken, seed=settings.seed)
+    document = supervise(words, fitted, conditions, counts, progress=progress)
     page = supervision_page(document)
     if settings.out is not None:
         program = document["program"]

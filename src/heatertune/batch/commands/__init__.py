@@ -1,0 +1,1 @@
+"""The commands that write one table of many cases."""

@@ -1,0 +1,103 @@
+"""The commands: where each is, and which options its `--help` shows; `--help-all` shows the others, too.
+
+This is the one place in the core that names modules of the extras: batch, live, studio, supervision.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from heatertune.proof.write_comparison import WriteHistory
+
+__all__ = ["COMMAND_MODULES", "FIRST_OPTIONS", "command_module", "written_in"]
+
+#: command, in the order of the help → its module in heatertune
+COMMAND_MODULES: Final = {
+    "design": "cli.design",
+    "read": "cli.read",
+    "fit": "cli.fit",
+    "validate": "cli.validate",
+    "plan": "cli.plan",
+    "spec": "cli.spec",
+    "tune": "cli.tune",
+    "pareto": "cli.pareto",
+    "export-db": "cli.export_db",
+    "verify": "cli.verify",
+    "supervise": "supervision.command",
+    "feed-forward": "cli.feed_forward",
+    "compare": "cli.compare",
+    "advise": "cli.advise",
+    "study": "batch.commands.study",
+    "fleet": "batch.commands.fleet",
+    "health": "live.commands.health",
+    "report": "cli.report",
+    "decode": "cli.decode",
+    "diff": "cli.diff",
+    "replay": "cli.replay",
+    "targets": "cli.targets",
+    "terms": "cli.terms",
+    "studio": "studio.command",
+    "simulate": "live.commands.simulate",
+    "record": "live.commands.record",
+    "experiment": "live.commands.experiment",
+    "write": "live.commands.write",
+    "rollback": "live.commands.rollback",
+    "watch": "live.commands.watch",
+    "doctor": "cli.doctor",
+    "bench": "cli.bench",
+    "completion": "cli.completion",
+}
+
+_UNITS: Final = ("--temperature-unit", "--power-full-scale")
+_COLUMNS: Final = ("--temperature-column", "--power-column", *_UNITS)
+_TARGET: Final = ("--target", "--setpoint", "--range")
+_MODEL: Final = ("--gain", "--time-constant", "--dead-time", "--ambient")
+_OUTPUT: Final = ("--json", "--quiet")
+
+#: command → its flags in the first layer, at most one screen in this order; a command that is not here shows all
+FIRST_OPTIONS: Final[dict[str, tuple[str, ...]]] = {
+    "design": ("--out", *_TARGET, *_UNITS, "--setpoint-ramp", "--structure", "--ms", "--limit", "--accept", "--force",
+               *_OUTPUT),
+    "read": ("--time-column", *_COLUMNS, "--setpoint-column", "--time-unit", "--log-interval", "--tag", "--run",
+             "--skip-rows", *_OUTPUT),
+    "fit": ("--out", *_COLUMNS, "--ambient", "--dead-time-at-most", "--until", "--cooler", "--controller", "--words",
+            "--hypotheses", *_OUTPUT),
+    "validate": ("--out", "--least-fit", *_COLUMNS, "--ambient", "--power-before", "--until", *_OUTPUT),
+    "plan": ("--out", "--limit-temperature", *_MODEL, "--max-duration", "--power", "--aim", "--kind", "--json"),
+    "tune": ("--out", *_TARGET, *_MODEL, "--structure", "--method", "--ms", "--setpoint-ramp", "--limit", "--json"),
+    "pareto": ("--out", *_MODEL, "--structure", "--ms-range", "--points", "--objective", "--sample-time", *_OUTPUT),
+    "export-db": ("--out", *_TARGET, "--pwm-period", "--words", "--setpoint-ramp", "--switch", "--spec", "--limit",
+                  "--accept", "--force", *_OUTPUT),
+    "verify": (*_TARGET, "--pwm-period", "--switch", "--spec", "--limit", "--accept", "--noise", "--samples",
+               "--json", "--verbose"),
+    "supervise": ("--out", *_TARGET, *_MODEL, "--spread", "--ambient-spread", "--least-noise", "--samples", "--json"),
+    "compare": ("--out", "--setpoint", "--range", "--pwm-period", "--spec", "--limit", "--accept", *_MODEL, *_OUTPUT),
+    "advise": ("--pid", *_TARGET, "--spec", "--limit", *_COLUMNS, *_OUTPUT),
+    "fleet": ("--out", *_TARGET, *_UNITS, "--structure", "--ms", "--limit", "--accept", "--samples", "--resume",
+              "--jobs", "--json"),
+    "health": ("--out", "--loops", "--since", "--for", "--every", *_TARGET, *_UNITS, "--limit", "--json"),
+    "report": ("--plant-tag", "--as-left", "--setpoint", "--ambient", "--begins-at", "--load-at", *_UNITS, "--record",
+               *_OUTPUT),
+    "decode": (*_TARGET, "--input", "--called-every", "--model", *_MODEL, "--switch", "--spec", "--limit", *_OUTPUT),
+    "simulate": ("--serve", "--port", "--rate", "--sample", "--fault", "--faults", "--setpoint", "--noise", *_OUTPUT),
+    "record": ("--out", "--for", "--every", "--design", "--map", *_OUTPUT),
+    "experiment": ("--design", "--out", "--limit-temperature", "--limit-rate", "--until", "--in-manual", "--restore",
+                   "--yes", *_OUTPUT),
+    "write": ("--apply", "--yes", "--called-every", "--range", "--as-exported", "--in-manual", "--no-watch",
+              "--record", *_OUTPUT),
+}
+
+
+def command_module(name: str) -> Any:
+    """Import the module of a command."""
+    return import_module(f"heatertune.{COMMAND_MODULES[name]}")
+
+
+def written_in(paths: Sequence[str], directory: str) -> WriteHistory:
+    """Read the records of writes that a report is to show; errors as `heatertune.live.write_history.written_in`."""
+    history: WriteHistory = import_module("heatertune.live.write_history").written_in(paths, directory)
+    return history

@@ -1,0 +1,1 @@
+"""The commands of the live side, and `health`, which also records running loops."""
