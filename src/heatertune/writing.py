@@ -10,7 +10,6 @@ one cannot be: only a kill just then mixes them.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import glob
 import os
 import shutil
@@ -118,6 +117,8 @@ def _swap(new: Path, folder: Path) -> bool:
 @cache
 def _renameat2() -> Callable[..., Any] | None:
     """Return the call that exchanges two names, None on a system without it."""
+    import ctypes  # noqa: PLC0415 - 1 ms of the start, which only a folder that is there needs
+
     try:
         return ctypes.CDLL(None).renameat2
     except (AttributeError, OSError, TypeError):

@@ -329,12 +329,12 @@ def test_a_fault_of_the_program_is_a_row():
 def test_the_bar_tells_rate_and_time_left(moving, monkeypatch, capsys):
     import argparse  # noqa: PLC0415 - beside its only use
 
-    from heatertune.cli import batch  # noqa: PLC0415
+    from heatertune.batch.commands import table_options  # noqa: PLC0415
 
     now = [100.0]
-    monkeypatch.setattr(batch.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(table_options.time, "monotonic", lambda: now[0])
     monkeypatch.setattr(sys.stderr, "isatty", lambda: moving, raising=False)
-    bar = batch.Bar(argparse.Namespace(quiet=False), "zones")
+    bar = table_options.Bar(argparse.Namespace(quiet=False), "zones")
     for seconds, done in ((0.0, 100), (0.1, 101), (50.0, 200), (250.0, 400), (450.0, 1000)):
         now[0] = 100.0 + seconds
         bar(done, 1000)
@@ -347,6 +347,6 @@ def test_the_bar_tells_rate_and_time_left(moving, monkeypatch, capsys):
         "[250.0 s] 400 of 1000 zones, 1.2/s, 8.3 min left",
         "[450.0 s] 1000 of 1000 zones, 2/s",
     ]
-    quiet = batch.Bar(argparse.Namespace(quiet=True), "zones")
+    quiet = table_options.Bar(argparse.Namespace(quiet=True), "zones")
     quiet(1, 1)
     assert capsys.readouterr().err == ""

@@ -2,11 +2,11 @@ import socket
 
 import pytest
 
-from heatertune.cli import studio
+from heatertune.studio import command
 
 
 def test_without_nicegui_one_line_tells_what_to_install(run, monkeypatch):
-    monkeypatch.setattr(studio, "find_spec", lambda _: None)
+    monkeypatch.setattr(command, "find_spec", lambda _: None)
     assert run("studio") == (2, "", 'error: the studio needs NiceGUI: pip install "heatertune[studio]"\n')
 
 

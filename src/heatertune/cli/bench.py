@@ -6,8 +6,10 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from heatertune.cli import printing
+from heatertune.codec import encode
 from heatertune.options import one_of
 from heatertune.plc import NAMES
+from heatertune.report.layout import table
 
 if TYPE_CHECKING:
     from heatertune.bench import Throughput, Times
@@ -36,7 +38,6 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.bench import speed  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.codec import encode  # noqa: PLC0415
 
     measured = speed(settings.target, settings.samples, rounds=settings.rounds, progress=printing.Progress(settings))
     printing.output(settings, encode(measured), lambda: _told(measured))
@@ -44,7 +45,6 @@ def _run(settings: argparse.Namespace) -> int:
 
 
 def _told(speed: Throughput) -> str:
-    from heatertune.report.layout import table  # noqa: PLC0415
 
     def row(what: str, times: Times, form: str, meaning: str) -> tuple[str, ...]:
         return (what, *(format(each, form) for each in (times.least, times.median, times.most)), meaning)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from heatertune import options
-from heatertune.errors import InputError
+from heatertune.documents import peek_schema
+from heatertune.errors import InputError, UnknownName
 from heatertune.plc.targets import COOLING, FAITHFUL, NAMES
 from heatertune.settings import (
     Conditions,
@@ -18,6 +19,7 @@ from heatertune.settings import (
     TuneSettings,
     WordSettings,
 )
+from heatertune.units import check
 
 if TYPE_CHECKING:
     from heatertune.model.values import FittedModel
@@ -136,8 +138,6 @@ def target(settings: argparse.Namespace) -> str:
     Raises:
         UnknownName: --faithful for a target that has no such version.
     """
-    from heatertune.errors import UnknownName  # noqa: PLC0415
-
     if not settings.faithful:
         cools = options.provided_options(Conditions, settings).get("cooling_gain") is not None
         return COOLING.get(settings.target, settings.target) if cools else str(settings.target)
@@ -195,7 +195,6 @@ def words_of_machine(settings: argparse.Namespace, path: str) -> Machine:
     """
     from heatertune.plc import controller_for  # noqa: PLC0415 - the help must not wait for it
     from heatertune.plc.dump_reader import content_of, read_machine  # noqa: PLC0415
-    from heatertune.units import check  # noqa: PLC0415
 
     if settings.called_every is not None:
         check("--called-every", settings.called_every, above=0.0)
@@ -222,8 +221,7 @@ def _given(settings: argparse.Namespace, *names: str) -> dict[str, Any]:
 
 def _model_of_design(path: str) -> FittedModel | None:
     """Return the model that a pid.json holds; None where the file is none."""
-    from heatertune.documents import peek_schema  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.pid.document import SCHEMA, read_design  # noqa: PLC0415
+    from heatertune.pid.document import SCHEMA, read_design  # noqa: PLC0415 - the help must not wait for it
 
     if peek_schema(path) != SCHEMA:
         return None

@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from heatertune import options
+from heatertune import chain, options
 from heatertune.cli import common, printing
 from heatertune.cli.saved_design import in_force
+from heatertune.documents import DATA, plain, to_json
 from heatertune.errors import InputError
 from heatertune.settings import SensorSettings
+from heatertune.writing import write_files
 
 __all__ = ["add_to"]
 
@@ -34,11 +36,8 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.documents import DATA, plain, to_json  # noqa: PLC0415
-    from heatertune.proof.rebuild_words import scaling_of  # noqa: PLC0415
+    from heatertune.proof.rebuild_words import scaling_of  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.targets import render_targets, targets_brief, targets_table  # noqa: PLC0415
-    from heatertune.writing import write_files  # noqa: PLC0415
 
     design, fitted, kept = common.design_and_model(settings)
     progress, (recipe, notes) = printing.Progress(settings), in_force(settings, kept, settings.pid)

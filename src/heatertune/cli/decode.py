@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from heatertune import chain
 from heatertune.cli import common, printing
 
 __all__ = ["add_to"]
@@ -33,8 +34,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.pid.document import to_document  # noqa: PLC0415
+    from heatertune.pid.document import to_document  # noqa: PLC0415 - the help must not wait for it
     from heatertune.plc import controller_for  # noqa: PLC0415
     from heatertune.plc.dump_reader import realised_design  # noqa: PLC0415
     from heatertune.report.text import criteria_table, design_lines  # noqa: PLC0415

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from heatertune import options
+from heatertune import chain, options
 from heatertune.cli import common, printing
 from heatertune.cli.parsing import again
 from heatertune.settings import FitSettings, SampleSettings, WordSettings
@@ -44,8 +44,7 @@ def _run(settings: argparse.Namespace) -> int:
 
 
 def _designed(settings: argparse.Namespace, second: Worker) -> int:
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.chain.documents import without_curves  # noqa: PLC0415
+    from heatertune.chain.documents import without_curves  # noqa: PLC0415 - the help must not wait for it
     from heatertune.chain.pipeline import TYPICAL_S  # noqa: PLC0415
     from heatertune.plc import controller_for  # noqa: PLC0415
     from heatertune.report.text import summary  # noqa: PLC0415

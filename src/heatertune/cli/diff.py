@@ -9,6 +9,7 @@ from heatertune import options
 from heatertune.cli import printing
 from heatertune.plc.targets import NAMES
 from heatertune.settings import Conditions, SensorSettings
+from heatertune.units import check
 
 __all__ = ["add_to"]
 
@@ -45,7 +46,6 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.proof.difference import DeclaredWords, difference, read_sides  # noqa: PLC0415 - the help must not wait
     from heatertune.report.difference import difference_lines  # noqa: PLC0415
-    from heatertune.units import check  # noqa: PLC0415
 
     if settings.called_every is not None:
         check("--called-every", settings.called_every, above=0.0)

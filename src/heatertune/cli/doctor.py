@@ -6,6 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from heatertune.cli import printing
+from heatertune.report.layout import table
 
 if TYPE_CHECKING:
     from heatertune.doctor import InstallationCheck
@@ -28,7 +29,6 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.doctor import document, examine, works  # noqa: PLC0415 - it loads what it looks at
-    from heatertune.report.layout import table  # noqa: PLC0415
 
     findings = examine()
 

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from typing import Any
 
+from heatertune import chain
 from heatertune.cli import common, printing
 from heatertune.cli.saved_design import ProofSource, proof_source
+from heatertune.documents import DATA, to_json
+from heatertune.errors import DocumentError, ExportRefused
+from heatertune.writing import write_files
 
 __all__ = ["add_to"]
 
@@ -32,11 +37,9 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.documents import DATA, to_json  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
+    from heatertune.proof.verdict import verdict_line  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.words_file import export_first  # noqa: PLC0415
     from heatertune.report.text import words_table  # noqa: PLC0415
-    from heatertune.writing import write_files  # noqa: PLC0415
 
     again = None if common.proof_asked(settings) else _exported_again(settings)
     proven = again or _proven(settings)
@@ -84,9 +87,7 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     What is exported was proven then or before: the verdict on the same words, heater and conditions by the same
     program on this machine is read from the cache and checked like any proof. `verify` always proves again.
     """
-    from dataclasses import asdict  # noqa: PLC0415 - the help must not wait for it
-
-    from heatertune.cache import load_or_compute, release  # noqa: PLC0415
+    from heatertune.cache import load_or_compute, release  # noqa: PLC0415 - the help must not wait for it
     from heatertune.model import document as model_document  # noqa: PLC0415
     from heatertune.proof.spec_file import specification_of  # noqa: PLC0415
 
@@ -107,9 +108,7 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
 
 
 def _prove(asked: ProofSource, progress: Any, *, force: bool) -> dict[str, Any]:
-    from heatertune import chain  # noqa: PLC0415 - words that are proven already need none of it
-    from heatertune.chain.documents import words_document  # noqa: PLC0415
-    from heatertune.errors import ExportRefused  # noqa: PLC0415
+    from heatertune.chain.documents import words_document  # noqa: PLC0415 - words that are proven already need none of it
     from heatertune.plc.word_selection import search_document  # noqa: PLC0415
     from heatertune.proof.repetition import design_document  # noqa: PLC0415
     from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415
@@ -135,8 +134,7 @@ def _demand_export(document: dict[str, Any], asked: ProofSource, *, force: bool)
     Raises:
         HeatertuneError: it is damaged, of other words, without a PASS or with files that the controller does not have.
     """
-    from heatertune.errors import DocumentError  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc import controller_for  # noqa: PLC0415
+    from heatertune.plc import controller_for  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.document import check_document  # noqa: PLC0415
     from heatertune.proof.words_file import certificate, demand_same_words, words_of  # noqa: PLC0415
 

@@ -9,6 +9,7 @@ from heatertune import options
 from heatertune.cli import printing
 from heatertune.errors import ExportRefused
 from heatertune.settings import FeedForwardSettings
+from heatertune.writing import write_files
 
 __all__ = ["add_to"]
 
@@ -34,7 +35,6 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.chain.feed_forward import feed_forward  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import feed_forward_lines  # noqa: PLC0415
-    from heatertune.writing import write_files  # noqa: PLC0415
 
     fed = feed_forward(settings.directory, options.of(FeedForwardSettings, settings), force=settings.force)
     out, document = settings.out or settings.directory, fed.proof.to_document()

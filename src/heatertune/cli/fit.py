@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from heatertune import options
+from heatertune import chain, options
 from heatertune.cli import common, printing
 from heatertune.cli.known_controller_options import add_known_options, known_words
 from heatertune.settings import FitSettings
@@ -39,8 +39,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.model.document import to_document  # noqa: PLC0415
+    from heatertune.model.document import to_document  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import hypothesis_table, model_lines  # noqa: PLC0415
     from heatertune.report.verdict_summary import model_brief  # noqa: PLC0415
 
@@ -60,7 +59,6 @@ def _run(settings: argparse.Namespace) -> int:
 
 
 def _fitted(settings: argparse.Namespace, logs: Sequence[Log], progress: printing.Progress) -> FittedModel:
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
 
     given = options.of(FitSettings, settings)
     words = known_words(settings, logs)

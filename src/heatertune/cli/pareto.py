@@ -8,8 +8,10 @@ from typing import Any
 
 from heatertune import options
 from heatertune.cli import common, printing
+from heatertune.documents import plain
 from heatertune.errors import InputError
 from heatertune.settings import TuneSettings
+from heatertune.writing import write_files
 
 __all__ = ["add_to"]
 
@@ -39,8 +41,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.documents import plain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.pid.pareto import front  # noqa: PLC0415
+    from heatertune.pid.pareto import front  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.text import pareto_table  # noqa: PLC0415
 
     suffix = None if settings.out is None else Path(settings.out).suffix.lower()
@@ -63,7 +64,6 @@ def _run(settings: argparse.Namespace) -> int:
 def _draw(document: dict[str, Any], path: str, suffix: str) -> None:
     from heatertune.report.plots import plot_pareto  # noqa: PLC0415
     from heatertune.report.style import to_png, to_svg  # noqa: PLC0415
-    from heatertune.writing import write_files  # noqa: PLC0415
 
     figure = plot_pareto(document)
     picture: str | bytes = to_svg(figure) if suffix == ".svg" else to_png(figure)

@@ -6,8 +6,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from heatertune import chain
 from heatertune.cli import printing
+from heatertune.documents import plain
 from heatertune.errors import InputError
+from heatertune.writing import write_files
 
 if TYPE_CHECKING:
     from heatertune.model.values import FittedModel
@@ -62,11 +65,8 @@ def _add_prior_options(command: argparse.ArgumentParser) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.documents import plain  # noqa: PLC0415
-    from heatertune.model.experiment.noise import noise_of  # noqa: PLC0415
+    from heatertune.model.experiment.noise import noise_of  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.plan import plan_csv, plan_lines  # noqa: PLC0415
-    from heatertune.writing import write_files  # noqa: PLC0415
 
     fitted = None if settings.model is None else _model(settings)
     low, high = settings.power

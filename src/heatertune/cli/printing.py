@@ -14,7 +14,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli.parsing import FULL, again
 from heatertune.cli.terminal import LINE, colourise, to_nobody
+from heatertune.documents import to_json
 from heatertune.errors import InputError
+from heatertune.units import count
+from heatertune.writing import write_files
 
 if TYPE_CHECKING:
     from heatertune.log.read_summary import ReadSummary
@@ -107,8 +110,6 @@ def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Prog
     The line on what was taken is no progress: with --quiet it waits for the result, so that an error stays the only
     line; with --quiet and --json it is in the document alone.
     """
-    from heatertune.units import count  # noqa: PLC0415 - the help must not wait for it
-
     for log in logs:
         line = [] if log.taken is None else [f"[log] {log.taken.line}", *_unit_lines(settings, log.taken)]
         if settings.quiet:
@@ -154,8 +155,6 @@ def output(
     Raises:
         InputError: it cannot be written; a reader that went away is none.
     """
-    from heatertune.documents import to_json  # noqa: PLC0415
-
     LINE.end()
     if settings.json_full or settings.json:
         _print_result(to_json(document if settings.json_full or short is None else short()))
@@ -179,9 +178,6 @@ def _print_result(text: str) -> None:
 
 def save(path: str | None, document: Mapping[str, Any]) -> None:
     """Write the document to a file, whole or not at all; nothing without a path."""
-    from heatertune.documents import to_json  # noqa: PLC0415
-    from heatertune.writing import write_files  # noqa: PLC0415
-
     if path is not None:
         target = Path(path)
         write_files(target.parent, {target.name: to_json(document)})

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
+from heatertune import chain
 from heatertune.cli import common, printing
 
 if TYPE_CHECKING:
@@ -36,7 +37,6 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
 
     log = chain.read_log(settings.log, common.reading(settings))
     if settings.until is not None:

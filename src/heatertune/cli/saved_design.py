@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 from heatertune import options
 from heatertune.cli import common
+from heatertune.cli.parsing import again
 from heatertune.errors import InputError
 from heatertune.options import Option, options_of
+from heatertune.plc.targets import REPAIRED
 from heatertune.settings import Conditions, SensorSettings, WordSettings
 
 if TYPE_CHECKING:
@@ -90,9 +92,6 @@ def redesign_command(settings: argparse.Namespace, asked: ProofSource, setpoint_
         asked: what was proven.
         setpoint_degC: of the proof [°C].
     """
-    from heatertune.cli.parsing import again  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc.targets import REPAIRED  # noqa: PLC0415
-
     target, path = asked.words.target, Path(settings.pid)
     hand = [part for name in _BY_HAND if (value := getattr(settings, name)) is not None
             for part in (f"--{name.replace('_', '-')}", f"{value:g}")]

@@ -8,7 +8,10 @@ from typing import Any
 
 from heatertune import options
 from heatertune.cli import printing
+from heatertune.codec import encode
+from heatertune.report.layout import table
 from heatertune.settings import Conditions
+from heatertune.writing import write_files
 
 __all__ = ["add_to"]
 
@@ -31,11 +34,8 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.codec import encode  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.presets import PRESETS  # noqa: PLC0415
+    from heatertune.proof.presets import PRESETS  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.spec_file import in_force, spec_text  # noqa: PLC0415
-    from heatertune.report.layout import table  # noqa: PLC0415
-    from heatertune.writing import write_files  # noqa: PLC0415
 
     if settings.list:
         document = {"schema": "heatertune/presets/1",

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from heatertune import options
+from heatertune import chain, options
 from heatertune.cli import common, printing
 from heatertune.cli.parsing import again
 from heatertune.errors import InputError
@@ -98,8 +98,7 @@ def _proof_asked(settings: argparse.Namespace) -> bool:
 
 def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> PidDesign:
     """Return the design as asked for; of the conditions of a proof it hears those that it can aim at."""
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc.word_selection import tune_for_words  # noqa: PLC0415
+    from heatertune.plc.word_selection import tune_for_words  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.prove_words import told_of_aim, tune_settings_for  # noqa: PLC0415
     from heatertune.proof.pwm_period import with_pwm  # noqa: PLC0415
 

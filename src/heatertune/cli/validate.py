@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune import options
+from heatertune import chain, options
 from heatertune.cli import common, printing
 from heatertune.cli.known_controller_options import add_known_options, known_words
 from heatertune.settings import ValidateSettings
@@ -34,8 +34,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune import chain  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.model.document import read_model  # noqa: PLC0415
+    from heatertune.model.document import read_model  # noqa: PLC0415 - the help must not wait for it
     from heatertune.model.validate_document import to_document  # noqa: PLC0415
     from heatertune.report.text import validation_lines  # noqa: PLC0415
 

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune.cli import common, printing
 from heatertune.cli.saved_design import proof_source
+from heatertune.documents import peek_schema, to_json
 from heatertune.errors import InputError
+from heatertune.writing import write_files
 
 if TYPE_CHECKING:
     from heatertune.model.values import FittedModel
@@ -50,10 +52,8 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.documents import to_json  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.report.supervision import supervision_html, supervision_page  # noqa: PLC0415
+    from heatertune.report.supervision import supervision_html, supervision_page  # noqa: PLC0415 - the help must not wait for it
     from heatertune.supervision.supervise import SampleCounts, supervise  # noqa: PLC0415
-    from heatertune.writing import write_files  # noqa: PLC0415
 
     progress = printing.Progress(settings)
     words, fitted, conditions, notes = _asked(settings, progress)
@@ -77,8 +77,6 @@ def _asked(
     settings: argparse.Namespace, progress: printing.Progress
 ) -> tuple[Words, FittedModel, Conditions, tuple[str, ...]]:
     """Return words, heater and conditions: of a file, or designed for a model as `design` does."""
-    from heatertune.documents import peek_schema  # noqa: PLC0415
-
     schema = None if settings.pid is None else peek_schema(settings.pid)
     if settings.pid is not None and not (schema or "").startswith("heatertune/model/"):
         asked = proof_source(settings)

@@ -8,11 +8,14 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
+from heatertune import chain
 from heatertune.cli import printing
 from heatertune.cli.terminal import LINE
-from heatertune.errors import InputError
+from heatertune.errors import HeatertuneError, InputError
+from heatertune.live.client.address import address_of
 from heatertune.live.commands.record import ALL_SIGNALS, asked_to_end, live_line, tell
 
 if TYPE_CHECKING:
@@ -67,7 +70,6 @@ def _run(settings: argparse.Namespace) -> int:
     words, _ = words_in(settings.design)
     if None in (settings.plan, settings.address, settings.out, settings.limit_temperature):
         raise InputError("experiment needs PLAN, ADDRESS, -o FILE and --limit-temperature")
-    from heatertune.live.client.address import address_of  # noqa: PLC0415
     from heatertune.live.experiment import Experiment, ExperimentObserver  # noqa: PLC0415
     from heatertune.live.schedule import AbortLimits, read_plan  # noqa: PLC0415
 
@@ -90,10 +92,7 @@ def _run(settings: argparse.Namespace) -> int:
 
 def _heaters(folder: str) -> tuple[HeaterModel, ...]:
     """Return the plausible heaters of a folder's design, none where it holds no model."""
-    from contextlib import suppress  # noqa: PLC0415 - the help must not wait for it
-
-    from heatertune.errors import HeatertuneError  # noqa: PLC0415
-    from heatertune.live.serve import read_folder  # noqa: PLC0415
+    from heatertune.live.serve import read_folder  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.heaters import labelled_heaters  # noqa: PLC0415
 
     with suppress(HeatertuneError):
@@ -150,7 +149,6 @@ def _shown(settings: argparse.Namespace, whole: Experiment) -> Callable[[Recordi
 
 
 def _fit(log: Any) -> Any:
-    from heatertune import chain  # noqa: PLC0415 - loaded beside the first looks
 
     return chain.fit(log)
 
@@ -160,7 +158,6 @@ def _to_terminal(message: str) -> None:
 
 
 def _restored(settings: argparse.Namespace) -> int:
-    from heatertune.live.client.address import address_of  # noqa: PLC0415
     from heatertune.live.experiment import restore  # noqa: PLC0415
 
     given = [each for each in (settings.plan, settings.address) if each is not None]

@@ -14,6 +14,7 @@ from heatertune.cli.terminal import LINE
 from heatertune.errors import InputError
 from heatertune.live.commands.record import asked_to_end
 from heatertune.settings import ReadSettings, WordSettings
+from heatertune.writing import write_files
 
 __all__ = ["add_to"]
 
@@ -49,7 +50,6 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.batch.loops import HealthSettings, health, last_table  # noqa: PLC0415 - the help must not wait for it
     from heatertune.report.loops import loops_lines, loops_page  # noqa: PLC0415
-    from heatertune.writing import write_files  # noqa: PLC0415
 
     page, settings.target = Path(settings.out), settings.target or ""  # each loop may name its own
     if page.suffix.lower() not in (".html", ".htm"):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
 from heatertune.cli.terminal import LINE, can_take
+from heatertune.live.client.address import address_of
 
 if TYPE_CHECKING:
     from heatertune.live.recorder import RecordingState
@@ -48,8 +49,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.live.client.address import address_of  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.live.recorder import RecordingSetup, record  # noqa: PLC0415
+    from heatertune.live.recorder import RecordingSetup, record  # noqa: PLC0415 - the help must not wait for it
     from heatertune.live.signal_map import places_given  # noqa: PLC0415
 
     address = address_of(settings.address)

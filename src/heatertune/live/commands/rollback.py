@@ -10,6 +10,7 @@ from heatertune.cli import printing
 from heatertune.errors import LinkError
 from heatertune.live.commands.record import signals_as_ctrl_c
 from heatertune.live.commands.write import add_guard, ended_lines, link_of, not_read
+from heatertune.report.layout import wrap_text
 
 if TYPE_CHECKING:
     from heatertune.live.write.rollback import Before
@@ -59,7 +60,6 @@ def _run(settings: argparse.Namespace) -> int:
 
 def _lines(settings: argparse.Namespace, before: Before, ended: WriteEnd, open_experiment: str) -> Iterator[str]:
     from heatertune.live.write.rollback import not_proven  # noqa: PLC0415
-    from heatertune.report.layout import wrap_text  # noqa: PLC0415
 
     if open_experiment:
         yield from wrap_text(open_experiment, "- ")

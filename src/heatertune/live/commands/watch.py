@@ -9,9 +9,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from heatertune import chain
 from heatertune.cli import printing
 from heatertune.cli.terminal import LINE
-from heatertune.errors import InputError
+from heatertune.errors import HeatertuneError, InputError
+from heatertune.live.client.address import address_of
 from heatertune.live.commands.record import asked_to_end, live_line, show_notes
 
 if TYPE_CHECKING:
@@ -48,7 +50,6 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.live.band_watch import BandWatch, others_there  # noqa: PLC0415
-    from heatertune.live.client.address import address_of  # noqa: PLC0415
     from heatertune.live.plc_state import PlcState  # noqa: PLC0415
     from heatertune.live.recorder import RecordingSetup, record  # noqa: PLC0415
     from heatertune.live.signal_map import places_of  # noqa: PLC0415
@@ -133,9 +134,6 @@ def _shown(
 
 def _refitted(log: Path, proven: ProvenWords) -> dict[str, Any]:
     """Return each parameter as it is now, beside what the proof was made on."""
-    from heatertune import chain  # noqa: PLC0415 - only where it is asked for
-    from heatertune.errors import HeatertuneError  # noqa: PLC0415
-
     try:
         fitted = chain.fit(log)
     except HeatertuneError as problem:

@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Any
 from heatertune import options
 from heatertune.cli import printing
 from heatertune.errors import LinkError
+from heatertune.live.client.address import address_of
 from heatertune.live.commands.record import signals_as_ctrl_c
+from heatertune.report.layout import table, wrap_text
 from heatertune.settings import SensorSettings
+from heatertune.units import check
 
 if TYPE_CHECKING:
     from heatertune.live.write.apply import WriteResult
@@ -66,7 +69,6 @@ def add_guard(command: argparse.ArgumentParser, of_what: str) -> None:
 def link_of(settings: argparse.Namespace) -> LinkSettings:
     """Return how the link is held, as the options say; raise OutOfRange where that makes no sense."""
     from heatertune.live.write.plc_block import LinkSettings  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.units import check  # noqa: PLC0415
 
     check("--reconnect", settings.reconnect, least=1)
     check("--timeout", settings.timeout, above=0.0)
@@ -75,7 +77,6 @@ def link_of(settings: argparse.Namespace) -> LinkSettings:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.live.client.address import address_of  # noqa: PLC0415
     from heatertune.live.plc_state import PlcState  # noqa: PLC0415
     from heatertune.live.write.apply import apply_write  # noqa: PLC0415
     from heatertune.live.write.identity_check import Declared  # noqa: PLC0415
@@ -123,7 +124,6 @@ def not_read(settings: argparse.Namespace, document: dict[str, Any], problem: Li
 def _of_plan(settings: argparse.Namespace, wanted: WriteRequest, plan: WritePlan, open_: list[str],
              open_experiment: str) -> Iterator[str]:
     from heatertune.report.difference import difference_lines  # noqa: PLC0415
-    from heatertune.report.layout import table, wrap_text  # noqa: PLC0415
 
     if plan.difference is not None:
         yield from difference_lines(_of_block(plan.difference)).splitlines()
@@ -156,7 +156,6 @@ def _of_block(difference: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _of_applied(done: WriteResult) -> Iterator[str]:
-    from heatertune.report.layout import wrap_text  # noqa: PLC0415
 
     for told in done.earlier:
         yield from wrap_text(told, "- ")
@@ -167,8 +166,6 @@ def _of_applied(done: WriteResult) -> Iterator[str]:
 
 def ended_lines(ended: WriteEnd) -> Iterator[str]:
     """Yield the end of a write, and what stands in the PLC, as a terminal shows it."""
-    from heatertune.report.layout import wrap_text  # noqa: PLC0415
-
     yield from wrap_text(f"{ended.outcome.upper()}: {ended.message}")
     if ended.stands is not None:
         yield from wrap_text(", ".join(f"{name} = {value:g}" for name, value in ended.stands.items()), "in the PLC: ")
