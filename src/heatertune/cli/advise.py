@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from heatertune import plc, report
 from heatertune.cli import common, printing
 from heatertune.cli.saved_design import in_force
 from heatertune.errors import InputError
@@ -34,20 +35,18 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.log import read_log  # noqa: PLC0415
     from heatertune.pid.document import read_design  # noqa: PLC0415
-    from heatertune.plc import controller_for  # noqa: PLC0415
     from heatertune.proof.advice import advise  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.report.text import advice_table  # noqa: PLC0415
 
     design, model, kept = read_design(settings.pid)
     if model is None:
         raise InputError(f"{settings.pid} holds no model to prove on; expected pid.json as written by tune")
     progress = printing.Progress(settings)
-    controller_for(common.target(settings))  # an unknown target is refused before the log is read
+    plc.controller_for(common.target(settings))  # an unknown target is refused before the log is read
     log = None if settings.log == "proof" else read_log(settings.log, common.reading(settings))
     printing.tell_taken(settings, [] if log is None else [log], progress)
     recipe, notes = in_force(settings, kept, settings.pid)
     for note in notes:
         progress.note(note)
     document = advise(design, model, recipe, log, until_s=settings.until, progress=progress)
-    printing.output(settings, document, lambda: advice_table(document))
+    printing.output(settings, document, lambda: report.advice_table(document))
     return 0 if any(case["verdict"] == "PASS" for case in document["cases"]) else 1

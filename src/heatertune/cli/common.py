@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from heatertune import options
+from heatertune import options, plc
 from heatertune.documents import peek_schema
 from heatertune.errors import InputError, UnknownName
 from heatertune.plc.targets import COOLING, FAITHFUL, NAMES
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from heatertune.model.values import FittedModel
     from heatertune.pid.design_provenance import DesignProvenance
     from heatertune.pid.values import PidDesign
-    from heatertune.plc import Scaling
     from heatertune.plc.dump_reader import Machine
     from heatertune.proof.redesign import DesignRequest
 
@@ -158,21 +157,19 @@ def design_request(settings: argparse.Namespace) -> DesignRequest:
         as_is=by.as_is, sample_settings=options.of(SampleSettings, settings))
 
 
-def scaling(settings: argparse.Namespace) -> Scaling:
+def scaling(settings: argparse.Namespace) -> plc.Scaling:
     """Return the sensor range as its module gives it.
 
     Raises:
         InputError: a module's range without a target; else as `heatertune.plc.inputs.sensor_scaling`.
     """
-    from heatertune.plc import Scaling, controller_for  # noqa: PLC0415
-
     sensor = options.of(SensorSettings, settings)
     if sensor.input is None:
         low, high = sensor.range_degC
-        return Scaling(low_degC=low, high_degC=high)
+        return plc.Scaling(low_degC=low, high_degC=high)
     if settings.target is None:
         raise InputError("--input needs --target: the ranges are its module's")
-    return controller_for(target(settings)).scaled(sensor.input, sensor.range_degC)
+    return plc.controller_for(target(settings)).scaled(sensor.input, sensor.range_degC)
 
 
 def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedModel, DesignProvenance | None]:
@@ -193,12 +190,11 @@ def words_of_machine(settings: argparse.Namespace, path: str) -> Machine:
     Raises:
         InputError: the file cannot be read.
     """
-    from heatertune.plc import controller_for  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc.dump_reader import content_of, read_machine  # noqa: PLC0415
+    from heatertune.plc.dump_reader import content_of, read_machine  # noqa: PLC0415 - the help must not wait for it
 
     if settings.called_every is not None:
         check("--called-every", settings.called_every, above=0.0)
-    return read_machine(controller_for(target(settings)), content_of(path), sample_time_s=settings.called_every,
+    return read_machine(plc.controller_for(target(settings)), content_of(path), sample_time_s=settings.called_every,
                         scaling=scaling(settings), source=path, known=conditions(settings).switches)
 
 

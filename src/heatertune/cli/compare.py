@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from heatertune import chain, options
+from heatertune import chain, options, report
 from heatertune.cli import common, printing
 from heatertune.cli.saved_design import in_force
 from heatertune.documents import DATA, plain, to_json
@@ -37,7 +37,6 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.proof.rebuild_words import scaling_of  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.report.targets import render_targets, targets_brief, targets_table  # noqa: PLC0415
 
     design, fitted, kept = common.design_and_model(settings)
     progress, (recipe, notes) = printing.Progress(settings), in_force(settings, kept, settings.pid)
@@ -51,8 +50,10 @@ def _run(settings: argparse.Namespace) -> int:
     document = plain(chain.compare(
         design, fitted, recipe.conditions, scaling=scaling_of(recipe), recipe=recipe, progress=progress))
     if settings.out is not None:
-        write_files(settings.out, {f"{DATA}/compare.json": to_json(document), "compare.html": render_targets(document)})
-    printing.output(settings, document, lambda: targets_table(document), brief=lambda: targets_brief(document),
+        write_files(settings.out, {
+            f"{DATA}/compare.json": to_json(document), "compare.html": report.render_targets(document)})
+    printing.output(settings, document, lambda: report.targets_table(document),
+                    brief=lambda: report.targets_brief(document),
                     short=lambda: {**document, "rows": [_without_curves(row) for row in document["rows"]]})
     return 0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune import chain
+from heatertune import chain, plc, report
 from heatertune.cli import common, printing
 
 __all__ = ["add_to"]
@@ -35,11 +35,9 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.pid.document import to_document  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc import controller_for  # noqa: PLC0415
     from heatertune.plc.dump_reader import realised_design  # noqa: PLC0415
-    from heatertune.report.text import criteria_table, design_lines  # noqa: PLC0415
 
-    controller = controller_for(common.target(settings))
+    controller = plc.controller_for(common.target(settings))
     words, passed_over, unlike = common.words_of_machine(settings, settings.dump)
     design = realised_design(controller, words)
     odd = [] if controller.oddities is None else list(controller.oddities(words))
@@ -56,9 +54,9 @@ def _run(settings: argparse.Namespace) -> int:
     proof = document["proof"]
 
     def text() -> str:
-        lines = ["no PID" if design is None else design_lines(document["realised"])]
+        lines = ["no PID" if design is None else report.design_lines(document["realised"])]
         lines += [*(f"odd: {oddity}" for oddity in odd), *(f"not looked at: {rest}" for rest in passed_over)]
-        return "\n".join(lines + ([criteria_table(proof), f"VERDICT {proof['verdict']}"] if proof else []))
+        return "\n".join(lines + ([report.criteria_table(proof), f"VERDICT {proof['verdict']}"] if proof else []))
 
     printing.output(settings, document, text)
     return 1 if proof and proof["verdict"] != "PASS" else 0

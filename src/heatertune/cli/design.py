@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from heatertune import chain, options
+from heatertune import chain, options, plc, report
 from heatertune.cli import common, printing
 from heatertune.cli.parsing import again
 from heatertune.settings import FitSettings, SampleSettings, WordSettings
@@ -46,26 +46,23 @@ def _run(settings: argparse.Namespace) -> int:
 def _designed(settings: argparse.Namespace, second: Worker) -> int:
     from heatertune.chain.documents import without_curves  # noqa: PLC0415 - the help must not wait for it
     from heatertune.chain.pipeline import TYPICAL_S  # noqa: PLC0415
-    from heatertune.plc import controller_for  # noqa: PLC0415
-    from heatertune.report.text import summary  # noqa: PLC0415
-    from heatertune.report.verdict_summary import design_brief  # noqa: PLC0415
 
     progress = printing.Progress(settings, TYPICAL_S)
     progress("reading")
     asked, beside = common.design_request(settings), options.of(FitSettings, settings)  # refused before the log is read
-    controller_for(asked.target)
+    plc.controller_for(asked.target)
     log = chain.read_log(settings.log, common.reading(settings), errata=True)
     printing.tell_taken(settings, [log], progress)
     result = chain.design(
         log, asked, out=settings.out, fitted_with=beside, force=settings.force,
         progress=progress, begun=second)
-    effect, feed = result.fitted_model.disturbance, controller_for(asked.target).feed
+    effect, feed = result.fitted_model.disturbance, plc.controller_for(asked.target).feed
     fed = "" if effect is None or not effect.acts or feed is None else (
         f"feed it forward: heatertune feed-forward {settings.out}")
     nearest = again(settings.given, result.outcome.passes_with)
     printing.output(
         settings, result.documents,
-        lambda: "\n".join(filter(None, (summary(result.documents), f"written to {settings.out}", fed))),
-        brief=lambda: design_brief(result.documents, settings.out, nearest, fed),
+        lambda: "\n".join(filter(None, (report.summary(result.documents), f"written to {settings.out}", fed))),
+        brief=lambda: report.design_brief(result.documents, settings.out, nearest, fed),
         short=lambda: without_curves(result.documents, nearest))
     return 0 if result.outcome.proof.verdict == "PASS" else 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune import options
+from heatertune import options, report
 from heatertune.cli import printing
 from heatertune.plc.targets import NAMES
 from heatertune.settings import Conditions, SensorSettings
@@ -45,7 +45,6 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.proof.difference import DeclaredWords, difference, read_sides  # noqa: PLC0415 - the help must not wait
-    from heatertune.report.difference import difference_lines  # noqa: PLC0415
 
     if settings.called_every is not None:
         check("--called-every", settings.called_every, above=0.0)
@@ -54,5 +53,5 @@ def _run(settings: argparse.Namespace) -> int:
                           sensor_degC=sensor.get("range_degC"),
                   input=sensor.get("input"), switches=options.of(Conditions, settings).switches)
     document = difference(*read_sides(settings.before, settings.after, given))
-    printing.output(settings, document, lambda: difference_lines(document))
+    printing.output(settings, document, lambda: report.difference_lines(document))
     return 0 if document["same"] else 1

@@ -6,7 +6,7 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from heatertune import chain
+from heatertune import chain, plc, report
 from heatertune.cli import common, printing
 from heatertune.cli.saved_design import ProofSource, proof_source
 from heatertune.documents import DATA, to_json
@@ -39,7 +39,6 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.proof.verdict import verdict_line  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.words_file import export_first  # noqa: PLC0415
-    from heatertune.report.text import words_table  # noqa: PLC0415
 
     again = None if common.proof_asked(settings) else _exported_again(settings)
     proven = again or _proven(settings)
@@ -54,7 +53,7 @@ def _run(settings: argparse.Namespace) -> int:
     written = write_files(settings.out, {**proven["files"], **moved}, gone=gone)
     names = "\n".join(str(path) for path in written)
     line = verdict_line(proven["proof"])
-    printing.output(settings, document, lambda: f"{line}\n{words_table(document)}\nVERDICT {line}\n{names}",
+    printing.output(settings, document, lambda: f"{line}\n{report.words_table(document)}\nVERDICT {line}\n{names}",
                     short=lambda: export_first(document, proven["proof"]))
     return 0
 
@@ -66,8 +65,7 @@ def _exported_again(settings: argparse.Namespace) -> dict[str, Any] | None:
         ExportRefused: the verdict is not PASS and `--force` was not given; as `repeat_proof`.
         DocumentError, InputError, OutOfRange, UnknownName: as `repeat_proof`.
     """
-    from heatertune.plc import controller_for  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.words_file import certificate, read_words  # noqa: PLC0415
+    from heatertune.proof.words_file import certificate, read_words  # noqa: PLC0415 - the help must not wait for it
 
     if read_words(settings.pid, common.target(settings)) is None:
         return None
@@ -76,7 +74,7 @@ def _exported_again(settings: argparse.Namespace) -> dict[str, Any] | None:
     again = repeat_proof(
         settings.pid, accept=common.conditions(settings).accept, progress=printing.Progress(settings))
     certified = certificate(again.proof, force=settings.force)
-    files = dict(controller_for(again.words.target).export(again.words, certified))
+    files = dict(plc.controller_for(again.words.target).export(again.words, certified))
     exported = {"files": sorted(files), "verdict": certified.verdict, "forced": certified.forced}
     return {"words": {**again.words_document, **exported}, "proof": again.proof, "files": files, "pid": again.design}
 
@@ -134,8 +132,7 @@ def _demand_export(document: dict[str, Any], asked: ProofSource, *, force: bool)
     Raises:
         HeatertuneError: it is damaged, of other words, without a PASS or with files that the controller does not have.
     """
-    from heatertune.plc import controller_for  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.document import check_document  # noqa: PLC0415
+    from heatertune.proof.document import check_document  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.words_file import certificate, demand_same_words, words_of  # noqa: PLC0415
 
     where = "the cache"
@@ -148,7 +145,7 @@ def _demand_export(document: dict[str, Any], asked: ProofSource, *, force: bool)
     words = words_of(document["words"], asked.words.target, where)
     if asked.ramp is None and words != asked.words:
         raise DocumentError(f"{where}: other words")
-    expected = controller_for(words.target).export(words, certificate(proof, force=force))
+    expected = plc.controller_for(words.target).export(words, certificate(proof, force=force))
     if {name: text if isinstance(text, str) else list(text) for name, text in expected.items()} != document["files"]:
         raise DocumentError(f"{where}: files: others than the controller's")
     return document

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune import options
+from heatertune import options, report
 from heatertune.cli import printing
 from heatertune.errors import ExportRefused
 from heatertune.settings import FeedForwardSettings
@@ -34,13 +34,12 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.chain.feed_forward import feed_forward  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.report.text import feed_forward_lines  # noqa: PLC0415
 
     fed = feed_forward(settings.directory, options.of(FeedForwardSettings, settings), force=settings.force)
     out, document = settings.out or settings.directory, fed.proof.to_document()
     write_files(out, fed.files)
     written = f"written to {out}: {', '.join(sorted(fed.files))}"
-    printing.output(settings, document, lambda: f"{feed_forward_lines(document)}\n{written}")
+    printing.output(settings, document, lambda: f"{report.feed_forward_lines(document)}\n{written}")
     if fed.proof.refusal and not settings.force:
         raise ExportRefused(f"{fed.proof.refusal}; --force writes the program all the same")
     return 0

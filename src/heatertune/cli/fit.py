@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from heatertune import chain, options
+from heatertune import chain, options, report
 from heatertune.cli import common, printing
 from heatertune.cli.known_controller_options import add_known_options, known_words
 from heatertune.settings import FitSettings
@@ -40,8 +40,6 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.model.document import to_document  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.report.text import hypothesis_table, model_lines  # noqa: PLC0415
-    from heatertune.report.verdict_summary import model_brief  # noqa: PLC0415
 
     progress = printing.Progress(settings)
     progress("reading")
@@ -51,9 +49,9 @@ def _run(settings: argparse.Namespace) -> int:
     document = to_document(_fitted(settings, logs, progress))
     printing.save(settings.out, document)
     shown = settings.hypotheses or settings.controller is not None
-    parts = [model_lines, hypothesis_table] if shown else [model_lines]
+    parts = [report.model_lines, report.hypothesis_table] if shown else [report.model_lines]
     printing.output(settings, document, lambda: "\n\n".join(part(document) for part in parts),
-                    brief=None if shown else lambda: model_brief(document, settings.out),
+                    brief=None if shown else lambda: report.model_brief(document, settings.out),
                     short=lambda: {name: part for name, part in document.items() if name != "residuals"})
     return 0
 

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from heatertune import options
+from heatertune import options, plc
 from heatertune.errors import InputError
 from heatertune.plc import NAMES
 from heatertune.settings import Conditions
@@ -41,10 +41,9 @@ def known_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | No
             if getattr(settings, name):
                 raise InputError(f"--{name} needs --controller: it tells what that controller holds")
         return None
-    from heatertune.plc import controller_for  # noqa: PLC0415
     from heatertune.proof.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
 
-    controller_for(settings.controller)  # an unknown name is refused before the file is opened
+    plc.controller_for(settings.controller)  # an unknown name is refused before the file is opened
     if settings.words is None:
         raise InputError("--controller needs --words: without its words a controller is not known")
     if len(logs) > 1:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from heatertune import options
+from heatertune import options, report
 from heatertune.cli import common, printing
 from heatertune.documents import plain
 from heatertune.errors import InputError
@@ -42,7 +42,6 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.pid.pareto import front  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.report.text import pareto_table  # noqa: PLC0415
 
     suffix = None if settings.out is None else Path(settings.out).suffix.lower()
     if suffix not in (None, ".json", *_PICTURES):
@@ -57,7 +56,7 @@ def _run(settings: argparse.Namespace) -> int:
         _draw(document, settings.out, suffix)
     else:
         printing.save(settings.out, document)
-    printing.output(settings, document, lambda: pareto_table(document))
+    printing.output(settings, document, lambda: report.pareto_table(document))
     return 0
 
 

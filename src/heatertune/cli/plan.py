@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from heatertune import chain
+from heatertune import chain, report
 from heatertune.cli import printing
 from heatertune.documents import plain
 from heatertune.errors import InputError
@@ -66,7 +66,6 @@ def _add_prior_options(command: argparse.ArgumentParser) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.model.experiment.noise import noise_of  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.report.plan import plan_csv, plan_lines  # noqa: PLC0415
 
     fitted = None if settings.model is None else _model(settings)
     low, high = settings.power
@@ -83,9 +82,9 @@ def _run(settings: argparse.Namespace) -> int:
     ))
     if settings.out is not None:
         target = Path(settings.out)
-        write_files(target.parent, {target.name: plan_csv(document)})
+        write_files(target.parent, {target.name: report.plan_csv(document)})
     known = [] if fitted is None else _known_already(fitted, settings.aim / 100.0)
-    printing.output(settings, document, lambda: "\n".join([*known, plan_lines(document)]))
+    printing.output(settings, document, lambda: "\n".join([*known, report.plan_lines(document)]))
     return 0
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune import options
+from heatertune import options, plc
 from heatertune.cli import common, printing
 from heatertune.errors import InputError
 from heatertune.plc import NAMES
@@ -34,11 +34,10 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.plc import controller_for  # noqa: PLC0415
     from heatertune.plc.replay import read_inputs, replay  # noqa: PLC0415
     from heatertune.proof.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
 
-    controller = controller_for(settings.target)
+    controller = plc.controller_for(settings.target)
     words = read_words(settings.words, settings.target)
     if words is None:
         raise InputError(f"{settings.words}: no words; expected words.json as written by export-db")

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from heatertune import options
+from heatertune import options, report
 from heatertune.cli import common, printing
 from heatertune.cli.command_table import written_in
 from heatertune.commissioned import AsLeftSettings, RecordSettings
@@ -49,8 +49,6 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.chain.pipeline import redraw  # noqa: PLC0415
     from heatertune.log import read_log  # noqa: PLC0415
     from heatertune.report.as_left import CURVES, as_left_brief  # noqa: PLC0415
-    from heatertune.report.text import summary  # noqa: PLC0415
-    from heatertune.report.verdict_summary import design_brief  # noqa: PLC0415
 
     about, progress = options.of(AsLeftSettings, settings), printing.Progress(settings)
     if settings.as_left is None and about != AsLeftSettings():
@@ -69,12 +67,12 @@ def _run(settings: argparse.Namespace) -> int:
                         short=lambda: {name: part for name, part in left.items() if name not in CURVES})
         return 0 if left["verdict"] == "AS PROVEN" and is_done else 1
     if written is not None:
-        from heatertune.report.write_report_section import written_brief  # noqa: PLC0415
 
-        printing.output(settings, documents["written"], lambda: written_brief(documents["written"], str(page)))
+        printing.output(settings, documents["written"], lambda: report.written_brief(documents["written"], str(page)))
         return 0 if is_done else 1
-    printing.output(settings, documents, lambda: f"{summary(documents)}\n{page}",
-                    brief=lambda: design_brief(documents, settings.directory), short=lambda: without_curves(documents))
+    printing.output(settings, documents, lambda: f"{report.summary(documents)}\n{page}",
+                    brief=lambda: report.design_brief(documents, settings.directory),
+                    short=lambda: without_curves(documents))
     return 0 if documents["proof"]["verdict"] == "PASS" else 1
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from heatertune import options
+from heatertune import options, plc
 from heatertune.cli import common
 from heatertune.cli.parsing import again
 from heatertune.errors import InputError
@@ -159,15 +159,14 @@ def in_force(settings: argparse.Namespace, kept: DesignProvenance | None, where:
 def _of(kept: DesignProvenance, target: str, where: str, sensor: Mapping[str, Any]) -> tuple[DesignProvenance,
                                                                                              list[str]]:
     """Return what a recipe says of any controller, where it is of another one, and what of it is not taken then."""
-    from heatertune.plc import controller_for  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc.inputs import has_ends  # noqa: PLC0415
+    from heatertune.plc.inputs import has_ends  # noqa: PLC0415 - the help must not wait for it
 
-    degrees = has_ends(controller_for(kept.target).ranges, kept.input)
+    degrees = has_ends(plc.controller_for(kept.target).ranges, kept.input)
     if degrees:
         kept = replace(kept, range_degC=options_of(SensorSettings)["range_degC"].default)
     if target == kept.target:
         return kept, []
-    has = kept.input in controller_for(target).ranges
+    has = kept.input in plc.controller_for(target).ranges
     if degrees and not has and not sensor:
         raise InputError(f"{where} is for --input {kept.input} of {kept.target}, which {target} has not: say a --range")
     theirs = replace(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from heatertune import plc
 from heatertune.cli import printing
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.plc import GROUPS, controller_for  # noqa: PLC0415 - the help must not wait for it
 
     document = {
         "schema": "heatertune/targets/1",
@@ -44,10 +44,10 @@ def _run(settings: argparse.Namespace) -> int:
                 "switches": [{"name": s.name, "settings": s.settings, "why": s.reason, "chosen": s.chosen}
                              for s in controller.switches],
             }
-            for group, names in GROUPS.items() for controller in map(controller_for, names)
+            for group, names in plc.GROUPS.items() for controller in map(plc.controller_for, names)
         ],
     }
-    overview = "\n".join(f"{group}: {', '.join(names)}" for group, names in GROUPS.items())
+    overview = "\n".join(f"{group}: {', '.join(names)}" for group, names in plc.GROUPS.items())
     printing.output(settings, document, lambda: "\n\n".join([overview, *map(_told, document["targets"])]))
     return 0
 

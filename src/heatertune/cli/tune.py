@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from heatertune import chain, options
+from heatertune import chain, options, report
 from heatertune.cli import common, printing
 from heatertune.cli.parsing import again
 from heatertune.errors import InputError
@@ -52,8 +52,6 @@ def _run(settings: argparse.Namespace) -> int:
     from heatertune.pid.forms import other_forms  # noqa: PLC0415
     from heatertune.plc.design import loop_fit  # noqa: PLC0415
     from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
-    from heatertune.report.text import alternatives_table, design_lines, forms_lines  # noqa: PLC0415
-    from heatertune.report.verdict_summary import tune_brief  # noqa: PLC0415
 
     fitted, progress = common.model_from(settings, settings.model), printing.Progress(settings)
     proven = _closed(settings, fitted, progress)
@@ -74,9 +72,9 @@ def _run(settings: argparse.Namespace) -> int:
     nearest = () if proven is None else again(settings.given, proven.passes_with)
     printing.output(
         settings, document,
-        lambda: "\n".join((design_lines(document), forms_lines(document["forms"]), "", alternatives_table(others),
-                           *verdict)),
-        brief=lambda: tune_brief(document, proof, nearest, settings.out))
+        lambda: "\n".join((report.design_lines(document), report.forms_lines(document["forms"]), "",
+                           report.alternatives_table(others), *verdict)),
+        brief=lambda: report.tune_brief(document, proof, nearest, settings.out))
     return 0 if proven is None or proven.proof.verdict == "PASS" else 1
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune import chain, options
+from heatertune import chain, options, report
 from heatertune.cli import common, printing
 from heatertune.cli.known_controller_options import add_known_options, known_words
 from heatertune.settings import ValidateSettings
@@ -36,7 +36,6 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.model.document import read_model  # noqa: PLC0415 - the help must not wait for it
     from heatertune.model.validate_document import to_document  # noqa: PLC0415
-    from heatertune.report.text import validation_lines  # noqa: PLC0415
 
     progress = printing.Progress(settings)
     model = read_model(settings.model)
@@ -48,5 +47,5 @@ def _run(settings: argparse.Namespace) -> int:
     )
     document = to_document(verdict)
     printing.save(settings.out, document)
-    printing.output(settings, document, lambda: validation_lines(document))
+    printing.output(settings, document, lambda: report.validation_lines(document))
     return 1 if verdict.fails else 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune import options
+from heatertune import options, report
 from heatertune.cli import common, printing
 from heatertune.cli.saved_design import proof_source, redesign_command
 from heatertune.errors import InputError
@@ -34,8 +34,6 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.verdict import verdict_first, verdict_line  # noqa: PLC0415
-    from heatertune.report.text import criteria_table, ramp_note, samples_table  # noqa: PLC0415
-    from heatertune.report.verdict_summary import verify_brief  # noqa: PLC0415
 
     progress = printing.Progress(settings)
     asked, drawn = proof_source(settings), options.of(SampleSettings, settings)
@@ -48,7 +46,7 @@ def _run(settings: argparse.Namespace) -> int:
         if drawn.samples is not None:
             raise InputError("--replay runs one sample, --samples many: give one of them")
         document = replay_document(asked.words, fitted, drawn.replay, conditions, spread=drawn.spread)
-        printing.output(settings, document, lambda: f"{criteria_table(document)}\nVERDICT {document['verdict']}")
+        printing.output(settings, document, lambda: f"{report.criteria_table(document)}\nVERDICT {document['verdict']}")
         return 0 if document["verdict"] == "PASS" else 1
     progress("proving the words")
     proof, notes = prove_ramped(asked.words, fitted, asked.ramp, conditions, progress=progress)
@@ -59,10 +57,11 @@ def _run(settings: argparse.Namespace) -> int:
         proof = with_samples(proof, fitted, drawn, conditions)
     document = proof.to_document()
     redesign = redesign_command(settings, asked, proof.scenario.setpoint_degC)
-    remarks, line = [*asked.notes, *ramp_note(document), *notes], verdict_line(document)
+    remarks, line = [*asked.notes, *report.ramp_note(document), *notes], verdict_line(document)
     printing.output(
         settings, document,
-        lambda: "\n".join([line, criteria_table(document), *(f"- {remark}" for remark in remarks),
-                           *samples_table(document), f"VERDICT {line}"]),
-        brief=lambda: verify_brief(document, remarks, asked.way_on, redesign), short=lambda: verdict_first(document))
+        lambda: "\n".join([line, report.criteria_table(document), *(f"- {remark}" for remark in remarks),
+                           *report.samples_table(document), f"VERDICT {line}"]),
+        brief=lambda: report.verify_brief(document, remarks, asked.way_on, redesign),
+        short=lambda: verdict_first(document))
     return 0 if document["verdict"] == "PASS" else 1

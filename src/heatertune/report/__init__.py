@@ -1,13 +1,58 @@
-"""Stage documents → a table for the terminal, pictures, and one self-contained HTML page; it computes nothing."""
+"""Stage documents → a table for the terminal, pictures, and one self-contained HTML page; it computes nothing.
+
+What stands here is imported when it is first used: the help of a command needs none of it.
+"""
 
 from typing import TYPE_CHECKING
 
 from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
+    from heatertune.report.difference import difference_lines
+    from heatertune.report.loops import loops_lines, loops_page
     from heatertune.report.page import render, sections
-    from heatertune.report.text import summary
+    from heatertune.report.plan import plan_csv, plan_lines
+    from heatertune.report.supervision import supervision_html, supervision_page
+    from heatertune.report.targets import render_targets, targets_brief, targets_table
+    from heatertune.report.text import (
+        advice_table,
+        alternatives_table,
+        criteria_table,
+        design_lines,
+        feed_forward_lines,
+        forms_lines,
+        hypothesis_table,
+        model_lines,
+        outcome_lines,
+        pareto_table,
+        ramp_note,
+        samples_table,
+        summary,
+        validation_lines,
+        words_table,
+    )
+    from heatertune.report.verdict_summary import design_brief, model_brief, tune_brief, verify_brief
+    from heatertune.report.write_report_section import written_brief
 
-__all__ = ["render", "sections", "summary"]
+__all__ = [
+    "advice_table", "alternatives_table", "criteria_table", "design_brief", "design_lines", "difference_lines",
+    "feed_forward_lines", "forms_lines", "hypothesis_table", "loops_lines", "loops_page", "model_brief", "model_lines",
+    "outcome_lines", "pareto_table", "plan_csv", "plan_lines", "ramp_note", "render", "render_targets",
+    "samples_table", "sections", "summary", "supervision_html", "supervision_page", "targets_brief", "targets_table",
+    "tune_brief", "validation_lines", "verify_brief", "words_table", "written_brief",
+]
 
-__getattr__, __dir__ = lazy_attributes(__name__, {"report.page": ("render", "sections"), "report.text": ("summary",)})
+__getattr__, __dir__ = lazy_attributes(__name__, {
+    "report.difference": ("difference_lines",),
+    "report.loops": ("loops_lines", "loops_page"),
+    "report.page": ("render", "sections"),
+    "report.plan": ("plan_csv", "plan_lines"),
+    "report.supervision": ("supervision_html", "supervision_page"),
+    "report.targets": ("render_targets", "targets_brief", "targets_table"),
+    "report.text": (
+        "advice_table", "alternatives_table", "criteria_table", "design_lines", "feed_forward_lines", "forms_lines",
+        "hypothesis_table", "model_lines", "outcome_lines", "pareto_table", "ramp_note", "samples_table", "summary",
+        "validation_lines", "words_table"),
+    "report.verdict_summary": ("design_brief", "model_brief", "tune_brief", "verify_brief"),
+    "report.write_report_section": ("written_brief",),
+})

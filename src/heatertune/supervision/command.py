@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from heatertune import report
 from heatertune.cli import common, printing
 from heatertune.cli.saved_design import proof_source
 from heatertune.documents import peek_schema, to_json
@@ -52,8 +53,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.report.supervision import supervision_html, supervision_page  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.supervision.supervise import SampleCounts, supervise  # noqa: PLC0415
+    from heatertune.supervision.supervise import SampleCounts, supervise  # noqa: PLC0415 - the help must not wait for it
 
     progress = printing.Progress(settings)
     words, fitted, conditions, notes = _asked(settings, progress)
@@ -63,11 +63,11 @@ def _run(settings: argparse.Namespace) -> int:
         spread_pct=settings.spread, checked=settings.samples, ambient_degC=settings.ambient_spread,
         least_noise_degC=settings.least_noise, broken=settings.broken, seed=settings.seed)
     document = supervise(words, fitted, conditions, counts, progress=progress)
-    page = supervision_page(document)
+    page = report.supervision_page(document)
     if settings.out is not None:
         program = document["program"]
         write_files(settings.out, {"supervision.json": to_json(document), "supervision.txt": page + "\n",
-                                   "supervision.html": supervision_html(document)}
+                                   "supervision.html": report.supervision_html(document)}
                     | ({} if program["file"] is None else {program["file"]: program["text"]}))
     printing.output(settings, document, lambda: page)
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from heatertune import options
+from heatertune import options, report
 from heatertune.batch.commands.table_options import Bar, add_table_options, workers
 from heatertune.cli import common, printing
 from heatertune.settings import FitSettings, SampleSettings, WordSettings
@@ -37,11 +37,10 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.batch.fleets import ZoneSettings, fleet  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.report.text import outcome_lines  # noqa: PLC0415
 
     zones = ZoneSettings(request=common.design_request(settings), read=common.reading(settings),
                          fitted_with=options.of(FitSettings, settings))
     document = fleet(settings.logs, zones, out=settings.out, workers=workers(settings), resume=settings.resume,
                      progress=Bar(settings, "zones"))
-    printing.output(settings, document, lambda: outcome_lines(document))
+    printing.output(settings, document, lambda: report.outcome_lines(document))
     return 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from heatertune import report
 from heatertune.batch.commands.table_options import Bar, add_table_options, workers
 from heatertune.cli import printing
 
@@ -42,11 +43,10 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.batch.studies import study  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.report.text import outcome_lines  # noqa: PLC0415
 
     document = study(
         settings.study, out=settings.out, workers=workers(settings), resume=settings.resume,
         progress=Bar(settings, "cases"),
     )
-    printing.output(settings, document, lambda: outcome_lines(document))
+    printing.output(settings, document, lambda: report.outcome_lines(document))
     return 0

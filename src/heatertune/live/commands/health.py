@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from heatertune import options
+from heatertune import options, report
 from heatertune.batch.commands.table_options import Bar, add_table_options, workers
 from heatertune.cli import common, printing
 from heatertune.cli.terminal import LINE
@@ -49,7 +49,6 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.batch.loops import HealthSettings, health, last_table  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.report.loops import loops_lines, loops_page  # noqa: PLC0415
 
     page, settings.target = Path(settings.out), settings.target or ""  # each loop may name its own
     if page.suffix.lower() not in (".html", ".htm"):
@@ -62,8 +61,8 @@ def _run(settings: argparse.Namespace) -> int:
         logs, asked, out=table, workers=workers(settings), loops=loops, since=since, resume=settings.resume,
         progress=Bar(settings, "loops")) | {"page": str(page)}
     document["left_out"] += left_out
-    write_files(page.parent, {page.name: loops_page(document)})
-    printing.output(settings, document, lambda: loops_lines(document))
+    write_files(page.parent, {page.name: report.loops_page(document)})
+    printing.output(settings, document, lambda: report.loops_lines(document))
     return 0
 
 

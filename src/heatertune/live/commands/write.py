@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from heatertune import options
+from heatertune import options, report
 from heatertune.cli import printing
 from heatertune.errors import LinkError
 from heatertune.live.client.address import address_of
@@ -123,10 +123,9 @@ def not_read(settings: argparse.Namespace, document: dict[str, Any], problem: Li
 
 def _of_plan(settings: argparse.Namespace, wanted: WriteRequest, plan: WritePlan, open_: list[str],
              open_experiment: str) -> Iterator[str]:
-    from heatertune.report.difference import difference_lines  # noqa: PLC0415
 
     if plan.difference is not None:
-        yield from difference_lines(_of_block(plan.difference)).splitlines()
+        yield from report.difference_lines(_of_block(plan.difference)).splitlines()
     marks = {True: "ok", False: "NO", None: "say it"}
     yield table([(marks[check.ok] if check.ok is not None or check.option else "-", check.name, check.message)
                  for check in plan.checks])
