@@ -1,4 +1,4 @@
-"""From a temperature log to PLC words that have been proven before they reach the heater.
+"""From a heater's temperature log to PID parameters for your PLC, proven before they reach the plant.
 
     log  →  model  →  pid  →  plc  →  proof  →  report
 
