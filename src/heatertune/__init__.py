@@ -18,7 +18,7 @@ from heatertune.hooks import run_by
 from heatertune.lazy import lazy_attributes
 from heatertune.show import shown_by
 
-__version__ = "0.1.0"
+__version__ = "0.9.0"
 
 __all__ = [
     "Actuator",
