@@ -62,7 +62,7 @@ _WORDS: Final[tuple[tuple[tuple[str, ...], str], ...]] = (
      "the dead time"),
     (("log",), "a record of time and temperature, better with power"),
     (("candidate",), "a model that explains the log nearly as well as the best one"),
-    (("possible heater",), "a candidate, or the end of what a log leaves open: what designs are made for and proven "
+    (("plausible heater",), "a candidate, or the end of what a log leaves open: what designs are made for and proven "
      "on"),
     (("ideal",), "the controller as designed, before its constants become words"),
     (("fit",), "the share of the log's movement that the model explains, in percent"),
@@ -74,8 +74,8 @@ _WORDS: Final[tuple[tuple[tuple[str, ...], str], ...]] = (
     (("target",), "the controller that the words are for; in heatertune a class that encodes, decodes, steps and "
      "exports"),
     (("scan",), "one call of the controller"),
-    (("proof",), "the closed loop with the words, on every possible heater, under every switch"),
-    (("run",), "one story of the loop (heating up, disturbances, a restart) on one possible heater under one switch"),
+    (("proof",), "the closed loop with the words, on every plausible heater, under every switch"),
+    (("run",), "one story of the loop (heating up, disturbances, a restart) on one plausible heater under one switch"),
     (("verdict",), "FAIL where a run breaks a limit; NOT PROVEN where the log leaves open what no run shows; else "
      "PASS"),
     (("criterion",), "what a run is judged by: overshoot, settling, robustness and more, each with its limit"),

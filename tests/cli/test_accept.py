@@ -34,7 +34,7 @@ def test_verify_says_not_proven_in_its_first_line_with_the_way_on_and_ends_with_
     whole = run("verify", pid, "--target", "s5-ob251", "--verbose")[1]
     first, last = whole.splitlines()[0], whole.rstrip().splitlines()[-1]
     assert status == 1
-    assert first.startswith("NOT PROVEN at 40 °C in 18 runs on 1 possible heater; the log does not bound the dead time")
+    assert first.startswith("NOT PROVEN at 40 °C in 18 runs on 1 plausible heater; the log does not bound the dead time")
     assert last == f"VERDICT {first}"
     for told in (" ".join(out.split()), first):
         assert told.startswith("NOT PROVEN")
@@ -53,7 +53,7 @@ def test_what_is_accepted_is_pass_and_stands_in_the_files(pid, run, tmp_path):
     assert not (tmp_path / "out").exists()
     assert run("export-db", pid, *asked, "--accept", "dead-time-open")[0] == 0
     listing = (tmp_path / "out" / "DB30_listing.txt").read_text(encoding="utf-8")
-    assert "// verdict of the proof: PASS\n// proven at 40 °C in 18 runs on 1 possible heater\n" in listing
+    assert "// verdict of the proof: PASS\n// proven at 40 °C in 18 runs on 1 plausible heater\n" in listing
     assert "// accepted: the log does not bound the dead time\n" in listing
     assert "// taken as known: sensor delay of 0.5 s\n" in listing
     proof = json.loads((tmp_path / "out" / "data" / "proof.json").read_text(encoding="utf-8"))

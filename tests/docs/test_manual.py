@@ -150,7 +150,7 @@ def test_the_reference_is_what_the_program_says_of_itself(site):
     commands = words("commands.html")
     for command in COMMANDS:
         assert " ".join(command._EXAMPLE.split()) in " ".join(commands.split())
-    for name in ("chain.stages.fit", "log.values.Log", "plc.controller.Controller", "proof.proving.Proof", "units.check"):
+    for name in ("chain.stages.fit", "log.values.Log", "plc.controller.Controller", "proof.proof.Proof", "units.check"):
         page = site / "reference" / f"python_{'common' if name == 'units.check' else name.partition('.')[0]}.html"
         assert f'id="heatertune.{name}"' in page.read_text(encoding="utf-8")
     assert max(path.stat().st_size for path in site.rglob("*.html")) < 1_100_000, "a page that loads at once"
@@ -168,7 +168,7 @@ def test_the_reference_is_what_the_program_says_of_itself(site):
 @pytest.mark.long
 def test_the_search_finds_short_terms_in_the_manual_opened_from_files(site, browser):
     page = browser.new_page()
-    for asked, first in (("TA", "TA, "), ("TN", "TN, "), ("Ms", "Ms, "), ("possible heater", "possible heater")):
+    for asked, first in (("TA", "TA, "), ("TN", "TN, "), ("Ms", "Ms, "), ("plausible heater", "plausible heater")):
         page.goto(f"{(site / 'tutorial.html').as_uri()}?q={asked}")
         link = page.locator("#mkdocs-search-results a").first
         link.wait_for()

@@ -59,7 +59,7 @@ def test_a_finding_that_blocks_leaves_words_that_pass_every_run_not_proven_until
     assert {run.verdict for run in proof.runs} == {"PASS"}
     assert (proof.verdict, document["verdict"]) == ("NOT PROVEN", "NOT PROVEN")
     line = verdict_line(document)
-    assert line.startswith("NOT PROVEN at 53.3 °C in 1 run on 1 possible heater; ")
+    assert line.startswith("NOT PROVEN at 53.3 °C in 1 run on 1 plausible heater; ")
     assert remedy_of(name, [name]) in line
     assert f"--accept {name}" in line
     with pytest.raises(ExportRefused, match="NOT PROVEN"):
@@ -104,7 +104,7 @@ def test_what_the_user_knows_stands_in_the_certificate(proven):
     document = proven(assumed={"dead_time_at_most_s": 8.0, "sensor_delay_s": 0.5}, remarks=("by hand",)).to_document()
     assert told_of(document) == ["taken as known: dead time at most 8 s", "taken as known: sensor delay of 0.5 s", "by hand"]
     head = certificate(document).head
-    assert head[:2] == ("verdict of the proof: PASS", "proven at 53.3 °C in 1 run on 1 possible heater")
+    assert head[:2] == ("verdict of the proof: PASS", "proven at 53.3 °C in 1 run on 1 plausible heater")
     assert "taken as known: dead time at most 8 s" in head
     # issue: under which conditions a PASS holds
     assert head[-3:] == ("proven setpoint: 53.3 °C", f"proven switch: {certificate(document).actuator.summary}",
@@ -312,7 +312,7 @@ def test_the_verdict_follows_from_limits_findings_and_samples_whatever_the_docum
     ({"criteria": {"switchings": {"ok": True, "value": 1000.4}}}, "; 1000 switchings/h (a contactor lasts LIFE)"),
 ])
 def test_the_line_tells_extent_limits_samples_findings_and_specification_in_this_order(changed, line):
-    expected = f"PASS at 50 °C in 3 runs on 2 possible heaters{line}".replace("LIFE", life("contactor", 1000.4))
+    expected = f"PASS at 50 °C in 3 runs on 2 plausible heaters{line}".replace("LIFE", life("contactor", 1000.4))
     assert verdict_line(_document(**changed)) == expected
 
 

@@ -44,7 +44,7 @@ def test_every_verdict_of_every_controller_is_one_screen(target, verdict):
     screen = screen_of(target, verdict)
     lines, whole = _fits(screen), " ".join(screen.replace("\\\n", " ").split())
     assert lines[0].startswith(f"{verdict}  {target} at 53.3 °C: ")
-    assert "54 runs on 9 possible heaters" in whole
+    assert "54 runs on 9 plausible heaters" in whole
     assert "the power was not logged" in whole
     assert "mains voltage (at −10 % a heater has 2.98 %" in whole
     assert "3 points that the manual leaves open" in whole

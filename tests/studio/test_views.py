@@ -104,7 +104,7 @@ def test_a_first_look_bears_no_verdict(look, proof):
     assert views.verdict_text("proving…", None).startswith("Proving")
     assert views.verdict_text("no design", None).startswith("No design yet")
     assert "the last one" in views.verdict_text("no design", None, last=True)
-    assert views.verdict_text("PASS", proof).startswith(f"PASS at 50 °C in {len(proof.runs)} runs on 1 possible heater")
+    assert views.verdict_text("PASS", proof).startswith(f"PASS at 50 °C in {len(proof.runs)} runs on 1 plausible heater")
 
 
 @pytest.mark.long

@@ -65,13 +65,13 @@ def add_log_options(command: argparse.ArgumentParser) -> None:
 
 def add_model_options(command: argparse.ArgumentParser) -> None:
     """Add the options of a model given by hand."""
-    group = command.add_argument_group("a model by hand, instead of a model file")
+    group = command.add_argument_group("a model by its numbers, instead of a model file")
     group.add_argument("--gain", type=float, metavar="°C/%",
-                       help="rise per percent of power [°C/%%]; below zero for a cooler")
+                       help="temperature rise per percent of power [°C/%%]; negative for a cooler")
     group.add_argument("--time-constant", type=float, metavar="S", help="time constant [s]")
     group.add_argument("--second-time-constant", type=float, metavar="S", help="second time constant, if any [s]")
     group.add_argument("--dead-time", type=float, metavar="S", help="dead time [s]")
-    group.add_argument("--ambient", type=float, metavar="°C", help="temperature without power [°C]")
+    group.add_argument("--ambient", type=float, metavar="°C", help="ambient temperature, reached without power [°C]")
 
 
 def add_tuning_options(command: argparse.ArgumentParser) -> None:
@@ -87,7 +87,7 @@ def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = 
                        type=options.one_of(NAMES),
                        help=f"the controller: {', '.join(NAMES)}{default}")
     group.add_argument("--faithful", action="store_true",
-                       help="the program as its source prints it, faults included (s7-200)")
+                       help="the program exactly as its source prints it, with its faults (s7-200)")
     options.add(group, Conditions, "switches", default=argparse.SUPPRESS)
     add_condition_options(command)
 

@@ -19,8 +19,8 @@ _EXAMPLE = "example: heatertune verify pid.json --target s5-ob251"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "verify", help="prove a design or words: exit status 1 where the verdict is not PASS", epilog=_EXAMPLE,
-        description="Run the closed loop in the PLC's own arithmetic on every possible heater and judge it.",
+        "verify", help="prove a design or parameters; exit status 1 if the verdict is not PASS", epilog=_EXAMPLE,
+        description="Simulate the closed loop with the PLC's own arithmetic on every plausible heater and judge it.",
     )
     command.add_argument("pid", metavar="PID|WORDS", help="pid.json as written by tune, or words.json by export-db")
     common.add_word_options(command, "words_by", "setpoint_ramp", "boost")

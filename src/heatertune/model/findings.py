@@ -17,7 +17,7 @@ class FindingKind(NamedTuple):
     """A kind of finding.
 
     Attributes:
-        effect: "blocks": the verdict is NOT PROVEN until the user accepts it by name; "widens": more possible heaters
+        effect: "blocks": the verdict is NOT PROVEN until the user accepts it by name; "widens": more plausible heaters
             are designed for and proven on; "told": it stands on the verdict's line.
         short: what was found, for the verdict's line.
         remedy: what closes it.
@@ -68,7 +68,7 @@ KINDS: Final[dict[str, FindingKind]] = {
     "nonlinear": FindingKind(
         "widens", "the gain depends on the power or on the level", "log steps around the setpoint of use"),
     "setpoint-unreached": FindingKind(
-        "blocks", "not every possible heater can hold the setpoint", "log nearer to the setpoint, or lower it"),
+        "blocks", "not every plausible heater can hold the setpoint", "log nearer to the setpoint, or lower it"),
     "beyond-the-log": FindingKind(
         "blocks", "a setpoint lies beyond what was logged",
         "log up to the setpoint (heatertune plan MODEL --limit-temperature), or take one that the log covers "

@@ -308,7 +308,7 @@ def _demand_laws(log: Log, laws: Sequence[ControllerLaw]) -> None:
 def _refuse_bound(log: Log, delays: DelaysKnown) -> None:
     if delays.dead_time_at_most_s is not None:
         raise InputError(f"{log.name}: the power was not logged, so dead_time_at_most_s bounds nothing here: the "
-                         "possible heaters span the dead time")
+                         "plausible heaters span the dead time")
 
 
 def _single(bounds: Bounds | None) -> float | None:

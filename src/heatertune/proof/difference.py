@@ -306,4 +306,4 @@ def _conditions(one: Mapping[str, Any], two: Mapping[str, Any]) -> list[str]:
     """Return under what two proofs were not made alike; empty: under the same."""
     unlike = [meaning for name, meaning in _CONDITIONS.items() if one[name] != two[name]]
     models = [{run["model"] for run in proof["runs"]} for proof in (one, two)]
-    return [*unlike, *(["the possible heaters"] if models[0] != models[1] else [])]
+    return [*unlike, *(["the plausible heaters"] if models[0] != models[1] else [])]

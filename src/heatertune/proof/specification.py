@@ -49,7 +49,7 @@ class Limit:
 
     Attributes:
         what: its meaning.
-        units: unit → what it sets; "T+L" counts in the slowest possible heater's lags and dead time.
+        units: unit → what it sets; "T+L" counts in the slowest plausible heater's lags and dead time.
         example: a value, as a user would write it.
         at_least: whether the value must be reached; otherwise it must not be exceeded.
         demanded: whether a limit there must be: nothing cannot be asked for.
@@ -219,7 +219,7 @@ class Specification:
         """Return what a loop must keep.
 
         Args:
-            heater_s: lags and dead time of the slowest possible heater [s].
+            heater_s: lags and dead time of the slowest plausible heater [s].
         """
         given: dict[str, float | None] = {
             measure.field: None for kind in LIMITS.values() for measure in kind.units.values() if not kind.is_required}

@@ -227,10 +227,10 @@ def _under(settings: Sequence[Mapping[str, Any]]) -> str:
 
 
 def extent(proof: Mapping[str, Any]) -> str:
-    """Return where and on what a proof's document was made: "at 50 °C in 45 runs on 9 possible heaters"."""
+    """Return where and on what a proof's document was made: "at 50 °C in 45 runs on 9 plausible heaters"."""
     heaters = {run["model"] for run in proof["runs"]}
     return (f"at {proof['scenario']['setpoint_degC']:g} °C in {count(len(proof['runs']), 'run')} on "
-            f"{count(len(heaters), 'possible heater')}")
+            f"{count(len(heaters), 'plausible heater')}")
 
 
 def _broken(proof: Mapping[str, Any]) -> Sequence[str]:

@@ -81,7 +81,7 @@ def _verdict(documents: Documents) -> str:
     return (
         f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{text_of(verdict)} at '
         f"{figure(proof['scenario']['setpoint_degC'])} °C</p>"
-        f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {count(models, 'possible heater')}, "
+        f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {count(models, 'plausible heater')}, "
         f"each under every setting of what the manual leaves open.{forced}</p>{bullets([*broken, *points])}"
     )
 

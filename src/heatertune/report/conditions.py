@@ -31,10 +31,10 @@ def assumption_text(documents: Documents) -> str:
         _row("setpoint_degC", story["setpoint_degC"]),
         _row("noise_degC", story["noise_degC"]),
         _row("tolerance_degC", limit["tolerance_degC"]),
-        ["duration of the proof", f"{story['duration_s']:.0f}", "s", "from the slowest possible heater"],
+        ["duration of the proof", f"{story['duration_s']:.0f}", "s", "from the slowest plausible heater"],
     ]
     rows += [[part["label"], f"{part['begin_s']:.0f}", "s", "the story of the specification, in times that suit the "
-              "slowest possible heater"] for part in documents["pictures"]["phases"][1:]]
+              "slowest plausible heater"] for part in documents["pictures"]["phases"][1:]]
     if switch is not None:
         rows += [_row(name, switch[key]) for name, key in (
             ("pwm_period_s", "pwm_period_s"), ("pwm_resolution_s", "resolution_s"), ("minimum_on_s", "minimum_on_s"),

@@ -93,7 +93,7 @@ def model_lines(model: Document) -> str:
     lines = [table(rows, right=(1,)), fit, model["outcome_text"]]
     others = len(model.get("candidates", ()))
     if others > 1:
-        lines.append(f"{others} possible heaters; design and proof run on all of them.")
+        lines.append(f"{others} plausible heaters; design and proof run on all of them.")
     lines += [f"! {finding['effect']}: {finding['told']}" for finding in model.get("findings", ())]
     return "\n".join(lines + [f"- {note}" for note in model.get("notes", ())])
 

@@ -161,7 +161,7 @@ def model_brief(model: Document, out: str | None = None) -> str:
     fit += "" if unseen is None else f", {figure(unseen['fit_pct'], 3)} % of parts that were left out of it"
     parts = {
         "fit": [fit], "outcome": [model["outcome_text"].rstrip(".")],
-        "proven on": [f"{others} possible heaters, which explain the log nearly as well"] if others > 1 else [],
+        "proven on": [f"{others} plausible heaters, which explain the log nearly as well"] if others > 1 else [],
         "not known": told}
     return _with_notes(_notes(model), table(rows, right=(1,)).splitlines(), labelled_lines(parts, 14), _written(out))
 
@@ -171,7 +171,7 @@ def tune_brief(
 ) -> str:
     """Return a design on one screen, with the proof of its words where there is one; `nearest` as in `design_brief`."""
     margins = (f"Ms {figure(design.get('ms'), 3)}, gain margin {figure(design.get('gain_margin'), 3)}, phase margin "
-               f"{figure(design.get('phase_margin_deg'), 3)}°, the worst of all possible heaters")
+               f"{figure(design.get('phase_margin_deg'), 3)}°, the worst of all plausible heaters")
     facts = {"ideal": [_ideal(design)], "robustness": [margins], "found by": [design["method"]]}
     proven = ((), ()) if proof is None else (_verdict(proof, nearest), _worst(proof))
     doubts = {} if proof is None else _doubts(proof)
@@ -196,7 +196,7 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
     verdict = proof["verdict"]
     runs, heaters = len(proof["runs"]), len({run["model"] for run in proof["runs"]})
     where = f"{proof['target']} at {proof['scenario']['setpoint_degC']:g} °C"
-    on = f"{count(runs, 'run')} on {count(heaters, 'possible heater')}"
+    on = f"{count(runs, 'run')} on {count(heaters, 'plausible heater')}"
     broken = [name for name, criterion in proof["criteria"].items() if not criterion["ok"]]
     if broken:
         said = f"{', '.join(_breaks(proof, name) for name in broken[:_NAMED])}"
@@ -327,7 +327,7 @@ def _unsure(model: Document) -> list[str]:
 
 def _heater(model: Document) -> str:
     others = len(model.get("candidates", ()))
-    more = f"; {others} possible heaters" if others > 1 else ""
+    more = f"; {others} plausible heaters" if others > 1 else ""
     gain, lag, dead = (figure(model[name], 3) for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s"))
     return f"{gain} °C/%, time constant {lag} s, dead time {dead} s{more}"
 

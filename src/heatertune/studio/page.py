@@ -126,7 +126,7 @@ class Page:
             self._report = ui.button("Download report").props("outline dense")
             self._report.on("click", lambda event: self._download(self.work.report, event.args, "html", "text/html"),
                             js_handler=NUMBER_SEEN)
-            self._force = ui.checkbox("export whatever the verdict", on_change=self.show).props("dense")
+            self._force = ui.checkbox("export even if the verdict is not PASS", on_change=self.show).props("dense")
 
     def show_progress(self) -> None:
         """Show what takes long, and how far the proof is."""

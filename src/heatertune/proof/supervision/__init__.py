@@ -1,1 +1,1 @@
-"""Words + possible heaters → a monitor of whole numbers that never trips for nothing, and how soon it tells a fault."""
+"""Words + plausible heaters → a monitor of whole numbers that never trips for nothing, and how soon it tells a fault."""
