@@ -54,7 +54,8 @@ class ReadSettings:
         None, str, "column of a measured load (a flow, a fan, a door) whose effect is fitted",
         flag="--disturbance-column", metavar=_COLUMN)
     date_column: str | int | None = option(
-        None, str, "column of the date, if the time column holds times of day", flag="--date-column", metavar=_COLUMN)
+        None, str, "column of the date, if the time column contains only times of "
+                   "day", flag="--date-column", metavar=_COLUMN)
     temperature_unit: str | None = option(
         None, str, "unit of the temperature", flag="--temperature-unit",
         choices=("degC", "degF", "K", "0.1degC", "0.01degC", "0.1degF"))

@@ -55,7 +55,7 @@ def test_what_is_accepted_is_pass_and_stands_in_the_files(pid, run, tmp_path):
     listing = (tmp_path / "out" / "DB30_listing.txt").read_text(encoding="utf-8")
     assert "// verdict of the proof: PASS\n// proven at 40 °C in 18 runs on 1 plausible heater\n" in listing
     assert "// accepted: the log does not bound the dead time\n" in listing
-    assert "// taken as known: sensor delay of 0.5 s\n" in listing
+    assert "// assumed: sensor delay of 0.5 s\n" in listing
     proof = json.loads((tmp_path / "out" / "data" / "proof.json").read_text(encoding="utf-8"))
     assert proof["findings"][0] == {"name": "dead-time-open", "effect": "blocks", "accepted": True,
                                     "told": "With one lag, the dead time has no upper end within the log."}
@@ -139,4 +139,4 @@ def test_the_command_that_states_assumed_units_ends_in_pass_when_it_is_typed_and
     assert "time constant 59" in out
     assert run(*asked, tmp_path / "accepted", "--accept", "unit-assumed", "--quiet")[0] == 0
     exported = next((tmp_path / "accepted").glob("*.py")).read_text(encoding="utf-8")
-    assert "accepted: a unit is assumed for which the log holds no evidence" in exported
+    assert "accepted: a unit is assumed for which the log has no evidence" in exported

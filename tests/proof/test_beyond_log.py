@@ -158,7 +158,7 @@ def test_a_heater_that_cannot_hold_what_the_log_shows_held_is_left_out(fitted, h
     assert (able, len(other.heaters)) == (1, 2)
     assert list(unreachable_findings(other, able, 75.0)) == []
     assert list(left_out(other, able, 75.0)) == [
-        "1 of 2 plausible heaters left out: they could not hold 75 °C, which the log shows held"]
+        "1 of 2 plausible heaters left out: they could not hold 75 °C, which the log shows to be held"]
 
 
 @pytest.mark.parametrize(("heaters", "until_s", "spike_degC"), [

@@ -102,10 +102,10 @@ def test_words_that_fail_fail_whatever_else_is_open(proven):
 
 def test_what_the_user_knows_stands_in_the_certificate(proven):
     document = proven(assumed={"dead_time_at_most_s": 8.0, "sensor_delay_s": 0.5}, remarks=("by hand",)).to_document()
-    assert told_of(document) == ["taken as known: dead time at most 8 s", "taken as known: sensor delay of 0.5 s", "by hand"]
+    assert told_of(document) == ["assumed: dead time at most 8 s", "assumed: sensor delay of 0.5 s", "by hand"]
     head = certificate(document).head
     assert head[:2] == ("verdict of the proof: PASS", "proven at 53.3 °C in 1 run on 1 plausible heater")
-    assert "taken as known: dead time at most 8 s" in head
+    assert "assumed: dead time at most 8 s" in head
     # issue: under which conditions a PASS holds
     assert head[-3:] == ("proven setpoint: 53.3 °C", f"proven switch: {certificate(document).actuator.summary}",
                          f"digest of the proof: {document['digest']}")
@@ -240,7 +240,7 @@ def test_a_proof_is_of_these_words_where_all_that_makes_them_is_the_same(field, 
     if field is None:
         demand_same_words(words, proof, "proof.json")
         return
-    with pytest.raises(ExportRefused, match=rf"proof\.json: the proof of other words \({field}\); prove these first"):
+    with pytest.raises(ExportRefused, match=rf"proof\.json: the proof of other parameters \({field}\); prove these first"):
         demand_same_words(words, proof | {field: other}, "proof.json")
 
 
@@ -296,13 +296,13 @@ def test_the_verdict_follows_from_limits_findings_and_samples_whatever_the_docum
     ({"samples": _samples(200, 180, 190)}, "; 180 of 200 samples keep every limit under sum = y, so at most 93.28 % of all do (95 % confidence), 95 % must"),
     ({"samples": _samples(198, 200)}, "; 198 of 200 samples keep every limit under the settings assumed, so at least 96.88 % of all do "
                                       "(95 % confidence), 95 % must"),
-    ({"samples": _samples(194, 194)}, "; 194 of 200 samples keep every limit under every setting, too few to say whether 95 % of all do: --samples 500"),
-    ({"samples": _samples(190)}, "; 190 of 200 samples keep every limit, too few to say whether 95 % of all do, and more of them at this share "
+    ({"samples": _samples(194, 194)}, "; 194 of 200 samples keep every limit under every setting, too few to decide whether 95 % of all do: --samples 500"),
+    ({"samples": _samples(190)}, "; 190 of 200 samples keep every limit, too few to decide whether 95 % of all do, and more of them at this share "
                                  "would not say it, either"), ({"samples": None}, ""),
-    ({"findings": [POOR]}, "; no model explains the log well (poor-fit): keep doors and fans still while you log, and log each change of the power at its own instant, or --accept poor-fit"),
+    ({"findings": [POOR]}, "; no model explains the log well (poor-fit): keep doors and fans unchanged while you log, and log each change of the power at its own time, or --accept poor-fit"),
     ({"findings": [POOR | {"accepted": True}] + [POOR | {"name": "one-level"}] * 2, "assumed": {"dead_time_at_most_s": 8.0}, "remarks": ["by hand"],
       "not_tested": ["noise", "restart"]},
-     "; taken as known: dead time at most 8 s; accepted: no model explains the log well; the log knows one level of power, so that the heater is "
+     "; assumed: dead time at most 8 s; accepted: no model explains the log well; the log knows one level of power, so that the heater is "
      "linear is assumed; by hand; not tested: noise, restart"),
     ({"specification": {"name": GENERAL, "changed": [], "limits": encode(preset(GENERAL).limits)}}, ""),
     ({"specification": {"name": "oven", "changed": [], "limits": encode(preset("oven").limits), "profile": None}}, "; specification oven"),

@@ -18,7 +18,7 @@ from heatertune.report.layout import table
 from heatertune.report.style import LOOK, to_svg
 from heatertune.report.text import criteria_table, criterion_value, design_lines, ramp_note
 
-LABELS = {"temperature [°C]", "residual [°C]", "power asked for [%]", "difference [°C]", "heater [%]", "Re L [1]",
+LABELS = {"temperature [°C]", "residual [°C]", "requested power [%]", "difference [°C]", "heater [%]", "Re L [1]",
           "|S| [1]"}
 
 
@@ -38,7 +38,7 @@ def test_the_loop_is_drawn_from_the_numbers_of_the_trace(shown):
     drawn = next(line for line in top.lines if line.get_label() == "nominal")
     at = np.asarray(drawn.get_xdata())
     assert np.asarray(drawn.get_ydata()) == pytest.approx(proof.nominal.temperature_at(at), abs=5e-3)
-    assert (top.get_ylabel(), low.get_ylabel()) == ("temperature [°C]", "power asked for [%]")
+    assert (top.get_ylabel(), low.get_ylabel()) == ("temperature [°C]", "requested power [%]")
 
 
 def test_wished_and_realised_are_drawn_with_their_difference(shown):

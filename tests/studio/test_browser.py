@@ -155,7 +155,7 @@ def test_a_user_gets_from_a_dropped_file_to_downloaded_words(page, step_log):
     page.emulate_media(color_scheme="dark")
     page.locator("body.body--dark").wait_for()
     demand_accessible(page)
-    force = page.get_by_role("checkbox", name="export whatever the verdict")
+    force = page.get_by_role("checkbox", name="export even if the verdict is not PASS")
     if force.is_visible():
         force.click()
     with page.expect_download() as told:

@@ -147,7 +147,7 @@ def test_every_axis_has_its_unit_and_every_line_its_name(heater, look, step_log)
             shown = line.get("endLabel", {}).get("formatter")
             assert shown == line["name"] or line["name"].startswith("band")
     assert [axis["name"] for axis in loop["xAxis"]] == ["", "time [s]"]  # one below the other
-    assert [axis["name"] for axis in loop["yAxis"]] == ["temperature [°C]", "power asked for [%]"]
+    assert [axis["name"] for axis in loop["yAxis"]] == ["temperature [°C]", "requested power [%]"]
     named = [name for name, _, _ in charts.key_of(look, picture_of(look.proof))]
     assert named == [line["name"] for line in loop["series"]][:-1] == ["nominal run", "unrounded wish"]
     for options in (*plain, loop):

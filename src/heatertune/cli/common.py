@@ -247,12 +247,12 @@ def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
     names = ("gain", "time_constant", "dead_time")
     numbers = _given(settings, *names)
     if path is not None and numbers:
-        raise InputError("give a model file or --gain, --time-constant, --dead-time, not both")
+        raise InputError("name a model file or --gain, --time-constant, --dead-time, not both")
     if path is not None:
         return _model_of_design(path) or read_model(path)
     missing = [f"--{name.replace('_', '-')}" for name in names if name not in numbers]
     if missing:
-        raise InputError(f"no model: give a model file, or {', '.join(missing)} as well")
+        raise InputError(f"no model: name a model file, or add {', '.join(missing)}")
     plant = {
         "gain_degC_per_pct": settings.gain, "time_constant_s": settings.time_constant,
         "dead_time_s": settings.dead_time, "ambient_degC": settings.ambient,

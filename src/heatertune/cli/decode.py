@@ -51,7 +51,7 @@ def _run(settings: argparse.Namespace) -> int:
     }
     if settings.model is not None or settings.gain is not None:
         fitted = common.model_from(settings, settings.model)
-        printing.Progress(settings)("proving the words")
+        printing.Progress(settings)("proving the parameters")
         document["proof"] = chain.prove(words, fitted, common.conditions(settings)).to_document()
     proof = document["proof"]
 

@@ -42,5 +42,5 @@ def _run(settings: argparse.Namespace) -> int:
     written = f"written to {out}: {', '.join(sorted(fed.files))}"
     printing.output(settings, document, lambda: f"{feed_forward_lines(document)}\n{written}")
     if fed.proof.refusal and not settings.force:
-        raise ExportRefused(f"{fed.proof.refusal}; --force writes the program all the same")
+        raise ExportRefused(f"{fed.proof.refusal}; --force writes the program anyway")
     return 0

@@ -113,7 +113,7 @@ def _model(settings: argparse.Namespace) -> FittedModel:
     from heatertune.model.document import read_model  # noqa: PLC0415 - the help must not wait for numpy
 
     if any(getattr(settings, name) is not None for name in _RANGES):
-        raise InputError("give a model file or --gain, --time-constant, --dead-time, not both")
+        raise InputError("name a model file or --gain, --time-constant, --dead-time, not both")
     return read_model(settings.model)
 
 
@@ -125,7 +125,7 @@ def _ranges(settings: argparse.Namespace) -> dict[str, tuple[float, float]]:
     """
     missing = [f"--{name.replace('_', '-')}" for name in (*_RANGES, "ambient") if getattr(settings, name) is None]
     if missing:
-        raise InputError(f"no model: give a model file, or {', '.join(missing)} as well")
+        raise InputError(f"no model: name a model file, or add {', '.join(missing)}")
     ranges = {field: tuple(getattr(settings, name)) for name, field in _RANGES.items()}
     return ranges if len(settings.ambient) == 1 else ranges | {"ambient_degC": tuple(settings.ambient)}
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 __all__ = ["add_to"]
 
 _EXAMPLE = "example: heatertune tune --gain 0.37 --time-constant 167 --dead-time 12 --ambient 22 -o pid.json"
-_UNPROVEN = ("Nothing was proven or changed so that it passes, for no --target says in whose words: the design aims at "
-             "the limits on Ms and on the power of one step alone.")
+_UNPROVEN = ("Nothing was proven, as no --target names the controller: the design aims only at the limits on Ms and on "
+             "the power per sensor step.")
 
 
 def add_to(commands: Any) -> None:

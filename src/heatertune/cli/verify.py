@@ -50,7 +50,7 @@ def _run(settings: argparse.Namespace) -> int:
         document = replay_document(asked.words, fitted, drawn.replay, conditions, spread=drawn.spread)
         printing.output(settings, document, lambda: f"{criteria_table(document)}\nVERDICT {document['verdict']}")
         return 0 if document["verdict"] == "PASS" else 1
-    progress("proving the words")
+    progress("proving the parameters")
     proof, notes = prove_ramped(asked.words, fitted, asked.ramp, conditions, progress=progress)
     if drawn.samples is not None:
         from heatertune.proof.monte_carlo.run import with_samples  # noqa: PLC0415 - who asks for none must not wait for it

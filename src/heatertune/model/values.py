@@ -155,7 +155,7 @@ class FitOutcome(Enum):
     NO_POWER_CHANGE = "The power never changes, so the gain is unknown: log a step of the power."
     POOR_FIT = "No model explains the log well: log the power, and keep doors and fans still."
     LAW_UNKNOWN = "No control law that can be tried made this log: log the heater power."
-    BY_HAND = "The model was given by hand; no log supports it."
+    BY_HAND = "The model was entered by its numbers; no log supports it."
 
 
 #: how the law of a candidate of a log with power begins

@@ -191,7 +191,7 @@ def _whose(path: str, given: DeclaredWords, other: Side | None) -> tuple[Control
     """Return the controller and sensor range of words that do not tell them, and what was taken over of the other's."""
     target = given.target or (None if other is None else other.words.target)
     if target is None:
-        raise InputError(f"{path}: --target is needed: neither file tells whose words these are")
+        raise InputError(f"{path}: --target is needed: neither file names the controller")
     its = controller_for(target)
     if given.scales or other is None:
         return its, its.scaled(given.input, given.sensor_degC), ()

@@ -110,8 +110,8 @@ def range_is_unknown(fitted: FittedModel, setpoints_degC: Sequence[float]) -> bo
 
 def _beyond(setpoint_degC: float, covered: float, towards: str) -> Finding:
     return Finding(name="beyond-the-log", told=(
-        f"{setpoint_degC:g} °C is asked for, and the log covers setpoints {towards} to {covered:g} °C (--setpoint "
-        f"{covered:g})."))
+        f"The setpoint is {setpoint_degC:g} °C, but the log covers setpoints {towards} to {covered:g} °C only "
+        f"(--setpoint {covered:g})."))
 
 
 def left_out(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[str]:
@@ -119,7 +119,7 @@ def left_out(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[s
     possible = len(fitted.heaters)
     if able < possible and not any(unreachable_findings(fitted, able, setpoint_degC)):
         yield (f"{possible - able} of {possible} plausible heaters left out: they could not hold {setpoint_degC:g} °C, "
-               "which the log shows held")
+               "which the log shows to be held")
 
 
 def _contradicts(fitted: FittedModel, model: HeaterModel, setpoint_degC: float) -> bool:

@@ -115,7 +115,7 @@ def story_for(
         OutOfRange: one of the heaters cannot hold the setpoint.
     """
     if not models:
-        raise InputError("a story needs at least one model")
+        raise InputError("a test sequence needs at least one model")
     if story is not None and story.paper_times:
         record = scenario_for(models, setpoint_degC=setpoint_degC, ambient_degC=ambient_degC, noise_degC=noise_degC,
                               seed=seed)

@@ -90,7 +90,7 @@ def _words(documents: Documents) -> str:
     """Return the words, in the order in which they are typed in, each with a box to tick."""
     document = documents["words"]
     rows, scale = keyed_entries(document), document["scaling"]
-    refused = '<p class="fail">Not to be typed in: these words are not proven.</p>' if _refused(document) else ""
+    refused = '<p class="fail">Do not enter: these parameters are not proven.</p>' if _refused(document) else ""
     half = (len(rows) + 1) // 2 if len(rows) > _SIDE_BY_SIDE and _is_narrow(rows) else len(rows)
     source, called = controller_for(document["target"]).title, called_every_s(document, documents["proof"]["actuator"])
     columns = "".join(_column(part) for part in (rows[:half], rows[half:]) if part)

@@ -136,7 +136,7 @@ def _hypotheses(model: Document) -> str:
         return ""
     heads, *rows = hypothesis_rows(model)
     sure = [called for called, _, ci95, _ in model_rows(model) if ci95 != NOT_IDENTIFIED]
-    seen = f"Known within the intervals above: {', '.join(sure)}." if sure else "None of the parameters is identified."
+    seen = f"Known within the intervals above: {', '.join(sure)}." if sure else "No parameter is identified."
     return (
         f"<h3>Hypotheses about the controller</h3><p>{text_of(seen)} BIC with AR(1) errors on the same readings; RMS "
         "in °C on the readings used, on the later ones foretold from the earlier, and on blocks left out.</p>"

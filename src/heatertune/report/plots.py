@@ -56,7 +56,7 @@ def plot_loop(nominal: Part, worst: Part, others: Sequence[Part], phases: Sequen
     for run, name, look in ((worst, "worst", "worst"), (nominal, "nominal", "realised")):
         low.step(run["asked_time_s"], run["asked_pct"], where="post", label=name, **LOOK[look])
     powers = power_limits(nominal["asked_pct"], worst["asked_pct"])
-    low.set(ylabel="power asked for [%]", ylim=powers, xlabel="time [s]")
+    low.set(ylabel="requested power [%]", ylim=powers, xlabel="time [s]")
     _parts(phases, top, low)
     return figure
 

@@ -227,7 +227,7 @@ def _two_grids(lines: Sequence[dict[str, Any]], picture: Picture, *, end_s: floa
         "xAxis": [axis_x | {"name": "", "axisLabel": {"show": False}, "axisTick": {"show": False},
                             "axisPointer": {"label": {"show": False}}},
                   axis_x | {"gridIndex": 1, "axisPointer": {"label": {":formatter": pointed}}}],
-        "yAxis": [axis_y, axis_y | {"gridIndex": 1, "name": "power asked for [%]", "min": 0, "max": 100,
+        "yAxis": [axis_y, axis_y | {"gridIndex": 1, "name": "requested power [%]", "min": 0, "max": 100,
                                     "interval": 50, "scale": False, "axisLabel": {"color": _INK, "fontSize": 12}}],
         "axisPointer": {"link": [{"xAxisIndex": "all"}], "snap": False},
         "tooltip": {"trigger": "axis", "confine": True, "axisPointer": {"type": "cross"},

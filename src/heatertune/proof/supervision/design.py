@@ -129,7 +129,7 @@ def design(bench: Bench, checked: int = 300, *, seed: int = 0, progress: Progres
         InputError: loops in order differ so much that no limit tells them from broken ones in 32 bits.
     """
     bare = _bare(bench)
-    progress("running the plausible heaters through their story")
+    progress("running the plausible heaters through the test sequence")
     family, corners = bench.family, bench.family.corners()
     members = [family.member(_CORNER_SEEDS + turn, corner=turn % len(corners)) for turn in range(_TURNS * len(corners))]
     members += [family.member(drawn) for drawn in range(seed, seed + _DRAWN)]

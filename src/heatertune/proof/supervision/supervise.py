@@ -128,7 +128,7 @@ def supervise(
         write = partial(lines_of, head=head, known=dict(assumed.switches))
         program, beside = _by_printer(bench, made, words, drawn, write, progress)
     else:
-        progress("running the program of the monitor beside it")
+        progress("comparing the program of the monitor with it")
         program = export_monitor(made.numbers, words, card, head, _runs(bench, drawn))
     if words.target == TARGET:
         beside = [_fault(bench, _monitored(reduce_monitor(made.numbers)), kind, drawn) for kind in FAULTS]
