@@ -95,7 +95,7 @@ def test_a_controller_that_is_no_pid_has_no_gains_to_compare(heater):
     assert "no PID" in views.rounding(found)
     assert (found.margins, found.wish) == (None, None)
     lines = charts.loop_chart(found, picture_of(found.proof))["series"]
-    assert [line["name"] for line in lines] == ["nominal run", "power asked for"]
+    assert [line["name"] for line in lines] == ["nominal run", "requested power"]
 
 
 def test_a_first_look_bears_no_verdict(look, proof):
