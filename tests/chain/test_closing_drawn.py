@@ -152,7 +152,7 @@ def test_the_command_exports_what_samples_passed_and_every_page_says_so(tmp_path
     assert told in capsys.readouterr().out
     assert told in (tmp_path / "out" / "weg_pid_call.st").read_text(encoding="utf-8")
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "<h3>On drawn heaters</h3>" in page
-    assert told in page.split("<h3>On drawn heaters</h3>")[0], "the record, too"
+    assert "<h3>Samples</h3>" in page
+    assert told in page.split("<h3>Samples</h3>")[0], "the record, too"
     proof = json.loads((tmp_path / "out" / "data" / "proof.json").read_text(encoding="utf-8"))
     assert check_document(proof, "proof.json")["samples"]["verdict"] == proof["verdict"] == "PASS"

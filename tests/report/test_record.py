@@ -167,8 +167,8 @@ def test_a_head_stands_over_its_numbers():
 
 def test_verdict_steps_and_what_was_not_proven_stand_in_the_page(page):
     heads = re.findall(r"<h2>(.*?)</h2>", page)
-    assert heads == ["Words for s5-ob251", "Into service", "Safety", "Acceptance test", "As found, as left", "Signed",
-                     "Asked", "Proof", "What was not proven", "If something is wrong", "Chosen and rounded", "Identified", "Logged", "Assumed", "What other designs would have done", "Terms"]
+    assert heads == ["Parameters for s5-ob251", "Commissioning", "Safety", "Acceptance test", "As found, as left", "Signed",
+                     "Specification", "Proof", "What was not proven", "Troubleshooting", "Design and rounding", "Model", "Log", "Assumptions", "Comparison with other designs", "Terms"]
     assert 'class="verdict pass"' in page
     assert "a jittering timer (<code>heatertune verify --samples</code>" in page
 
