@@ -122,7 +122,7 @@ def test_nothing_that_was_run_is_no_pass(proven):
         combined_verdict([])
     proof = proven()
     for nothing in ({"runs": ()}, {"criteria": ()}):
-        with pytest.raises(InputError, match="without a run"):
+        with pytest.raises(InputError, match="a proof needs at least one run"):
             replace(proof, **nothing)
 
 
@@ -170,12 +170,12 @@ def test_a_sensor_that_widens_the_tolerance_is_no_pass_of_what_was_asked(tenths,
     assert asked["verdict"] == "NOT PROVEN"
     assert {run["verdict"] for run in asked["runs"]} == {"PASS"}
     line = verdict_line(asked)
-    assert "asked ±1 °C, proven ±1.8 °C" in line
+    assert "requested ±1 °C, proven ±1.8 °C" in line
     assert "by hand" in line
     assert "--accept coarse-sensor" in line
     accepted = proof(1.0, ("coarse-sensor",))
     assert accepted["verdict"] == "PASS"
-    assert "asked ±1 °C, proven ±1.8 °C" in certificate(accepted).head
+    assert "requested ±1 °C, proven ±1.8 °C" in certificate(accepted).head
     enough = proof(2.0)
     assert (enough["verdict"], enough["findings"]) == ("PASS", [])
 
@@ -297,13 +297,13 @@ def test_the_verdict_follows_from_limits_findings_and_samples_whatever_the_docum
     ({"samples": _samples(198, 200)}, "; 198 of 200 samples keep every limit under the settings assumed, so at least 96.88 % of all do "
                                       "(95 % confidence), 95 % must"),
     ({"samples": _samples(194, 194)}, "; 194 of 200 samples keep every limit under every setting, too few to decide whether 95 % of all do: --samples 500"),
-    ({"samples": _samples(190)}, "; 190 of 200 samples keep every limit, too few to decide whether 95 % of all do, and more of them at this share "
-                                 "would not say it, either"), ({"samples": None}, ""),
+    ({"samples": _samples(190)}, "; 190 of 200 samples keep every limit, too few to decide whether 95 % of all do; at this share, more "
+                                 "samples would not decide it either"), ({"samples": None}, ""),
     ({"findings": [POOR]}, "; no model explains the log well (poor-fit): keep doors and fans unchanged while you log, and log each change of the power at its own time, or --accept poor-fit"),
     ({"findings": [POOR | {"accepted": True}] + [POOR | {"name": "one-level"}] * 2, "assumed": {"dead_time_at_most_s": 8.0}, "remarks": ["by hand"],
       "not_tested": ["noise", "restart"]},
-     "; assumed: dead time at most 8 s; accepted: no model explains the log well; the log knows one level of power, so that the heater is "
-     "linear is assumed; by hand; not tested: noise, restart"),
+     "; assumed: dead time at most 8 s; accepted: no model explains the log well; the log has one level of power only, so the heater is "
+     "assumed to be linear; by hand; not tested: noise, restart"),
     ({"specification": {"name": GENERAL, "changed": [], "limits": encode(preset(GENERAL).limits)}}, ""),
     ({"specification": {"name": "oven", "changed": [], "limits": encode(preset("oven").limits), "profile": None}}, "; specification oven"),
     ({"specification": {"name": GENERAL, "changed": ["overshoot", "ms"],

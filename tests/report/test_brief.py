@@ -98,8 +98,8 @@ def test_a_proof_alone_shows_its_notes_as_far_as_there_is_room():
     shown = len(re.findall(r"^- Note", screen, re.MULTILINE))
     assert f"- {9 - shown} more: --verbose" in screen
     assert 0 < shown < 9
-    assert "way on: heatertune design or tune" in screen
-    assert "way on: found during the design: would pass at" in verify_brief(proof_of("weg", "FAIL"), notes, "would pass at 3 °C")
+    assert "remedy: heatertune design or tune" in screen
+    assert "remedy: found during the design: would pass at" in verify_brief(proof_of("weg", "FAIL"), notes, "would pass at 3 °C")
     hidden = verify_brief(proof_of("weg", "PASS"), ["Ljung-Box is 3.", "The ramp is 2 °C/min."])
     assert "Ljung" not in hidden
     assert "- The ramp is 2 °C/min.\n- 1 more: --verbose" in hidden
@@ -114,7 +114,7 @@ def test_samples_stand_in_the_first_lines_with_what_they_break_where_the_runs_br
     proof["criteria"] = {name: criterion | {"ok": True} for name, criterion in proof["criteria"].items()}
     said = " ".join(verify_brief(proof).split())
     assert "180 of 200 samples keep every limit under x = z, so at most 93.28 % of all do (95 % confidence), 95 % must" in said
-    assert "way on: of all samples, 2 % break recovery overshoot and 0.5 % break overshoot: if your controller is known to behave " in said
+    assert "remedy: of all samples, 2 % break recovery overshoot and 0.5 % break overshoot: if your controller is known to behave " in said
     assert "state it with --switch; heatertune design or fleet with --samples searches for the smallest change that passes" in said
     drawn["settings"][0]["kept"] = 195
     drawn["criteria"] = {**spots, "power_reserve": {"passing": 1.0, "worst": -3.0}}

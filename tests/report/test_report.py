@@ -179,7 +179,7 @@ def test_a_ramp_is_drawn_as_it_was_followed(shown):
 
 def test_a_ramp_is_told_with_its_rate():
     ramp = {"step": 9, "calls": 2, "degC_per_min": 2.6377}
-    assert ramp_note({"setpoint_ramp": ramp})[0].startswith("The setpoint moves by 9 units every 2 calls, 2.64 °C/min:")
+    assert ramp_note({"setpoint_ramp": ramp})[0].startswith("The setpoint moves by 9 units every 2 calls, 2.64 °C/min. The exported files")
     assert ramp_note({"setpoint_ramp": ramp | {"calls": 1}})[0].startswith("The setpoint moves by 9 units every call,")
     assert ramp_note({"setpoint_ramp": None}) == ramp_note({}) == []
 
@@ -198,7 +198,7 @@ def test_every_hypothesis_and_what_it_is_worth_stands_in_the_page_where_the_powe
     assert "Known within the intervals above: time constant." in page
     for cell in ("positional &lt;P&gt;", "166 + 20", "93.5", "112", "0.31", "0.7", "dead_time_s", "foretold"):
         assert cell in page, cell
-    assert "None of the parameters" in _hypotheses(model | {"time_constant_s_ci95": None})
+    assert "No parameter is identified" in _hypotheses(model | {"time_constant_s_ci95": None})
     assert _hypotheses({}) == _checks({}) == ""
     checked = _checks({"fit_pct": 96.6, "held_out": {"fit_pct": 94.3}, "whiteness": {
         "ljung_box": 4766.0, "limit": 31.41, "ok": False}, "input_crosscorrelation": {

@@ -30,15 +30,15 @@ _NAMES: Final = (
     "completion",
 )
 
-_PURPOSE: Final = "From a heater's temperature log to PID parameters for your PLC, proven before they reach the plant."
+_PURPOSE: Final = "From a heater's temperature log to proven PID parameters for your PLC."
 
 #: those that most people need, in the order in which they do, and what they are for
 _FIRST: Final = {
     "design": "from a log to proven parameters and the commissioning record: begin here",
-    "studio": "the same in the browser: drop a log, adjust the design, download the parameters",
+    "studio": "the same in a browser: drop a log, adjust, download the parameters",
     "read": "how a log file is read, before it is used",
     "verify": "prove a design or parameters again, under your own conditions",
-    "decode": "the parameters of a controller that is already running, and their proof",
+    "decode": "the parameters of a running controller, and their proof",
 }
 
 #: exit status of a crash, as EX_SOFTWARE of sysexits.h

@@ -23,8 +23,7 @@ def add_to(commands: Any) -> None:
                     "status 1 if neither the design nor any step passes.",
     )
     command.add_argument("log", metavar="LOG|proof",
-                         help="CSV file, table3 or table4; or the word proof for the response in the design's own "
-                              "proof")
+                         help="CSV file, table3 or table4; or proof: the response in the design's own proof")
     command.add_argument("--pid", required=True, metavar="FILE", help="pid.json as written by tune, with its model")
     common.add_proof_options(command, target="weg")
     common.add_reading_options(command)

@@ -59,8 +59,7 @@ def add_guard(command: argparse.ArgumentParser, of_what: str) -> None:
     command.add_argument("--apply", action="store_true", help="write (default: only show)")
     command.add_argument("--yes", metavar="DIGITS", help=f"first digits of the digest of {of_what}")
     link = command.add_argument_group("the link")
-    link.add_argument("--reconnect", type=int, default=5, metavar="N",
-                      help="number of connection attempts (default: 5)")
+    link.add_argument("--reconnect", type=int, default=5, metavar="N", help="connection attempts (default: 5)")
     link.add_argument("--timeout", type=float, default=2.0, metavar="S",
                       help="time after which an answer counts as lost [s] (default: 2)")
     link.add_argument("--most-writes", type=int, default=1000, metavar="N",

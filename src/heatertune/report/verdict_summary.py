@@ -113,7 +113,7 @@ def verify_brief(
         found: the way on that was found when the words were made, see `DesignProvenance`; None: nobody looked.
         redesign: the whole command that designs again what fails; none: it is not known.
     """
-    way_on = wrap_text(_way_on(proof, found), "way on: ") if proof["verdict"] == "FAIL" else []
+    way_on = wrap_text(_way_on(proof, found), "remedy: ") if proof["verdict"] == "FAIL" else []
     way_on += command(redesign) if way_on and redesign and not _fails_on_samples(proof) else []
     return _with_notes(notes, [*_verdict(proof), *way_on], _worst(proof), labelled_lines(_doubts(proof), _DOUBTS))
 
