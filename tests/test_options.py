@@ -148,7 +148,7 @@ def test_every_number_and_name_of_fit_design_and_proof_is_a_key_of_a_study():
     for kind in (FitSettings, TuneSettings, Conditions):
         # a cooler's log, which is a yes or no, is fitted beforehand and comes as a model
         assert {one.name for one in fields(kind)} - set(KEYS) <= {"accept", "cooler", "limit"}
-    assert KEYS["tolerance_degC"].quantity_with_unit == "how far from the setpoint is still right [°C]"
+    assert KEYS["tolerance_degC"].quantity_with_unit == "tolerance around the setpoint [°C]"
 
 
 def test_some_of_the_settings_can_be_changed_by_name_and_no_others():

@@ -1,4 +1,4 @@
-"""From a temperature log to PLC words that have been proven before they reach the heater.
+"""From a heater's temperature log to PID parameters for your PLC, proven before they reach the plant.
 
     log  →  model  →  pid  →  plc  →  proof  →  report
 
@@ -18,7 +18,7 @@ from heatertune.hooks import run_by
 from heatertune.lazy import lazy_attributes
 from heatertune.show import shown_by
 
-__version__ = "0.1.0"
+__version__ = "0.9.0"
 
 __all__ = [
     "Actuator",

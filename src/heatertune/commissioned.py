@@ -37,7 +37,7 @@ class AsLeftSettings:
         instead=("as logged, else that of the proof", ""))
     ambient_degC: float | None = option(
         None, float, "ambient during the trace", unit="°C", flag="--ambient", least=_COLDEST_DEGC,
-        instead=("that of the possible heaters", ""))
+        instead=("that of the plausible heaters", ""))
     begins_s: float | None = option(
         None, float, "instant of the trace at which the heat-up begins", unit="s", flag="--begins-at",
         instead=("where setpoint, power or temperature show it", ""))

@@ -153,7 +153,7 @@ def _results() -> InstallationCheck:
     megabytes = sum(file.stat().st_size for file in kept) / 1e6
     return InstallationCheck(
         name="cache of results", value=f"{place}: {len(kept)} results, {megabytes:.1f} MB", ok=_writable(place),
-        required=False, remedy="set HEATERTUNE_CACHE to a folder that can be written; without it every fit runs anew",
+        required=False, remedy="set HEATERTUNE_CACHE to a writable folder; without it every fit is repeated",
     )
 
 

@@ -42,7 +42,7 @@ def _whole(file: BinaryIO, *, is_pipe: bool) -> bytes:
             first = b""
         else:
             if not first:
-                raise OSError(errno.EPIPE, "a pipe that nobody writes to")
+                raise OSError(errno.EPIPE, "a pipe without a writer")
         os.set_blocking(file.fileno(), True)
     data = (first if is_pipe else b"") + file.read(MOST_BYTES + 1)
     if len(data) > MOST_BYTES:

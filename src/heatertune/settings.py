@@ -23,7 +23,7 @@ _COLUMN: Final = "NAME|N"
 
 def _step_power(instead: str) -> Any:
     return option(
-        None, float, "most power that one step of the reading, or its noise, may move", unit="%",
+        None, float, "largest change of the power by one step of the reading, or by its noise", unit="%",
         flag="--step-power", above=0.0, infinite=True, instead=(instead, ""))
 
 
@@ -47,14 +47,15 @@ class ReadSettings:
     temperature_column: str | int | None = option(
         None, str, "column of the temperature", flag="--temperature-column", metavar=_COLUMN)
     power_column: str | int | None = option(
-        None, str, "column of the heater power; none: there is none", flag="--power-column", metavar=_COLUMN)
+        None, str, "column of the heater power; none: no such column", flag="--power-column", metavar=_COLUMN)
     setpoint_column: str | int | None = option(
-        None, str, "column of the setpoint; none: there is none", flag="--setpoint-column", metavar=_COLUMN)
+        None, str, "column of the setpoint; none: no such column", flag="--setpoint-column", metavar=_COLUMN)
     disturbance_column: str | int | None = option(
-        None, str, "column of a measured load: a flow, a fan, a door; the fit tells its effect",
+        None, str, "column of a measured load (a flow, a fan, a door) whose effect is fitted",
         flag="--disturbance-column", metavar=_COLUMN)
     date_column: str | int | None = option(
-        None, str, "column of the date, beside a time of day", flag="--date-column", metavar=_COLUMN)
+        None, str, "column of the date, if the time column contains only times of "
+                   "day", flag="--date-column", metavar=_COLUMN)
     temperature_unit: str | None = option(
         None, str, "unit of the temperature", flag="--temperature-unit",
         choices=("degC", "degF", "K", "0.1degC", "0.01degC", "0.1degF"))
@@ -65,21 +66,21 @@ class ReadSettings:
     sample_time_s: float | None = option(
         None, float, "interval of a log without time column", unit="s", flag="--log-interval", above=0.0)
     tag: str | None = option(
-        None, str, "the temperature's tag, where a file holds rows of several tags", flag="--tag", metavar="NAME")
+        None, str, "tag of the temperature, if the file has rows of several tags", flag="--tag", metavar="NAME")
     power_tag: str | None = option(
-        None, str, "the power's tag in a long table; none: there is none", flag="--power-tag", metavar="NAME")
+        None, str, "tag of the power in such a file; none: no such tag", flag="--power-tag", metavar="NAME")
     setpoint_tag: str | None = option(
-        None, str, "the setpoint's tag in a long table; none: there is none", flag="--setpoint-tag", metavar="NAME")
+        None, str, "tag of the setpoint in such a file; none: no such tag", flag="--setpoint-tag", metavar="NAME")
     tag_column: str | int | None = option(None, str, "column of the tags", flag="--tag-column", metavar=_COLUMN)
     quality_column: str | int | None = option(
-        None, str, "column of the quality flags; none: do not look", flag="--quality-column", metavar=_COLUMN)
+        None, str, "column of the quality flags; none: ignore them", flag="--quality-column", metavar=_COLUMN)
     skip_rows: int = option(
-        0, int, "pass over the first N lines of the file", flag="--skip-rows", metavar="N", least=0.0)
+        0, int, "skip the first N lines of the file", flag="--skip-rows", metavar="N", least=0.0)
     run: int | None = option(
         None, int, "which of several runs in one file", flag="--run", dest="which_run", metavar="N",
         instead=("the longest", ""))
     skip_empty: bool = option(False, bool, "leave out rows without a temperature (empty, NaN)", flag="--skip-empty")
-    errata: bool = option(False, bool, "apply the known misprints of a built-in table", flag="--errata")
+    errata: bool = option(False, bool, "correct the known misprints of a built-in table", flag="--errata")
 
     def __post_init__(self) -> None:
         validate_options(self)
@@ -90,8 +91,8 @@ class FitSettings:
     """What is known beside a log that is fitted, see `heatertune.model.fit.fit`."""
 
     ambient_degC: float | tuple[float, float] | None = option(
-        None, float, "temperature without power, of a model by hand or known to the fit", unit="°C", flag="--ambient",
-        help="temperature without power [°C]: the value, or the lowest and the highest it may have; after LOG",
+        None, float, "ambient temperature, if it is known", unit="°C", flag="--ambient",
+        help="ambient temperature [°C]: its value, or its lowest and highest possible value; after LOG",
         several=True, least=_COLDEST_DEGC)
     power_before_pct: float | None = option(
         None, float, "power before the log's first reading", unit="%", flag="--power-before",
@@ -100,12 +101,12 @@ class FitSettings:
         None, float, "last instant of the log to use", unit="s", flag="--until",
         help="last instant to use [s]; default: up to a jump")
     dead_time_at_most_s: float | None = _time(
-        None, "no dead time is longer, as you know of this heater", "--dead-time-at-most",
-        help="longest dead time that this heater can have [s]; the certificate says so")
-    sensor_delay_s: float = _time(0.0, "by which the sensor is known to lag", "--sensor-delay", instead=("0", ""))
+        None, "longest dead time, if you know one", "--dead-time-at-most",
+        help="longest dead time, if you know one [s]; stated in the certificate")
+    sensor_delay_s: float = _time(0.0, "known delay of the sensor", "--sensor-delay", instead=("0", ""))
     log_pwm_period_s: float | None = _time(
-        None, "PWM period of the heater's switch while it was logged", "--log-pwm-period", instead=("the log's", ""))
-    cooler: bool = option(False, bool, "the power cools: the more, the colder", flag="--cooler")
+        None, "PWM period of the heater while it was logged", "--log-pwm-period", instead=("the log's", ""))
+    cooler: bool = option(False, bool, "the power cools: more power, lower temperature", flag="--cooler")
 
     def __post_init__(self) -> None:
         validate_options(self)
@@ -124,7 +125,7 @@ class ValidateSettings:
         None, float, "last instant of the log to use", unit="s", flag="--until",
         help="last instant to use [s]; default: up to a jump")
     least_fit_pct: float = option(
-        80.0, float, "fit that every model has to reach", unit="%", flag="--least-fit", most=100.0,
+        80.0, float, "fit that every model must reach", unit="%", flag="--least-fit", most=100.0,
         instead=("80", ""))
 
     def __post_init__(self) -> None:
@@ -142,7 +143,7 @@ class TuneSettings:
     """
 
     structure: str = option(
-        "pi", str, "parts that act", flag="--structure", choices=("p", "pi", "pid"), instead=("pi", ""))
+        "pi", str, "parts of the controller", flag="--structure", choices=("p", "pi", "pid"), instead=("pi", ""))
     method: str = option(
         "optimum", str, "optimum or a rule", flag="--method", metavar="NAME",
         help="optimum (default), or a rule: simc, simc-improved, lambda, imc, haalman, amigo, "
@@ -155,11 +156,11 @@ class TuneSettings:
     objective: str = option(
         "load", str, "what the optimum minimises", flag="--objective",
         choices=("load", "setpoint", "itae", "ki", "iae", "ise"),
-        help="of the optimum: IAE after a load step (default; also iae) or a setpoint step, ITAE or ISE "
-             "after a load step, largest integral gain")
+        help="what the optimum minimises: IAE after a load step (load or iae; default) or a setpoint step, ITAE or ISE "
+             "after a load step; ki: largest integral gain")
     weight: float | None = option(
         None, float, "share of the setpoint IAE", flag="--weight", metavar="W",
-        help="with the objective load: share of the setpoint IAE in the cost, 0 to 1", least=0.0, most=1.0)
+        help="with the objective load: weight of the setpoint IAE in the cost, 0 to 1", least=0.0, most=1.0)
     mt: float = option(
         math.inf, float, "largest Mt of the optimum", flag="--mt", above=0.0, infinite=True, instead=("no limit", ""))
     mks: float = option(
@@ -171,13 +172,13 @@ class TuneSettings:
     robust: str = option(
         "none", str, "on which drawn heaters the limits of the optimum hold too", flag="--robust",
         choices=("none", "p95", "worst"),
-        help="keep the limits of the optimum on heaters drawn from the fit's intervals too: 95 % of "
-             "them, or all (default: none; what is lost on them is told)")
+        help="keep the limits of the optimum also on heaters sampled from the fit's intervals: on 95 % of them, or all "
+             "(default: none; their worst values are reported)")
     sample_time_s: float | None = option(
         None, float, "sampling interval TA", unit="s", flag="--sample-time", automatic=("auto", "words"), least=1e-3,
         or_zero=True,
-        help="sampling interval TA [s]; auto: TRdom/10 (default); words: near that, as suits the "
-             "words; 0: continuous")
+        help="sampling interval TA [s]; auto: TRdom/10 (default); words: near that, where rounding costs least; 0: "
+             "continuous")
     step_power_pct: float | None = _step_power(f"{STEP_POWER_PCT:g}")
 
     def __post_init__(self) -> None:
@@ -200,27 +201,26 @@ class WordSettings:
 
     words_by: str = option(
         "auto", str, "how the words are found", flag="--words", choices=("auto", "optimum", "rounded"),
-        help="how words are rounded: optimum, the best whole numbers the controller can hold; rounded, each on its own "
-             "(default: optimum for a design that is an optimum itself, else rounded)")
+        help="how words are rounded: optimum, the best whole numbers the controller can hold; rounded, each separately "
+             "(default: optimum if the design is an optimum, else rounded)")
     refined: bool = option(
-        False, bool, "change K and TN where the loop of the proof (limits, anti-windup, PWM) gains by it",
+        False, bool, "refine K and TN in the simulated loop (limits, anti-windup, PWM)",
         flag="--refine")
     setpoint_ramp: float | str | None = option(
-        None, float, "how fast the setpoint is led to its end", unit="°C/min", flag="--setpoint-ramp",
+        None, float, "rate of the setpoint ramp", unit="°C/min", flag="--setpoint-ramp",
         metavar="auto|none|°C/MIN", or_text=("auto", "none"), above=0.0,
-        help="lead the setpoint to its end at so many °C/min; auto: as fast as the limits on overshoot allow, where "
-             "they fail, held near the reading where an open circuit takes that (default: as the words have it, else "
-             "none)")
+        help="ramp the setpoint at this rate; auto: as fast as the limits on overshoot allow, if they fail without, "
+             "with holdback if an open circuit requires it (default: as in the parameters, else none)")
     switch_kind: str | None = option(
         None, str, "what switches the heater", flag="--switch-kind", choices=("ssr", "relay", "contactor"),
-        help="what switches the heater: the PWM period is proposed, ripple against wear of contacts")
+        help="what switches the heater; the PWM period is chosen for it, ripple against contact wear")
     boost: str = option(
         "auto", str, "whether the program may give full power itself far from the setpoint", flag="--boost",
         choices=("auto", "none"),
-        help="full power far from the setpoint, the controller not enabled: where that keeps the limits as the design "
-             "is, or none (default: auto; of words, as they have it)")
+        help="full power far from the setpoint, with the controller disabled; auto: if it makes the design keep its "
+             "limits (default: auto; of parameters, as they are)")
     as_is: bool = option(
-        False, bool, "keep the plain design where other gains, another PWM or TA, a boost or a ramp would pass",
+        False, bool, "keep the plain design, even if other gains, another PWM or TA, a boost or a ramp would pass",
         flag="--as-is")
 
     def __post_init__(self) -> None:
@@ -232,13 +232,13 @@ class SensorSettings:
     """The sensor's range and the module's, which become a `heatertune.plc.Scaling`."""
 
     range_degC: tuple[float, float] = option(
-        (0.0, 100.0), float, "sensor range at the lowest and highest reading", unit="°C", flag="--range",
+        (0.0, 100.0), float, "lowest and highest temperature of the sensor", unit="°C", flag="--range",
         pair=("LOW", "HIGH"), instead=("0 100", ""))
     input: str | None = option(
         None, str, "range of the analog module", flag="--input",
         choices=("4-20mA", "thermocouple", "rtd", "rtd-climatic"),
-        help="range of the analog module: a transmitter of 4 to 20 mA, off below 3.6 mA; thermocouples and resistance "
-             "thermometers, whose digits are degrees; where the target's program reads it (default: a plain range)")
+        help="type of the analog module: a 4-20 mA transmitter (broken below 3.6 mA), or a thermocouple or resistance "
+             "thermometer whose digits are degrees; for targets whose program reads it (default: a plain range)")
 
     def __post_init__(self) -> None:
         validate_options(self)
@@ -273,25 +273,26 @@ class SampleSettings:
     """
 
     samples: int | None = option(
-        None, int, "also prove on N drawn heaters: FAIL where too many of them break a limit, NOT PROVEN where N is "
-        "too small to tell", flag="--samples", metavar="N", least=1.0, most=1e7)
+        None, int, "also prove on N sampled heaters: FAIL if too many of them break a limit, NOT PROVEN if N is too "
+                   "small to decide", flag="--samples", metavar="N", least=1.0, most=1e7)
     seed: int = option(
-        0, int, "seed of the first sample; each next one has the next number", flag="--seed", metavar="SEED",
+        0, int, "seed of the first sample; the others count up from it", flag="--seed", metavar="SEED",
         least=0.0, instead=("0", ""))
     replay: int | None = option(
-        None, int, "run the one sample that has this seed, and judge it", flag="--replay", metavar="SEED", least=0.0)
+        None, int, "run only the sample with this seed, and judge it", flag="--replay", metavar="SEED", least=0.0)
     quantile: float = option(
         0.95, float, "share of all such heaters that must keep every limit", flag="--quantile", metavar="SHARE",
         above=0.0, most=1.0, instead=("0.95", ""))
     mains_pct: float = option(
         10.0, float, "half width of the mains voltage", unit="%", flag="--mains", least=0.0, most=99.0,
-        help="mains voltage, even within ± this; the power goes with its square", instead=("10", ""))
+        help="spread of the mains voltage, uniform within ± this; the power varies with its square", instead=("10", ""))
     ambient_degC: float = option(
-        5.0, float, "ambient temperature, even within ± this", unit="°C", flag="--ambient-spread", least=0.0,
+        5.0, float, "spread of the ambient temperature, uniform within ± "
+                    "this", unit="°C", flag="--ambient-spread", least=0.0,
         instead=("5", ""))
     disturbance_pct: float = option(
         50.0, float, "half width of each disturbance's size", unit="%", flag="--disturbance-spread", least=0.0,
-        most=99.0, help="size of each disturbance, even within ± this", instead=("50", ""))
+        most=99.0, help="spread of the size of each disturbance, uniform within ± this", instead=("50", ""))
     jitter_s: float = _time(0.0, "latest delay of a scan", "--jitter", instead=("0", ""))
 
     @property
@@ -324,7 +325,7 @@ class Conditions:
     setpoint_degC: float | tuple[float, float] | None = option(
         None, float, "setpoint of the proof", unit="°C", flag="--setpoint", label="setpoint", least=_COLDEST_DEGC,
         instead=("", "where the log was used"), several=True,
-        help="setpoint of the proof [°C], or lowest and highest; not right before PID")
+        help="setpoint, or lowest and highest in use [°C]; do not put it directly before PID")
     pwm_period_s: float | None = _time(
         None, "PWM period", "--pwm-period", least=None, above=0.0, instead=("TA in parts up to 10 s", "from TA"))
     minimum_on_s: float = _time(0.0, "shortest on time", "--minimum-on", needs="pwm_period_s", instead=("0", ""))
@@ -333,55 +334,56 @@ class Conditions:
     pwm_rule: str | None = option(
         None, str, "block that makes the PWM", flag="--pwm-rule", choices=("pulsegen", "pid-compact", "burst"),
         needs="pwm_period_s", instead=("a plain switch", ""),
-        help="block that makes the PWM; pulsegen: --minimum-on is P_B_TM; burst: a power controller")
+        help="block that generates the PWM; pulsegen: --minimum-on is P_B_TM; burst: a power controller")
     pwm_resolution_s: float | None = _time(
         None, "the on time is a multiple of it", "--pwm-resolution", label="PWM resolution", least=None, above=0.0,
-        needs="pwm_period_s", help="the on time is a multiple of it; a block's call interval [s]",
+        needs="pwm_period_s", help="resolution of the on time, or call interval of the block [s]",
         instead=("the target's tick", "0.1 s on s5-ob251, a half-wave of 50 Hz mains on others"))
     cooling_gain: float | None = option(
         None, float, "power of a cooler as a part of the heater's", flag="--cooling-gain", metavar="X", above=0.0,
-        label="cooler's power", instead=("as the words say", ""), left_out=True,
-        help="a cooler beside the heater: its full power as a part of the heater's, such as 0.4 (pid-temp)")
+        label="cooler's power", instead=("as in the parameters", ""), left_out=True,
+        help="a cooler in addition to the heater: its full power relative to the heater's, such as 0.4 (pid-temp)")
     cooling_minimum_on_s: float | None = _time(
         None, "shortest on time of the cooler", "--cooling-minimum-on", needs="cooling_gain", left_out=True)
     cooling_minimum_off_s: float | None = _time(
         None, "shortest off time of the cooler", "--cooling-minimum-off", needs="cooling_gain", left_out=True)
     spec: str | None = option(
-        None, str, "what words must keep", flag="--spec", metavar="NAME|FILE.toml", label="specification",
-        help="what words must keep: a preset or a file, see: heatertune spec", instead=("general", ""))
+        None, str, "limits that the parameters must keep", flag="--spec", metavar="NAME|FILE.toml",
+        label="specification", help="the specification: a preset or a file (see: heatertune spec)",
+        instead=("general", ""))
     profile: str | None = option(
         None, str, "ramps and soaks of the setpoint", flag="--profile", metavar="FILE.csv", label="profile",
-        help="ramps and soaks along which your program leads the setpoint: a table target [degC], ramp [degC/h], soak "
-             "[min]; the proof lives through it, too", instead=("the specification's, else none", ""))
+        help="ramps and soaks that your program runs: a table target [degC], ramp [degC/h], soak [min]; the proof "
+             "follows it as well", instead=("the specification's, else none", ""))
     limit: tuple[str, ...] = option(
         (), tuple, "a limit of your own", flag="--limit", metavar="NAME=VALUE",
-        help="a limit of your own, such as overshoot=3degC; in place of the specification's (see: heatertune spec); "
-             "may be repeated: several of one name hold together")
+        help="your own limit, such as overshoot=3degC; it replaces that of the specification (see: heatertune spec); "
+             "may be repeated, also for one name")
     tolerance_degC: float | None = option(
-        None, float, "how far from the setpoint is still right", unit="°C", flag="--tolerance",
+        None, float, "tolerance around the setpoint", unit="°C", flag="--tolerance",
         label="tolerance around the setpoint", least=0.0,
-        help="how far from the setpoint is still right: band, offset and swing [°C]; as --limit tolerance",
+        help="tolerance around the setpoint, for settling band, offset and oscillation [°C]; as --limit tolerance",
         instead=("the specification's", ""))
     noise_degC: float = option(
         0.0, float, "sensor noise, standard deviation", unit="°C", flag="--noise", least=0.0)
     step_power_pct: float | None = _step_power("the specification's")
     accept: tuple[str, ...] = option(
-        (), tuple, "accept a finding that leaves words not proven; the certificate says so; may be repeated",
+        (), tuple, "accept a finding that makes the verdict NOT PROVEN; stated in the certificate; may be repeated",
         flag="--accept", metavar="NAME")
     interlock: str | None = option(
-        None, str, "what may open the heater's circuit", flag="--interlock", choices=("heater-fan",),
-        help="program of the bit processor that may open the heater's circuit")
+        None, str, "interlock that may open the heater circuit", flag="--interlock", choices=("heater-fan",),
+        help="program of the bit processor that may open the heater circuit")
     limit_degC: float | None = option(
         None, float, "temperature at which it does", unit="°C", flag="--limit-temperature",
-        help="where the interlock does so [°C]", least=_COLDEST_DEGC, needs="interlock",
+        help="temperature at which the interlock opens the circuit [°C]", least=_COLDEST_DEGC, needs="interlock",
         instead=("the end of the sensor range", ""))
     fan_stops_s: float | None = _time(
         None, "instant at which its fan fails", "--fan-stops", needs="interlock",
-        help="instant at which the interlock's fan fails [s]")
+        help="time at which the fan of the interlock fails [s]")
     switches: Mapping[str, str] = option(
-        {}, dict, "settings of points that the manual leaves open", flag="--switch", metavar="NAME=SETTING",
-        help="setting of a point that the manual leaves open; where you know it of your controller, or of a choice "
-             "that the export follows (see: heatertune targets); may be repeated")
+        {}, dict, "settings of open points", flag="--switch", metavar="NAME=SETTING",
+        help="known setting of an open point; also of a choice that the export follows (see: heatertune targets); may be "
+             "repeated")
 
     def __post_init__(self) -> None:
         validate_options(self)

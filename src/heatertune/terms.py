@@ -29,67 +29,69 @@ class GlossaryTerm:
 
 #: symbol → what it means in plain words; its name and unit stand in NOMENCLATURE
 _SYMBOLS: Final = {
-    "k": "by how much the heater gets warmer in the end for each percent of power",
-    "T1": "the time in which the heater goes 63.2 % of its way after a step of the power",
-    "T2": "the smaller of two time constants: of the sensor, say",
-    "L": "how long nothing is seen of a change of the power",
-    "Ta": "where the heater comes to rest without power",
-    "k/T1": "how steeply the temperature rises for each percent of power; a short log tells it best",
-    "Le": "the dead time, and what small time constants add to it",
-    "Ku": "the gain at which a P controller lets the loop swing without end",
-    "Tu": "the period of that swing",
-    "K": "how much power the controller gives for each degree of error",
-    "TN": "how long the I part needs, at a constant error, to give as much as the P part; smaller is more",
-    "TV": "the lead that the D part gives a steady change; larger is more",
-    "TA": "the time from one call of the controller to the next",
-    "Ms": "how far from swinging the loop is: a disturbance grows at most Ms-fold at any frequency; small is calm",
-    "Mt": "how much the loop at most amplifies a swing of the setpoint",
-    "Mks": "how much power a noisy reading at most asks for",
-    "GM": "by what factor the gain may grow until the loop swings without end",
-    "PM": "by what angle the loop may lag more until it swings without end",
-    "IAE": "the size of the error, added up over time; smaller is better",
+    "k": "final temperature rise per percent of power",
+    "T1": "time to cover 63.2 % of the response to a step of the power",
+    "T2": "the smaller of two time constants, for example of the sensor",
+    "L": "time before a change of the power shows in the temperature",
+    "Ta": "steady temperature without power",
+    "k/T1": "initial slope of the temperature per percent of power; what a short log identifies best",
+    "Le": "dead time plus what small time constants add to it",
+    "Ku": "gain at which a P controller makes the loop oscillate continuously",
+    "Tu": "period of that oscillation",
+    "K": "power per degree of error",
+    "TN": "time in which the I part, at a constant error, reaches the value of the P part; smaller means more integral "
+          "action",
+    "TV": "lead of the D part on a steady ramp; larger means more derivative action",
+    "TA": "time from one call of the controller to the next",
+    "Ms": "largest amplification of a disturbance at any frequency; a small value means a robust, calm loop",
+    "Mt": "largest amplification of a setpoint oscillation",
+    "Mks": "largest amplification from measurement noise to power",
+    "GM": "factor by which the gain may grow until the loop oscillates continuously",
+    "PM": "additional phase lag until the loop oscillates continuously",
+    "IAE": "magnitude of the error, integrated over time; smaller is better",
 }
 
 _WORDS: Final[tuple[tuple[tuple[str, ...], str], ...]] = (
     (("process variable", "X", "PV"), "the temperature as the controller reads it"),
-    (("setpoint", "W", "SP"), "the temperature that is wanted"),
-    (("controller output", "Y", "LMN", "OUT"), "the power the controller asks for"),
+    (("setpoint", "W", "SP"), "the desired temperature"),
+    (("controller output", "Y", "LMN", "OUT"), "the power requested by the controller"),
     (("error", "e", "XW"), "setpoint minus process variable"),
-    (("power", "u"), "what the heater gets, in percent of full power"),
-    (("TI",), "TN as others call it; as a word of OB251, TA/TN in its fractions of one"),
+    (("power", "u"), "the power of the heater, in percent of full power"),
+    (("TI",), "another name of TN; in OB251's data block, TA/TN in its fractions of one"),
     (("FOPDT",), "a heater with one time constant and a dead time"),
-    (("half rule",), "how two time constants become one: half of the smaller one goes to each of the larger one and "
-     "the dead time"),
+    (("half rule",), "a reduction of two time constants to one: half of the smaller is added to the larger, half to "
+                     "the dead time"),
     (("log",), "a record of time and temperature, better with power"),
     (("candidate",), "a model that explains the log nearly as well as the best one"),
-    (("possible heater",), "a candidate, or the end of what a log leaves open: what designs are made for and proven "
-     "on"),
-    (("ideal",), "the controller as designed, before its constants become words"),
-    (("fit",), "the share of the log's movement that the model explains, in percent"),
-    (("BIC", "ΔBIC"), "how well a hypothesis explains the log, paid for by its number of parameters; smaller is "
-     "better"),
-    (("word",), "a number as the PLC holds it: what is typed in"),
-    (("realised",), "what the words do, as against what was wished"),
-    (("switch",), "a point that a manual leaves open, with the settings it may have"),
-    (("target",), "the controller that the words are for; in heatertune a class that encodes, decodes, steps and "
-     "exports"),
+    (("plausible heater",), "a candidate, or an extreme of what the log leaves open; designs are made for and proven "
+                            "on all of them"),
+    (("ideal",), "the controller as designed, before rounding"),
+    (("fit",), "share of the log's variation that the model explains, in percent"),
+    (("BIC", "ΔBIC"), "how well a hypothesis explains the log, with a penalty per parameter; smaller is better"),
+    (("word",), "a controller parameter as the PLC stores it; the value to enter"),
+    (("realised",), "the controller after rounding, as opposed to the ideal one"),
+    (("switch",), "an open point of a manual, with its possible settings"),
+    (("target",), "the controller that the parameters are for; in heatertune, a class that encodes, decodes, steps and "
+                  "exports"),
     (("scan",), "one call of the controller"),
-    (("proof",), "the closed loop with the words, on every possible heater, under every switch"),
-    (("run",), "one story of the loop (heating up, disturbances, a restart) on one possible heater under one switch"),
-    (("verdict",), "FAIL where a run breaks a limit; NOT PROVEN where the log leaves open what no run shows; else "
-     "PASS"),
-    (("criterion",), "what a run is judged by: overshoot, settling, robustness and more, each with its limit"),
-    (("sample",), "one more run of the proof, whose heater, mains, ambient and goods are drawn"),
-    (("anti-windup",), "what keeps the I part from growing while the power is at a limit"),
-    (("setpoint ramp",), "a setpoint that is led to its end at a limited rate"),
-    (("holdback",), "a band around the reading that a led setpoint does not leave: what the heater cannot follow does "
-     "not wind up"),
-    (("boost",), "full power from the program far from the setpoint, the controller not enabled meanwhile"),
-    (("interlock",), "a program beside the controller that may open the heater's circuit"),
-    (("limit cycle",), "a swing that a loop at rest keeps up, by rounding or switching"),
-    (("TRdom",), "the time in which the closed loop covers 63.2 % of a setpoint step"),
-    (("PWM period",), "the time from one switching-on of the heater to the next"),
-    (("minimum on", "minimum off"), "the shortest time the switch stays on, or off"),
+    (("proof",), "simulations of the closed loop with the parameters, on every plausible heater and under every "
+                 "setting of the open points"),
+    (("run",), "one test sequence (heat-up, disturbances, restarts) on one plausible heater under one setting of the "
+               "open points"),
+    (("verdict",), "FAIL if a run breaks a limit; NOT PROVEN if the log leaves something open that no run can show; "
+                   "otherwise PASS"),
+    (("criterion",), "a quantity by which a run is judged (overshoot, settling, robustness, …), with its limit"),
+    (("sample",), "a run with a randomly drawn heater, mains voltage, ambient temperature and load"),
+    (("anti-windup",), "keeps the I part from growing while the power is at a limit"),
+    (("setpoint ramp",), "a setpoint that moves to its target at a limited rate"),
+    (("holdback",), "a band around the temperature that a ramping setpoint does not leave, so that the controller does "
+                    "not wind up"),
+    (("boost",), "full power from the program far from the setpoint, with the controller disabled"),
+    (("interlock",), "a program in addition to the controller that may open the heater circuit"),
+    (("limit cycle",), "a sustained oscillation of a loop at rest, caused by rounding or switching"),
+    (("TRdom",), "time in which the closed loop covers 63.2 % of a setpoint step"),
+    (("PWM period",), "time from one switch-on of the heater to the next"),
+    (("minimum on", "minimum off"), "shortest on or off time of the switch"),
 )
 
 #: symbols first, in the order of the chain

@@ -89,7 +89,7 @@ def broken(library, b, limits, low, heater_s):
         b: a bench whose heater has its gain at the mains voltage.
         limits: by the judge's names.
         low: lowest setpoint of use [°C].
-        heater_s: lags and dead time of the slowest possible heater [s].
+        heater_s: lags and dead time of the slowest plausible heater [s].
     """
     parts, long = day(b, low)
     with mock.patch.object(second_opinion, "story", return_value=parts):

@@ -67,7 +67,7 @@ def given(bench, row, sizes, noise, late):
 
 
 def told_of(bench, document, settings):
-    """Return the bench whose story is that of all possible heaters."""
+    """Return the bench whose story is that of all plausible heaters."""
     return replace(bench, family=tuple(each[:4] for each in possible(document, bench.setpoint)), settings=settings)
 
 

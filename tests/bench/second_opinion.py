@@ -81,7 +81,7 @@ class Bench:
         soak_band: as specified [°C], None: the tolerance.
         soak_in_s, soak_in_share: in what time of a soak it has to be there [s], in what share, None: not told; of both
             the sooner, of none a half.
-        family: the possible heaters whose story it lives through, (gain, lags, dead time, ambient) each; none: itself.
+        family: the plausible heaters whose story it lives through, (gain, lags, dead time, ambient) each; none: itself.
         mains: what full power is of the rated one where the supply is as it is; its ends and none are where they are.
         sizes: by what each part's event is multiplied, of a change of mains the power; none: by nothing.
         noises: of each scan [°C]; None: drawn by the seed.
@@ -199,7 +199,7 @@ def story(b):
 
 
 def _told(b):
-    """Return the parts as the documentation of proof/test_sequence.py tells each, in the times of the possible heaters."""
+    """Return the parts as the documentation of proof/test_sequence.py tells each, in the times of the plausible heaters."""
     every = b.possible
     slow, step, power = (max(each) for each in zip(*((h.slow, h.setpoint - h.ambient, h.power) for h in every), strict=True))
     tn = min(b.integral_time, _TOO_SLOW * slow) if math.isfinite(b.integral_time) else slow

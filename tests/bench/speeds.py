@@ -1,10 +1,10 @@
-"""The README's table of speeds, measured and printed by one command: python -m tests.bench.speeds.
+"""The manual's table of speeds, measured and printed by one command: python -m tests.bench.speeds.
 
     python -m tests.bench.speeds              all rows: some six minutes on an idle machine of two cores
     python -m tests.bench.speeds fit verify   the rows with such a word in their first or last cell
 
 What a row needs beside `pip install '.[bench]'`: gcc for C, Chromium for the studio, a network for the installation.
-A cell is a text with a place for each figure, so `test_speeds.py` can hold the README's table against it: the same rows,
+A cell is a text with a place for each figure, so `test_speeds.py` can compare the manual's table with it: the same rows,
 the same words, figures where figures belong. Of whole commands it is the median of some runs, in turn with the others,
 after one that keeps what they compile; all rows share one folder of what is kept, empty at first. What is being measured,
 every run of a command, and the least and the most of them are told on stderr.
@@ -27,7 +27,7 @@ from pathlib import Path
 
 BEGUN = time.perf_counter()
 ROOT = Path(__file__).parents[2]
-HEAD = "| what | heatertune | beside it | measured by |\n| --- | --- | --- | --- |"
+HEAD = "| what | heatertune | for comparison | measured by |\n| --- | --- | --- | --- |"
 FIGURE = r"\d[\d,]*(?:\.\d+)?"
 TURNS = 3
 STAGES = ("fit table4 -o model.json", "tune model.json -o pid.json", "verify hand.json --target s5-ob251 --setpoint 40",
@@ -47,7 +47,7 @@ class Row:
     measure: object
 
     def told(self):
-        """Return the row as the README holds it."""
+        """Return the row as the manual shows it."""
         figures = iter(self.measure())
         return re.sub(r"\{\}", lambda _: figure(next(figures)), self._line())
 
@@ -255,7 +255,7 @@ def once(work):
 
 
 ROWS = (
-    Row("closed loop with a PI, per scan; judged as well", "{} ns; {} ns",
+    Row("closed loop with a PI, per scan; with its measurements", "{} ns; {} ns",
         "C `-O3` {} ns, in 16 lanes {} ns; plain Python {} ns; simple-pid {} ns", "`tests/bench/loop.py`", pi_loop),
     Row("the same with WEG's block, with OB251", "{} ns, {} ns; {} ns, {} ns", "in plain Python {} ns, {} ns",
         "`tests/bench/loop.py`", rooms),
@@ -263,24 +263,24 @@ ROWS = (
         "python-control without PWM {} ns, from edge to edge {} ms; SciPy's `solve_ivp` {} ms",
         "`tests/bench/loop.py --slow`", solvers),
     Row("10,000 drawn heaters, a loop of 3,000 s each", "{} s", "", "`tests/bench/loop.py`", lambda: once(loops)[2:]),
-    Row("the same through the whole story of a proof, under six settings each", "{} s", "",
+    Row("the same through the whole test sequence of a proof, under six settings each", "{} s", "",
         "`time heatertune verify pid.json --target s5-ob251 --setpoint 40 --samples 10000`", samples),
     Row("one descent of a fit, 300 and 100,000 rows", "{} ms, {} ms", "SciPy's `curve_fit` around `lfilter` {} and {} times",
         "`tests/bench/fit.py`", descents),
     Row("whole fit of 100,000 rows", "{} s", "", "`heatertune bench`", whole_fit),
-    Row("the first design after the installation; the same again, its fit kept", "{} s; {} s of processor time", "",
+    Row("the first design after the installation; the same again, its fit cached", "{} s; {} s of processor time", "",
         "`time heatertune design table4 --target s5-ob251 --out x/`", lambda: (once(first_design), *of_commands(DESIGNS[0]))),
-    Row("whole commands, what they need kept: `fit`, `tune`, `verify`, `export-db`",
+    Row("whole commands, everything cached: `fit`, `tune`, `verify`, `export-db`",
         "{} s, {} s, {} s, {} s of processor time", "", "`time` before each", lambda: of_commands(*STAGES)),
-    Row("the same, only their machine code kept", "{} s, {} s, {} s, {} s of processor time", "", "`time` before each",
+    Row("the same, only their machine code cached", "{} s, {} s, {} s, {} s of processor time", "", "`time` before each",
         lambda: of_commands(*(f"anew: {line}" for line in STAGES))),
-    Row("a design proven in 72 runs, with the exported text run, the rivals and the report; its fit is kept",
+    Row("a design proven in 72 runs, with the exported text executed, the comparison and the report; its fit cached",
         "{} s of processor time", "", "`time heatertune design table4 --target s7-300 --out x/`", lambda: of_commands(DESIGNS[1])),
     Row("the same design on every controller, each with its proof", "{} s of processor time", "",
         "`time heatertune compare x/pid.json -o y/`", lambda: of_commands(DESIGNS[2])),
     Row("constrained optimum of a PI, of a PID", "{} to {} ms, {} to {} ms", "SLSQP {} to {} times",
         "`tests/bench/optimum.py`", optima),
-    Row("fleet, a zone: 240 rows to proven words, closed on 200 drawn heaters under nine settings; without these", "{} s; {} s", "",
+    Row("fleet, a zone: 240 rows to proven parameters, on 200 drawn heaters under nine settings; without these", "{} s; {} s", "",
         "`tests/bench/zones.py 100`", zone),
     Row("studio: first look at a moved design; from the slider to its picture", "{} ms; {} ms", "",
         "`tests/bench/studio.py`", studio),

@@ -1,4 +1,4 @@
-"""The README's table of speeds has the form of the one that `python -m tests.bench.speeds` prints; values are its own."""
+"""The manual's table of speeds has the form of the one that `python -m tests.bench.speeds` prints; values are its own."""
 
 import re
 import sys
@@ -8,15 +8,15 @@ import pytest
 
 from tests.bench import speeds
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-TABLE = README[README.index(speeds.HEAD) + len(speeds.HEAD):].split("\n\n")[0].strip().splitlines()
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "speed.md").read_text(encoding="utf-8")
+TABLE = PAGE[PAGE.index(speeds.HEAD) + len(speeds.HEAD):].split("\n\n")[0].strip().splitlines()
 
 
-def test_the_readme_holds_the_rows_that_the_command_measures_and_no_others():
+def test_the_manual_holds_the_rows_that_the_command_measures_and_no_others():
     assert len(TABLE) == len(speeds.ROWS)
     for line, row in zip(TABLE, speeds.ROWS, strict=True):
         assert re.fullmatch(row.form(), line), f"{line}\nis not\n{row.form()}"
-    assert "python -m tests.bench.speeds" in README
+    assert "python -m tests.bench.speeds" in PAGE
 
 
 @pytest.mark.parametrize("row", speeds.ROWS, ids=lambda row: row.what)

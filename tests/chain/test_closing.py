@@ -233,7 +233,7 @@ def test_where_ripple_and_half_waves_take_the_band_they_are_told():
     found = find_passing_design(*_fast(switch_kind="ssr"))
     ripple = 700.0 * math.tanh(1.0 / 64.0)
     assert found.proof.verdict == "FAIL"
-    told = f"1 s, the ripple is {ripple:.2g} °C and one half-wave is 7 °C, asked ±5 °C"
+    told = f"1 s, the ripple is {ripple:.2g} °C and one half-wave is 7 °C; the tolerance is ±5 °C"
     assert told in found.proof.diagnostics.remarks[-1]
 
 

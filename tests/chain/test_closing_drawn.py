@@ -76,7 +76,7 @@ def test_a_design_that_too_few_drawn_heaters_bear_is_made_for_them_too_and_judge
     (more,) = re.findall(r"made for (\d) of the drawn heaters, too$", found.proof.diagnostics.remarks[-1])
     assert len(before.samples.broken) == 2
     assert more in {"2", "5", "8"}
-    assert all(part in found.notes[0] for part in ("of 100 samples keep", "of as many others", "IAE"))
+    assert all(part in found.notes[0] for part in ("of 100 samples keep", "of as many new ones", "IAE"))
     others = SampleSettings(samples=100, seed=100)
     assert found.proof.samples == run_samples(found.proof.words, HEATER, others, found.conditions)
     assert {run.model for run in found.proof.runs} == {run.model for run in plain.proof.runs}, "proven on the possible ones"
@@ -106,7 +106,7 @@ def test_where_nothing_helps_the_design_is_as_asked_for_and_says_so(heard, plain
     asked = heard(lambda settings, _: [80] * len(settings))
     found = closed_on_samples(HEATER, ASKED)
     assert found.proof.words == plain.proof.words
-    assert found.proof.diagnostics.remarks[-1] == "nothing tried mends the samples"
+    assert found.proof.diagnostics.remarks[-1] == "nothing that was tried makes the samples pass"
     assert asked == [0] * len(asked)
     assert (found.proof.verdict, found.passes_with) == ("FAIL", ())
 
@@ -152,7 +152,7 @@ def test_the_command_exports_what_samples_passed_and_every_page_says_so(tmp_path
     assert told in capsys.readouterr().out
     assert told in (tmp_path / "out" / "weg_pid_call.st").read_text(encoding="utf-8")
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "<h3>On drawn heaters</h3>" in page
-    assert told in page.split("<h3>On drawn heaters</h3>")[0], "the record, too"
+    assert "<h3>Samples</h3>" in page
+    assert told in page.split("<h3>Samples</h3>")[0], "the record, too"
     proof = json.loads((tmp_path / "out" / "data" / "proof.json").read_text(encoding="utf-8"))
     assert check_document(proof, "proof.json")["samples"]["verdict"] == proof["verdict"] == "PASS"

@@ -11,7 +11,7 @@ WORDS = ht.encode(ht.PidDesign(gain_pct_per_degC=5.0, integral_time_s=100.0, der
 
 @pytest.mark.parametrize("source", [None, 3, b"table4", ["table4"]])
 def test_a_source_that_is_no_log_is_told(source):
-    with pytest.raises(ht.InputError, match=f"no log: {type(source).__name__}; expected a path"):
+    with pytest.raises(ht.InputError, match=f"not a log: {type(source).__name__}; expected a path"):
         ht.read_log(source)
 
 

@@ -144,7 +144,7 @@ def test_other_words_keep_the_limit_after_a_short_open_circuit_too(library, rate
     assert [finding.name for finding in plain.proof.diagnostics.findings] == ["low-outage", "briefly-open"]
     mended = find_passing_design(model_by_hand(heater), wanted)
     assert mended.proof.verdict == "PASS"
-    assert mended.notes[0].startswith("The optimum as asked for fails (reheat overshoot after a short open circuit)")
+    assert mended.notes[0].startswith("The requested optimum fails (reheat overshoot after a short open circuit)")
     for peak in (_peak, _low_peak):
         assert peak(library, heater, plain.proof, plain.conditions)[0] > 1.0
         assert peak(library, heater, mended.proof, mended.conditions)[0] < SHORT_SLACK

@@ -34,7 +34,7 @@ def test_verify_says_not_proven_in_its_first_line_with_the_way_on_and_ends_with_
     whole = run("verify", pid, "--target", "s5-ob251", "--verbose")[1]
     first, last = whole.splitlines()[0], whole.rstrip().splitlines()[-1]
     assert status == 1
-    assert first.startswith("NOT PROVEN at 40 °C in 18 runs on 1 possible heater; the log does not bound the dead time")
+    assert first.startswith("NOT PROVEN at 40 °C in 18 runs on 1 plausible heater; the log does not bound the dead time")
     assert last == f"VERDICT {first}"
     for told in (" ".join(out.split()), first):
         assert told.startswith("NOT PROVEN")
@@ -53,9 +53,9 @@ def test_what_is_accepted_is_pass_and_stands_in_the_files(pid, run, tmp_path):
     assert not (tmp_path / "out").exists()
     assert run("export-db", pid, *asked, "--accept", "dead-time-open")[0] == 0
     listing = (tmp_path / "out" / "DB30_listing.txt").read_text(encoding="utf-8")
-    assert "// verdict of the proof: PASS\n// proven at 40 °C in 18 runs on 1 possible heater\n" in listing
+    assert "// verdict of the proof: PASS\n// proven at 40 °C in 18 runs on 1 plausible heater\n" in listing
     assert "// accepted: the log does not bound the dead time\n" in listing
-    assert "// taken as known: sensor delay of 0.5 s\n" in listing
+    assert "// assumed: sensor delay of 0.5 s\n" in listing
     proof = json.loads((tmp_path / "out" / "data" / "proof.json").read_text(encoding="utf-8"))
     assert proof["findings"][0] == {"name": "dead-time-open", "effect": "blocks", "accepted": True,
                                     "told": "With one lag, the dead time has no upper end within the log."}
@@ -139,4 +139,4 @@ def test_the_command_that_states_assumed_units_ends_in_pass_when_it_is_typed_and
     assert "time constant 59" in out
     assert run(*asked, tmp_path / "accepted", "--accept", "unit-assumed", "--quiet")[0] == 0
     exported = next((tmp_path / "accepted").glob("*.py")).read_text(encoding="utf-8")
-    assert "accepted: a unit is assumed for which the log holds no evidence" in exported
+    assert "accepted: a unit is assumed for which the log has no evidence" in exported

@@ -39,7 +39,7 @@ def test_words_with_a_boost_are_exported_read_again_and_proven_again(run, design
     assert run("export-db", tmp_path / "again" / "data" / "words.json", *ASKED[:2], "-o", tmp_path / "third")[0] == 0
     assert (tmp_path / "third" / "weg_pid_call.st").read_text() == text
     status, _, err = run("export-db", path, *ASKED[:2], "-o", tmp_path / "other")  # beside the proof of words without one
-    assert (status, "the proof of other words (boost)" in err) == (1, True)
+    assert (status, "the proof of other parameters (boost)" in err) == (1, True)
 
 
 @pytest.mark.parametrize(("boost", "told"), [

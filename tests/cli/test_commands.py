@@ -273,7 +273,7 @@ def test_an_open_point_that_is_known_of_a_controller_is_not_varied(run, by_hand,
     assert {each["switches"]["anti_windup"] for each in document["runs"]} == {"clamp"}
     assert {each["switches"]["filter"] for each in document["runs"]} == {"implicit", "exact"}
     assert run("export-db", by_hand, *conditions, "--switch", "anti_windup=clamp", "-o", tmp_path)[0] == 0
-    assert "taken as known: anti_windup = clamp" in (tmp_path / "weg_pid_block.st").read_text()
+    assert "assumed: anti_windup = clamp" in (tmp_path / "weg_pid_block.st").read_text()
     for wrong, named in (("anti_windup", "NAME=SETTING"), ("windup=clamp", "unknown switch"), ("filter=none", "implicit, exact")):
         status, _, err = run("verify", by_hand, *conditions, "--switch", wrong)
         assert (status, named in err) == (2, True)

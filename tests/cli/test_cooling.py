@@ -19,14 +19,14 @@ def test_a_design_goes_to_words_that_cool_and_back_again(run, by_hand, tmp_path)
     # the design alone makes the same words again, and so does what goes into the PLC
     status, told, _ = run("verify", out / "data" / "words.json", "--target", "pid-temp", "--cooling-gain", 0.4, "--setpoint", 40, *HAND)
     assert status == 0
-    assert "the cooler was given as 0.4" in " ".join(told.split())
+    assert "the power of the cooler was entered as 0.4" in " ".join(told.split())
     status, told, _ = run("decode", out / "pid_temp_words.scl", "--target", "pid-temp-cooling", "--json=full")
     assert status == 0
     assert json.loads(told)["words"] == words["words"]
 
 
 @pytest.mark.parametrize(("given", "said"), [
-    (("--target", "s7-300", "--cooling-gain", 0.5), "s7-300 has no output for a cooler beside the heater; pid-temp-cooling has one"),
+    (("--target", "s7-300", "--cooling-gain", 0.5), "s7-300 has no second output for a cooler; pid-temp-cooling has one"),
     (("--target", "pid-temp", "--cooling-gain", 0), "--cooling-gain = 0"),
     (("--target", "pid-temp", "--cooling-minimum-on", 0.3), "--cooling-minimum-on and --cooling-minimum-off need --cooling-gain")])
 def test_a_cooler_that_cannot_be_is_told_in_one_line(run, by_hand, given, said):

@@ -141,7 +141,7 @@ def test_two_proofs_are_compared_in_their_conditions(run, proven, tmp_path):
     (copy / "words.json").write_text(json.dumps(words))
     shutil.copy(proven / "proof.json", copy)
     document = _document(run, copy, proven)
-    assert "the proof of other words" in document["a"]["notes"][0]
+    assert "the proof of other parameters" in document["a"]["notes"][0]
     assert [(covers["proof_of"], covers["covers"]) for covers in document["proofs"]] == [(str(proven), False)]
 
 

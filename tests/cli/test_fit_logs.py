@@ -41,5 +41,5 @@ def test_a_log_with_power_and_one_without_are_not_mixed(run, tmp_path):
     logs = write(tmp_path, "first", 60, 10, 80), write(tmp_path, "bare", 40, 90, 0, without_power=True)
     status, out, err = run("fit", *logs, "--quiet")
     assert (status, out) == (2, "")
-    assert err.startswith("error: first holds the power and bare does not")
+    assert err.startswith("error: first contains the power and bare does not")
     assert err.count("\n") == 1

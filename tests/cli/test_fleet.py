@@ -204,7 +204,7 @@ def test_a_log_of_any_name_is_a_row_and_one_that_changed_is_done_again(tmp_path)
 
     summary = fleet(folder, ZoneSettings(request=DesignRequest(target="s7-300")), out=out, workers=here, resume=True)
     assert summary["done_again"] == 1
-    assert "changed since the run that was stopped: 1" in outcome_lines(summary)
+    assert "changed since the interrupted run: 1" in outcome_lines(summary)
     rows = pyarrow.parquet.read_table(out).to_pylist()
     assert [row["name"] for row in rows] == ["a\u2028b.csv", "c\\udcff.csv", "d.csv"]
     assert rows[2]["reason"] == "d.csv: the file is empty; expected rows of time and temperature"

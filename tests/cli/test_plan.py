@@ -115,7 +115,7 @@ def test_a_model_file_is_prior_and_noise(run, model):
 
 
 @pytest.mark.parametrize(("arguments", "told"), [
-    (("--limit-temperature", 50, "--noise", 1), "no model: give a model file, or --gain, --time-constant, --dead-time"),
+    (("--limit-temperature", 50, "--noise", 1), "no model: name a model file, or add --gain, --time-constant, --dead-time"),
     ((*POINT, "--limit-temperature", 50), "--noise"),
     ((*POINT, "--limit-temperature", 15, "--noise", 1), "limit_degC"),
     ((*POINT, *TEST, "--ambient", 1, 2, 3), "--ambient has 3 numbers"),

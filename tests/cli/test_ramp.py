@@ -36,7 +36,7 @@ def test_words_with_a_ramp_are_exported_read_again_and_proven_again(run, slow, t
     assert f"{rate:.3g} degC/min" in (tmp_path / "weg_pid_call.st").read_text().replace("°C", "degC")
     given = (tmp_path / "words.json", *CONDITIONS, *HAND)
     status, out, _ = run("verify", *given)
-    assert (status, f"{rate:.3g} °C/min: the exported files hold" in " ".join(out.split())) == (0, True)
+    assert (status, f"{rate:.3g} °C/min. The exported files contain" in " ".join(out.split())) == (0, True)
     status, out, _ = run("verify", *given, "--setpoint-ramp", "none", "--json")
     assert status == 1
     assert json.loads(out)["setpoint_ramp"] is None

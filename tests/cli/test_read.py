@@ -30,7 +30,7 @@ def test_read_shows_rows_roles_assumptions_and_the_command_that_repeats_them(run
         "[0…100 %, assumed], setpoint = none; not used: 'Druck'"
     )
     assert "2              20.5          0" in out
-    assert "- 1 title line above the table passed over (up to line 1)." in out
+    assert "- 1 title line above the table skipped (up to line 1)." in out
     assert out.splitlines()[-1] == (
         f"heatertune read {path} --skip-rows 1 --time-column Zeit --temperature-column Istwert --power-column Stellgrad "
         "--setpoint-column none --time-unit s --temperature-unit degC --power-full-scale 100"

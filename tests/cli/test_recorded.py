@@ -58,10 +58,10 @@ def test_what_a_design_that_fails_found_is_its_way_on_as_long_as_nothing_else_is
     found = json.loads(path.read_text())["made_for"]["way_on"]
     assert "bursts" not in found, "none are tried for a control without gains"
     said = " ".join(run("verify", path, "--target", "on-off", "--quiet")[1].split())
-    assert f"way on: found when it was designed: {found}" in said
+    assert f"remedy: found during the design: {found}" in said
     for asked in (("--tolerance", 0.02), ("--gain", 0.6, "--time-constant", 120, "--dead-time", 10, "--ambient", 20)):
         other = " ".join(run("verify", path, "--target", "on-off", "--quiet", *asked)[1].split())
-        assert "way on: heatertune design or tune with this --target looks for the least change" in other
+        assert "remedy: heatertune design or tune with this --target looks for the least change" in other
 
 
 @pytest.mark.long

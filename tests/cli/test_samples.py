@@ -65,11 +65,11 @@ def test_a_share_too_small_fails_and_the_text_tells_it(run, by_hand):
             f"so at most {share:.4g} % of all do") in out
     assert "never" in out
     last = out.rstrip().splitlines()[-1]
-    assert last.startswith("VERDICT FAIL at 40 °C in 18 runs on 1 possible heater")
+    assert last.startswith("VERDICT FAIL at 40 °C in 18 runs on 1 plausible heater")
     few = (*given, *KNOWN, "--samples", 12, "--mains", 60, "--quantile")
     brief = run("verify", by_hand, *few, 0.9)[1]
     assert brief.startswith("FAIL")
-    assert "on some the heater lacks the power for this setpoint" in " ".join(brief.split())
+    assert "some heaters lack the power for this setpoint" in " ".join(brief.split())
     assert not run("verify", by_hand, *few, 0.2)[1].startswith("FAIL")
 
 

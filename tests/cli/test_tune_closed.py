@@ -27,7 +27,7 @@ def test_a_design_that_fails_its_specification_is_closed_and_what_was_done_is_to
     closed, plain = (json.loads((tmp_path / name).read_text()) for name in ("pid.json", "plain.json"))
     alone = json.loads(run("tune", *HASTY, "--target", "s7-300", "--json", "--quiet")[1])
     assert _gains(plain) == _gains(alone)
-    assert any("The optimum as asked for fails (overshoot); with a setpoint ramp" in note for note in closed["notes"])
+    assert any("The requested optimum fails (overshoot); with a setpoint ramp" in note for note in closed["notes"])
     assert not any("as asked for fails" in note for note in plain["notes"])
 
 
@@ -82,7 +82,7 @@ def test_no_limit_is_suggested_beyond_twice_its_default(run):
                          "recovery-overshoot=0.001%", "--limit", "settling=1s", "--quiet")
     assert status == 1
     assert "nearest that passes" not in out
-    assert "nothing tried mends it, nor a limit of up to twice its default" in " ".join(out.split())
+    assert "nothing that was tried passes, nor does any limit of up to twice its default" in " ".join(out.split())
 
 
 @pytest.mark.long

@@ -1,4 +1,4 @@
-"""What the README shows works: every command and every block is executed."""
+"""What the README and the overview of the commands show works: every command and every block is executed."""
 
 import re
 import shlex
@@ -7,13 +7,16 @@ import sys
 
 import pytest
 from tests.conftest import ROOT, fan_log, heater_log
+from tests.docs.blocks import DOCS, OVERVIEW
 from tests.docs.pictures import LARGEST_BYTES
 
 from heatertune.cli import COMMANDS, main, parser
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(sh|python)\n(.*?)```", README, re.DOTALL)
-SHELL = [line for kind, block in BLOCKS if kind == "sh" for line in block.splitlines()]
+EXAMPLE_BLOCKS = BLOCKS + re.findall(r"```(sh)\n(.*?)```", (DOCS / OVERVIEW).read_text(encoding="utf-8"), re.DOTALL)
+SHELL = [line for kind, block in EXAMPLE_BLOCKS if kind == "sh" for line in block.splitlines()]
+MOST_LINES = 120
 #: do not end by themselves, or ask a PLC: tests/studio/test_browser.py and tests/live start them
 SERVES = ("studio", "simulate", "record", "experiment", "write", "rollback", "watch")
 EXAMPLES = [command._EXAMPLE.removeprefix("example: ").splitlines()[0] for command in COMMANDS.values()]
@@ -59,7 +62,12 @@ def test_the_readmes_pictures_and_pages_are_there_and_light():
     assert all(place.stat().st_size <= LARGEST_BYTES for place in shown)
 
 
-def test_every_command_stands_in_the_readme():
+def test_the_readme_is_short_enough_to_be_read_at_once():
+    assert len(README.splitlines()) <= MOST_LINES, "details belong in the manual"
+    assert max(map(len, README.splitlines())) <= 150
+
+
+def test_every_command_has_an_example():
     for name in COMMANDS:
         assert any(line.split()[1] == name for line in COMMAND_LINES), name
 

@@ -158,7 +158,7 @@ def test_the_switches_of_every_room_are_the_table_of_its_differences():
 
     for name, package in TARGETS.items():
         text = (SOURCE.joinpath(*package.split(".")[1:]) / "DIFFERENCES.md").read_text(encoding="utf-8")
-        _, _, table = text.partition("| switch | settings (default first) | what is open |\n| --- | --- | --- |\n")
+        _, _, table = text.partition("| open point | settings (default first) | what is open |\n| --- | --- | --- |\n")
         rows = [f"| {switch.name} | {', '.join(switch.settings)} | {switch.reason} |" for switch in controller_for(name).switches]
         assert table.split("\n\n")[0].splitlines() == rows, name
         if name in COOLING:  # the open points that a cooler brings stand in a table of their own

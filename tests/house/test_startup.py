@@ -116,9 +116,9 @@ def failing(proof):
 
 
 @pytest.mark.parametrize(("change", "status", "told"), [
-    (lambda proof: proof["words"].update(K=proof["words"]["K"] + 1), 1, "the proof of other words (words); prove these"),
-    (lambda proof: proof.update(sample_time_s=9.0), 1, "the proof of other words (sample_time_s)"),
-    (lambda proof: proof["scaling"].update(high_degC=200.0), 1, "the proof of other words (scaling)"),
+    (lambda proof: proof["words"].update(K=proof["words"]["K"] + 1), 1, "the proof of other parameters (words); prove these"),
+    (lambda proof: proof.update(sample_time_s=9.0), 1, "the proof of other parameters (sample_time_s)"),
+    (lambda proof: proof["scaling"].update(high_degC=200.0), 1, "the proof of other parameters (scaling)"),
     (lambda proof: proof["criteria"]["ms"].update(ok=False) or proof.update(verdict="FAIL"), 2,
      "criteria.ms.ok: False; its value says otherwise: no whole proof; prove the words again"),
     (failing, 2, "criteria.ms.value: 9; proven again it is "),  # a whole proof, but not what the words do
@@ -153,7 +153,7 @@ def test_words_that_fail_leave_by_force_alone_and_say_so_again(proven, tmp_path,
     assert main(again) == 1
     refusal = capsys.readouterr().err
     assert "not kept: Ms" in refusal or "not kept: ms" in refusal
-    assert "; --force exports these words all the same" in refusal
+    assert "; --force exports these parameters anyway" in refusal
     assert not (tmp_path / "new").exists()
     assert main([*again, "--force"]) == 0
     assert "not kept: ms" in (tmp_path / "new" / "DB30_listing.txt").read_text()

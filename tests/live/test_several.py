@@ -74,7 +74,7 @@ def test_what_cannot_be_recorded_is_told(tmp_path, nobody):
 
 @pytest.mark.parametrize(("given", "said"), [
     (["s7://127.0.0.1/0/2", "logs", "--for", "5"], "give addresses alone, or logs alone"),
-    (["s7://127.0.0.1/0/2"], "--for S"), (["logs", "more"], "give one folder"), (["logs", "--for", "5"], "go with addresses"),
+    (["s7://127.0.0.1/0/2"], "--for S"), (["logs", "more"], "give one folder"), (["logs", "--for", "5"], "apply to addresses"),
     (["s7://127.0.0.1/0/2", "--for", "5", "--resume"], "give their folder in h_logs"),
 ])
 def test_addresses_and_logs_are_told_apart(tmp_path, capsys, monkeypatch, given, said):

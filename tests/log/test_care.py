@@ -115,7 +115,7 @@ def test_gaps_are_told_and_kept(tmp_path):
     rows = _rows()
     del rows[50:70]
     log = _read(tmp_path, rows)
-    assert log.doubts == ("The log has 1 gap (210 s after line 51); the power is taken as held through them.",)
+    assert log.doubts == ("The log has 1 gap (210 s after line 51); the power is assumed constant in them.",)
     assert np.max(np.diff(log.time_s)) == 210.0
 
 

@@ -109,7 +109,7 @@ def test_names_above_the_readings_and_foreign_columns_are_told(tmp_path):
     assert "names of the columns" in told
     assert "'T1' was taken as the temperature; T2, room temp_C not used." in told
     warm = read_log(_write(tmp_path, _table("time_s,T", [(t, y + 50) for t, y, _ in ROWS])))
-    assert any("room's temperature in °F" in doubt for doubt in warm.doubts)
+    assert any("room temperature in °F" in doubt for doubt in warm.doubts)
 
 
 def test_a_file_without_header_is_understood_by_its_numbers(tmp_path):

@@ -71,7 +71,7 @@ def test_a_power_that_may_be_volts_is_doubted(tmp_path):
 def test_readings_that_no_heater_has_ask_for_their_unit(tmp_path, column, rows):
     with pytest.raises(LogError, match=r"unit is not known.*--temperature-unit"):
         _read(tmp_path, _table(f"time_s,{column},duty_pct", rows))
-    with pytest.raises(LogError, match=r"line \d+.*that no heater has.*-90…2000 °C"):
+    with pytest.raises(LogError, match=r"line \d+.*that no heater reaches.*-90…2000 °C"):
         _read(tmp_path, _table(f"time_s,{column},duty_pct", rows), temperature_unit="degC")
 
 

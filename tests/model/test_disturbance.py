@@ -97,12 +97,12 @@ def test_a_log_that_cannot_tell_is_refused(changed, match):
 def test_without_the_power_a_disturbance_is_refused():
     log = _log()
     alone = Log(name="fan", source="", time_s=log.time_s, temperature_degC=log.temperature_degC, disturbance=log.disturbance)
-    with pytest.raises(InputError, match="told from a log that holds the power"):
+    with pytest.raises(InputError, match="fitted from a single log that contains the power"):
         fit(alone)
 
 
 def test_a_model_is_not_validated_by_a_disturbed_log_as_if_it_were_calm():
-    with pytest.raises(InputError, match="leave --disturbance-column out"):
+    with pytest.raises(InputError, match="leave out --disturbance-column"):
         validate(model_by_hand(Fopdt(gain_degC_per_pct=0.9, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=60.0)), _log())
 
 

@@ -202,7 +202,7 @@ def test_another_way_to_read_the_logs_stays_unless_another_log_speaks_against_it
 
 
 def test_logs_with_and_without_power_are_not_mixed(pair):
-    with pytest.raises(InputError, match="quiet holds the power and bare does not"):
+    with pytest.raises(InputError, match="quiet contains the power and bare does not"):
         fit_together([pair[0], replace(pair[1], name="bare", power_pct=None)])
     with pytest.raises(InputError, match="twice"):
         fit_together([pair[0], pair[0]])

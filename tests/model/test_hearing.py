@@ -40,7 +40,7 @@ def test_a_heater_faster_than_its_log_is_a_finding(lag, is_fast):
     noise = np.random.default_rng(1).normal(0.0, 0.1, len(time))
     fitted = fit(_log(time, power, answer(plant, time, power, 20.0) + noise))
     assert ("faster-than-log" in _names(fitted)) is is_fast
-    assert is_fast == any("answers faster than the log shows" in note for note in fitted.notes)
+    assert is_fast == any("responds faster than the log shows" in note for note in fitted.notes)
 
 
 @pytest.mark.long

@@ -68,6 +68,6 @@ def test_a_rest_that_few_readings_show_leaves_both_starts_as_candidates():
     # 12 readings before the step bound the slope to 0.005 °C/s, times 380 s: 8 % of the span
     found = fit(_log(_steps))
     assert any(c.law == "power logged, not from rest" for c in found.candidates)
-    assert any("log some readings more before the first step" in note for note in found.notes)
+    assert any("log more readings before the first step" in note for note in found.notes)
     long = fit(_log(lambda time: _steps(time - 400.0), length=1300.0))
     assert not any("from rest" in c.law for c in long.candidates)

@@ -50,7 +50,7 @@ def numbers_in(text):
 @pytest.mark.parametrize("target", NAMES)
 def test_the_main_file_is_among_the_files_and_the_first_that_the_steps_name(target):
     main = controller_for(target).main_file
-    steps = " ".join(commissioning(target).steps["Where the words go"])
+    steps = " ".join(commissioning(target).steps["Entering the parameters"])
     for export in controller_exports(target):
         assert main in export.files
         named = sorted((steps.index(f"`{name}`"), name) for name in export.files if f"`{name}`" in steps)

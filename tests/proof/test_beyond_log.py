@@ -131,7 +131,7 @@ def test_the_verdict_is_not_proven_until_it_is_accepted(fitted):
 
 
 def _with_heaters(fitted, *heaters, until_s=np.inf, spike_degC=None):
-    """Return the fit with further possible heaters, of the first part of its log, with one reading that is wild."""
+    """Return the fit with further plausible heaters, of the first part of its log, with one reading that is wild."""
     rest = fitted.residuals
     rows = rest.time_s <= until_s
     measured = rest.measured_degC[rows].copy()
@@ -158,7 +158,7 @@ def test_a_heater_that_cannot_hold_what_the_log_shows_held_is_left_out(fitted, h
     assert (able, len(other.heaters)) == (1, 2)
     assert list(unreachable_findings(other, able, 75.0)) == []
     assert list(left_out(other, able, 75.0)) == [
-        "1 of 2 possible heaters left out: they could not hold 75 °C, which the log shows held"]
+        "1 of 2 plausible heaters left out: they could not hold 75 °C, which the log shows to be held"]
 
 
 @pytest.mark.parametrize(("heaters", "until_s", "spike_degC"), [
@@ -172,7 +172,7 @@ def test_a_heater_that_the_log_does_not_contradict_keeps_the_finding(fitted, hea
     able = len(holding_heaters(other, 75.0))
     (finding,) = unreachable_findings(other, able, 75.0)
     assert finding.name == "setpoint-unreached"
-    assert finding.told == f"{len(heaters)} of {len(heaters) + 1} possible heaters cannot hold 75 °C."
+    assert finding.told == f"{len(heaters)} of {len(heaters) + 1} plausible heaters cannot hold 75 °C."
     assert list(left_out(other, able, 75.0)) == []
 
 

@@ -210,7 +210,7 @@ def test_a_heater_with_a_cooler_passes_and_is_exported(made):
     assert proof.verdict == "PASS"
     assert proof.words.values["CoolFactor"] == 2.0
     assert proof.words.values["CoolGain"] == 2.0 * proof.words.values["Gain"]
-    assert "the cooler was given as 0.5 times the heater's power" in proof.diagnostics.remarks
+    assert "the power of the cooler was entered as 0.5 times that of the heater" in proof.diagnostics.remarks
     assert "beside it a cooler of 0.5 times the heater's power" in proof.actuator.summary
     assert compare_text(PID_TEMP, proof.words, proof.worst) == ComparisonResult()
     files = chain.export(proof.words, proof)
@@ -254,7 +254,7 @@ def test_words_for_another_cooler_fail_by_margins_and_by_runs(made):
 def test_what_the_words_say_of_the_cooler_holds_where_nothing_is_told():
     assert actuator_for(Conditions(), WORDS).cooling_gain == 0.5
     told = prove(WORDS, FITTED, Conditions(setpoint_degC=65.0), first_look=True).diagnostics.remarks
-    assert "the cooler was taken for 0.5 times the heater's power, as the words say" in told
+    assert "the power of the cooler was taken from the parameters, 0.5 times that of the heater" in told
     for changed in ({"AdvancedCooling": 1}, {"CoolFactor": 0.0}):
         words = replace(WORDS, values=WORDS.values | changed)
         with pytest.raises(OutOfRange, match="--cooling-gain"):
@@ -264,7 +264,7 @@ def test_what_the_words_say_of_the_cooler_holds_where_nothing_is_told():
 
 def test_a_cooler_is_refused_where_there_is_no_output_for_one():
     words = controller_for("pid-temp").encode(DESIGN, RANGE)
-    with pytest.raises(InputError, match="pid-temp has no output for a cooler beside the heater; pid-temp-cooling has one"):
+    with pytest.raises(InputError, match="pid-temp has no second output for a cooler; pid-temp-cooling has one"):
         actuator_for(Conditions(cooling_gain=0.5), words)
     with pytest.raises(InputError, match=r"cooling_minimum_on_s.* need cooling_gain"):
         Conditions(cooling_minimum_on_s=1.0)

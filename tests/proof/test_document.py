@@ -119,7 +119,7 @@ def test_a_changed_text_is_refused(old, new, told, command, folder, tmp_path, ca
 ])
 def test_a_proof_of_other_words_is_refused(field, value, command, folder, tmp_path, capsys):
     proof = with_digest(json.loads((folder / "proof.json").read_text()) | {field: value})
-    assert f"the proof of other words ({field})" in _refusal(command, folder, tmp_path, json.dumps(proof), capsys, status=1)
+    assert f"the proof of other parameters ({field})" in _refusal(command, folder, tmp_path, json.dumps(proof), capsys, status=1)
 
 
 @pytest.mark.parametrize("command", ["export-db", "report"])
@@ -191,7 +191,7 @@ def test_samples_too_few_to_tell_are_no_pass_either_and_tell_how_many_would_be_e
     assert main(["export-db", str(here / "words.json"), "--target", "s5-ob251", "-o", str(out), "--quiet"]) == 1
     told = capsys.readouterr().err
     assert told.startswith("error: NOT PROVEN at ")
-    assert "too few to say whether 95 % of all do: --samples 500" in told
+    assert "too few to decide whether 95 % of all do: --samples 500" in told
     assert not out.exists()
 
 

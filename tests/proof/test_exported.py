@@ -241,7 +241,7 @@ def test_a_proof_whose_text_does_other_is_none(monkeypatch):
     monkeypatch.setenv("HEATERTUNE_CACHE", "")  # what was seen of the same words in the same runs is remembered
     other = as_exported(proof)
     assert other.verdict == "NOT PROVEN"
-    assert "the exported program does other than what was proven" in verdict_line(other.to_document())
+    assert "the exported program behaves differently from what was proven" in verdict_line(other.to_document())
 
 
 @pytest.mark.long

@@ -102,7 +102,7 @@ def test_loops_that_do_not_fit_are_left_to_the_kernel():
 
 
 def default_drawing(target):
-    """Return what `--samples` draws around a possible heater of one lag and one of two, with the whole story."""
+    """Return what `--samples` draws around a plausible heater of one lag and one of two, with the whole story."""
     which = controller_for(target)
     fitted = replace(model_by_hand(HEATER), candidates=(*model_by_hand(HEATER).candidates, *model_by_hand(TWO_LAGS).candidates))
     taken = which.timer.round(PI.sample_time_s)

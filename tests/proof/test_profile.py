@@ -134,7 +134,7 @@ def test_legs_follow_each_other_and_a_last_ramp_is_watched():
 
 @pytest.mark.parametrize(("segment", "says"), [
     # at 100 °C full power leaves (120 − 100)/100 = 0.2 °C/s, and no power lets 80 °C fall by (80 − 20)/100
-    (Segment(target_degC=100.0, rate_degC_per_s=0.21), "12.6 °C/min to 100 °C is faster than the weakest possible heater "
+    (Segment(target_degC=100.0, rate_degC_per_s=0.21), "12.6 °C/min to 100 °C is faster than the weakest plausible heater "
                                                        "follows at full power there; expected at most 12 °C/min"),
     (Segment(target_degC=100.0, ramp_s=399.0), "expected at most 12 °C/min"),
     (Segment(target_degC=120.0, rate_degC_per_s=0.001), "target 120 °C; expected more than 20 and less than 120 °C"),

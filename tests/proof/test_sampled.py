@@ -180,7 +180,7 @@ def test_samples_need_a_heater(switched, words):
 
 @pytest.mark.long
 def test_times_in_lags_and_dead_time_are_those_of_the_proof():
-    # of the slowest possible heater, the ends of intervals among them; once samples had them of those alone that are drawn around
+    # of the slowest plausible heater, the ends of intervals among them; once samples had them of those alone that are drawn around
     model = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
     slower = replace(model, dead_time_s=30.0)
     heaters = [Candidate(model=each, log="", window_s=(0.0, 1.0), law="", fit_pct=90.0, rmse_degC=1.0, delta_bic=0.0, part=part)

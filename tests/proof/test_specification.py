@@ -112,7 +112,7 @@ def test_a_preset_of_a_file_keeps_its_other_limits(tmp_path):
     ('[limits]\novershoot = "5"', "limits.overshoot: limit overshoot is '5', with no unit"),
     ("[limits\n", "no TOML"),
     ("story = 3", "story: expected a table"),
-    ("[story]\nfalls = true", "story.falls: unknown part of the story 'falls'"),
+    ("[story]\nfalls = true", "story.falls: unknown part of the test sequence 'falls'"),
     ("[story]\ntemperature-step = true", "story.temperature-step: story temperature-step is 'on'; expected a number with its unit %"),
     ('[story]\nmains = "10 %"', "story.mains: story mains is '10 %'; expected on or off"),
     ("[story]\nrestart = 3", "story.restart: expected true, false or a text"),
@@ -150,13 +150,13 @@ def test_a_design_aims_at_what_the_user_specified_and_says_where_that_is_less_th
     assert (general.ms, general.step_power_pct) == (2.0, 10.0)
     tuned = tune_settings_for(asked, Conditions(limit=("ms=1.7",)))
     assert tuned.ms == 1.7
-    assert told_of_aim(asked, tuned) == ("Ms <= 1.7 in place of 2.5: the specification asks for it.",)
+    assert told_of_aim(asked, tuned) == ("Ms <= 1.7 instead of 2.5, as the specification requires.",)
     assert told_of_aim(asked, asked) == ()
 
 
 def test_a_pipe_that_nobody_writes_to_is_refused_at_once(tmp_path):
     os.mkfifo(tmp_path / "spec.toml")
-    with pytest.raises(DocumentError, match="a pipe that nobody writes to"):
+    with pytest.raises(DocumentError, match="a pipe without a writer"):
         in_force(str(tmp_path / "spec.toml"))
 
 

@@ -59,7 +59,7 @@ def test_a_finding_that_blocks_leaves_words_that_pass_every_run_not_proven_until
     assert {run.verdict for run in proof.runs} == {"PASS"}
     assert (proof.verdict, document["verdict"]) == ("NOT PROVEN", "NOT PROVEN")
     line = verdict_line(document)
-    assert line.startswith("NOT PROVEN at 53.3 °C in 1 run on 1 possible heater; ")
+    assert line.startswith("NOT PROVEN at 53.3 °C in 1 run on 1 plausible heater; ")
     assert remedy_of(name, [name]) in line
     assert f"--accept {name}" in line
     with pytest.raises(ExportRefused, match="NOT PROVEN"):
@@ -102,10 +102,10 @@ def test_words_that_fail_fail_whatever_else_is_open(proven):
 
 def test_what_the_user_knows_stands_in_the_certificate(proven):
     document = proven(assumed={"dead_time_at_most_s": 8.0, "sensor_delay_s": 0.5}, remarks=("by hand",)).to_document()
-    assert told_of(document) == ["taken as known: dead time at most 8 s", "taken as known: sensor delay of 0.5 s", "by hand"]
+    assert told_of(document) == ["assumed: dead time at most 8 s", "assumed: sensor delay of 0.5 s", "by hand"]
     head = certificate(document).head
-    assert head[:2] == ("verdict of the proof: PASS", "proven at 53.3 °C in 1 run on 1 possible heater")
-    assert "taken as known: dead time at most 8 s" in head
+    assert head[:2] == ("verdict of the proof: PASS", "proven at 53.3 °C in 1 run on 1 plausible heater")
+    assert "assumed: dead time at most 8 s" in head
     # issue: under which conditions a PASS holds
     assert head[-3:] == ("proven setpoint: 53.3 °C", f"proven switch: {certificate(document).actuator.summary}",
                          f"digest of the proof: {document['digest']}")
@@ -122,7 +122,7 @@ def test_nothing_that_was_run_is_no_pass(proven):
         combined_verdict([])
     proof = proven()
     for nothing in ({"runs": ()}, {"criteria": ()}):
-        with pytest.raises(InputError, match="without a run"):
+        with pytest.raises(InputError, match="a proof needs at least one run"):
             replace(proof, **nothing)
 
 
@@ -170,12 +170,12 @@ def test_a_sensor_that_widens_the_tolerance_is_no_pass_of_what_was_asked(tenths,
     assert asked["verdict"] == "NOT PROVEN"
     assert {run["verdict"] for run in asked["runs"]} == {"PASS"}
     line = verdict_line(asked)
-    assert "asked ±1 °C, proven ±1.8 °C" in line
+    assert "requested ±1 °C, proven ±1.8 °C" in line
     assert "by hand" in line
     assert "--accept coarse-sensor" in line
     accepted = proof(1.0, ("coarse-sensor",))
     assert accepted["verdict"] == "PASS"
-    assert "asked ±1 °C, proven ±1.8 °C" in certificate(accepted).head
+    assert "requested ±1 °C, proven ±1.8 °C" in certificate(accepted).head
     enough = proof(2.0)
     assert (enough["verdict"], enough["findings"]) == ("PASS", [])
 
@@ -240,7 +240,7 @@ def test_a_proof_is_of_these_words_where_all_that_makes_them_is_the_same(field, 
     if field is None:
         demand_same_words(words, proof, "proof.json")
         return
-    with pytest.raises(ExportRefused, match=rf"proof\.json: the proof of other words \({field}\); prove these first"):
+    with pytest.raises(ExportRefused, match=rf"proof\.json: the proof of other parameters \({field}\); prove these first"):
         demand_same_words(words, proof | {field: other}, "proof.json")
 
 
@@ -296,14 +296,14 @@ def test_the_verdict_follows_from_limits_findings_and_samples_whatever_the_docum
     ({"samples": _samples(200, 180, 190)}, "; 180 of 200 samples keep every limit under sum = y, so at most 93.28 % of all do (95 % confidence), 95 % must"),
     ({"samples": _samples(198, 200)}, "; 198 of 200 samples keep every limit under the settings assumed, so at least 96.88 % of all do "
                                       "(95 % confidence), 95 % must"),
-    ({"samples": _samples(194, 194)}, "; 194 of 200 samples keep every limit under every setting, too few to say whether 95 % of all do: --samples 500"),
-    ({"samples": _samples(190)}, "; 190 of 200 samples keep every limit, too few to say whether 95 % of all do, and more of them at this share "
-                                 "would not say it, either"), ({"samples": None}, ""),
-    ({"findings": [POOR]}, "; no model explains the log well (poor-fit): keep doors and fans still while you log, and log each change of the power at its own instant, or --accept poor-fit"),
+    ({"samples": _samples(194, 194)}, "; 194 of 200 samples keep every limit under every setting, too few to decide whether 95 % of all do: --samples 500"),
+    ({"samples": _samples(190)}, "; 190 of 200 samples keep every limit, too few to decide whether 95 % of all do; at this share, more "
+                                 "samples would not decide it either"), ({"samples": None}, ""),
+    ({"findings": [POOR]}, "; no model explains the log well (poor-fit): keep doors and fans unchanged while you log, and log each change of the power at its own time, or --accept poor-fit"),
     ({"findings": [POOR | {"accepted": True}] + [POOR | {"name": "one-level"}] * 2, "assumed": {"dead_time_at_most_s": 8.0}, "remarks": ["by hand"],
       "not_tested": ["noise", "restart"]},
-     "; taken as known: dead time at most 8 s; accepted: no model explains the log well; the log knows one level of power, so that the heater is "
-     "linear is assumed; by hand; not tested: noise, restart"),
+     "; assumed: dead time at most 8 s; accepted: no model explains the log well; the log has one level of power only, so the heater is "
+     "assumed to be linear; by hand; not tested: noise, restart"),
     ({"specification": {"name": GENERAL, "changed": [], "limits": encode(preset(GENERAL).limits)}}, ""),
     ({"specification": {"name": "oven", "changed": [], "limits": encode(preset("oven").limits), "profile": None}}, "; specification oven"),
     ({"specification": {"name": GENERAL, "changed": ["overshoot", "ms"],
@@ -312,7 +312,7 @@ def test_the_verdict_follows_from_limits_findings_and_samples_whatever_the_docum
     ({"criteria": {"switchings": {"ok": True, "value": 1000.4}}}, "; 1000 switchings/h (a contactor lasts LIFE)"),
 ])
 def test_the_line_tells_extent_limits_samples_findings_and_specification_in_this_order(changed, line):
-    expected = f"PASS at 50 °C in 3 runs on 2 possible heaters{line}".replace("LIFE", life("contactor", 1000.4))
+    expected = f"PASS at 50 °C in 3 runs on 2 plausible heaters{line}".replace("LIFE", life("contactor", 1000.4))
     assert verdict_line(_document(**changed)) == expected
 
 

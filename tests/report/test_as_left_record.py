@@ -67,7 +67,7 @@ def test_a_trace_of_another_proof_is_not_shown(tmp_path, documents, trace):
 
 
 @pytest.mark.parametrize(("options", "told"), [
-    (("--load-at", "5"), "say --as-left TRACE"), (("--as-left", "nothing.csv"), "nothing.csv"),
+    (("--load-at", "5"), "need --as-left TRACE"), (("--as-left", "nothing.csv"), "nothing.csv"),
     (("--as-left", "{trace}", "--setpoint", "22"), "no heat-up"), (("--as-left", "{trace}", "--load-at", "9e9"), "--load-at"),
     (("--as-left", "{trace}", "--setpoint", "2000"), "2000"),
 ])

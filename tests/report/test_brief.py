@@ -44,7 +44,7 @@ def test_every_verdict_of_every_controller_is_one_screen(target, verdict):
     screen = screen_of(target, verdict)
     lines, whole = _fits(screen), " ".join(screen.replace("\\\n", " ").split())
     assert lines[0].startswith(f"{verdict}  {target} at 53.3 °C: ")
-    assert "54 runs on 9 possible heaters" in whole
+    assert "54 runs on 9 plausible heaters" in whole
     assert "the power was not logged" in whole
     assert "mains voltage (at −10 % a heater has 2.98 %" in whole
     assert "3 points that the manual leaves open" in whole
@@ -54,7 +54,7 @@ def test_every_verdict_of_every_controller_is_one_screen(target, verdict):
             assert re.search(rf"^  .*\b{re.escape(word.name)} +{re.escape(word.first_text)}(  |$)", screen, re.MULTILINE)
             assert not word.changes or f"then {word.then_text}:" in screen
     else:
-        assert "not to be typed in: " in whole
+        assert "do not enter: " in whole
         assert "no files for the PLC" in whole
     if verdict == "FAIL":
         assert "overshoot 24.1 % (limit 20 %), settling time never (limit 1500 s)" in whole
@@ -96,13 +96,13 @@ def test_a_proof_alone_shows_its_notes_as_far_as_there_is_room():
     screen = verify_brief(proof_of("weg", "FAIL"), notes)
     _fits(screen)
     shown = len(re.findall(r"^- Note", screen, re.MULTILINE))
-    assert f"- {9 - shown} more to read: --verbose" in screen
+    assert f"- {9 - shown} more: --verbose" in screen
     assert 0 < shown < 9
-    assert "way on: heatertune design or tune" in screen
-    assert "way on: found when it was designed: would pass at" in verify_brief(proof_of("weg", "FAIL"), notes, "would pass at 3 °C")
+    assert "remedy: heatertune design or tune" in screen
+    assert "remedy: found during the design: would pass at" in verify_brief(proof_of("weg", "FAIL"), notes, "would pass at 3 °C")
     hidden = verify_brief(proof_of("weg", "PASS"), ["Ljung-Box is 3.", "The ramp is 2 °C/min."])
     assert "Ljung" not in hidden
-    assert "- The ramp is 2 °C/min.\n- 1 more to read: --verbose" in hidden
+    assert "- The ramp is 2 °C/min.\n- 1 more: --verbose" in hidden
 
 
 def test_samples_stand_in_the_first_lines_with_what_they_break_where_the_runs_break_nothing():
@@ -114,12 +114,12 @@ def test_samples_stand_in_the_first_lines_with_what_they_break_where_the_runs_br
     proof["criteria"] = {name: criterion | {"ok": True} for name, criterion in proof["criteria"].items()}
     said = " ".join(verify_brief(proof).split())
     assert "180 of 200 samples keep every limit under x = z, so at most 93.28 % of all do (95 % confidence), 95 % must" in said
-    assert "way on: of all samples, 2 % break recovery overshoot and 0.5 % break overshoot: where the controller is known to be " in said
-    assert "--switch tells so; heatertune design or fleet with --samples looks for the least change that passes" in said
+    assert "remedy: of all samples, 2 % break recovery overshoot and 0.5 % break overshoot: if your controller is known to behave " in said
+    assert "state it with --switch; heatertune design or fleet with --samples searches for the smallest change that passes" in said
     drawn["settings"][0]["kept"] = 195
     drawn["criteria"] = {**spots, "power_reserve": {"passing": 1.0, "worst": -3.0}}
     said = " ".join(verify_brief(proof).split())
-    assert "break overshoot: on some the heater lacks the power for this setpoint" in said
+    assert "break overshoot: some heaters lack the power for this setpoint" in said
 
 
 WORDS = st.text(st.characters(codec="utf-8", categories=["L", "N"]), min_size=1, max_size=12)
@@ -147,9 +147,9 @@ def test_a_command_over_several_lines_is_one_for_the_shell(words):
 
 
 def test_notes_take_no_more_than_their_room():
-    assert notes_within(3, ["one", "two", "three", "four"]) == ["- one", "- two", "- 2 more to read: --verbose"]
+    assert notes_within(3, ["one", "two", "three", "four"]) == ["- one", "- two", "- 2 more: --verbose"]
     assert notes_within(9, ["one"]) == ["- one"]
-    assert notes_within(9, ["one"], hidden=2) == ["- one", "- 2 more to read: --verbose"]
+    assert notes_within(9, ["one"], hidden=2) == ["- one", "- 2 more: --verbose"]
     assert notes_within(1, []) == []
 
 

@@ -116,8 +116,8 @@ def test_a_heater_is_fitted_from_whatever_is_at_hand(log, tmp_path):
 
 
 @pytest.mark.parametrize(("data", "told"), [
-    (7, "no log: int; expected a log, a path, an open file"),
-    ((np.arange(30.0),), "no log: tuple"),
+    (7, "not a log: int; expected a log, a path, an open file"),
+    ((np.arange(30.0),), "not a log: tuple"),
     ((np.arange(30.0), ["warm"] * 30), "temperature_degC: not an array of numbers"),
     ((np.arange(30.0), None), r"temperature_degC: .* \(\)"),
     ((np.arange(30.0), np.ones((30, 2))), r"shape \(30, 2\)"),

@@ -68,7 +68,7 @@ def at(panel, share):
 def test_the_pictures_tell_what_is_under_the_mouse_zoom_and_come_back(shown, documents):
     assert shown.locator("figure.moves").count() == 4, "loop, switching, wish, fit"
     written = set(shown.evaluate("[...window.written]"))
-    assert {"time [s]", "temperature [°C]", "power asked for [%]", "heater [%]", "difference [°C]", "power [%]", "residual [°C]",
+    assert {"time [s]", "temperature [°C]", "requested power [%]", "heater [%]", "difference [°C]", "power [%]", "residual [°C]",
             "0", "200"} <= written
     assert any(re.fullmatch(r"[1-9]\d*,000", tick) for tick in written), "a run lasts hours"
     loop = shown.locator("figure.moves").first

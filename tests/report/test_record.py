@@ -144,8 +144,8 @@ def test_the_record_has_limit_and_proven_worst_and_room_for_what_is_measured_by_
 
 def test_words_that_are_not_proven_are_not_to_be_typed_in(documents):
     words = documents["words"] | {"verdict": "FAIL", "files": []}
-    assert "Not to be typed in: these words are not proven." in record(documents | {"words": words})
-    assert "Not to be typed in" not in record(documents)
+    assert "Do not enter: these parameters are not proven." in record(documents | {"words": words})
+    assert "Do not enter" not in record(documents)
 
 
 def test_what_the_plant_is_called_stands_at_the_foot_of_each_page_and_breaks_out_of_nothing(documents):
@@ -167,10 +167,10 @@ def test_a_head_stands_over_its_numbers():
 
 def test_verdict_steps_and_what_was_not_proven_stand_in_the_page(page):
     heads = re.findall(r"<h2>(.*?)</h2>", page)
-    assert heads == ["Words for s5-ob251", "Into service", "Safety", "Acceptance test", "As found, as left", "Signed",
-                     "Asked", "Proof", "What was not proven", "If something is wrong", "Chosen and rounded", "Identified", "Logged", "Assumed", "What other designs would have done", "Terms"]
+    assert heads == ["Parameters for s5-ob251", "Commissioning", "Safety", "Acceptance test", "As found, as left", "Signed",
+                     "Specification", "Proof", "What was not proven", "Troubleshooting", "Design and rounding", "Model", "Log", "Assumptions", "Comparison with other designs", "Terms"]
     assert 'class="verdict pass"' in page
-    assert "a jittering timer (<code>heatertune verify --samples</code>" in page
+    assert "a jittering timer (see <code>heatertune verify --samples</code>" in page
 
 
 @pytest.mark.long
@@ -186,7 +186,7 @@ def test_the_same_documents_give_the_same_page_and_other_words_other_ticks(docum
 def test_the_data_of_a_live_picture_are_the_lines_of_the_printed_one(documents, page):
     series = documents["pictures"]
     found = panels(plot_loop(series["nominal"], series["worst"], series["others"]))
-    assert [panel["y"] for panel in found] == ["temperature [°C]", "power asked for [%]"]
+    assert [panel["y"] for panel in found] == ["temperature [°C]", "requested power [%]"]
     assert all(panel["x"] == "time [s]" for panel in found)
     nominal = next(line for line in found[0]["lines"] if line["label"] == "nominal")
     assert nominal["y"] == pytest.approx(series["nominal"]["temperature_degC"], abs=1e-4)

@@ -18,7 +18,7 @@ from heatertune.report.layout import table
 from heatertune.report.style import LOOK, to_svg
 from heatertune.report.text import criteria_table, criterion_value, design_lines, ramp_note
 
-LABELS = {"temperature [°C]", "residual [°C]", "power asked for [%]", "difference [°C]", "heater [%]", "Re L [1]",
+LABELS = {"temperature [°C]", "residual [°C]", "requested power [%]", "difference [°C]", "heater [%]", "Re L [1]",
           "|S| [1]"}
 
 
@@ -38,7 +38,7 @@ def test_the_loop_is_drawn_from_the_numbers_of_the_trace(shown):
     drawn = next(line for line in top.lines if line.get_label() == "nominal")
     at = np.asarray(drawn.get_xdata())
     assert np.asarray(drawn.get_ydata()) == pytest.approx(proof.nominal.temperature_at(at), abs=5e-3)
-    assert (top.get_ylabel(), low.get_ylabel()) == ("temperature [°C]", "power asked for [%]")
+    assert (top.get_ylabel(), low.get_ylabel()) == ("temperature [°C]", "requested power [%]")
 
 
 def test_wished_and_realised_are_drawn_with_their_difference(shown):
@@ -179,7 +179,7 @@ def test_a_ramp_is_drawn_as_it_was_followed(shown):
 
 def test_a_ramp_is_told_with_its_rate():
     ramp = {"step": 9, "calls": 2, "degC_per_min": 2.6377}
-    assert ramp_note({"setpoint_ramp": ramp})[0].startswith("The setpoint moves by 9 units every 2 calls, 2.64 °C/min:")
+    assert ramp_note({"setpoint_ramp": ramp})[0].startswith("The setpoint moves by 9 units every 2 calls, 2.64 °C/min. The exported files")
     assert ramp_note({"setpoint_ramp": ramp | {"calls": 1}})[0].startswith("The setpoint moves by 9 units every call,")
     assert ramp_note({"setpoint_ramp": None}) == ramp_note({}) == []
 
@@ -198,7 +198,7 @@ def test_every_hypothesis_and_what_it_is_worth_stands_in_the_page_where_the_powe
     assert "Known within the intervals above: time constant." in page
     for cell in ("positional &lt;P&gt;", "166 + 20", "93.5", "112", "0.31", "0.7", "dead_time_s", "foretold"):
         assert cell in page, cell
-    assert "None of the parameters" in _hypotheses(model | {"time_constant_s_ci95": None})
+    assert "No parameter is identified" in _hypotheses(model | {"time_constant_s_ci95": None})
     assert _hypotheses({}) == _checks({}) == ""
     checked = _checks({"fit_pct": 96.6, "held_out": {"fit_pct": 94.3}, "whiteness": {
         "ljung_box": 4766.0, "limit": 31.41, "ok": False}, "input_crosscorrelation": {

@@ -155,7 +155,7 @@ def test_a_user_gets_from_a_dropped_file_to_downloaded_words(page, step_log):
     page.emulate_media(color_scheme="dark")
     page.locator("body.body--dark").wait_for()
     demand_accessible(page)
-    force = page.get_by_role("checkbox", name="export whatever the verdict")
+    force = page.get_by_role("checkbox", name="export even if the verdict is not PASS")
     if force.is_visible():
         force.click()
     with page.expect_download() as told:
@@ -250,7 +250,7 @@ def _picture_has_all_runs_a_crosshair_and_a_zoom(page):
     page.wait_for_function("before => document.querySelector('[aria-label^=\"Temperature of the proven loop\"]').innerText != before",
                            arg=labels)
     chart.hover(position={"x": 300, "y": 120})
-    chart.get_by_text(re.compile(r"nominal run: \d+\.\d °C.*power asked for: \d+\.\d %")).wait_for()
+    chart.get_by_text(re.compile(r"nominal run: \d+\.\d °C.*requested power: \d+\.\d %")).wait_for()
     page.get_by_text("The picture in numbers").click()
     assert page.locator("#loop-numbers table").is_visible()
 

@@ -95,7 +95,7 @@ def test_a_controller_that_is_no_pid_has_no_gains_to_compare(heater):
     assert "no PID" in views.rounding(found)
     assert (found.margins, found.wish) == (None, None)
     lines = charts.loop_chart(found, picture_of(found.proof))["series"]
-    assert [line["name"] for line in lines] == ["nominal run", "power asked for"]
+    assert [line["name"] for line in lines] == ["nominal run", "requested power"]
 
 
 def test_a_first_look_bears_no_verdict(look, proof):
@@ -104,7 +104,7 @@ def test_a_first_look_bears_no_verdict(look, proof):
     assert views.verdict_text("proving…", None).startswith("Proving")
     assert views.verdict_text("no design", None).startswith("No design yet")
     assert "the last one" in views.verdict_text("no design", None, last=True)
-    assert views.verdict_text("PASS", proof).startswith(f"PASS at 50 °C in {len(proof.runs)} runs on 1 possible heater")
+    assert views.verdict_text("PASS", proof).startswith(f"PASS at 50 °C in {len(proof.runs)} runs on 1 plausible heater")
 
 
 @pytest.mark.long
@@ -147,7 +147,7 @@ def test_every_axis_has_its_unit_and_every_line_its_name(heater, look, step_log)
             shown = line.get("endLabel", {}).get("formatter")
             assert shown == line["name"] or line["name"].startswith("band")
     assert [axis["name"] for axis in loop["xAxis"]] == ["", "time [s]"]  # one below the other
-    assert [axis["name"] for axis in loop["yAxis"]] == ["temperature [°C]", "power asked for [%]"]
+    assert [axis["name"] for axis in loop["yAxis"]] == ["temperature [°C]", "requested power [%]"]
     named = [name for name, _, _ in charts.key_of(look, picture_of(look.proof))]
     assert named == [line["name"] for line in loop["series"]][:-1] == ["nominal run", "unrounded wish"]
     for options in (*plain, loop):

@@ -42,7 +42,7 @@ SCHEMA: Final = "heatertune/health/1"
 
 _POINTS: Final = 90  # of a sparkline, each with its lowest and highest
 _HEATER: Final = {"gain_degC_per_pct": "process gain [°C/%]", "time_constant_s": "time constant [s]",
-                  "dead_time_s": "dead time [s]", "ambient_degC": "temperature without power [°C]"}
+                  "dead_time_s": "dead time [s]", "ambient_degC": "ambient temperature, reached without power [°C]"}
 _COLUMNS: Final = (
     TableColumn(name="name", kind="text", description="the loop"),
     TableColumn(name="file", kind="text", description="its log, without the part of its path that all logs share"),

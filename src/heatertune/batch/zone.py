@@ -37,7 +37,7 @@ _CRITERIA: Final = {
 
 _WHAT: Final = {
     "gain_degC_per_pct": "process gain [°C/%]", "time_constant_s": "time constant [s]", "dead_time_s": "dead time [s]",
-    "ambient_degC": "temperature without power [°C]",
+    "ambient_degC": "ambient temperature, reached without power [°C]",
 }
 
 _DESIGN: Final = {
@@ -64,7 +64,7 @@ RESULT: Final = (
     TableColumn(name="fit_pct", kind="float", description="how much of the log the working model explains [%]"),
     TableColumn(name="models", kind="int", description="candidate models that were tuned for and proven on"),
     *(TableColumn(name=name, kind="float", description=f"{what} of the design") for name, what in _DESIGN.items()),
-    TableColumn(name="structure", kind="text", description="parts that act"),
+    TableColumn(name="structure", kind="text", description="parts of the controller"),
     TableColumn(name="method", kind="text", description="how the design was found"),
     TableColumn(name="words", kind="text", description="the words the PLC will hold, as JSON"),
     TableColumn(name="remarks", kind="text",

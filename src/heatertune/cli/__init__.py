@@ -24,13 +24,16 @@ from heatertune.errors import ExportRefused, HeatertuneError, InputError, did_yo
 
 __all__ = ["main"]
 
+
+_PURPOSE: Final = "From a heater's temperature log to proven PID parameters for your PLC."
+
 #: those that most people need, in the order in which they do, and what they are for
 _FIRST: Final = {
-    "design": "from a log to words that are proven, and the record to sign: begin here",
-    "studio": "the same in the browser: drop a log, move the design, download the words",
-    "read": "what a log file is taken for, before anything is made of it",
-    "verify": "prove a design or words again, under your own conditions",
-    "decode": "what a controller that runs already holds, and its proof",
+    "design": "from a log to proven parameters and the commissioning record: begin here",
+    "studio": "the same in a browser: drop a log, adjust, download the parameters",
+    "read": "how a log file is read, before it is used",
+    "verify": "prove a design or parameters again, under your own conditions",
+    "decode": "the parameters of a running controller, and their proof",
 }
 
 #: exit status of a crash, as EX_SOFTWARE of sysexits.h
@@ -67,7 +70,7 @@ def _welcome() -> str:
     examples = {name: command_module(name)._EXAMPLE.removeprefix("example: ") for name in _FIRST}
     told = [f"  {examples[name]}\n      {what}" for name, what in _FIRST.items()]
     return "\n".join([
-        "From a temperature log to PLC words, proven before they reach the heater.", "", *told, "",
+        _PURPOSE, "", *told, "",
         "heatertune --help lists all commands, heatertune COMMAND --help its options."])
 
 
@@ -78,7 +81,7 @@ def parser(only: str | None = None) -> argparse.ArgumentParser:
     """
     top = CommandParser(
         prog="heatertune",
-        description="From a temperature log to PLC words that have been proven before they reach the heater.",
+        description=_PURPOSE,
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

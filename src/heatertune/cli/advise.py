@@ -18,13 +18,13 @@ _EXAMPLE = "example: heatertune advise table4 --pid pid.json --target s5-ob251 -
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "advise", help="a logged response → WEG's retuning advice, each step proven on the model", epilog=_EXAMPLE,
-        description="Say which symptom of WEG's manual a closed-loop response shows, and what the manual's advice "
-        "would do to the design: gains, verdict, overshoot, settling time and IAE before and after each step. Exit "
-        "status 1 where neither the design nor any step passes.",
+        "advise", help="logged response → WEG's retuning advice, each step proven on the model", epilog=_EXAMPLE,
+        description="Find the symptom of WEG's manual that a closed-loop response shows, and what the manual's advice "
+                    "would change: gains, verdict, overshoot, settling time and IAE before and after each step. Exit "
+                    "status 1 if neither the design nor any step passes.",
     )
     command.add_argument("log", metavar="LOG|proof",
-                         help="CSV file, table3 or table4; or the word proof: the response of the design's own proof")
+                         help="CSV file, table3 or table4; or proof: the response in the design's own proof")
     command.add_argument("--pid", required=True, metavar="FILE", help="pid.json as written by tune, with its model")
     common.add_proof_options(command, target="weg")
     common.add_reading_options(command)

@@ -22,10 +22,11 @@ _EXAMPLE = "example: heatertune bench --target weg --samples 500"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "bench", help="how fast this machine runs the closed loop, a proof on samples and a fit", epilog=_EXAMPLE,
-        description="Time the closed loop of a controller, plain and compiled, a proof on samples and a fit, in turn "
-        "with yardsticks; tell the least, the median and the most of each. It takes some twenty seconds; the first "
-        "time a loop is compiled, some more.",
+        "bench", help="measure how fast this machine runs the closed loop, a proof on samples and a "
+                      "fit", epilog=_EXAMPLE,
+        description="Time the closed loop of a controller, plain and compiled, a proof on samples and a fit, "
+                    "alternating with references; print the minimum, median and maximum of each. It takes about twenty "
+                    "seconds, longer when a loop is compiled for the first time.",
     )
     command.add_argument("--target", default="s5-ob251", metavar="NAME", type=one_of(NAMES),
                          help=f"one of {', '.join(NAMES)}")

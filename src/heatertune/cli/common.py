@@ -66,13 +66,13 @@ def add_log_options(command: argparse.ArgumentParser) -> None:
 
 def add_model_options(command: argparse.ArgumentParser) -> None:
     """Add the options of a model given by hand."""
-    group = command.add_argument_group("a model by hand, instead of a model file")
+    group = command.add_argument_group("a model by its numbers, instead of a model file")
     group.add_argument("--gain", type=float, metavar="°C/%",
-                       help="rise per percent of power [°C/%%]; below zero for a cooler")
+                       help="temperature rise per percent of power [°C/%%]; negative for a cooler")
     group.add_argument("--time-constant", type=float, metavar="S", help="time constant [s]")
     group.add_argument("--second-time-constant", type=float, metavar="S", help="second time constant, if any [s]")
     group.add_argument("--dead-time", type=float, metavar="S", help="dead time [s]")
-    group.add_argument("--ambient", type=float, metavar="°C", help="temperature without power [°C]")
+    group.add_argument("--ambient", type=float, metavar="°C", help="ambient temperature, reached without power [°C]")
 
 
 def add_tuning_options(command: argparse.ArgumentParser) -> None:
@@ -88,7 +88,7 @@ def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = 
                        type=options.one_of(NAMES),
                        help=f"the controller (see: heatertune targets): {', '.join(NAMES)}{default}")
     group.add_argument("--faithful", action="store_true",
-                       help="the program as its source prints it, faults included (s7-200)")
+                       help="the program exactly as its source prints it, with its faults (s7-200)")
     options.add(group, Conditions, "switches", default=argparse.SUPPRESS)
     add_condition_options(command)
 
@@ -241,12 +241,12 @@ def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
     names = ("gain", "time_constant", "dead_time")
     numbers = _given(settings, *names)
     if path is not None and numbers:
-        raise InputError("give a model file or --gain, --time-constant, --dead-time, not both")
+        raise InputError("name a model file or --gain, --time-constant, --dead-time, not both")
     if path is not None:
         return _model_of_design(path) or read_model(path)
     missing = [f"--{name.replace('_', '-')}" for name in names if name not in numbers]
     if missing:
-        raise InputError(f"no model: give a model file, or {', '.join(missing)} as well")
+        raise InputError(f"no model: name a model file, or add {', '.join(missing)}")
     plant = {
         "gain_degC_per_pct": settings.gain, "time_constant_s": settings.time_constant,
         "dead_time_s": settings.dead_time, "ambient_degC": settings.ambient,

@@ -23,12 +23,12 @@ _EXAMPLE = "example: heatertune compare pid.json -o out/"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "compare", help="one design on every controller: IAE, overshoot, offset, and what the words cost",
+        "compare", help="one design on every controller: IAE, overshoot, offset, and the cost of rounding",
         epilog=_EXAMPLE,
-        description="Round a design to the words of every controller, prove each, and put them side by side.",
+        description="Round a design to the parameters of every controller, prove each, and compare them.",
     )
     command.add_argument("pid", metavar="PID", help="pid.json as written by tune")
-    command.add_argument("-o", "--out", metavar="DIR", help="directory for compare.html, and data/compare.json")
+    command.add_argument("-o", "--out", metavar="DIR", help="folder for compare.html and data/compare.json")
     common.add_condition_options(command, "range_degC")
     common.add_model_options(command)
     printing.add_output_options(command, brief=True)

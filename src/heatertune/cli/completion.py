@@ -28,8 +28,8 @@ _DIRECTORIES: Final = ("DIR",)
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "completion", help="the script that makes bash, zsh or fish complete what you type", epilog=_EPILOG,
-        description="Print a completion script for a shell; a new shell has it once the script is where it looks.",
+        "completion", help="print a completion script for bash, zsh or fish", epilog=_EPILOG,
+        description="Print a completion script. Put it where the shell looks for completions, and start a new shell.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")

@@ -16,16 +16,16 @@ _EXAMPLE = "example: heatertune decode out/DB30.bin --target s5-ob251 --called-e
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "decode", help="a controller's words as dumped or printed → K, TN, TV as realised, what is odd, and its proof",
+        "decode", help="parameters as dumped or printed → K, TN, TV as realised, remarks, and their proof",
         epilog=_EXAMPLE,
-        description="Read the words of a running controller: the bytes of its data block, high byte first, or text as "
-        "its programming tool saves or prints it (S5: listing of the block; S7-200: statement list or data block; "
-        "S7-300: STL source; WEG: the block's call or a list of parameters; one-bit processor: Intel HEX); with a "
-        "model by hand or --model, prove them.",
+        description="Read the parameters of a running controller: the bytes of its data block, high byte first, or "
+                    "text as its programming tool saves or prints it (S5: listing of the block; S7-200: statement list "
+                    "or data block; S7-300: STL source; WEG: the block's call or a list of parameters; one-bit "
+                    "processor: Intel HEX). With a model, prove them.",
     )
     command.add_argument("dump", metavar="DUMP", help="binary or text file")
     command.add_argument("--called-every", type=float, metavar="S",
-                         help="sampling interval TA [s]; needed where no word tells it")
+                         help="sampling interval TA [s]; needed if no parameter contains it")
     command.add_argument("--model", metavar="FILE", help="model.json to prove the controller on")
     common.add_proof_options(command)
     common.add_model_options(command)
@@ -49,7 +49,7 @@ def _run(settings: argparse.Namespace) -> int:
     }
     if settings.model is not None or settings.gain is not None:
         fitted = common.model_from(settings, settings.model)
-        printing.Progress(settings)("proving the words")
+        printing.Progress(settings)("proving the parameters")
         document["proof"] = chain.prove(words, fitted, common.conditions(settings)).to_document()
     proof = document["proof"]
 

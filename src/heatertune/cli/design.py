@@ -22,12 +22,13 @@ def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "design", help="the whole chain: log → model → pid → plc → proof → report", epilog=_EXAMPLE,
-        description="Fit, tune, round to words, prove, and write every document, the export files and report.html.",
+        description="Fit the heater, tune the controller, round to its parameters, prove them, and write the "
+                    "documents, the export files and report.html.",
     )
-    command.add_argument("log", metavar="LOG", help="a CSV file, or table3 / table4 built in")
-    command.add_argument("-o", "--out", required=True, metavar="DIR", help="directory for the results")
+    command.add_argument("log", metavar="LOG", help="a CSV file, or the built-in table3 / table4")
+    command.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for the results")
     options.add(command, WordSettings)
-    command.add_argument("--force", action="store_true", help="export whatever the verdict")
+    command.add_argument("--force", action="store_true", help="export even if the verdict is not PASS")
     common.add_proof_options(command)
     common.add_log_options(command)
     common.add_tuning_options(command)

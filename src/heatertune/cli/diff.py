@@ -19,15 +19,16 @@ _EXAMPLE = "example: heatertune diff out/ out/DB30.bin"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "diff", help="two word sets apart in engineering terms: exit status 1 where they differ", epilog=_EXAMPLE,
-        description="Tell what K, TN, TV, limits and mode two word sets have, word by word, and whether the proof of "
-        "one covers the other. Each is a folder, a words.json, a pid.json, or a dump or text of a controller; what a "
-        "file does not tell is as in the other.",
+        "diff", help="compare two sets of parameters in engineering terms; exit status 1 if they "
+                     "differ", epilog=_EXAMPLE,
+        description="Compare K, TN, TV, limits and mode of two sets of parameters, one by one, and report whether the "
+                    "proof of one covers the other. Each is a folder, a words.json, a pid.json, or a dump or text of a "
+                    "controller; what one file does not contain is taken from the other.",
     )
-    command.add_argument("before", metavar="A", help="the words before")
-    command.add_argument("after", metavar="B", help="the words after")
+    command.add_argument("before", metavar="A", help="the parameters before")
+    command.add_argument("after", metavar="B", help="the parameters after")
     command.add_argument("--target", metavar="NAME", type=options.one_of(NAMES),
-                         help=f"the controller, where neither file tells it: {', '.join(NAMES)}")
+                         help=f"the controller, if neither file names it: {', '.join(NAMES)}")
     command.add_argument("--called-every", type=float, metavar="S",
                          help="sampling interval TA of a dump or text [s] (default: as in the other)")
     options.add(command, SensorSettings, "range_degC", default=argparse.SUPPRESS,

@@ -19,9 +19,9 @@ _EXAMPLE = "example: heatertune doctor"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "doctor", help="look at this installation: versions, solvers, caches, extras", epilog=_EXAMPLE,
-        description="Look at Python, the packages, IPOPT, both caches, the extras and the paper tables, and say what "
-        "to do about what is broken. Exit status 1 where something that heatertune needs is.",
+        "doctor", help="check this installation: versions, solvers, caches, extras", epilog=_EXAMPLE,
+        description="Check Python, the packages, IPOPT, both caches, the extras and the paper's tables, with a remedy "
+                    "for each fault. Exit status 1 if something that heatertune needs is broken.",
     )
     printing.add_output_options(command)
     command.set_defaults(run=_run)

@@ -21,15 +21,16 @@ _EXAMPLE = "example: heatertune export-db pid.json --target s5-ob251 -o out/"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "export-db", help="pid → words, proven, as text for the PLC", epilog=_EXAMPLE,
-        description="Round a design to words, prove them, and write what is typed into the PLC. Refuses what is "
-                    "not PASS.",
+        "export-db", help="pid → proven parameters as text for the PLC", epilog=_EXAMPLE,
+        description="Round a design to controller parameters, prove them, and write what is entered into the PLC. "
+                    "Refused unless the verdict is PASS.",
     )
     command.add_argument("pid", metavar="PID|WORDS", help=(
-        "pid.json as written by tune; or words.json, exported again as the proof.json beside it says"))
+        "pid.json as written by tune; or words.json, exported again according to the proof.json next to it"))
     command.add_argument("-o", "--out", required=True, metavar="DIR", help="directory for the files")
     common.add_word_options(command, but=("switch_kind", "as_is"))
-    command.add_argument("--force", action="store_true", help="export whatever the verdict; the files say so")
+    command.add_argument("--force", action="store_true",
+                         help="export even if the verdict is not PASS; the files say so")
     common.add_proof_options(command)
     common.add_model_options(command)
     printing.add_output_options(command)

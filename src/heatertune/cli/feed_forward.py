@@ -19,15 +19,15 @@ _EXAMPLE = "example: heatertune feed-forward oven/ --disturbance-range 0 1 --con
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "feed-forward", help="a measured disturbance → what the PLC adds for it, run beside plain feedback",
+        "feed-forward", help="measured disturbance → feed-forward for the PLC, compared with plain feedback",
         epilog=_EXAMPLE,
         description="Design feed-forward of the disturbance that `heatertune design --disturbance-column` found in the "
-                    "log, run it beside plain feedback on every possible heater, and write the program that feeds it.",
+                    "log, compare it with plain feedback on every plausible heater, and write its program.",
     )
-    command.add_argument("directory", metavar="DIR", help="directory that `heatertune design` wrote")
-    command.add_argument("-o", "--out", metavar="DIR", help="directory for the results (default: the same)")
+    command.add_argument("directory", metavar="DIR", help="folder that `heatertune design` wrote")
+    command.add_argument("-o", "--out", metavar="DIR", help="folder for the results (default: the same)")
     options.add(command, FeedForwardSettings)
-    command.add_argument("--force", action="store_true", help="write the program whatever the verdicts")
+    command.add_argument("--force", action="store_true", help="write the program even if a verdict is not PASS")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
@@ -41,5 +41,5 @@ def _run(settings: argparse.Namespace) -> int:
     written = f"written to {out}: {', '.join(sorted(fed.files))}"
     printing.output(settings, document, lambda: f"{report.feed_forward_lines(document)}\n{written}")
     if fed.proof.refusal and not settings.force:
-        raise ExportRefused(f"{fed.proof.refusal}; --force writes the program all the same")
+        raise ExportRefused(f"{fed.proof.refusal}; --force writes the program anyway")
     return 0

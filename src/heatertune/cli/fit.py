@@ -24,14 +24,14 @@ def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "fit", help="log → model: FOPDT with intervals, and every model that explains the log", epilog=_EXAMPLE,
-        description="Identify the heater behind a temperature log, or behind several logs of one heater.",
+        description="Identify a heater from its temperature log, or from several logs of it.",
     )
     command.add_argument("log", metavar="LOG", nargs="+",
-                         help="a CSV file, or table3 / table4 built in; several of one heater, all with power or "
-                              "all without, are fitted together")
+                         help="a CSV file, or the built-in table3 / table4; several logs of one heater (all with "
+                              "power, or all without) are fitted together")
     command.add_argument("-o", "--out", metavar="FILE", help="write the model to this JSON file")
     command.add_argument("--hypotheses", action="store_true",
-                         help="show the table of controller hypotheses; for one log all of them, however bad")
+                         help="print the table of controller hypotheses; for one log, all of them")
     common.add_log_options(command)
     add_known_options(command)
     printing.add_output_options(command, brief=True)

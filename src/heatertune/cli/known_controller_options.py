@@ -20,13 +20,13 @@ __all__ = ["add_known_options", "known_words"]
 
 def add_known_options(command: argparse.ArgumentParser) -> None:
     """Add --controller, --words, --setpoint and --switch."""
-    group = command.add_argument_group("a log without power, of a controller you know")
+    group = command.add_argument_group("a log without power, from a known controller")
     group.add_argument("--controller", metavar="NAME", help=f"the controller of this log: one of {', '.join(NAMES)}")
-    group.add_argument("--words", metavar="FILE", help="its words: words.json as written by export-db")
+    group.add_argument("--words", metavar="FILE", help="its parameters: words.json as written by export-db")
     group.add_argument("--setpoint", type=float, nargs=1, metavar="°C",
-                       help="its setpoint, where the log does not hold it [°C]")
+                       help="its setpoint, if the log does not contain it [°C]")
     options.add(group, Conditions, "switches",
-                help="setting of an open point, where you know it (see: heatertune targets); may be repeated")
+                help="known setting of an open point (see: heatertune targets); may be repeated")
 
 
 def known_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | None:

@@ -22,8 +22,8 @@ _PICTURES = (".svg", ".png")
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "pareto", help="model → the front of performance against robustness: the best cost at each Ms", epilog=_EXAMPLE,
-        description="Tune a heater for a range of limits of Ms and show what robustness costs.",
+        "pareto", help="model → performance against robustness: the best cost at each Ms", epilog=_EXAMPLE,
+        description="Tune for a range of limits on Ms and show what robustness costs.",
     )
     command.add_argument("model", metavar="MODEL", nargs="?", help="model.json as written by fit")
     command.add_argument("-o", "--out", metavar="FILE", help="picture (.svg, .png) or document (.json) of the front")

@@ -24,44 +24,45 @@ _RANGES = {"gain": "gain_degC_per_pct", "time_constant": "time_constant_s", "dea
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "plan", help="model → the experiment to make, with the intervals to expect after it", epilog=_EXAMPLE,
-        description="Propose the doublet or relay test that makes a heater known best within a temperature limit, and "
-        "tell before heating what it would make known.",
+        "plan", help="model → the experiment to run, and the intervals to expect from it", epilog=_EXAMPLE,
+        description="Propose the doublet or relay test that identifies a heater best within a temperature limit, and "
+                    "predict the intervals before anything is heated.",
     )
     command.add_argument("model", metavar="MODEL", nargs="?", help="model.json as written by fit")
     command.add_argument("-o", "--out", metavar="FILE", help="write the schedule to this CSV; or the relay's settings")
     _add_prior_options(command)
     group = command.add_argument_group("the experiment")
     group.add_argument("--limit-temperature", type=float, required=True, metavar="°C",
-                       help="no possible heater passes it [°C]")
+                       help="no plausible heater exceeds it [°C]")
     group.add_argument("--max-duration", type=float, metavar="S",
-                       help="longest duration [s] (default: six times the slowest possible heater)")
+                       help="longest duration [s] (default: six time constants of the slowest plausible heater)")
     group.add_argument("--power", nargs=2, type=float, default=(0.0, 100.0), metavar=("LOW", "HIGH"),
                        help="bounds of the power [%%] (default: 0 100)")
     group.add_argument("--power-now", type=float, default=0.0, metavar="%",
-                       help="power at which the heater rests before and after [%%] (default: 0)")
+                       help="power at which the heater is at rest before and after [%%] (default: 0)")
     group.add_argument("--aim", type=float, default=10.0, metavar="%",
-                       help="half width of 95 %% intervals that is good enough [%%] (default: 10)")
+                       help="half width of the 95 %% intervals that is sufficient [%%] (default: 10)")
     group.add_argument("--kind", choices=("best", "doublet", "relay"), default="best",
                        help="kind of experiment (default: the better one)")
     group.add_argument("--relay", dest="kind", action="store_const", const="relay", help="the same as --kind relay")
-    group = command.add_argument_group("the readings; what is not given is taken from the model's residuals")
+    group = command.add_argument_group("the readings (default: from the residuals of the model)")
     group.add_argument("--noise", type=float, metavar="°C", help="standard deviation of the noise [°C]")
-    group.add_argument("--correlation", type=float, metavar="R", help="of the noise between two readings, 0 to 1")
-    group.add_argument("--resolution", type=float, metavar="°C", help="step of the sensor's digits [°C]")
+    group.add_argument("--correlation", type=float, metavar="R",
+                       help="correlation of the noise between two readings, 0 to 1")
+    group.add_argument("--resolution", type=float, metavar="°C", help="resolution of the sensor [°C]")
     group.add_argument("--log-interval", type=float, metavar="S", help="interval between readings [s] (default: 1)")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
 
 def _add_prior_options(command: argparse.ArgumentParser) -> None:
-    group = command.add_argument_group("what is believed, instead of a model file")
+    group = command.add_argument_group("what is known, instead of a model file")
     ends = ("LOW", "HIGH")
     group.add_argument("--gain", nargs=2, type=float, metavar=ends, help="rise per percent of power [°C/%%]")
     group.add_argument("--time-constant", nargs=2, type=float, metavar=ends, help="time constant [s]")
     group.add_argument("--dead-time", nargs=2, type=float, metavar=ends, help="dead time [s]")
     group.add_argument("--ambient", nargs="+", type=float, metavar="°C",
-                       help="temperature without power [°C]: one number where the fit will be told it, or LOW HIGH")
+                       help="ambient temperature [°C]: one number if the fit will know it, or LOW HIGH")
 
 
 def _run(settings: argparse.Namespace) -> int:
@@ -111,7 +112,7 @@ def _model(settings: argparse.Namespace) -> FittedModel:
     from heatertune.model.document import read_model  # noqa: PLC0415 - the help must not wait for numpy
 
     if any(getattr(settings, name) is not None for name in _RANGES):
-        raise InputError("give a model file or --gain, --time-constant, --dead-time, not both")
+        raise InputError("name a model file or --gain, --time-constant, --dead-time, not both")
     return read_model(settings.model)
 
 
@@ -123,7 +124,7 @@ def _ranges(settings: argparse.Namespace) -> dict[str, tuple[float, float]]:
     """
     missing = [f"--{name.replace('_', '-')}" for name in (*_RANGES, "ambient") if getattr(settings, name) is None]
     if missing:
-        raise InputError(f"no model: give a model file, or {', '.join(missing)} as well")
+        raise InputError(f"no model: name a model file, or add {', '.join(missing)}")
     ranges = {field: tuple(getattr(settings, name)) for name, field in _RANGES.items()}
     return ranges if len(settings.ambient) == 1 else ranges | {"ambient_degC": tuple(settings.ambient)}
 

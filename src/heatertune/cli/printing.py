@@ -101,7 +101,7 @@ def add_output_options(command: argparse.ArgumentParser, *, brief: bool = False)
     group.add_argument(FULL, action="store_true", help=argparse.SUPPRESS)
     group.add_argument("--quiet", action="store_true", help="no progress on stderr")
     if brief:
-        group.add_argument("--verbose", action="store_true", help="tell all that was found, not what matters most")
+        group.add_argument("--verbose", action="store_true", help="print all results, not only what matters most")
 
 
 def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Progress) -> None:

@@ -25,12 +25,11 @@ _COLUMNS: Final = (("time_s", "time [s]"), ("temperature_degC", "temperature [°
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "read", help="a file → what is read of it as what, and the command that repeats it", epilog=_EXAMPLE,
-        description="Show how a log is understood: its first rows, which column is what in which unit, what was "
-                    "assumed, repaired or looks odd, and the command line that repeats this reading with nothing left "
-                    "to guess.",
+        "read", help="file → how its columns are read, and the command that repeats it", epilog=_EXAMPLE,
+        description="Show how a log is read: its first rows, the meaning and unit of each column, what was assumed, "
+                    "repaired or looks odd, and the command that repeats this reading without guesses.",
     )
-    command.add_argument("log", metavar="LOG", help="a CSV file, or table3 / table4 built in")
+    command.add_argument("log", metavar="LOG", help="a CSV file, or the built-in table3 / table4")
     common.add_reading_options(command)
     printing.add_output_options(command)
     command.set_defaults(run=_run)

@@ -20,8 +20,8 @@ def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "replay", help="run recorded raw inputs through a controller, scan by scan", epilog=_EXAMPLE,
-        description="Print the outputs and flags of each scan as CSV, from the cold state on; the inputs are in the "
-        "controller's own units, setpoint and process variable first (their names: heatertune targets).",
+        description="Print outputs and flags of each scan as CSV, starting cold. The inputs are in the controller's "
+                    "own units, setpoint and process variable first (their names: heatertune targets).",
     )
     command.add_argument("inputs", metavar="INPUTS", help="CSV file with a header, one row per scan")
     command.add_argument("--target", required=True, metavar="NAME", type=options.one_of(NAMES),

@@ -24,22 +24,23 @@ _EXAMPLE = "example: heatertune report out/ --as-left trace.csv --plant-tag TIC-
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "report", help="draw report.html anew, with what the commissioned loop does", epilog=_EXAMPLE,
-        description="Make report.html from the JSON documents that `heatertune design` wrote. With --as-left a trace "
-                    "of the commissioned loop is held against the proof, which is run anew from where the trace "
-                    "begins: exit status 1 where the loop is not as proven. With --record the report tells what was "
-                    "written into the PLC: exit status 1 where that did not end in DONE.",
+        "report", help="rebuild report.html, with the commissioned loop", epilog=_EXAMPLE,
+        description="Rebuild report.html from the JSON documents that `heatertune design` wrote. With --as-left, "
+                    "compare a trace of the commissioned loop with the proof, which is repeated from the beginning of "
+                    "the trace; exit status 1 if the loop is not as proven. With --record, include what was written "
+                    "into the PLC; exit status 1 if that did not end in DONE.",
     )
-    command.add_argument("directory", metavar="DIR", help="directory that `heatertune design` wrote")
+    command.add_argument("directory", metavar="DIR", help="folder that `heatertune design` wrote")
     options.add(command.add_argument_group("the record"), RecordSettings)
     group = command.add_argument_group("as left")
-    group.add_argument("--as-left", metavar="TRACE", help="an export of the commissioned loop: time and temperature, "
-                       "setpoint and power where it has them")
+    group.add_argument("--as-left", metavar="TRACE",
+                       help="an export of the commissioned loop: time and temperature; setpoint and power if available")
     options.add(group, AsLeftSettings)
     options.add(command.add_argument_group("reading the trace"), ReadSettings)
     command.add_argument_group("written into the PLC").add_argument(
-        "--record", action="extend", nargs="+", metavar="RECORD", help="records of heatertune write with these words: "
-        "as found, as left and the watched response, in order of time; they take the place of those before")
+        "--record", action="extend", nargs="+", metavar="RECORD",
+        help="records of heatertune write with these parameters: as found, as left and the watched response, in order "
+             "of time; they replace earlier ones")
     printing.add_output_options(command, brief=True)
     command.set_defaults(run=_run)
 
@@ -52,7 +53,7 @@ def _run(settings: argparse.Namespace) -> int:
 
     about, progress = options.of(AsLeftSettings, settings), printing.Progress(settings)
     if settings.as_left is None and about != AsLeftSettings():
-        raise InputError("--setpoint, --ambient, --begins-at and --load-at are of a trace: say --as-left TRACE, too")
+        raise InputError("--setpoint, --ambient, --begins-at and --load-at need --as-left TRACE")
     written = _written(settings)
     trace = None if settings.as_left is None else read_log(settings.as_left, common.reading(settings), errata=True)
     printing.tell_taken(settings, [] if trace is None else [trace], progress)

@@ -21,8 +21,8 @@ _EXAMPLE = "example: heatertune spec oven --limit overshoot=3degC -o spec.toml"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "spec", help="the specification in force, as a file with its reasons", epilog=_EXAMPLE,
-        description="Print what words must keep before they leave, as a file to change and give back with --spec.",
+        "spec", help="print the specification in force as a file, with the reason for each limit", epilog=_EXAMPLE,
+        description="Print the limits that parameters must keep, as a file to edit and use with --spec.",
     )
     command.add_argument("spec", metavar="NAME|FILE.toml", nargs="?",
                          help="a preset (heatertune spec --list) or a file (default: general)")

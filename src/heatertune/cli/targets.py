@@ -19,8 +19,8 @@ _EXAMPLE = "example: heatertune targets"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "targets", help="the controllers, what each can hold, and what its manual leaves open", epilog=_EXAMPLE,
-        description="List the controllers, by what holds them.",
+        "targets", help="the controllers, their ranges, and what their manuals leave open", epilog=_EXAMPLE,
+        description="List the controllers, grouped by hardware.",
     )
     printing.add_output_options(command)
     command.set_defaults(run=_run)

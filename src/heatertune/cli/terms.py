@@ -22,10 +22,10 @@ _LEFT: Final = 20  # columns of the names
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "terms", help="what TA, TN, Ms, possible heater … mean", epilog=_EXAMPLE,
-        description="Say what a symbol or a word means that heatertune prints: those that are asked for, or all.",
+        "terms", help="what TA, TN, Ms, plausible heater … mean", epilog=_EXAMPLE,
+        description="Explain the symbols and terms that heatertune prints.",
     )
-    command.add_argument("term", nargs="*", metavar="TERM", help="a symbol or a word (default: all)")
+    command.add_argument("term", nargs="*", metavar="TERM", help="a symbol or term (default: all)")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 

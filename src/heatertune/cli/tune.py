@@ -21,27 +21,27 @@ if TYPE_CHECKING:
 __all__ = ["add_to"]
 
 _EXAMPLE = "example: heatertune tune --gain 0.37 --time-constant 167 --dead-time 12 --ambient 22 -o pid.json"
-_UNPROVEN = ("Nothing was proven or changed so that it passes, for no --target says in whose words: the design aims at "
-             "the limits on Ms and on the power of one step alone.")
+_UNPROVEN = ("Nothing was proven, as no --target names the controller: the design aims only at the limits on Ms and on "
+             "the power per sensor step.")
 
 
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "tune", help="model → pid: K, TN, TV and TA by a rule or the optimum", epilog=_EXAMPLE,
-        description="Find the controller for all heaters that explain a log. With --target and a specification "
-                    "(--spec, --limit) its words are proven, and where they fail the cheapest change that passes is "
-                    "taken; exit status 1 where none is found.",
+        description="Tune the controller for all heaters that explain a log. With --target and a specification "
+                    "(--spec, --limit), prove its parameters and, if they fail, take the cheapest change that passes; "
+                    "exit status 1 if there is none.",
     )
     command.add_argument("model", metavar="MODEL", nargs="?",
-                         help="model.json as written by fit; or a pid.json, which holds one")
+                         help="model.json as written by fit; or a pid.json, which contains a model")
     command.add_argument("-o", "--out", metavar="FILE", help="write the design to this JSON file")
     common.add_word_options(command)
     common.add_proof_options(command, needed=False)
     common.add_model_options(command)
     common.add_tuning_options(command)
     command.add_argument("--second-opinion", action="store_true",
-                         help="have python-control compute Ms, too (takes seconds to load)")
+                         help="also compute Ms with python-control (takes seconds to load)")
     printing.add_output_options(command, brief=True)
     command.set_defaults(run=_run)
 

@@ -18,12 +18,13 @@ _EXAMPLE = "example: heatertune validate model.json other_day.csv --ambient 19.5
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "validate", help="prove a model on another log: exit status 1 where it does not hold", epilog=_EXAMPLE,
-        description="Simulate a model and its candidates with the power of another log of the same heater and judge "
-                    "them by its readings; only the state at the first reading is fitted.",
+        "validate", help="check a model against another log; exit status 1 if it does not fit", epilog=_EXAMPLE,
+        description="Simulate a model and its candidates with the power of another log of the same heater and compare "
+                    "them with its readings. Only the initial state is fitted.",
     )
     command.add_argument("model", metavar="MODEL", help="model.json as written by fit")
-    command.add_argument("log", metavar="LOG", help="a CSV file with power, or without where the controller is known")
+    command.add_argument("log", metavar="LOG",
+                         help="a CSV file with power, or without power if the controller is known")
     command.add_argument("-o", "--out", metavar="FILE", help="write the result to this JSON file")
     options.add(command, ValidateSettings, "least_fit_pct")
     common.add_reading_options(command)

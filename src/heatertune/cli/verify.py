@@ -19,8 +19,8 @@ _EXAMPLE = "example: heatertune verify pid.json --target s5-ob251"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "verify", help="prove a design or words: exit status 1 where the verdict is not PASS", epilog=_EXAMPLE,
-        description="Run the closed loop in the PLC's own arithmetic on every possible heater and judge it.",
+        "verify", help="prove a design or parameters; exit status 1 if the verdict is not PASS", epilog=_EXAMPLE,
+        description="Simulate the closed loop with the PLC's own arithmetic on every plausible heater and judge it.",
     )
     command.add_argument("pid", metavar="PID|WORDS", help="pid.json of tune, or words.json of export-db")
     common.add_word_options(command, "words_by", "setpoint_ramp", "boost")
@@ -48,7 +48,7 @@ def _run(settings: argparse.Namespace) -> int:
         document = replay_document(asked.words, fitted, drawn.replay, conditions, spread=drawn.spread)
         printing.output(settings, document, lambda: f"{report.criteria_table(document)}\nVERDICT {document['verdict']}")
         return 0 if document["verdict"] == "PASS" else 1
-    progress("proving the words")
+    progress("proving the parameters")
     proof, notes = prove_ramped(asked.words, fitted, asked.ramp, conditions, progress=progress)
     if drawn.samples is not None:
         from heatertune.proof.monte_carlo.run import with_samples  # noqa: PLC0415 - who asks for none must not wait for it

@@ -130,7 +130,7 @@ def _next_block(generator: np.random.Generator, _number: int) -> list[float]:
 
 def _demand_served(scenario: Scenario, faults: Sequence[ScheduledFault]) -> None:
     if any(isinstance(event, SetpointRampEvent) for event in scenario.disturbances):
-        raise InputError("simulate leads no setpoint along a profile: leave out --profile, or --story")
+        raise InputError("simulate does not run profiles: leave out --profile, or --story")
     if touch_mains(faults) and any(isinstance(event, Mains | PlcPower) for event in scenario.disturbances):
         raise InputError("the proof's story switches the mains itself: leave out --story, or such faults")
 

@@ -84,7 +84,7 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
     if not kept:
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
     if passed := passed + len(numbered) - len(kept):
-        repairs.append(f"{count(passed, 'line')} without readings (blank, comment) passed over.")
+        repairs.append(f"{count(passed, 'line')} without readings (blank, comment) skipped.")
     lines, texts = [i for i, _ in kept], [line for _, line in kept]
     separator = _separator(texts[-_SAMPLE:])
     rows = _without_empty_ends([row or [""] for row in _split(path, lines, texts, separator)], repairs)
@@ -143,7 +143,7 @@ def _decoded(path: Path, data: bytes) -> tuple[str, list[str]]:
         try:
             return data.decode("utf-16"), ["The file is UTF-16."]
         except UnicodeDecodeError as problem:
-            raise LogError("the file is no UTF-16 text", file=path) from problem
+            raise LogError("the file is not valid UTF-16 text", file=path) from problem
     try:
         return data.decode("utf-8-sig"), []
     except UnicodeDecodeError:
@@ -184,7 +184,7 @@ def _without_empty_ends(rows: list[list[str]], repairs: list[str]) -> list[list[
     width = max(max(i for i, cell in enumerate(row, start=1) if cell or i == 1) for row in rows)
     cut = sum(len(row) > width for row in rows)
     if cut:
-        repairs.append(f"Empty cells at the end of {count(cut, 'row')} passed over.")
+        repairs.append(f"Empty cells at the end of {count(cut, 'row')} skipped.")
     return [row[:width] for row in rows]
 
 

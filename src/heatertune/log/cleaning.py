@@ -227,7 +227,7 @@ def tell_gaps(time: Array, lines: Sequence[int], powered: bool, doubts: list[str
         return
     places = ", ".join(f"{steps[k]:g} s after line {lines[k]}" for k in gaps[:_SHOWN])
     more = f" and {len(gaps) - _SHOWN} more" if len(gaps) > _SHOWN else ""
-    held = "; the power is taken as held through them" if powered else ""
+    held = "; the power is assumed constant in them" if powered else ""
     doubts.append(f"The log has {count(len(gaps), 'gap')} ({places}{more}){held}.")
 
 

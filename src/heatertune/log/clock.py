@@ -91,7 +91,7 @@ def seconds(
         if "date" not in columns.index and is_hours_or_minutes(cells[0]):
             raise cell_error(sheet, columns, "time", 0, "a time that may be hours and minutes or minutes and seconds:",
                           f"{STAMPS}, or --log-interval with the seconds between two rows")
-        repairs.append("Time stamps were turned into seconds from the first row.")
+        repairs.append("Time stamps were converted to seconds from the first row.")
         return _from_stamps(sheet, columns, cells, repairs), "stamps"
     return _from_numbers(sheet, columns, unit, repairs)
 
@@ -107,12 +107,13 @@ def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: lis
         raise cell_error(sheet, columns, "time", 0, "a time in an unknown unit:", "--time-unit s, ms, min, h or d")
     time_unit = unit or named or "s"
     if time_unit != "s":
-        repairs.append(f"The time is in {time_unit} {'as told' if unit else 'by its name'}, turned into seconds.")
+        repairs.append(f"The time is in {time_unit} {'as stated' if unit else 'by its name'} and was converted to "
+                       "seconds.")
     assumed = unit is None and not _is_calendar(values) and (named is None or is_scaled("time", columns.names["time"]))
     if assumed and time_unit == "s":
         likely = likely_time_unit(values)
         other = "" if likely == "s" else f"; its interval makes {likely} likelier"
-        repairs.append(f"The time has no unit in the file; taken as seconds (else: --time-unit){other}.")
+        repairs.append(f"The time has no unit in the file; taken as seconds (otherwise: --time-unit){other}.")
     if values[0] * TIME_UNITS[time_unit] > _EPOCH:
         repairs.append("The time is a calendar's and was counted from the first row.")
         values = values - values[0]
@@ -182,5 +183,5 @@ def forwards(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Arra
     steps = np.diff(time)
     if not len(steps) or np.any(steps > 0) or not np.any(steps < 0):
         return sheet, time
-    repairs.append("The rows stand newest first and were turned round.")
+    repairs.append("The rows are newest first and were reversed.")
     return sheet.picked(range(len(time) - 1, -1, -1)), time[::-1] - time[-1]

@@ -35,7 +35,7 @@ def log_of(data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, .
     if isinstance(data, str | Path) or hasattr(data, "read") or hasattr(data, "to_csv"):
         return read_log(data)
     if not isinstance(data, tuple) or not 2 <= len(data) <= 3:
-        raise InputError(f"no log: {type(data).__name__}; expected a log, a path, an open file, a table of pandas, or "
+        raise InputError(f"not a log: {type(data).__name__}; expected a log, a path, an open file, a pandas table, or "
                          "arrays (time_s, temperature_degC, power_pct)")
     time, temperature, *rest = data
     power = _numbers("power_pct", rest[0]) if rest and rest[0] is not None else None

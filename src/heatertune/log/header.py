@@ -43,7 +43,7 @@ def take_header(
     titles = begin if chosen is None else chosen
     above = lines[titles - 1] if titles else 0
     if titles:
-        repairs.append(f"{count(titles, 'title line')} above the table passed over (up to line {above}).")
+        repairs.append(f"{count(titles, 'title line')} above the table skipped (up to line {above}).")
     del rows[:begin], lines[:begin]
     _drop_repeats(names, lines, rows, repairs)
     _demand_one_width(file, lines, rows, width)
@@ -105,7 +105,7 @@ def _named(
             units = [unit.strip("[]() ") for unit in rows[k]]
             names = [f"{name} [{unit}]" if unit.strip("-–/") else name for name, unit in zip(names, units, strict=True)]
         else:
-            repairs.append(f"Line {lines[k]}, below the names of the columns, passed over.")
+            repairs.append(f"Line {lines[k]}, below the names of the columns, skipped.")
     return tuple(names)
 
 
@@ -113,7 +113,7 @@ def _drop_repeats(names: Sequence[str], lines: list[int], rows: list[list[str]],
     """Remove rows that repeat the names: the logger began anew."""
     again = [k for k, row in enumerate(rows) if row[0] == names[0] and tuple(row) == tuple(names)] if names else []
     if again:
-        repairs.append(f"{count(len(again), 'repeat')} of the header passed over (line {lines[again[0]]}).")
+        repairs.append(f"{count(len(again), 'repeat')} of the header skipped (line {lines[again[0]]}).")
     for k in reversed(again):
         del rows[k], lines[k]
 

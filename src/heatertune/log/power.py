@@ -54,7 +54,7 @@ def power_of(
     if switched is not None:
         repairs.append("The power is on or off; taken as 100 % and 0 %.")
         return Power(np.array(switched, dtype=np.float64) * 100.0, 1.0, "on/off")
-    expected = "a number, or on and off in every row (--power-column none: there is no power)"
+    expected = "a number, or on and off in every row (--power-column none if there is no power)"
     values = numbers(sheet, columns, "power", expected)
     named = None if is_scaled("power", columns.names["power"]) else columns.unit("power")
     if named == "100" and "power" not in columns.units and 0.0 < float(np.max(values)) <= 1.0:
@@ -91,14 +91,14 @@ def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], 
         repairs.append("The power is 0 or 1 of a switch; taken as off and on.")
         return 1.0
     why = next((why for holds, why in (
-        (columns.is_foreign("power"), "in a unit that is no share of full power"),
+        (columns.is_foreign("power"), "in a unit that is not a share of full power"),
         (largest > 100.0, "is no percentage"),
         (0.0 < largest <= 1.0, "may be a fraction or percent"),
         (_PWM.search(name) is not None and not np.any(values % 1.0), "may be percent or counts of 255"),
     ) if holds), None)
     if why:
         raise LogError(f"a power up to {largest:g} {why}", file=sheet.file, column=name, expected=_EXPECTED)
-    repairs.append("The power has no unit in the file; taken as percent (else: --power-full-scale).")
+    repairs.append("The power has no unit in the file; taken as percent (otherwise: --power-full-scale).")
     if 0.0 < largest <= _SMALL:
         doubts.append(f"The power, taken as percent, never exceeds {largest:g} %: were it volts or amperes, "
                       "--power-full-scale would have to tell the reading at full power.")

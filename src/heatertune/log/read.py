@@ -191,7 +191,7 @@ def _handed(source: Any) -> tuple[str, bytes]:
     if hasattr(source, "to_csv"):
         return "frame", _csv(source)
     if not hasattr(source, "read"):
-        raise InputError(f"no log: {type(source).__name__}; expected a path, an open file, or a table of pandas")
+        raise InputError(f"not a log: {type(source).__name__}; expected a path, an open file, or a pandas table")
     content = source.read()
     name = getattr(source, "name", "file")
     return str(name), content.encode() if isinstance(content, str) else content
@@ -262,7 +262,8 @@ def _temperature_unit(
     unit, scaled = given or named, is_scaled("temperature", name)
     if unit is not None and not (scaled and given is None):
         if unit != "degC":
-            repairs.append(f"The temperature is in {unit} {'as told' if given else 'by its name'}, turned into °C.")
+            repairs.append(f"The temperature is in {unit} {'as stated' if given else 'by its name'} and was converted "
+                           "to °C.")
         return TemperatureUnit(unit, assumed=False)
     if unit == "degF":
         return TemperatureUnit(unit, assumed=True, likely="0.1degF")
@@ -272,14 +273,14 @@ def _temperature_unit(
         raise LogError(f"readings from {lowest:g} up to {highest:g} whose unit is not known", file=sheet.file,
                        column=name, expected="--temperature-unit degC, degF or K, or 0.1degC for tenths")
     if not scaled and _starts_at_room(values):
-        repairs.append(f"The temperature has no unit in the file; taken as °C, for it starts at {first:g}, which is a "
-                       "room's in °C alone.")
+        repairs.append(f"The temperature has no unit in the file; taken as °C, because it starts at {first:g}, a room "
+                       "temperature only in °C.")
         return TemperatureUnit("degC", assumed=True, evidence="from a room's temperature")
-    repairs.append("The temperature has no unit in the file; taken as °C (else: --temperature-unit).")
+    repairs.append("The temperature has no unit in the file; taken as °C (otherwise: --temperature-unit).")
     likely = _likely(first, scaled=scaled)
     if _ROOM_DEGF[0] <= first <= _ROOM_DEGF[1] or likely != "degC":
         sign = SIGNS["degF" if likely == "degC" else likely]
-        doubts.append(f"The first reading, {first:g}, taken as °C, would be a room's temperature in {sign}.")
+        doubts.append(f"The first reading, {first:g}, taken as °C, would be a room temperature in {sign}.")
     return TemperatureUnit("degC", assumed=True, likely=likely)
 
 
@@ -303,7 +304,7 @@ def _temperature(
     values = np.asarray(_TO_DEGC[unit.name](raw))
     least, most = _POSSIBLE_DEGC
     for outside, problem in ((values < ABSOLUTE_ZERO_DEGC, "below absolute zero:"),
-                             ((values < least) | (values > most), "a temperature that no heater has:")):
+                             ((values < least) | (values > most), "a temperature that no heater reaches:")):
         rows = np.flatnonzero(kept & outside)
         if len(rows):
             other = "--setpoint-column none" if role == "setpoint" else "--temperature-unit"

@@ -60,7 +60,8 @@ def level_remarks(log: Log) -> tuple[Remark, ...]:
     if len(levels) > _TWO or levels[0] > 0.0 or levels[-1] >= _FULL:
         return ()
     return (Remark("one-level", (
-        f"{log.name} knows no power but 0 and {levels[-1]:g} %: whether the gain is the same at others it cannot tell."
+        f"{log.name} has no powers other than 0 and {levels[-1]:g} %, so it does not show whether the gain is the same "
+        "at others."
     )),)
 
 
@@ -69,8 +70,8 @@ def fast_remarks(least_s: float, time_constant_s: float, name: str) -> tuple[Rem
     if time_constant_s > _BESIDE * least_s:
         return ()
     return (Remark("faster-than-log", (
-        f"The time constant ended at {time_constant_s:.3g} s, half the interval of {name} and the least searched: "
-        "the heater answers faster than the log shows."
+        f"The time constant ended at {time_constant_s:.3g} s, half the interval of {name} and the smallest value "
+        "searched: the heater responds faster than the log shows."
     )),)
 
 

@@ -73,7 +73,7 @@ class Dynamics:
         heater = self._heater
         ambient = heater.ambient_degC if ambient_degC is None else ambient_degC
         if ambient is None:
-            raise InputError("the temperature without power is unknown: give ambient_degC")
+            raise InputError("the ambient temperature is unknown: state ambient_degC")
         time, power = _course(time_s, power_pct)
         before = float(power[0]) if power_before_pct is None else power_before_pct
         check("power_before_pct", before, least=0.0, most=100.0)

@@ -107,7 +107,7 @@ def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str]
 
 def _refuse_cooler(given: FitSettings) -> None:
     if given.cooler:
-        raise InputError("--cooler goes with one log that holds the power; fit it alone")
+        raise InputError("--cooler needs a single log that contains the power; fit it separately")
 
 
 def fit_known(
@@ -146,7 +146,8 @@ def fit_known(
     rate_all = partial(rate, ambient_degC=ambient, power_before_pct=power_before)
     rated = rate_all(records(used, controllers, setpoint_degC))
     if not rated:
-        raise InputError(f"{log.name}: on these readings the controller's power never changes; is the setpoint right?")
+        raise InputError(f"{log.name}: on these readings the controller's power never changes; is the setpoint "
+                         "correct?")
     leader = next(controller for controller in controllers if controller.name == rated[0].name)
     progress(f"{log.name}: fitting one and two lags to each record of its power")
     offset = offset_degC(used, leader, setpoint_degC, ambient_degC=ambient, power_before_pct=power_before)
@@ -198,8 +199,8 @@ def fit_together(
     powered = [log for log in logs if log.power_pct is not None]
     if powered and len(powered) < len(logs):
         other = next(log for log in logs if log.power_pct is None)
-        raise InputError(f"{powered[0].name} holds the power and {other.name} does not: fit them apart, only logs "
-                         "that all hold it, or none, are fitted together")
+        raise InputError(f"{powered[0].name} contains the power and {other.name} does not: fit them separately; only "
+                         "logs that all contain it, or none, are fitted together")
     parts, notes = [], []
     for log in logs:
         _check_given(log, bounds, given.power_before_pct)
@@ -209,7 +210,7 @@ def fit_together(
         notes += [f"{log.name}: {note}" for note in own_notes]
     names = [log.name for log in logs]
     if len(set(names)) < len(names):
-        raise InputError(f"{', '.join(names)}: one log given twice says nothing new; give different ones")
+        raise InputError(f"{', '.join(names)}: the same log twice adds nothing; name different ones")
     progress(f"fitting one heater to {' and '.join(names)}")
     if powered:
         fitted = _together(parts, bounds, given.power_before_pct, seed, delays)
@@ -296,8 +297,8 @@ def _cleared(log: Log, progress: Callable[[str], object]) -> tuple[Log, Disturba
 
 def _refuse_disturbance(log: Log) -> None:
     if log.disturbance is not None:
-        raise InputError(f"{log.name}: the effect of a disturbance is told from a log that holds the power, fitted by "
-                         "itself; leave --disturbance-column out, or log the power")
+        raise InputError(f"{log.name}: the effect of a disturbance can only be fitted from a single log that contains "
+                         "the power; leave out --disturbance-column, or log the power")
 
 
 def _demand_laws(log: Log, laws: Sequence[ControllerLaw]) -> None:
@@ -308,7 +309,7 @@ def _demand_laws(log: Log, laws: Sequence[ControllerLaw]) -> None:
 def _refuse_bound(log: Log, delays: DelaysKnown) -> None:
     if delays.dead_time_at_most_s is not None:
         raise InputError(f"{log.name}: the power was not logged, so dead_time_at_most_s bounds nothing here: the "
-                         "possible heaters span the dead time")
+                         "plausible heaters span the dead time")
 
 
 def _single(bounds: Bounds | None) -> float | None:
@@ -339,7 +340,7 @@ def _explained(
     end = _begun_at_degC(log, explanation) if bounds is None else _nearest_end(explanation, bounds)
     if end is None:
         return explanation, ()
-    note = f"Left free, the ambient leaves the given interval; its end of {end:g} °C was taken."
+    note = f"Fitted freely, the ambient temperature leaves the stated interval; its end of {end:g} °C was used."
     if bounds is None:
         note = (f"Left free, the ambient comes out at {explanation.fits[0].linear[AMBIENT]:.3g} °C, but {log.name} "
                 f"begins without power at {end:.3g} °C, and no heater is colder than its room; that was taken; "

@@ -16,5 +16,5 @@ def model_by_hand(model: HeaterModel) -> FittedModel:
     )
     return FittedModel(
         model=fopdt, outcome=FitOutcome.BY_HAND, method="given by hand", candidates=(candidate,),
-        notes=("No interval is known: the proof runs on this one model only.",),
+        notes=("No intervals are known: the proof runs on this model only.",),
     )

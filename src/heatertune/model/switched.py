@@ -31,7 +31,7 @@ _RIPPLE: Final = 0.25  # periods per time constant by which the gain may differ
 
 
 def with_pwm_hidden(fitted: FittedModel, period_s: float) -> FittedModel:
-    """Return the fit with what a PWM of unknown phase leaves open: intervals, and possible heaters at their ends.
+    """Return the fit with what a PWM of unknown phase leaves open: intervals, and plausible heaters at their ends.
 
     Args:
         fitted: as if the logged power had been the heater's.
@@ -43,7 +43,7 @@ def with_pwm_hidden(fitted: FittedModel, period_s: float) -> FittedModel:
     share = _RIPPLE * period_s / fitted.model.time_constant_s
     note = (f"The heater was switched by PWM of {period_s:.3g} s whose phase is not in the log: the dead time may be "
             f"shorter by {period_s:.3g} s than it looks, or longer by {_EARLIER * period_s:.3g} s; its interval and "
-            "the possible heaters hold that.")
+            "the plausible heaters hold that.")
     return replace(
         fitted, notes=(*fitted.notes, note), candidates=(*fitted.candidates, *_ends(fitted.candidates, period_s)),
         ci95={**fitted.ci95, "dead_time_s": _moved(dead, period_s, _EARLIER * period_s),
@@ -68,9 +68,9 @@ def with_late_power(
     """
     late_s = max(row_s, gap_s)
     note = (f"The power column may be one row ({row_s:.3g} s) late, or the mean of the row before: the dead time may "
-            "be longer by that; its interval and the possible heaters hold it.") if late_s == row_s else (
+            "be longer by that; its interval and the plausible heaters hold it.") if late_s == row_s else (
             f"The power may have changed up to {late_s:.3g} s before the row that shows it: the dead time may be "
-            "longer by as much; its interval and the possible heaters hold that.")
+            "longer by as much; its interval and the plausible heaters hold that.")
     part = "dead time longer by a row of the log" if late_s == row_s else "power changed before its row"
     dead = fitted.ci95.get("dead_time_s")
     later = [_later(each, _room(_dead_time_s(each), late_s, most_s), part)

@@ -75,7 +75,7 @@ class Verdict:
 
     Attributes:
         log: its name.
-        runs: the working model first, then every possible heater that designs are made for; the first is judged only
+        runs: the working model first, then every plausible heater that designs are made for; the first is judged only
             where it is one of them.
         worst: place of the run that fits worst; all have to hold.
         least_fit_pct: fit that every one of them has to reach [%].
@@ -98,7 +98,7 @@ class Verdict:
 def validate(
     fitted: FittedModel, log: Log, settings: ValidateSettings | None = None, **changed: Any
 ) -> Verdict:
-    """Simulate a model and every possible heater with the power of a log and judge them by the log's readings.
+    """Simulate a model and every plausible heater with the power of a log and judge them by the log's readings.
 
     A design is made for all of them, so every one has to hold.
 

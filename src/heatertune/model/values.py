@@ -155,7 +155,7 @@ class FitOutcome(Enum):
     NO_POWER_CHANGE = "The power never changes, so the gain is unknown: log a step of the power."
     POOR_FIT = "No model explains the log well: log the power, and keep doors and fans still."
     LAW_UNKNOWN = "No control law that can be tried made this log: log the heater power."
-    BY_HAND = "The model was given by hand; no log supports it."
+    BY_HAND = "The model was entered by its numbers; no log supports it."
 
 
 #: how the law of a candidate of a log with power begins
@@ -325,7 +325,7 @@ class FittedModel(NotebookDisplay, Dynamics):
 
     @property
     def heaters(self) -> tuple[tuple[str, HeaterModel], ...]:
-        """Every possible heater with its label: no dead time below what is believed, each heater once.
+        """Every plausible heater with its label: no dead time below what is believed, each heater once.
 
         The working model alone where there are no candidates.
         """
@@ -339,7 +339,7 @@ class FittedModel(NotebookDisplay, Dynamics):
 
     @property
     def hypothetical(self) -> tuple[HeaterModel, ...]:
-        """The possible heaters that are no ends of an interval: what is drawn is drawn around these."""
+        """The plausible heaters that are no ends of an interval: what is drawn is drawn around these."""
         given = [(c.label, c.model) for c in self.candidates if not c.part] or [("by hand", self.model)]
         return tuple(model for _, model in self._believed(given))
 

@@ -14,8 +14,8 @@ __all__ = ["SECTIONS", "Commissioning", "commissioning"]
 
 #: what every controller's COMMISSIONING.md tells, in this order
 SECTIONS: Final = (
-    "Where the words go", "The first minutes", "If it oscillates", "If it is sluggish", "If it does not heat",
-    "How to go back",
+    "Entering the parameters", "The first minutes", "If it oscillates", "If it is sluggish", "If it does not heat",
+    "Restoring the old parameters",
 )
 
 

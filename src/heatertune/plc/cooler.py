@@ -43,8 +43,7 @@ def with_cooler(
     cooling = controller_for(words.target).cooling
     if cooling is None:
         if cooling_gain is not None:
-            raise InputError(f"{words.target} has no output for a cooler beside the heater; "
-                             f"{', '.join(COOLING.values())} has one")
+            raise InputError(f"{words.target} has no second output for a cooler; {', '.join(COOLING.values())} has one")
         return actuator
     gain = cooling.gain(words) if cooling_gain is None else cooling_gain
     return replace(actuator, cooling_gain=gain, cooling_minimum_on_s=minimum_on_s, cooling_minimum_off_s=minimum_off_s)

@@ -102,7 +102,7 @@ def _interval(controller: Controller, sample_time_s: float | None) -> float:
     if sample_time_s is None and controller.timer.shortest_s == controller.timer.longest_s:
         return controller.timer.shortest_s
     if sample_time_s is None:
-        raise InputError(f"--called-every is needed: no word of {controller.name} tells how often it is called")
+        raise InputError(f"--called-every is needed: no parameter of {controller.name} contains its call interval")
     return sample_time_s
 
 

@@ -212,7 +212,7 @@ def _band_degC(proof: ProofView) -> float:
 
 
 def _margin_degC(log: Log, words: Words, fitted: FittedModel) -> float:
-    """Return what a reading cannot tell, and what the best of the possible heaters left over of its own log [°C]."""
+    """Return what a reading cannot tell, and what the best of the plausible heaters left over of its own log [°C]."""
     step = sensor_step(log.temperature_degC) or 0.0
     reading = reading_step_degC(log)
     noise = _SIGMAS * reading if reading > step else step

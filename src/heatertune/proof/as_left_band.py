@@ -154,7 +154,7 @@ def _traces(
     heaters = dict(labelled_heaters(fitted))
     ran = [(run.model, dict(run.switches), None) for run in proof.runs if run.mains_power is None]
     if missing := [model for model, *_ in ran if model not in heaters]:
-        raise InputError(f"proof.json: runs: on {missing[0]!r}, which is none of the possible heaters of model.json")
+        raise InputError(f"proof.json: runs: on {missing[0]!r}, which is none of the plausible heaters of model.json")
     models = [(label, heaters[label]) for label in dict.fromkeys(model for model, *_ in ran)]
     runs = Runs.of(
         controller_for(words.target), words, models, scenario, proof.actuator, proof.limits,

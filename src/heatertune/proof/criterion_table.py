@@ -250,7 +250,7 @@ def _at_rest(measured: CriterionTable, limits: LoopLimits) -> Iterator[Criterion
     errors = np.ascontiguousarray(measured.table[:, judged, ABSOLUTE])  # one order of sums for any number of loops
     yield _column(
         "iae", "°C·s", errors.sum(axis=1), limits.iae_degC_s,
-        "Integral of the absolute error over the whole record, but for the time without heater or PLC.")
+        "Integral of the absolute error over the whole run, except while heater or PLC are off.")
 
 
 def _rest(measured: CriterionTable, phases: Sequence[int]) -> Iterator[CriterionColumn]:
@@ -348,7 +348,7 @@ def _switching(measured: CriterionTable, limits: LoopLimits) -> Iterator[Criteri
     held = ((np.asarray(measured.scenario.setpoints_degC) - ambient) / gain).max(axis=1)
     reserve = _column(
         "power_reserve", "% of power", 100.0 - held, limits.power_reserve_pct,
-        "Power that is left over where the heater holds the highest setpoint, of full power.")
+        "Power reserve while the heater holds the highest setpoint, as a share of full power.")
     yield replace(reserve, at_least=True)
     total = measured.totals
     yield _column(
@@ -356,11 +356,11 @@ def _switching(measured: CriterionTable, limits: LoopLimits) -> Iterator[Criteri
         "Share of the scans that ask for 0 or 100 % power.")
     yield _column(
         "switchings", "1/h", _switchings_per_h(measured), limits.switchings_per_h,
-        "How often the heater is switched on while the power asked for is between its limits; of a controller that "
-        "only asks for all or nothing: while the circuit is closed.")
+        "How often the heater is switched on while the requested power is between its limits; for two-level control, "
+        "while the circuit is closed.")
     yield _column(
         "overflow", "1", total[:, FAULTS], limits.overflows,
-        "How often a flag that means a wrong result was set, or the power asked for was no number.")
+        "How often an error flag was set, or the requested power was not a number.")
 
 
 def _switchings_per_h(measured: CriterionTable) -> Array:

@@ -108,7 +108,7 @@ def plainly(
     if request.refined:
         choice = refine(choice, fitted, conditions, progress=progress)
     stage("proof")
-    progress(f"proving the words on {count(len(fitted.plants), 'possible heater')}")
+    progress(f"proving the parameters on {count(len(fitted.plants), 'plausible heater')}")
     proof, notes = prove_ramped(
         choice.words, fitted, request.setpoint_ramp, conditions, plain=plain, text=text, progress=progress)
     return DesignResult(ideal=wished, choice=choice, proof=proof, notes=tuple(notes), conditions=conditions,

@@ -191,7 +191,7 @@ def _whose(path: str, given: DeclaredWords, other: Side | None) -> tuple[Control
     """Return the controller and sensor range of words that do not tell them, and what was taken over of the other's."""
     target = given.target or (None if other is None else other.words.target)
     if target is None:
-        raise InputError(f"{path}: --target is needed: neither file tells whose words these are")
+        raise InputError(f"{path}: --target is needed: neither file names the controller")
     its = controller_for(target)
     if given.scales or other is None:
         return its, its.scaled(given.input, given.sensor_degC), ()
@@ -306,4 +306,4 @@ def _conditions(one: Mapping[str, Any], two: Mapping[str, Any]) -> list[str]:
     """Return under what two proofs were not made alike; empty: under the same."""
     unlike = [meaning for name, meaning in _CONDITIONS.items() if one[name] != two[name]]
     models = [{run["model"] for run in proof["runs"]} for proof in (one, two)]
-    return [*unlike, *(["the possible heaters"] if models[0] != models[1] else [])]
+    return [*unlike, *(["the plausible heaters"] if models[0] != models[1] else [])]

@@ -116,7 +116,7 @@ class SamplesView:
         if not 0.0 < self.quantile <= 1.0:
             raise DocumentError(f"quantile: {self.quantile:g}; expected a share > 0 and <= 1")
         if not self._kept:
-            raise DocumentError("settings: none; no run proves nothing")
+            raise DocumentError("settings: none; a proof needs at least one run")
         if not 0 <= min(self._kept) <= max(self._kept) <= self.count:
             raise DocumentError(f"settings: kept: expected numbers from 0 to {self.count}")
         if self.passing != min(self._kept) / self.count:
@@ -177,7 +177,7 @@ class ProofView:
 
     def _check(self) -> None:
         if not self.runs:
-            raise DocumentError("runs: none; a proof without a run proves nothing")
+            raise DocumentError("runs: none; a proof needs at least one run")
         if self.specification is not None:
             self._check_limits(self.specification)
         self._demand_all_criteria()

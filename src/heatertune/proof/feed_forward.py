@@ -222,7 +222,7 @@ def prove_feed_forward(
     words: Words, line: FeedForward, effect: DisturbanceEffect, models: Sequence[tuple[str, HeaterModel]],
     plain: PlainLoop,
 ) -> FeedForwardProof:
-    """Run words with plain feedback and with feed-forward on every possible heater.
+    """Run words with plain feedback and with feed-forward on every plausible heater.
 
     Args:
         words: as they were proven.

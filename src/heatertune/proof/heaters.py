@@ -38,14 +38,14 @@ def labelled_heaters(fitted: FittedModel) -> list[tuple[str, HeaterModel]]:
 
 
 def holding_heaters(fitted: FittedModel, setpoint_degC: float) -> list[tuple[str, HeaterModel]]:
-    """Return the possible heaters that can hold a setpoint with their labels; all of them where none can."""
+    """Return the plausible heaters that can hold a setpoint with their labels; all of them where none can."""
     heaters = labelled_heaters(fitted)
     return [(label, model) for label, model in heaters
             if can_hold(model, setpoint_degC, float(model.ambient_degC or 0.0))] or heaters
 
 
 def unreachable_findings(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[Finding]:
-    """Return the finding that only so many of the possible heaters can hold the setpoint, none where all can.
+    """Return the finding that only so many of the plausible heaters can hold the setpoint, none where all can.
 
     A heater that cannot, though the log shows that it did, contradicts the log and counts for nothing.
     """
@@ -54,7 +54,7 @@ def unreachable_findings(fitted: FittedModel, able: int, setpoint_degC: float) -
     possible = len(fitted.heaters)
     if able < possible and not all(_contradicts(fitted, model, setpoint_degC) for model in unable):
         yield Finding(name="setpoint-unreached",
-                      told=f"{possible - able} of {possible} possible heaters cannot hold {setpoint_degC:g} °C.")
+                      told=f"{possible - able} of {possible} plausible heaters cannot hold {setpoint_degC:g} °C.")
 
 
 def covered_degC(fitted: FittedModel) -> tuple[float, float] | None:
@@ -110,16 +110,16 @@ def range_is_unknown(fitted: FittedModel, setpoints_degC: Sequence[float]) -> bo
 
 def _beyond(setpoint_degC: float, covered: float, towards: str) -> Finding:
     return Finding(name="beyond-the-log", told=(
-        f"{setpoint_degC:g} °C is asked for, and the log covers setpoints {towards} to {covered:g} °C (--setpoint "
-        f"{covered:g})."))
+        f"The setpoint is {setpoint_degC:g} °C, but the log covers setpoints {towards} to {covered:g} °C only "
+        f"(--setpoint {covered:g})."))
 
 
 def left_out(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[str]:
-    """Return the remark on possible heaters that are left out as the log contradicts them, nothing without any."""
+    """Return the remark on plausible heaters that are left out as the log contradicts them, nothing without any."""
     possible = len(fitted.heaters)
     if able < possible and not any(unreachable_findings(fitted, able, setpoint_degC)):
-        yield (f"{possible - able} of {possible} possible heaters left out: they could not hold {setpoint_degC:g} °C, "
-               "which the log shows held")
+        yield (f"{possible - able} of {possible} plausible heaters left out: they could not hold {setpoint_degC:g} °C, "
+               "which the log shows to be held")
 
 
 def _contradicts(fitted: FittedModel, model: HeaterModel, setpoint_degC: float) -> bool:

@@ -44,7 +44,7 @@ _HELP: Final = (
     (("limit_cycle", "pwm_ripple", "switchings"), "a faster switch (solid-state relay) or a slower, heavier load"),
     (("steady_offset", "step_power", "limit_cycle"), "a finer input module or a narrower sensor range"),
     (("overshoot", "overshoot_degC", "deviation", "ms", "_margin", "iae", "limit_cycle"),
-     "a sensor nearer to the heater (less dead time)"),
+     "a sensor closer to the heater (less dead time)"),
 )
 #: above what was found, for another proof of the same words
 _ROOM: Final = 1.02
@@ -67,8 +67,8 @@ def passing_settings(proof: Proof) -> dict[str, tuple[str, ...]]:
 
 def settings_told(proof: Proof, what: str) -> list[str]:
     """Return a sentence for each switch that the failure of `what` hangs on alone, see `passing_settings`."""
-    return [f"Under {name} = {' or '.join(kept)} no run of {what} fails: find out what this controller does, and say "
-            f"--switch {name}={kept[0]}." for name, kept in passing_settings(proof).items()]
+    return [f"With {name} = {' or '.join(kept)}, no run of {what} fails: find out what this controller does, and state "
+            f"it with --switch {name}={kept[0]}." for name, kept in passing_settings(proof).items()]
 
 
 def suspects(proof: Proof, wound: Sequence[Mapping[str, str]] = ()) -> dict[str, str]:

@@ -76,7 +76,7 @@ PRESETS: Final[dict[str, Preset]] = {
     }),
     "oven": Preset("drying or heating oven", {
         "tolerance": ("1 degC", "±1 to ±2 °C in time, DIN 12880"),
-        "overshoot": ("2 degC", "practice: goods must not be hotter than the setpoint says"),
+        "overshoot": ("2 degC", "practice: goods must not get hotter than the setpoint"),
         "recovery-overshoot": ("2 degC", "likewise"),
         "reheat-overshoot": ("4 degC", "twice that of the heat-up"),
     }),
@@ -87,8 +87,8 @@ SMALL_CHANGE_PCT: Final = 65.0
 
 #: why the general limits are as they are
 _REASONS: Final = {
-    "tolerance": "what most heaters' users call right",
-    "overshoot": "this project's choice for heaters; ask for less where the goods do",
+    "tolerance": "acceptable for most heaters",
+    "overshoot": "this project's choice for heaters; use less where the goods require it",
     "recovery-overshoot": "as on heat-up",
     "reheat-overshoot": "twice that of the heat-up: a fault, not use; a controller that winds up without end breaks it",
     "small-change-overshoot": "what a PI at the limit Ms 2 does on a slow heater with a short dead time, 55 to 60 %; "
@@ -96,7 +96,7 @@ _REASONS: Final = {
     "ms": "K. J. Åström, T. Hägglund, Advanced PID Control, ISA 2006",
     "gain-margin": "D. E. Seborg, T. F. Edgar, D. A. Mellichamp, Process Dynamics and Control: 1.7 to 4",
     "phase-margin": "Seborg, Edgar, Mellichamp: 30 to 45°",
-    "step-power": "a reading that trembles by one step must not make the heater tremble",
+    "step-power": "a reading that flickers by one step must not make the heater flicker",
 }
 
 

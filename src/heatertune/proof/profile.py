@@ -126,7 +126,7 @@ class Profile:
         A heater follows where its power a = (setpoint − ambient + lags·rate)/gain is one that it has.
 
         Args:
-            models: the possible heaters and their ambients [°C]; the ramp begins at that of the first.
+            models: the plausible heaters and their ambients [°C]; the ramp begins at that of the first.
 
         Raises:
             InputError: with the fastest ramp that all of them can follow.
@@ -135,13 +135,13 @@ class Profile:
             if not all(can_hold(model, leg.to_degC, ambient) for model, ambient in models):
                 least, most = _reach(models)
                 raise InputError(f"{self.name}, segment {leg.segment}: target {leg.to_degC:g} °C; expected more than "
-                                 f"{least:.4g} and less than {most:.4g} °C, which every possible heater can hold")
+                                 f"{least:.4g} and less than {most:.4g} °C, which every plausible heater can hold")
             rate, fastest = leg.degC_per_s, min(_fastest(leg, model, ambient) for model, ambient in models)
             if abs(rate) > fastest:
                 way = "at full power" if _by_power(leg, models[0][0]) else "without power"
                 raise InputError(
                     f"{self.name}, segment {leg.segment}: {told_rate(abs(rate))} to {leg.to_degC:g} °C is faster than "
-                    f"the weakest possible heater follows {way} there; expected at most {told_rate(fastest)}")
+                    f"the weakest plausible heater follows {way} there; expected at most {told_rate(fastest)}")
 
 
 def told_rate(degC_per_s: float) -> str:

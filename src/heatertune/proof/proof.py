@@ -137,7 +137,7 @@ class Proof(NotebookDisplay):
 
     def __post_init__(self) -> None:
         if not (self.runs and self.criteria):
-            raise InputError("runs: none; a proof without a run proves nothing")
+            raise InputError("runs: none; a proof needs at least one run")
 
     @property
     def nominal(self) -> Trace:
@@ -435,7 +435,7 @@ def _with_band(diagnostics: FitDiagnostics, limits: LoopLimits, resolution_degC:
     band = band_of(limits, resolution_degC)
     if band <= limits.tolerance_degC:
         return diagnostics
-    widened = f"asked ±{limits.tolerance_degC:.3g} °C, proven ±{band:.3g} °C"
+    widened = f"requested ±{limits.tolerance_degC:.3g} °C, proven ±{band:.3g} °C"
     coarse = Finding(name="coarse-sensor", told=f"{widened}: the sensor's step is {resolution_degC:.3g} °C.")
     return replace(diagnostics, findings=(*diagnostics.findings, coarse), remarks=(*diagnostics.remarks, widened))
 

@@ -253,7 +253,7 @@ def tune_settings_for(tuned: TuneSettings, conditions: Conditions) -> TuneSettin
 def told_of_aim(asked: TuneSettings, tuned: TuneSettings) -> tuple[str, ...]:
     """Return the sentence that the design aims at a smaller Ms than it was asked for, where it does."""
     if tuned.ms < asked.ms:
-        return (f"Ms <= {tuned.ms:g} in place of {asked.ms:g}: the specification asks for it.",)
+        return (f"Ms <= {tuned.ms:g} instead of {asked.ms:g}, as the specification requires.",)
     return ()
 
 
@@ -292,14 +292,15 @@ def _remarks(
 ) -> Iterator[str]:
     """Return what stands on the verdict's line beside the findings of the fit."""
     if fitted.outcome is FitOutcome.BY_HAND:
-        yield "the model was given by hand"
+        yield "the model was entered by its numbers"
     if range_is_unknown(fitted, setpoints_degC):
-        yield "how far the log reached is not in the model (fit the log again)"
+        yield "the model does not contain the logged range (fit the log again)"
     if (delay := controller_for(words.target).delayed_s(words.scaling)) > 0.0:
         yield f"dead time {delay:g} s longer, for the input module"
     if (cooling := controller_for(words.target).cooling) is not None:
         told = asked.cooling_gain is not None
-        yield (f"the cooler was given as {asked.cooling_gain:g} times the heater's power" if told else
-               f"the cooler was taken for {cooling.gain(words):g} times the heater's power, as the words say")
+        yield (f"the power of the cooler was entered as {asked.cooling_gain:g} times that of the heater" if told else
+               f"the power of the cooler was taken from the parameters, {cooling.gain(words):g} times that of the "
+               "heater")
     if words.sample_time_s < fitted.log_interval_s:
         yield f"TA {words.sample_time_s:g} s is below the log's interval of {fitted.log_interval_s:g} s"

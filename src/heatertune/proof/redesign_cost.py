@@ -32,7 +32,7 @@ def change_sentence(first: DesignResult, found: DesignResult, what: str) -> str:
     """Return the sentence of a change that passes: what failed, what was changed, and its price."""
     price = costs(first, found)
     why = f"fails ({broken(first)})" if broken(first) else "winds up"
-    return f"The optimum as asked for {why}; with {what} every limit is kept; {price}."
+    return f"The requested optimum {why}; with {what} every limit is kept; {price}."
 
 
 def more_iae(first: DesignResult, found: DesignResult) -> float:
@@ -49,12 +49,12 @@ def costs(first: DesignResult, found: DesignResult) -> str:
 def _costs(first: DesignResult, found: DesignResult) -> Iterator[str]:
     """Return what a change costs: load disturbances, heat-up, wear of the switch."""
     more = 100.0 * more_iae(first, found)
-    yield f"a load disturbance costs {more:.2g} % more IAE" if more > _NOTHING_PCT else "IAE stays"
+    yield f"the IAE of a load disturbance rises by {more:.2g} %" if more > _NOTHING_PCT else "the IAE does not change"
     for name, unit in (("settling_time", "s"), ("switchings", "1/h")):
         old, new = (next(each.value for each in closed_.proof.criteria if each.name == name)
                     for closed_ in (first, found))
         if abs(new - old) > _NOTICED * old:
-            yield f"the worst {name.replace('_', ' ')} goes from {written(old, 3)} to {written(new, 3)} {unit}"
+            yield f"the worst {name.replace('_', ' ')} changes from {written(old, 3)} to {written(new, 3)} {unit}"
 
 
 def broken(found: DesignResult) -> str:

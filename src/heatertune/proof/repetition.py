@@ -100,7 +100,7 @@ def repeat_proof(path: str | Path, *, accept: Sequence[str] = (), progress: Prog
     _demand_words(words, document, design, fitted, recipe, words_path)
     _demand_model(place, fitted, design_path)
     wider = replace(recipe.conditions, accept=tuple(dict.fromkeys((*recipe.conditions.accept, *accept))))
-    progress("proving the words again")
+    progress("proving the parameters again")
     samples = _sample_settings(stored)
     again = _proof_document(words, fitted, recipe.conditions, samples)
     for name in _REPEATED:

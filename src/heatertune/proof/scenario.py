@@ -327,7 +327,7 @@ def scenario_for(
     proportion.
 
     Args:
-        models: the possible heaters.
+        models: the plausible heaters.
         setpoint_degC: [°C].
         ambient_degC: temperature without power; None: the models' own [°C].
         temperature_step_degC: step of the temperature; None: 30 % of the largest setpoint step back to the

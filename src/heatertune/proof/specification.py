@@ -49,7 +49,7 @@ class Limit:
 
     Attributes:
         what: its meaning.
-        units: unit → what it sets; "T+L" counts in the slowest possible heater's lags and dead time.
+        units: unit → what it sets; "T+L" counts in the slowest plausible heater's lags and dead time.
         example: a value, as a user would write it.
         at_least: whether the value must be reached; otherwise it must not be exceeded.
         demanded: whether a limit there must be: nothing cannot be asked for.
@@ -71,8 +71,7 @@ def _of_time(field_: str) -> dict[str, Measure]:
 #: everything that a user can limit, by the name that a user writes
 LIMITS: Final[dict[str, Limit]] = {
     "tolerance": Limit(
-        description="how far from the setpoint is still right: half width of the band, limit of offset and swing at "
-                    "rest",
+        description="tolerance around the setpoint: half width of the band, limit of offset and oscillation at rest",
         units={"degC": Measure("tolerance_degC")}, example="1 degC", is_required=True),
     "overshoot": Limit(
         description="beyond the setpoint on heat-up, after a change of the setpoint and a restart, of the rise above "
@@ -101,10 +100,11 @@ LIMITS: Final[dict[str, Limit]] = {
         description="peak to peak within one PWM period at rest", units={"degC": Measure("pwm_ripple_degC")},
         example="0.2 degC"),
     "iae": Limit(
-        description="integral of the absolute error over the whole story", units={"degC·s": Measure("iae_degC_s")},
+        description="integral of the absolute error over the whole test "
+                    "sequence", units={"degC·s": Measure("iae_degC_s")},
         example="5000 degC·s"),
     "power-reserve": Limit(
-        description="power that is left over where the heater holds the highest setpoint, of full power",
+        description="power reserve while the heater holds the highest setpoint, as a share of full power",
         units={"%": Measure("power_reserve_pct")}, example="10 %", at_least=True),
     "saturation": Limit(
         description="share of the scans that ask for 0 or 100 % power", units={"%": Measure("saturation_pct")},
@@ -123,10 +123,10 @@ LIMITS: Final[dict[str, Limit]] = {
         units={"%": Measure("step_power_pct")},
         example="10 %"),
     "soak-band": Limit(
-        description="how far from the temperature of a profile's soak is still right; else the tolerance",
+        description="tolerance around the temperature of a soak; by default the general tolerance",
         units={"degC": Measure("soak_band_degC")}, example="3 degC"),
     "soak-settling": Limit(
-        description="time of a profile's soak after which it has to be right, of the soak; else its half",
+        description="share of a soak after which its tolerance applies; by default one half",
         units={"%": Measure("soak_settling_pct"), **_of_time("soak_settling_s")}, example="10 min"),
     "ramp-deviation": Limit(
         description="largest distance from the setpoint on a profile's ramps",
@@ -158,9 +158,10 @@ STORY: Final[dict[str, SequencePart]] = {
     "temperature-step": SequencePart(description="the temperature falls at once, of the rise above ambient: cold "
                                                  "goods, open doors",
                  field="step_share", unit="%", factor=0.01),
-    "load": SequencePart(description="a load takes so much of full power for five (T+L), and gives it back",
+    "load": SequencePart(description="a load takes this share of full power for five (T+L), and is removed",
                  field="load_pct", unit="%"),
-    "open-circuit": SequencePart(description="the heater's circuit is open for two TN and a night, the PLC running",
+    "open-circuit": SequencePart(description="the heater circuit is open for two TN and for a long outage, with the "
+                                             "PLC running",
                                  field="opens"),
     "setpoint-change": SequencePart(description="the setpoint falls to the lower end of the setpoints of use, and "
                                                 "rises again; small "
@@ -219,7 +220,7 @@ class Specification:
         """Return what a loop must keep.
 
         Args:
-            heater_s: lags and dead time of the slowest possible heater [s].
+            heater_s: lags and dead time of the slowest plausible heater [s].
         """
         given: dict[str, float | None] = {
             measure.field: None for kind in LIMITS.values() for measure in kind.units.values() if not kind.is_required}
@@ -294,7 +295,7 @@ def split(name: str, values: Sequence[str]) -> tuple[str, ...]:
 
 def _part(name: str) -> SequencePart:
     if name not in STORY:
-        raise UnknownName("part of the story", name, STORY)
+        raise UnknownName("part of the test sequence", name, STORY)
     return STORY[name]
 
 

@@ -52,7 +52,7 @@ def compare(
     """
     rows, asked = [], conditions or Conditions()
     for number, target in enumerate(TARGETS, 1):
-        progress(f"proving the words of {target} ({number} of {len(TARGETS)})")
+        progress(f"proving the parameters of {target} ({number} of {len(TARGETS)})")
         its = asked if recipe is None or recipe.target == target else replace(asked, switches={})
         rows.append(_row(target, wished, scaling, recipe, partial(prove, fitted=fitted, conditions=its,
                                                                   first_look=first_look)))

@@ -1,6 +1,6 @@
 """What words have to live through: all that goes wrong with a heater in use, one thing after the other in one run.
 
-Each part lasts as long as the slowest of the possible heaters needs for it and then goes on at rest, so that a later
+Each part lasts as long as the slowest of the plausible heaters needs for it and then goes on at rest, so that a later
 hunt is seen: ten of the loop's slowest periods wherever the power at rest is a new one, one after every other part.
 """
 
@@ -102,7 +102,7 @@ def story_for(
     """Return a story in times that suit the slowest of the heaters.
 
     Args:
-        models: the possible heaters.
+        models: the plausible heaters.
         loop: of the words.
         story: which parts; None: all.
         setpoint_degC: upper end of the setpoints of use [°C].
@@ -115,7 +115,7 @@ def story_for(
         OutOfRange: one of the heaters cannot hold the setpoint.
     """
     if not models:
-        raise InputError("a story needs at least one model")
+        raise InputError("a test sequence needs at least one model")
     if story is not None and story.paper_times:
         record = scenario_for(models, setpoint_degC=setpoint_degC, ambient_degC=ambient_degC, noise_degC=noise_degC,
                               seed=seed)

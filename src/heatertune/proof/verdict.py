@@ -113,7 +113,7 @@ def combined_verdict(verdicts: Iterable[str]) -> str:
     """
     heard = set(verdicts)
     if not heard:
-        raise InputError("a verdict needs at least one run: none proves nothing")
+        raise InputError("a verdict needs at least one run")
     if others := sorted(map(repr, heard - {"PASS", NOT_PROVEN, "FAIL"})):
         raise InputError(f"verdict: expected PASS, {NOT_PROVEN} or FAIL, got {', '.join(others)}")
     return "FAIL" if "FAIL" in heard else NOT_PROVEN if NOT_PROVEN in heard else "PASS"
@@ -200,8 +200,8 @@ def samples_told(drawn: Mapping[str, Any]) -> str:
         return f"{share}, so at {shows} % of all do (95 % confidence), {must:.4g} % must"
     more = next((more for more in _MORE if more > number and verdict_of_samples(
         more, quantile, [round(more * min(kept) / number)]) != NOT_PROVEN), None)
-    return f"{share}, too few to say whether {must:.4g} % of all do" + (
-        f": --samples {more}" if more else ", and more of them at this share would not say it, either")
+    return f"{share}, too few to decide whether {must:.4g} % of all do" + (
+        f": --samples {more}" if more else "; at this share, more samples would not decide it either")
 
 
 def derived_verdict(proof: Mapping[str, Any]) -> str:
@@ -227,10 +227,10 @@ def _under(settings: Sequence[Mapping[str, Any]]) -> str:
 
 
 def extent(proof: Mapping[str, Any]) -> str:
-    """Return where and on what a proof's document was made: "at 50 °C in 45 runs on 9 possible heaters"."""
+    """Return where and on what a proof's document was made: "at 50 °C in 45 runs on 9 plausible heaters"."""
     heaters = {run["model"] for run in proof["runs"]}
     return (f"at {proof['scenario']['setpoint_degC']:g} °C in {count(len(proof['runs']), 'run')} on "
-            f"{count(len(heaters), 'possible heater')}")
+            f"{count(len(heaters), 'plausible heater')}")
 
 
 def _broken(proof: Mapping[str, Any]) -> Sequence[str]:
@@ -249,7 +249,7 @@ def told_by_kind(proof: Mapping[str, Any]) -> dict[str, list[str]]:
     findings = [(KINDS[finding["name"]], finding["accepted"]) for finding in proof["findings"]]
     others = [kind.short for kind, _ in findings if kind.effect != "blocks"]
     accepted = [f"accepted: {kind.short}" for kind, accepts in findings if accepts]
-    assumed = [f"taken as known: {ASSUMED[name].format(value)}" for name, value in proof["assumed"].items()]
+    assumed = [f"assumed: {ASSUMED[name].format(value)}" for name, value in proof["assumed"].items()]
     return {
         "not known": list(dict.fromkeys(others)), "not tested": list(proof["not_tested"]),
         "assumed": [*assumed, *accepted],
@@ -275,7 +275,7 @@ def _of_spec(spec: Mapping[str, Any]) -> list[str]:
     """Return which specification was kept or broken, where it is not the general one as it is."""
     led = spec.get("profile")
     along = "" if led is None else (
-        f"along the profile {decode(Profile, led, PROOF_SCHEMA).label}, which your own program has to lead")
+        f"along the profile {decode(Profile, led, PROOF_SCHEMA).label}, which your own program has to run")
     own = ", ".join(f"{name} {' and '.join(spec['limits'][name]) or NOTHING}" for name in spec["changed"])
     preset = "" if spec["name"] == GENERAL else f"specification {spec['name']}"
     return [part for part in (preset, f"own limits: {own}" if own else "", along) if part]

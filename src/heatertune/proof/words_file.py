@@ -187,18 +187,18 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
     failed = [name for name, criterion in proof["criteria"].items() if not criterion["ok"]]
     open_, verdict = blocking_findings(proof), derived_verdict(proof)
     if verdict != "PASS" and not force:
-        raise ExportRefused(f"{verdict_line(proof)}; --force exports these words all the same")
+        raise ExportRefused(f"{verdict_line(proof)}; --force exports these parameters anyway")
     lines = [f"proven {extent(proof)}"]
     if proof["setpoint_ramp"] is not None:
         ramp = proof["setpoint_ramp"]
         led = Ramp(**{name: ramp[name] for name in ("step", "calls", "hold")})
         rate = f"{led}, {ramp['degC_per_min']:.3g} °C/min"
-        lines.append(f"proven with the setpoint ramp {rate}; nothing is proven without it")
+        lines.append(f"proven with the setpoint ramp {rate}; not proven without it")
     if "boost" in proof:
-        lines.append(f"proven with a boost: {Boost(**proof['boost'])}; nothing is proven without it")
+        lines.append(f"proven with a boost: {Boost(**proof['boost'])}; not proven without it")
     watch = proof["interlock"]
     lines += [] if watch is None else [f"behind the interlock {watch['name']}, limit {watch['limit_degC']:g} °C"]
-    lines += [f"taken as known: {name} = {setting}" for name, setting in proof["known"].items()]
+    lines += [f"assumed: {name} = {setting}" for name, setting in proof["known"].items()]
     lines += [f"not kept: {name}" for name in failed]
     lines += [f"not proven: {finding['told']}" for finding in open_]
     lines += [*sample_lines(proof), *told_of(proof)]
@@ -228,7 +228,7 @@ def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where:
     names = ("target", "words", "sample_time_s", "scaling", "setpoint_ramp", "boost")
     other = [name for name in names if proof.get(name) != words.get(name)]
     if other:
-        raise ExportRefused(f"{where}: the proof of other words ({', '.join(other)}); prove these first")
+        raise ExportRefused(f"{where}: the proof of other parameters ({', '.join(other)}); prove these first")
     if words.get("realised") is not None and "ms" not in proof["criteria"]:
         raise DocumentError(f"{where}: criteria.ms: is missing: no whole proof; prove the words again")
     demanded = settings_to_prove(controller_for(proof["target"]).switches, proof["known"])

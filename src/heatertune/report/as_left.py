@@ -47,7 +47,7 @@ def as_left_brief(left: Document, target: str, page: str, *, whole: bool = False
             rows.append((readable_name(line["name"]), limit_text(line), worst_text(line),
                          measured_text(line), judged_text(line) or (line["told"] if whole else "")))
     figures = [row if whole else cut(row) for row in table(rows, right=(1, 2, 3)).splitlines()] if rows[1:] else []
-    others = [f"{len(left['measurements']) - count} criteria are not to be seen in this trace (--verbose tells why)"]
+    others = [f"{len(left['measurements']) - count} criteria cannot be seen in this trace (--verbose says why)"]
     notes = [f"- {note}" for note in left["notes"]] if whole else notes_within(
         LINES - len(lines) - len(figures) - 6, left["notes"])
     return screen(lines, figures, [*([] if whole else others), *notes], [page])
@@ -79,5 +79,5 @@ def plot_as_left(left: Document) -> Figure:
     for ax in others:
         ax.step(left["time_s"], left["power_pct"], where="post", label="power", **LOOK["log"])
         ax.set(ylabel="power [%]", ylim=(-4, 104))
-    (others or [top])[-1].set_xlabel("time since the setpoint was asked for [s]")
+    (others or [top])[-1].set_xlabel("time since the setpoint change [s]")
     return figure

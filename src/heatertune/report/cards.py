@@ -137,7 +137,7 @@ def _trace(value: Trace) -> str:
     temperature = value.temperature_degC
     rows = [
         ("setpoint", figure(value.setpoint_degC), "°C"), ("duration", figure(float(value.time_s[-1])), "s"),
-        _span("temperature", temperature, "°C"), _span("power asked for", value.power_asked_pct, "%"),
+        _span("temperature", temperature, "°C"), _span("requested power", value.power_asked_pct, "%"),
         ("scans", str(len(value.time_s)), ""), ("switchings of the heater", str(len(value.edge_time_s)), ""),
     ]
     who = "ideal controller" if value.words is None else value.words.target

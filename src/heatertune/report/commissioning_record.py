@@ -35,7 +35,7 @@ Document = Mapping[str, Any]
 Documents = Mapping[str, Document]
 
 #: steps of COMMISSIONING.md that are done once; the others stand in the appendix, for when they are needed
-_INTO_SERVICE: Final = ("Where the words go", "The first minutes")
+_INTO_SERVICE: Final = ("Entering the parameters", "The first minutes")
 #: criteria that no plant shows: they are of the words, or of flags in the PLC
 _OF_WORDS: Final = ("stability", "ms", "gain_margin", "phase_margin", "step_power", "overflow", "interlock_trips")
 _SHORT: Final = 160  # characters of all words in one cell
@@ -73,16 +73,17 @@ def _verdict(documents: Documents) -> str:
     broken = [f"Not kept: {readable_name(name)}, {worst_text(_line(name, one))} (limit {limit_text(one)})."
               for name, one in proof["criteria"].items() if not one["ok"]]
     names = [finding["name"] for finding in proof["findings"]]
-    points = [f"Not proven: {finding['told']} What closes it: {remedy_of(finding['name'], names)}."
+    points = [f"Not proven: {finding['told']} Remedy: {remedy_of(finding['name'], names)}."
               for finding in blocking_findings(proof)]
     points += [*sample_lines(proof), *told_of(proof)]
     verdict = " ".join(filter(None, (proof["verdict"], relaxed_clause(proof))))
-    forced = " The words were exported in spite of it (--force)." if documents["words"].get("forced") else ""
+    forced = " The parameters were exported anyway (--force)." if documents["words"].get("forced") else ""
     return (
         f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{text_of(verdict)} at '
         f"{figure(proof['scenario']['setpoint_degC'])} °C</p>"
-        f"<p>{len(proof['runs'])} closed-loop runs of the PLC's own arithmetic: {count(models, 'possible heater')}, "
-        f"each under every setting of what the manual leaves open.{forced}</p>{bullets([*broken, *points])}"
+        f"<p>{len(proof['runs'])} closed-loop runs with the PLC's own arithmetic on "
+        f"{count(models, 'plausible heater')}, each under every setting of the open points."
+        f"{forced}</p>{bullets([*broken, *points])}"
     )
 
 
@@ -90,7 +91,7 @@ def _words(documents: Documents) -> str:
     """Return the words, in the order in which they are typed in, each with a box to tick."""
     document = documents["words"]
     rows, scale = keyed_entries(document), document["scaling"]
-    refused = '<p class="fail">Not to be typed in: these words are not proven.</p>' if _refused(document) else ""
+    refused = '<p class="fail">Do not enter: these parameters are not proven.</p>' if _refused(document) else ""
     half = (len(rows) + 1) // 2 if len(rows) > _SIDE_BY_SIDE and _is_narrow(rows) else len(rows)
     source, called = controller_for(document["target"]).title, called_every_s(document, documents["proof"]["actuator"])
     columns = "".join(_column(part) for part in (rows[:half], rows[half:]) if part)
@@ -102,7 +103,7 @@ def _words(documents: Documents) -> str:
     others = f"; with it: {' '.join(files[1:])}" if files[1:] else ""
     listed = f"<p>File for the {holder(document['target'])}: {files[0]}{others}</p>" if files else ""
     return (
-        f"<h2>Words for {text_of(document['target'])}</h2>{refused}<p>In the order in which they are typed in"
+        f"<h2>Parameters for {text_of(document['target'])}</h2>{refused}<p>In the order in which they are entered"
         f"{down}. Sensor {describe_range(Scaling(**scale))}; call every "
         f"{figure(called)} s. Setpoint of the proof: {figure(document['setpoint_degC'])} °C; enter "
         f"{text_of(setpoint_text(document))}.</p>"
@@ -124,7 +125,7 @@ def _refused(words: Document) -> bool:
 
 def _column(rows: Sequence[KeyedEntry]) -> str:
     lines = "".join(_word(row) for row in rows)
-    heads = "".join(f'<th scope="col">{name}</th>' for name in ("typed", "word", "value", "meaning"))
+    heads = "".join(f'<th scope="col">{name}</th>' for name in ("entered", "parameter", "value", "meaning"))
     return f'<table class="words"><thead><tr>{heads}</tr></thead><tbody>{lines}</tbody></table>'
 
 
@@ -135,7 +136,7 @@ def _word(row: KeyedEntry) -> str:
     shown = row.format and not row.changes and value.partition(" ")[0] != row.format
     kind = f' <span class="soft">{row.format}</span>' if shown else ""
     place = "" if row.address == row.name else f"{text_of(row.address)} "
-    return (f"<tr><td>{tick(f'word-{row.name}', f'{row.name} typed in')}</td>"
+    return (f"<tr><td>{tick(f'word-{row.name}', f'{row.name} entered')}</td>"
             f'<td class="word">{place}<b>{text_of(row.name)}</b></td><td class="value">{value}{kind}</td>'
             f'<td class="meaning">{text_of(row.meaning)}</td></tr>')
 
@@ -144,7 +145,7 @@ def _site(documents: Documents) -> str:
     """Return the steps on site: where the words go, and what to watch at first."""
     manual = commissioning(documents["words"]["target"])
     source = f'<p class="soft">Source: {text_of(manual.facts)}</p>'
-    return f"<h2>Into service</h2>{_steps(manual.steps, _INTO_SERVICE)}{source}"
+    return f"<h2>Commissioning</h2>{_steps(manual.steps, _INTO_SERVICE)}{source}"
 
 
 def remedies(documents: Documents) -> str:
@@ -152,8 +153,8 @@ def remedies(documents: Documents) -> str:
     found = commissioning(documents["words"]["target"]).steps
     others = [title for title in found if title not in _INTO_SERVICE]
     search = bullets(search_notes(documents["words"]))
-    how = f"<h2>How the words were found</h2>{search}" if search else ""
-    return f"<h2>If something is wrong</h2>{_steps(found, others)}{how}"
+    how = f"<h2>How the parameters were found</h2>{search}" if search else ""
+    return f"<h2>Troubleshooting</h2>{_steps(found, others)}{how}"
 
 
 def _steps(found: Mapping[str, Sequence[str]], titles: Sequence[str]) -> str:
@@ -173,9 +174,9 @@ def _safety(documents: Documents) -> str:
         [tick("safety-sensor", "broken sensor tried"), "Sensor unplugged: heater off", BLANK],
     ]
     return (
-        "<h2>Safety</h2><p>Nothing in this record stands in for a cut-out that is independent of the PLC. Readings go "
-        f"from {figure(scale['low_degC'])} to {figure(scale['high_degC'])} °C: what is hotter the controller does not "
-        f"see.</p>{table(['checked', '', 'value'], rows)}")
+        "<h2>Safety</h2><p>Nothing in this record replaces a cut-out that is independent of the PLC. Readings go "
+        f"from {figure(scale['low_degC'])} to {figure(scale['high_degC'])} °C: the controller cannot detect "
+        f"higher temperatures.</p>{table(['checked', '', 'value'], rows)}")
 
 
 def _acceptance(documents: Documents) -> str:
@@ -194,10 +195,10 @@ def _acceptance(documents: Documents) -> str:
     long_enough = "" if ends is None else f" for at least {2.0 * ends:.0f} s"
     heads = ["", "criterion", "limit", "proven worst", "measured", ""]
     return (
-        "<h2>Acceptance test</h2><p>From cold and with the heater off, log time and temperature, setpoint and power "
-        f"where they can be had; ask for {figure(proof['scenario']['setpoint_degC'])} °C and log{long_enough}. Then "
-        + with_code("`heatertune report DIR --as-left trace.csv` measures and fills in what the trace shows.")
-        + f"</p>{table(heads, rows, numeric=(2, 3, 4), source='the proof; measured: the trace, or by hand')}"
+        "<h2>Acceptance test</h2><p>Starting cold and with the heater off, log time and temperature, and if possible "
+        f"setpoint and power; set {figure(proof['scenario']['setpoint_degC'])} °C and log{long_enough}. Then "
+        + with_code("`heatertune report DIR --as-left trace.csv` evaluates the trace and fills in this table.")
+        + f"</p>{table(heads, rows, numeric=(2, 3, 4), source='the proof; measured: the trace, or manual entry')}"
     )
 
 
@@ -205,20 +206,20 @@ def _as_left(documents: Documents) -> str:
     left, words = documents.get("as_left"), documents["words"]
     values = ", ".join(f"{row.name} {row.then_text}" for row in keyed_entries(words))
     if _refused(words):
-        values = "not to be typed in"
-    now: list[str] = [BLANK, values if len(values) <= _SHORT else "as above, each ticked"]
+        values = "do not enter"
+    now: list[str] = [BLANK, values if len(values) <= _SHORT else "as above, each entry ticked"]
     if "written" in documents:
         passages = documents["written"]["passages"]
         now = [text if len(text) <= _SHORT else "see below" for text in (
             in_plc(passages[0]["found"], words), in_plc(passages[-1]["left"], words))]
-    rows = [["words", *now],
+    rows = [["parameters", *now],
             ["setpoint", BLANK, f"{figure(words['setpoint_degC'])} °C"],
             ["trace", BLANK, BLANK if left is None else left["trace"]],
             ["what it shows", BLANK, BLANK if left is None else left["verdict"]]]
     told = ""
     if left is not None:
         told = f"{bullets([*left['told'], *left['notes']])}" + picture(
-            plot_as_left(left), "The trace over what the proven runs do from where it begins; shaded: outside of it.")
+            plot_as_left(left), "The trace and the band of the proven runs; shaded: outside the band.")
     return f"<h2>As found, as left</h2>{table(['', 'as found', 'as left'], rows)}{told}"
 
 

@@ -31,10 +31,10 @@ def assumption_text(documents: Documents) -> str:
         _row("setpoint_degC", story["setpoint_degC"]),
         _row("noise_degC", story["noise_degC"]),
         _row("tolerance_degC", limit["tolerance_degC"]),
-        ["duration of the proof", f"{story['duration_s']:.0f}", "s", "from the slowest possible heater"],
+        ["duration of the proof", f"{story['duration_s']:.0f}", "s", "from the slowest plausible heater"],
     ]
-    rows += [[part["label"], f"{part['begin_s']:.0f}", "s", "the story of the specification, in times that suit the "
-              "slowest possible heater"] for part in documents["pictures"]["phases"][1:]]
+    rows += [[part["label"], f"{part['begin_s']:.0f}", "s", "the test sequence of the specification, with "
+              "durations for the slowest plausible heater"] for part in documents["pictures"]["phases"][1:]]
     if switch is not None:
         rows += [_row(name, switch[key]) for name, key in (
             ("pwm_period_s", "pwm_period_s"), ("pwm_resolution_s", "resolution_s"), ("minimum_on_s", "minimum_on_s"),
@@ -43,22 +43,23 @@ def assumption_text(documents: Documents) -> str:
             told = ("cooling_gain", "cooling_minimum_on_s", "cooling_minimum_off_s")
             rows += [_row(name, switch[name]) for name in told if switch.get(name) is not None]
         if switch["minimum_rule"] == "carry":
-            rows.append(["what a pulse leaves", "made up in the next one", "", options_of(Conditions)["pwm_rule"].flag])
+            rows.append(["rest of a pulse", "carried to the next one", "", options_of(Conditions)["pwm_rule"].flag])
     points = controller_for(documents["words"]["target"]).switches
     known = documents["proof"]["known"]
     settings = [[point.name, point.default, ", ".join(proven), point.reason]
                 for point in points if not point.in_manual and (proven := _proven(point, known))]
     by_hand = ", ".join(point.name for point in points if point.in_manual)
     open_points = (
-        "<h3>What the manual leaves open</h3><p>The proof ran under every setting"
-        + (f", but for what shows in manual alone: {by_hand}.</p>" if by_hand else ".</p>")
-        + table(["point", "default", "settings proven", "what is open"], settings,
+        "<h3>Open points of the manual</h3><p>The proof ran under every setting"
+        + (f", except for points that only show in manual mode: {by_hand}.</p>" if by_hand else ".</p>")
+        + table(["open point", "default", "settings proven", "what is open"], settings,
                 source="DIFFERENCES.md of the controller")
         if settings else ""
     )
     return (
-        "<h2>Assumed</h2>"
-        + table(["", "value", "unit", "given by"], rows, numeric=(1,), source="options of the command, else defaults")
+        "<h2>Assumptions</h2>"
+        + table(["", "value", "unit", "given by"], rows, numeric=(1,),
+                source="options of the command, otherwise defaults")
         + open_points
     )
 
@@ -86,18 +87,18 @@ def specification(documents: Documents) -> str:
             for name, values in asked["limits"].items() if values]
     if (profile := asked.get("profile")) is not None:
         rows.append(["profile", decode(Profile, profile, "proof.json").label,
-                     "ramps and soaks along which your own program leads the setpoint", ""])
-    return (f"<h2>Asked</h2><p>The specification {text_of(asked['name'])}.</p>"
-            + table(["limit", "value", "meaning", "why"], rows, source="heatertune spec"))
+                     "ramps and soaks that your own program runs", ""])
+    return (f"<h2>Specification</h2><p>The specification {text_of(asked['name'])}.</p>"
+            + table(["limit", "value", "meaning", "reason"], rows, source="heatertune spec"))
 
 
 def limits(documents: Documents) -> str:
     """Return what the proof does not say."""
     proof = documents["proof"]
-    ends = f"Setpoints above {figure(proof['scenario']['setpoint_degC'])} °C, and below those of the story."
+    ends = f"Setpoints above {figure(proof['scenario']['setpoint_degC'])} °C, and below those of the test sequence."
     unproven = [
-        "Heaters outside the listed models: nothing is claimed for them.",
-        "A sensor that is wrong, a relay that sticks, a jittering timer (`heatertune verify --samples` draws this).",
+        "Heaters outside the listed models.",
+        "A faulty sensor, a stuck relay, a jittering timer (see `heatertune verify --samples`).",
         ends,
         *(f"Not tested: {part}." for part in proof["not_tested"]),
     ]

@@ -132,7 +132,7 @@ def notes_within(room: int, notes: Sequence[str], hidden: int = 0) -> list[str]:
             hidden += len(notes) - number
             break
         lines += more
-    return [*lines, *([f"- {hidden} more to read: --verbose"] if hidden else [])]
+    return [*lines, *([f"- {hidden} more: --verbose"] if hidden else [])]
 
 
 def screen(*parts: Sequence[str]) -> str:

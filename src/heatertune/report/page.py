@@ -60,7 +60,7 @@ def sections(documents: Documents, names: Sequence[str]) -> dict[str, str]:
 def _log(documents: Documents) -> str:
     log = documents["log"]
     lists = f"<p>{text_of(log['taken']['line'])}</p>" if log.get("taken") else ""
-    for name, title in (("repairs", "Changed or assumed by the reader"), ("doubts", "Odd, but left as it is")):
+    for name, title in (("repairs", "Changed or assumed when reading"), ("doubts", "Unusual, but left unchanged")):
         if log[name]:
             lists += f"<details><summary>{title} ({len(log[name])})</summary>{bullets(log[name])}</details>"
     rows = [["readings", str(len(log["time_s"])), "1"], _span("time", log["time_s"], "s"),
@@ -68,7 +68,7 @@ def _log(documents: Documents) -> str:
             _span("setpoint", log["setpoint_degC"], "°C")]
     residuals = documents["model"].get("residuals")
     fit = picture(plots.plot_fit(log, residuals), "Log, model and residuals.") if residuals else ""
-    return f"<h2>Logged</h2>{table(['', 'from … to', 'unit'], rows, numeric=(1,), source=log['source'])}{lists}{fit}"
+    return f"<h2>Log</h2>{table(['', 'from … to', 'unit'], rows, numeric=(1,), source=log['source'])}{lists}{fit}"
 
 
 def _span(name: str, column: Sequence[float] | None, unit: str) -> list[str]:
@@ -81,14 +81,14 @@ def _model(documents: Documents) -> str:
     parameters = table(["", "value", "95 % interval", "unit"], model_rows(model), numeric=(1,),
                        source=f"{documents['log']['name']}; {model['method']}")
     return (
-        f"<h2>Identified</h2><p>{text_of(model['outcome_text'])} Method: {text_of(model['method'])}.</p>{parameters}"
+        f"<h2>Model</h2><p>{text_of(model['outcome_text'])} Method: {text_of(model['method'])}.</p>{parameters}"
         f"{_checks(model)}{bullets(model.get('notes', ()))}{_candidates(model)}{_hypotheses(model)}{_price(documents)}"
     )
 
 
 def _price(documents: Documents) -> str:
     price = documents["comparison"]["price"]
-    return f"<p>What that means for the gains: {text_of(price)}</p>" if price else ""
+    return f"<p>Effect on the gains: {text_of(price)}</p>" if price else ""
 
 
 def _candidates(model: Document) -> str:
@@ -136,10 +136,10 @@ def _hypotheses(model: Document) -> str:
         return ""
     heads, *rows = hypothesis_rows(model)
     sure = [called for called, _, ci95, _ in model_rows(model) if ci95 != NOT_IDENTIFIED]
-    seen = f"Known within the intervals above: {', '.join(sure)}." if sure else "None of the parameters is identified."
+    seen = f"Known within the intervals above: {', '.join(sure)}." if sure else "No parameter is identified."
     return (
         f"<h3>Hypotheses about the controller</h3><p>{text_of(seen)} BIC with AR(1) errors on the same readings; RMS "
-        "in °C on the readings used, on the later ones foretold from the earlier, and on blocks left out.</p>"
+        "in °C on the readings used, on the later ones predicted from the earlier, and on blocks left out.</p>"
         f"<details open><summary>{len(rows)} compared</summary>{table(heads, rows, numeric=(1, 2, 3, 4, 6, 7, 8, 9))}"
         "</details>"
     )
@@ -164,16 +164,16 @@ def _design(documents: Documents) -> str:
     curves = documents["pictures"]["curves"]
     robustness = "" if not curves else picture(
         plots.plot_robustness(curves, documents["pictures"]["ms_limit"], pid.get("ms")),
-        "The words as realised, on every model: the Nyquist curve has to stay out of the inner circle, |S| below the "
+        "The rounded controller on every model: the Nyquist curve has to stay outside the inner circle, |S| below the "
         "limit; dashed: Ms as designed, before rounding.",
     )
     target = controller_for(documents["words"]["target"]).title
-    chosen = table(["", "wished", "realised by the words", "unit"], rows, numeric=(1, 2),
-                   source=f"wished: {pid['method']}; realised: the words read as {target} reads them")
+    chosen = table(["", "ideal", "realised", "unit"], rows, numeric=(1, 2),
+                   source=f"ideal: {pid['method']}; realised: the parameters as {target} reads them")
     return (
-        f"<h2>Chosen and rounded</h2><p>{text_of(pid['structure'].upper())}, {text_of(pid['method'])}.</p>"
-        f"{chosen}{bullets(pid.get('notes', ()))}<p>Worst over all models, of the wished design:</p>"
-        + table(["", "value", "unit"], margins, numeric=(1,), source="sampled loop of the wished design, all models")
+        f"<h2>Design and rounding</h2><p>{text_of(pid['structure'].upper())}, {text_of(pid['method'])}.</p>"
+        f"{chosen}{bullets(pid.get('notes', ()))}<p>Worst over all models, of the ideal design:</p>"
+        + table(["", "value", "unit"], margins, numeric=(1,), source="sampled loop of the ideal design, all models")
         + robustness
     )
 
@@ -184,8 +184,8 @@ def _on_drawn_heaters(proof: Document) -> str:
         return ""
     heads, *rows = samples_rows(proof["samples"])
     told = f"{proof['samples']['verdict']}: {samples_told(proof['samples'])}."
-    source = "heater, mains voltage, room, goods and sensor drawn; each sample under the setting that is worst for it"
-    return f"<h3>On drawn heaters</h3><p>{text_of(told)}</p>{table(heads, rows, numeric=(1, 2, 3, 4), source=source)}"
+    source = "random heater, mains voltage, room, load and sensor; each sample under its worst setting"
+    return f"<h3>Samples</h3><p>{text_of(told)}</p>{table(heads, rows, numeric=(1, 2, 3, 4), source=source)}"
 
 
 def _proof(documents: Documents) -> str:
@@ -201,15 +201,15 @@ def _proof(documents: Documents) -> str:
     parts = ", ".join(f"{part['label']} at {part['begin_s']:.0f} s" for part in phases)
     return (
         "<h2>Proof</h2>"
-        + table(heads, rows, numeric=(1, 2), source="closed loop of the PLC's own arithmetic; each line names its run")
+        + table(heads, rows, numeric=(1, 2), source="closed loop in the PLC's own arithmetic; each line names its run")
         + _on_drawn_heaters(proof)
         + (f"<h3>Known faults of this controller</h3>{bullets(proof['faults'])}" if proof["faults"] else "")
         + picture(plots.plot_loop(nominal, pictures["worst"], pictures["others"], phases),
                    f"One run, {parts}; nominal: {pictures['nominal']['label']}, worst: {pictures['worst']['label']}.")
         + picture(plots.plot_pwm(nominal, shaken["begin_s"] - 60.0, shaken["begin_s"] + 180.0),
-                   f"The heater's switching around the time {shaken['begin_s']:.0f} s ({shaken['label']}).")
+                   f"Switching of the heater around {shaken['begin_s']:.0f} s ({shaken['label']}).")
         + picture(plots.plot_wish(nominal, pictures["wish"], phases),
-                   "What the design meant, in floating point, against the words.")
+                   "The ideal design in floating point and the rounded parameters.")
     )
 
 
@@ -219,8 +219,8 @@ def _comparison(documents: Documents) -> str:
              ", ".join(r["fails"])] for r in comparison["rivals"]]
     heads = ["design", "K %/°C", "TN s", "verdict", "worst Ms", "fails by"]
     text = (
-        "<h2>What other designs would have done</h2><p>The same proof, for rules applied to the best single-lag model "
-        "of the log alone, and for a heater that is just switched on and off (open points at their defaults).</p>"
+        "<h2>Comparison with other designs</h2><p>The same proof, for rules applied to the best single-lag model "
+        "of the log alone, and for two-level control (open points at their defaults).</p>"
         + table(heads, rows, numeric=(1, 2, 4), source="the same proof; rules as named")
     )
     paper = comparison.get("paper")

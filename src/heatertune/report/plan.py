@@ -18,7 +18,7 @@ def plan_lines(plan: Document) -> str:
     """Return the experiment, the table of before and after, and whether it is worth heating."""
     parts = [
         f"== {plan['kind']}, {figure(plan['duration_s'])} s, at most {figure(plan['highest_degC'])} °C "
-        f"(limit {figure(plan['conditions']['limit_degC'])} °C) on {len(plan['heaters'])} possible heaters",
+        f"(limit {figure(plan['conditions']['limit_degC'])} °C) on {len(plan['heaters'])} plausible heaters",
         _relay(plan["relay"]) if "relay" in plan else _schedule(plan["schedule"]),
         _before_and_after(plan["quantities"]),
         *(f"- {line}" for line in _words(plan)),

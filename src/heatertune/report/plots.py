@@ -56,7 +56,7 @@ def plot_loop(nominal: Part, worst: Part, others: Sequence[Part], phases: Sequen
     for run, name, look in ((worst, "worst", "worst"), (nominal, "nominal", "realised")):
         low.step(run["asked_time_s"], run["asked_pct"], where="post", label=name, **LOOK[look])
     powers = power_limits(nominal["asked_pct"], worst["asked_pct"])
-    low.set(ylabel="power asked for [%]", ylim=powers, xlabel="time [s]")
+    low.set(ylabel="requested power [%]", ylim=powers, xlabel="time [s]")
     _parts(phases, top, low)
     return figure
 
@@ -80,12 +80,12 @@ def plot_wish(nominal: Part, wish: Part, phases: Sequence[Part] = ()) -> Figure:
     """Draw what the design meant against what the words do."""
     figure, (top, low) = new_figure(2, 3.8 + _named_height(phases), sharex=True, height_ratios=(2, 1.2))
     _temperature(top, nominal, "realised", "realised")
-    _temperature(top, wish, "wished", "wish")  # dashed, on top: where they agree both can be seen
+    _temperature(top, wish, "ideal", "wish")  # dashed, on top: where they agree both can be seen
     _setpoint(top, nominal)
     instants = np.asarray(nominal["time_s"])
     wished = np.interp(instants, wish["time_s"], wish["temperature_degC"])
-    key(top, ("realised", "realised"), ("wished", "wish"))
-    low.plot(instants, np.asarray(nominal["temperature_degC"]) - wished, label="realised − wished", **LOOK["realised"])
+    key(top, ("realised", "realised"), ("ideal", "wish"))
+    low.plot(instants, np.asarray(nominal["temperature_degC"]) - wished, label="realised − ideal", **LOOK["realised"])
     low.set(ylabel="difference [°C]", xlabel="time [s]")
     _parts(phases, top, low)
     return figure

@@ -37,7 +37,7 @@ def supervision_html(document: Mapping[str, Any]) -> str:
     if document["beside"]:
         body += [f"<h2>What {text_of(document['target'])} itself can see</h2>", _table(document["beside"])]
     numbers = [(name, str(value)) for name, value in document["numbers"].items()]
-    body += ["<h2>What it does not see</h2>", bullets(list(_not_seen(document))),
+    body += ["<h2>What it does not detect</h2>", bullets(list(_not_seen(document))),
              "<h2>Its rules</h2>", bullets(document["told"]), "<h2>Its numbers</h2>",
              table(("number", "value"), numbers, numeric=(1,)),
              "<h2>Its program</h2>", f"<p>{text_of(_program(document))}</p>"]
@@ -106,7 +106,7 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
         for fault in document["beside"]:
             yield _row(fault)
         yield ""
-    yield "What it does not see:"
+    yield "What it does not detect:"
     yield from (line for what in _not_seen(document) for line in _wrapped(what, "- "))
     yield ""
     yield from _wrapped(_program(document))

@@ -93,7 +93,7 @@ def model_lines(model: Document) -> str:
     lines = [table(rows, right=(1,)), fit, model["outcome_text"]]
     others = len(model.get("candidates", ()))
     if others > 1:
-        lines.append(f"{others} possible heaters; design and proof run on all of them.")
+        lines.append(f"{others} plausible heaters; design and proof run on all of them.")
     lines += [f"! {finding['effect']}: {finding['told']}" for finding in model.get("findings", ())]
     return "\n".join(lines + [f"- {note}" for note in model.get("notes", ())])
 
@@ -238,18 +238,18 @@ def ramp_note(words: Document) -> list[str]:
     """Return how the setpoint is led to what is asked for, or a boost, in a sentence; nothing where there is none."""
     if boost := words.get("boost"):
         near, far = (figure(boost[name]) for name in ("within_degC", "again_degC"))
-        return [f"The program gives full power until {near} °C from the setpoint and enables the controller only then; "
-                f"more than {far} °C off, it does so again: the exported files hold the program of this boost, and the "
-                "words are proven with it only."]
+        return [f"The program gives full power until {near} °C from the setpoint and only then enables the controller; "
+                f"more than {far} °C off, it does so again. The exported files contain the program of this boost; the "
+                "parameters are proven with it only."]
     ramp = words.get("setpoint_ramp")
     if ramp is None:
         return []
     every = "call" if ramp["calls"] == 1 else f"{ramp['calls']} calls"
     rate, unit = figure(ramp["degC_per_min"], 3), "units" if isinstance(ramp["step"], int) else "°C"
     held = ramp.get("hold_degC")
-    hold = "" if held is None else f", and follows the reading within {figure(held, 3)} °C while it is led"
-    return [f"The setpoint moves by {figure(ramp['step'])} {unit} every {every}, {rate} °C/min{hold}: the exported "
-            "files hold the program of this ramp, and the words are proven with it only."]
+    hold = "" if held is None else f", and stays within {figure(held, 3)} °C of the temperature while it ramps"
+    return [f"The setpoint moves by {figure(ramp['step'])} {unit} every {every}, {rate} °C/min{hold}. The exported "
+            "files contain the program of this ramp; the parameters are proven with it only."]
 
 
 def search_notes(words: Document) -> list[str]:
@@ -313,7 +313,7 @@ def advice_table(advice: Document) -> str:
         numbers = [_reached(case.get(name)) for name in ("overshoot", "settling_time", "iae")]
         rows.append((case["step"], *[figure(case[gain]) for gain in ("kp", "ki", "kd")], case["verdict"], *numbers,
                      case["effect"], ", ".join(case["fails"])))
-    best = f"best: {advice['best']}" if advice["best"] else "none of the steps helps on the model and passes"
+    best = f"best: {advice['best']}" if advice["best"] else "no step improves the design on the model and passes"
     notes = [f"- {note}" for note in advice["notes"]]
     return "\n".join([*lines, table(rows, right=(1, 2, 3, 5, 6, 7)), *([best] if len(rows) > 2 else []), *notes])
 
@@ -378,7 +378,7 @@ def outcome_lines(summary: Document) -> str:
         more = summary["outcomes"][outcome] - len(examples)
         lines += [f"{outcome}: and {more} more"] if more else []
     again = summary.get("done_again", 0)
-    lines += [f"done again, for what they read has changed since the run that was stopped: {again}"] if again else []
+    lines += [f"repeated because their input has changed since the interrupted run: {again}"] if again else []
     return "\n".join([*lines, f"written to {summary['table']}"])
 
 

@@ -113,19 +113,20 @@ def verify_brief(
         found: the way on that was found when the words were made, see `DesignProvenance`; None: nobody looked.
         redesign: the whole command that designs again what fails; none: it is not known.
     """
-    way_on = wrap_text(_way_on(proof, found), "way on: ") if proof["verdict"] == "FAIL" else []
+    way_on = wrap_text(_way_on(proof, found), "remedy: ") if proof["verdict"] == "FAIL" else []
     way_on += command(redesign) if way_on and redesign and not _fails_on_samples(proof) else []
     return _with_notes(notes, [*_verdict(proof), *way_on], _worst(proof), labelled_lines(_doubts(proof), _DOUBTS))
 
 
 def _way_on(proof: Document, found: str | None) -> str:
     if found is not None:
-        return f"found when it was designed: {found}"
+        return f"found during the design: {found}"
     if proof["target"] in REPAIRED:
-        return f"the same program repaired: --target {REPAIRED[proof['target']]}"
+        return f"the repaired version of the program: --target {REPAIRED[proof['target']]}"
     if _fails_on_samples(proof):
         return _of_samples(proof["samples"])
-    return "heatertune design or tune with this --target looks for the least change that passes, or says what would"
+    return ("heatertune design or tune with this --target searches for the smallest change that passes, or suggests "
+            "what would")
 
 
 def _fails_on_samples(proof: Document) -> bool:
@@ -142,11 +143,11 @@ def _of_samples(samples: Document, *, closed: bool = False) -> str:
     reserve = spots.get("power_reserve", {}).get("worst")
     most, helps = max(one["kept"] for one in samples["settings"]), []
     if verdict_of_samples(samples["count"], samples["quantile"], [most]) == "PASS":
-        helps += ["where the controller is known to be another way, --switch tells so"]
+        helps += ["if your controller is known to behave differently, state it with --switch"]
     if reserve is not None and not reserve > 0.0:
-        helps += ["on some the heater lacks the power for this setpoint"]
+        helps += ["some heaters lack the power for this setpoint"]
     elif not closed:
-        helps += ["heatertune design or fleet with --samples looks for the least change that passes"]
+        helps += ["heatertune design or fleet with --samples searches for the smallest change that passes"]
     return ": ".join(filter(None, (f"of all samples, {' and '.join(broken)}", "; ".join(helps))))
 
 
@@ -158,10 +159,10 @@ def model_brief(model: Document, out: str | None = None) -> str:
     others = len(model.get("candidates", ()))
     unseen = model.get("held_out")
     fit = f"{figure(model.get('fit_pct'), 3)} % of the curve"
-    fit += "" if unseen is None else f", {figure(unseen['fit_pct'], 3)} % of parts that were left out of it"
+    fit += "" if unseen is None else f", {figure(unseen['fit_pct'], 3)} % of the parts left out of the fit"
     parts = {
         "fit": [fit], "outcome": [model["outcome_text"].rstrip(".")],
-        "proven on": [f"{others} possible heaters, which explain the log nearly as well"] if others > 1 else [],
+        "proven on": [f"{others} plausible heaters, which explain the log nearly as well"] if others > 1 else [],
         "not known": told}
     return _with_notes(_notes(model), table(rows, right=(1,)).splitlines(), labelled_lines(parts, 14), _written(out))
 
@@ -171,7 +172,7 @@ def tune_brief(
 ) -> str:
     """Return a design on one screen, with the proof of its words where there is one; `nearest` as in `design_brief`."""
     margins = (f"Ms {figure(design.get('ms'), 3)}, gain margin {figure(design.get('gain_margin'), 3)}, phase margin "
-               f"{figure(design.get('phase_margin_deg'), 3)}°, the worst of all possible heaters")
+               f"{figure(design.get('phase_margin_deg'), 3)}°, the worst of all plausible heaters")
     facts = {"ideal": [_ideal(design)], "robustness": [margins], "found by": [design["method"]]}
     proven = ((), ()) if proof is None else (_verdict(proof, nearest), _worst(proof))
     doubts = {} if proof is None else _doubts(proof)
@@ -196,7 +197,7 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
     verdict = proof["verdict"]
     runs, heaters = len(proof["runs"]), len({run["model"] for run in proof["runs"]})
     where = f"{proof['target']} at {proof['scenario']['setpoint_degC']:g} °C"
-    on = f"{count(runs, 'run')} on {count(heaters, 'possible heater')}"
+    on = f"{count(runs, 'run')} on {count(heaters, 'plausible heater')}"
     broken = [name for name, criterion in proof["criteria"].items() if not criterion["ok"]]
     if broken:
         said = f"{', '.join(_breaks(proof, name) for name in broken[:_NAMED])}"
@@ -286,9 +287,9 @@ def _values(words: Document, proof: Document) -> list[str]:
     rows = keyed_entries(words)
     if not words["files"]:
         values = ", ".join(f"{row.name} {row.then_text}" for row in rows)
-        return wrap_text(values, "not to be typed in: ", _FAILING)
-    forced = "by --force, against the verdict; " if words.get("forced") else ""
-    return [*wrap_text(f"{forced}{_facts(words, proof)}", "values to type in: "), *_typed_lines(rows)]
+        return wrap_text(values, "do not enter: ", _FAILING)
+    forced = "exported with --force, against the verdict; " if words.get("forced") else ""
+    return [*wrap_text(f"{forced}{_facts(words, proof)}", "values to enter: "), *_typed_lines(rows)]
 
 
 def _typed_lines(rows: Sequence[KeyedEntry]) -> list[str]:
@@ -327,7 +328,7 @@ def _unsure(model: Document) -> list[str]:
 
 def _heater(model: Document) -> str:
     others = len(model.get("candidates", ()))
-    more = f"; {others} possible heaters" if others > 1 else ""
+    more = f"; {others} plausible heaters" if others > 1 else ""
     gain, lag, dead = (figure(model[name], 3) for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s"))
     return f"{gain} °C/%, time constant {lag} s, dead time {dead} s{more}"
 
@@ -344,15 +345,15 @@ def _notes(document: Document) -> list[str]:
 
 
 def _counted(notes: Sequence[str]) -> list[str]:
-    return [f"{len(notes)} more to read: --verbose"] if notes else []
+    return [f"{len(notes)} more: --verbose"] if notes else []
 
 
 def _files(words: Document, out: str) -> list[str]:
     """Return the two files that matter."""
-    rows = [(str(Path(out) / "report.html"), "the record: read it, tick it, print it")]
+    rows = [(str(Path(out) / "report.html"), "commissioning record (open in a browser, print, sign)")]
     if words["files"]:
-        rows.append((str(Path(out) / main_file(words)), f"what goes into the {holder(words['target'])}"))
+        rows.append((str(Path(out) / main_file(words)), f"program for the {holder(words['target'])}"))
     lines = table(rows).splitlines()
     fits = all(len(line) <= WIDTH for line in lines)
-    refused = [] if words["files"] else ["no files for the PLC: only proven words are exported, or --force"]
+    refused = [] if words["files"] else ["no files for the PLC: only proven parameters are exported (or use --force)"]
     return [*(lines if fits else [name for name, _ in rows]), *refused]

@@ -20,7 +20,7 @@ class LeftCard:
 
     def __init__(self, away: Callable[[], object]) -> None:
         self._shown: AsLeft | None = None
-        with card("As left: the commissioned loop beside its proof", "data-field=as-left", wide=True) as self._card:
+        with card("As left: the commissioned loop and its proof", "data-field=as-left", wide=True) as self._card:
             self._sentence = ui.label().classes("verdict").props("role=status data-field=left-sentence")
             self._chart = chart("The trace over the band of the proven runs, in °C over seconds; shaded: outside of it",
                                 _HEIGHT_PX, "left-figures")

@@ -77,7 +77,7 @@ def left_chart(left: AsLeft) -> Options:
     return {
         "animation": False, "grid": {"left": 52, "right": 20, "top": 30, "bottom": 42},
         "tooltip": {"trigger": "axis", "confine": True, ":valueFormatter": "v => v.toFixed(1) + ' °C'"},
-        "xAxis": axis | {"name": "time since the setpoint was asked for [s]", "nameLocation": "middle", "nameGap": 26,
+        "xAxis": axis | {"name": "time since the setpoint change [s]", "nameLocation": "middle", "nameGap": 26,
                          "min": "dataMin", "max": "dataMax", "axisLine": {"onZero": False}},
         "yAxis": axis | {"name": "temperature [°C]", "scale": True, "axisLine": {"onZero": False},
                          "nameTextStyle": text | {"align": "left", "padding": [0, 0, 0, -40]}},

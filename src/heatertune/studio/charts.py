@@ -130,7 +130,7 @@ def loop_chart(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] 
     words["markLine"] = _setpoint_and_parts(picture)
     asked = step_corners(nominal.time_s, nominal.power_asked_pct)
     kept = downsample(picture.place(asked[0]), asked[1], _PIXELS)
-    power = _over(picture, "power asked for", (asked[0][kept], asked[1][kept]), "realised", within=_POWER_WITHIN)
+    power = _over(picture, "requested power", (asked[0][kept], asked[1][kept]), "realised", within=_POWER_WITHIN)
     crowd = [_crowd(picture)] if picture.crowd else []
     second = {"xAxisIndex": 1, "yAxisIndex": 1}
     options = _two_grids([*crowd, *lines, power | second], picture, end_s=float(nominal.time_s[-1]))
@@ -227,7 +227,7 @@ def _two_grids(lines: Sequence[dict[str, Any]], picture: Picture, *, end_s: floa
         "xAxis": [axis_x | {"name": "", "axisLabel": {"show": False}, "axisTick": {"show": False},
                             "axisPointer": {"label": {"show": False}}},
                   axis_x | {"gridIndex": 1, "axisPointer": {"label": {":formatter": pointed}}}],
-        "yAxis": [axis_y, axis_y | {"gridIndex": 1, "name": "power asked for [%]", "min": 0, "max": 100,
+        "yAxis": [axis_y, axis_y | {"gridIndex": 1, "name": "requested power [%]", "min": 0, "max": 100,
                                     "interval": 50, "scale": False, "axisLabel": {"color": _INK, "fontSize": 12}}],
         "axisPointer": {"link": [{"xAxisIndex": "all"}], "snap": False},
         "tooltip": {"trigger": "axis", "confine": True, "axisPointer": {"type": "cross"},

@@ -16,13 +16,13 @@ _EXAMPLE = "example: heatertune studio table4"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "studio", help="the whole chain on a local page, to be seen and moved", epilog=_EXAMPLE,
-        description="Serve a page on 127.0.0.1: drop a log, move the design by sliders, download proven words. Prints "
-                    "its address; Ctrl-C ends it.",
+        "studio", help="the whole chain on a local page", epilog=_EXAMPLE,
+        description="Serve a page on 127.0.0.1: drop a log, adjust the design with sliders, download proven "
+                    "parameters. Prints its address; stop with Ctrl-C.",
     )
     command.add_argument("source", metavar="LOG|DIR", nargs="?",
-                         help="a CSV file, table3 / table4 built in, or a directory that `heatertune design` wrote")
-    command.add_argument("--port", type=int, metavar="N", help="port on 127.0.0.1 (default: one that is free)")
+                         help="a CSV file, the built-in table3 / table4, or a folder that `heatertune design` wrote")
+    command.add_argument("--port", type=int, metavar="N", help="port on 127.0.0.1 (default: any free port)")
     command.add_argument("--no-browser", action="store_true", help="do not open the page in a browser")
     command.set_defaults(run=_run)
 

@@ -57,7 +57,7 @@ class LiveCard:
             self._where = _text("Folder of its design, or map (TOML)", "out/")
             self._log = _text("Log to write", "log.csv")
             self._every = _text("Least time between two rows, in s", "each scan")
-            self._append = ui.checkbox("continue a log that is there").props("dense")
+            self._append = ui.checkbox("continue an existing log").props("dense")
 
     def ask(self) -> None:
         """Show the card, the keyboard in its first field."""

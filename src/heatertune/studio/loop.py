@@ -169,7 +169,7 @@ def _request(settings: StudioSettings) -> DesignRequest:
 
 
 def _plants(fitted: FittedModel, settings: StudioSettings) -> tuple[HeaterModel, ...]:
-    """Return the possible heaters with the delay of the target's input module and output."""
+    """Return the plausible heaters with the delay of the target's input module and output."""
     return loop_fit(fitted, settings.target, settings.scaling).plants
 
 

@@ -46,7 +46,7 @@ class LoopCard:
         with card("The loop", wide=True):
             self._sentence = ui.label().classes("sentence").props("data-field=sentence")
             self._buttons = ui.element("div").classes("actions zooms").props('role=group aria-label="Show"')
-            self._chart = chart("Temperature of the proven loop, and power asked for, over time", _HEIGHT_PX,
+            self._chart = chart("Temperature of the proven loop, and requested power, over time", _HEIGHT_PX,
                                 "loop-numbers").classes("loop-chart")
             self._key = html()
             with ui.element("details").classes("numbers"):

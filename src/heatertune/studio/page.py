@@ -87,7 +87,7 @@ class Page:
             self._mend_told = ui.label().props("data-field=mend-told")
             with ui.element("div").classes("actions"):
                 self._mend_button = ui.button("", on_click=self.work.mend).props("dense")
-                self._back = ui.button("Back to what was asked", on_click=self.work.take_back).props("outline dense")
+                self._back = ui.button("Back to the request", on_click=self.work.take_back).props("outline dense")
         with ui.element("div").classes("results wide") as self._found:
             self._build_found()
 
@@ -104,7 +104,7 @@ class Page:
             self._log = chart("Log and fitted model, in °C over seconds; shaded: 95 % of its errors", 210, "diagnosis")
         with card("The heater, and what the log leaves open"):
             self._heater = chart("Rise after 10 % more power, in °C over seconds; shaded: all models", 210, "diagnosis")
-        with card("What the log told"):
+        with card("What the log shows"):
             self._diagnosis = html().props("id=diagnosis")
         with card("How it was found"):
             self._notes = html()
@@ -126,7 +126,7 @@ class Page:
             self._report = ui.button("Download report").props("outline dense")
             self._report.on("click", lambda event: self._download(self.work.report, event.args, "html", "text/html"),
                             js_handler=NUMBER_SEEN)
-            self._force = ui.checkbox("export whatever the verdict", on_change=self.show).props("dense")
+            self._force = ui.checkbox("export even if the verdict is not PASS", on_change=self.show).props("dense")
 
     def show_progress(self) -> None:
         """Show what takes long, and how far the proof is."""

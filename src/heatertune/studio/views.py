@@ -199,7 +199,7 @@ def in_words(picture: Picture, runs: int) -> str:
 
 def proving_text(done: str) -> str:
     """Return what the banner says while a proof runs, which is so far."""
-    return f"Proving the words on every possible heater{', ' if done else ''}{done}…"
+    return f"Proving the words on every plausible heater{', ' if done else ''}{done}…"
 
 
 def notes(look: LoopView) -> str:

@@ -26,7 +26,7 @@ _SENTENCES: Final = (
 )
 _NO_COLUMN: Final = re.compile(r"--([a-z]+)-(?:column|tag) none\b")
 #: what the page has no control for: the sentence is whole without it
-_LEFT_OUT: Final = re.compile(r",? or --accept [\w-]+|; --force exports these words all the same")
+_LEFT_OUT: Final = re.compile(r",? or --accept [\w-]+|; --force exports these parameters anyway")
 #: option → what the page calls it, where its name says too little
 _CALLED: Final = {
     "temperature-unit": "the temperature's unit:", "time-unit": "the time's unit:", "tag": "the temperature's tag",
@@ -50,4 +50,4 @@ def for_page(text: str) -> str:
 def fault_told(problem: Exception) -> str:
     """Return what a user is told of a fault of heatertune itself, and what to do."""
     return (f"Something went wrong inside heatertune ({type(problem).__name__}). Log and settings are kept: move a "
-            "control to go on; if it comes again, start the studio anew and report what its terminal says.")
+            "control to continue; if it happens again, restart the studio and report what its terminal shows.")

@@ -1,1 +1,1 @@
-"""Words + possible heaters → a monitor of whole numbers that never trips for nothing, and how soon it tells a fault."""
+"""Words + plausible heaters → a monitor of whole numbers without false trips, and how soon it detects each fault."""

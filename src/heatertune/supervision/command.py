@@ -26,28 +26,29 @@ def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "supervise", epilog=_EXAMPLE,
-        help="a monitor for the loop: no false trip on any possible heater, and how soon it tells each fault",
-        description="Build a monitor, which does not replace a thermal cut-out, with no false trips on any plausible "
-                    "healthy heater, and report how soon it sees each fault.",
+        help="build a monitor with no false trips on any plausible healthy heater, and report its detection time for "
+             "each fault",
+        description="Derive the limits of a monitor from all plausible heaters through the whole test sequence, and "
+                    "report how soon it detects each fault. It does not replace a thermal cut-out.",
     )
     command.add_argument("pid", metavar="MODEL|PID|WORDS", nargs="?", help=(
-        "model.json of fit, pid.json of tune or words.json of export-db; of a model, words are designed first"))
-    command.add_argument("-o", "--out", metavar="DIR", help="directory for document, page and program")
+        "model.json as written by fit; pid.json by tune, or words.json by export-db"))
+    command.add_argument("-o", "--out", metavar="DIR", help="folder for the document, the page and the program")
     common.add_word_options(command, "words_by", "setpoint_ramp", "boost")
     common.add_proof_options(command)
     common.add_model_options(command)
-    group = command.add_argument_group("the heaters that are drawn")
+    group = command.add_argument_group("the sampled heaters")
     group.add_argument("--spread", type=float, default=20.0, metavar="%", help=(
-        "how far gain and lags may be from the model's; the dead time half as much again (default: 20)"))
+        "deviation of gain and lags from the model; of the dead time, 1.5 times that (default: 20)"))
     group.add_argument("--ambient-spread", type=float, default=5.0, metavar="°C", help=(
-        "how far the ambient may be from the model's (default: 5)"))
+        "deviation of the ambient temperature from the model (default: 5)"))
     group.add_argument("--least-noise", type=float, default=0.0, metavar="°C", help=(
-        "noise that the sensor always has: a frozen one is seen by it (default: 0)"))
+        "noise that the sensor always has; its absence reveals a frozen sensor (default: 0)"))
     group.add_argument("--samples", type=int, default=1000, metavar="N", help=(
         "new heaters on which it must not trip (default: 1000)"))
     group.add_argument("--broken", type=int, default=60, metavar="N", help=(
-        "heaters on which each fault is tried (default: 60)"))
-    group.add_argument("--seed", type=int, default=0, help="of the first heater that is drawn (default: 0)")
+        "heaters on which each fault is simulated (default: 60)"))
+    group.add_argument("--seed", type=int, default=0, help="seed of the first sampled heater (default: 0)")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 

@@ -1,4 +1,4 @@
-"""Possible heaters × their whole story → the numbers of a monitor: never a false trip first, then the soonest alarm.
+"""Plausible heaters × their whole story → the numbers of a monitor: never a false trip first, then the soonest alarm.
 
 Each limit is what loops in order need and a margin beyond. The windows are those that tell a switch that is stuck on,
 and a heater that is open, soonest. What was found is tried on heaters that no limit was made from; where one of them
@@ -129,7 +129,7 @@ def design(bench: Bench, checked: int = 300, *, seed: int = 0, progress: Progres
         InputError: loops in order differ so much that no limit tells them from broken ones in 32 bits.
     """
     bare = _bare(bench)
-    progress("running the possible heaters through their story")
+    progress("running the plausible heaters through the test sequence")
     family, corners = bench.family, bench.family.corners()
     members = [family.member(_CORNER_SEEDS + turn, corner=turn % len(corners)) for turn in range(_TURNS * len(corners))]
     members += [family.member(drawn) for drawn in range(seed, seed + _DRAWN)]

@@ -5,7 +5,7 @@ does not replace a thermal cut-out: it sees what the controller sees, through th
 
 Each block of scans gives the sum of its readings (level) and of its powers. Over a window of N blocks the level moves
 by D; the powers that may have caused it are those of N blocks in a row, `delay_low`…`delay_high` blocks ago. With R the
-level at the window's begin, no possible heater leaves
+level at the window's begin, no plausible heater leaves
 
     slow_scale·D  ≥  slow_gain·(least sum of powers) − slow_loss·R + slow_rest
     fast_scale·D  ≤  fast_gain·(largest sum of powers) − fast_loss·R + fast_rest

@@ -1,6 +1,6 @@
 """Heaters that are drawn, each with its own whole story: what a monitor must never trip on.
 
-Each possible heater in turn is drawn in a box around it: gain and lags ± the spread, the dead time ± one and a half of
+Each plausible heater in turn is drawn in a box around it: gain and lags ± the spread, the dead time ± one and a half of
 it, the ambient temperature ± 5 °C, the noise between none (or what the user knows) and what is assumed. No heater is
 drawn that could not hold the setpoint: that one shall trip. The corners of the box come first.
 """

@@ -128,7 +128,7 @@ def supervise(
         write = partial(lines_of, head=head, known=dict(assumed.switches))
         program, beside = _by_printer(bench, made, words, drawn, write, progress)
     else:
-        progress("running the program of the monitor beside it")
+        progress("comparing the program of the monitor with it")
         program = export_monitor(made.numbers, words, card, head, _runs(bench, drawn))
     if words.target == TARGET:
         beside = [_fault(bench, _monitored(reduce_monitor(made.numbers)), kind, drawn) for kind in FAULTS]
@@ -255,7 +255,7 @@ def _missed(kind: FaultKind) -> str:
         return ("a reading that stays where the setpoint is asks for the power that holds it: nothing moves, until a "
                 "load or the setpoint does; where the process bears it, move the setpoint a little now and then")
     if kind.sensor != "right":
-        return "its readings are those of another possible heater"
+        return "its readings are those of another plausible heater"
     return "with what is left it does what a weaker heater, a lower voltage or a load make of one in order"
 
 

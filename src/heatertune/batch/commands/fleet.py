@@ -18,15 +18,15 @@ _EXAMPLE = "example: heatertune fleet logs/ --target s7-300 -o fleet.parquet"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "fleet", help="many logs → one table: each fitted, tuned, rounded to words and proven", epilog=_EXAMPLE,
-        description="Take the log of every zone of a plant through the chain and write one row per log. A log that "
-        "cannot be read, fitted or proven is a row with its reason. Exit status 0 where the table is written, "
-        "whatever the verdicts in it.",
+        "fleet", help="many logs → one table: each fitted, tuned, rounded and proven", epilog=_EXAMPLE,
+        description="Run the chain on the log of every zone of a plant and write one row per log. A log that cannot be "
+                    "read, fitted or proven gets a row with the reason. Exits 0 once the table is written, whatever "
+                    "its verdicts.",
     )
-    command.add_argument("logs", metavar="LOGS", help="a folder, a pattern in quotes or a list of paths")
+    command.add_argument("logs", metavar="LOGS", help="a folder, a quoted pattern, or a list of paths")
     add_table_options(command)
     options.add(command, SampleSettings, "samples",
-                help="also prove each zone on N drawn heaters; see: design --samples")
+                help="also prove each zone on N sampled heaters; see: design --samples")
     options.add(command, WordSettings, "words_by", "as_is")
     common.add_proof_options(command)
     common.add_log_options(command)

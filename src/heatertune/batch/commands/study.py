@@ -30,12 +30,12 @@ study.toml:
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "study", help="a sweep over targets, settings, heaters → one table", epilog=_EXAMPLE,
+        "study", help="a sweep over targets, settings and heaters → one table", epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Take every case of a study through the chain, and write one row per case. What cannot be done\n"
         "is a row with its reason. Exit status 0 where the table is written, whatever the verdicts in it.",
     )
-    command.add_argument("study", metavar="STUDY.toml", help="what is swept")
+    command.add_argument("study", metavar="STUDY.toml", help="the definition of the sweep")
     add_table_options(command)
     printing.add_output_options(command)
     command.set_defaults(run=_run)

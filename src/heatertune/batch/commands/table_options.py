@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 __all__ = ["Bar", "add_table_options", "workers"]
 
 
-_TABLE: Final = "Parquet table; FILE.parts beside it holds what is done until all is"
+_TABLE: Final = "Parquet table; FILE.parts next to it keeps finished rows until all are done"
 
 
 def add_table_options(command: argparse.ArgumentParser, out: str = _TABLE) -> None:
     """Add the table, and who does the work; `out` says what is written."""
-    group = command.add_argument_group("the table, and who does the work")
+    group = command.add_argument_group("table and workers")
     group.add_argument("-o", "--out", metavar="FILE", required=True, help=out)
-    group.add_argument("--resume", action="store_true", help="go on where a run was stopped or killed")
+    group.add_argument("--resume", action="store_true", help="continue an interrupted run")
     group.add_argument("--jobs", type=int, metavar="N", help="processes on this machine (default: one per processor)")
     group.add_argument("--scheduler", metavar="tcp://HOST:PORT",
-                       help="a Dask cluster instead, whose workers have this same program (extra: dask)")
+                       help="use a Dask cluster, whose workers need the same version of heatertune (extra: dask)")
 
 
 def workers(settings: argparse.Namespace) -> Workers:

@@ -34,28 +34,28 @@ _FIELDS: Final = {"gain": "gain_degC_per_pct", "time-constant": "time_constant_s
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "experiment", help="run what plan designed on the controller, watched, and give it back", epilog=_EXAMPLE,
-        description="Put the controller in manual, set the plan's powers, and record. It begins after checks and a "
-                    "yes, ends at once beyond a limit, and brings back mode and manual value, whatever ended it.",
+        "experiment", help="run what plan designed on the controller, monitored, and restore its mode", epilog=_EXAMPLE,
+        description="Switch the controller to manual, set the powers of the plan, and record. It starts after checks "
+                    "and a confirmation, stops at once beyond a limit, and restores mode and manual value however it "
+                    "ends.",
     )
     command.add_argument("plan", metavar="PLAN", nargs="?", help="CSV file that heatertune plan wrote")
     command.add_argument("address", metavar="ADDRESS", nargs="?", help="as for heatertune record")
-    command.add_argument("--design", metavar="DIR", help="folder whose controller runs there")
+    command.add_argument("--design", metavar="DIR", help="folder of the controller at this address")
     command.add_argument("-o", "--out", metavar="FILE", help="the log to write")
-    limits = command.add_argument_group("what ends it at once")
+    limits = command.add_argument_group("limits that stop it at once")
     limits.add_argument("--limit-temperature", type=float, metavar="°C", help="a temperature as high as this")
     limits.add_argument("--limit-rate", type=float, metavar="°C/MIN", help="a faster change, up or down")
     command.add_argument("--until", action="append", default=[], metavar="NAME=SHARE%",
-                         help="end as soon as it is known so well: gain=5%%, time-constant=10%%, dead-time=20%%; may "
-                              "be repeated (default: the whole plan)")
-    command.add_argument("--yes", action="store_true", help="begin without asking")
+                         help="stop as soon as a parameter is known this well: gain=5%%, time-constant=10%%, "
+                              "dead-time=20%%; may be repeated (default: the whole plan)")
+    command.add_argument("--yes", action="store_true", help="start without confirmation")
     command.add_argument("--without-dead-man", action="store_true",
-                         help="begin though the PLC would hold the last power if this machine died")
+                         help="start although the PLC would hold the last power if this machine failed")
     command.add_argument("--in-manual", action="store_true",
-                         help="the controller is in manual before, and goes back to manual at the same value")
+                         help="the controller is in manual already, and returns to manual at the same value")
     command.add_argument("--restore", action="store_true",
-                         help="bring back what stood there before; with ADDRESS alone, after an experiment that was "
-                         "cut off")
+                         help="with ADDRESS alone: restore what the PLC held before an interrupted experiment")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 

@@ -24,25 +24,29 @@ _EXAMPLE = "example: heatertune health logs/ --target s7-300 -o health.html"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "health", help="many running loops → which are ill, why, and the words that would cure them", epilog=_EXAMPLE,
-        description="Examine the log of every running loop: swings, slow recovery, limits, wear, drift, and how far it "
-        "is from what is possible for its heater. One page, the worst loop first, with proven words where words cure; "
-        "a Parquet table beside it. Exit status 0 where the page is written, however ill the loops are.",
+        "health", help="rank running loops by condition, with the cause and the parameters that would fix "
+                       "it", epilog=_EXAMPLE,
+        description="Examine the log of every running loop: oscillation, slow recovery, limits, wear, drift, and the "
+                    "distance from the best possible control of its heater. Writes one page, the worst loop first, "
+                    "with proven parameters where these help, and a Parquet table. Exits 0 once the page is written, "
+                    "whatever the condition of the loops.",
     )
-    command.add_argument("logs", metavar="LOGS", nargs="+", help="a folder, a pattern in quotes or a list of "
-                         "paths: one log a loop, with setpoint, temperature and power; or the addresses of running "
-                         "PLCs, as record takes them, which are only read")
-    command.add_argument("--loops", metavar="FILE", help="what the logs do not say: CSV or TOML (file, name, target, "
-                         "folder, setpoint_degC, switch, pwm_period_s, low_degC, high_degC, map)")
+    command.add_argument("logs", metavar="LOGS", nargs="+",
+                         help="a folder, a quoted pattern, or a list of paths: one log per loop, with setpoint, "
+                              "temperature and power; or addresses of running PLCs (as for record), which are only "
+                              "read")
+    command.add_argument("--loops", metavar="FILE",
+                         help="CSV or TOML with what the logs do not contain: columns file, name, target, folder, "
+                              "setpoint_degC, switch, pwm_period_s, low_degC, high_degC, map")
     command.add_argument("--for", dest="for_s", type=float, metavar="S",
-                         help="record the loops at the addresses so long")
-    command.add_argument("--every", type=float, metavar="S", help="least time between two rows of these logs")
-    command.add_argument("--since", metavar="last|FILE", help="compare with the last run, or with its Parquet table")
+                         help="how long to record the loops at the addresses")
+    command.add_argument("--every", type=float, metavar="S", help="shortest interval between two rows of these logs")
+    command.add_argument("--since", metavar="last|FILE", help="compare with the previous run; or with a Parquet table")
     common.add_proof_options(command, needed=False)
     options.add(command, WordSettings, "switch_kind", "as_is")
     options.add(command.add_argument_group("reading the logs"), ReadSettings)
     common.add_tuning_options(command)
-    add_table_options(command, "the page to write; its table lies beside it, .parquet in the place of .html")
+    add_table_options(command, "the page; its table has the same name with .parquet")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 
@@ -52,7 +56,8 @@ def _run(settings: argparse.Namespace) -> int:
 
     page, settings.target = Path(settings.out), settings.target or ""  # each loop may name its own
     if page.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"--out {page}: expected the name of a page, .html; its table lies beside it")
+        raise InputError(f"--out {page}: expected the name of a page, .html; its table gets the same name with "
+                         ".parquet")
     table = page.with_suffix(".parquet")
     since = None if settings.since is None else last_table(table if settings.since == "last" else settings.since)
     asked = HealthSettings(request=common.design_request(settings), read=common.reading(settings))
@@ -77,15 +82,14 @@ def _logs(settings: argparse.Namespace, page: Path) -> tuple[str | Path, Any, li
             raise InputError(f"{settings.logs[1]}: give one folder, one pattern in quotation marks or one list; or "
                              "addresses")
         if settings.for_s is not None or settings.every is not None:
-            raise InputError("--for and --every go with addresses: these logs are there")
+            raise InputError("--for and --every apply to addresses, not to existing logs")
         return settings.logs[0], settings.loops, []
     if len(addresses) < len(settings.logs):
         raise InputError(f"{addresses[0]} is an address: give addresses alone, or logs alone")
     if settings.for_s is None:
-        raise InputError("--for S: how long are the loops to be recorded? A change of the setpoint or a load has to "
-                         "fall into it")
+        raise InputError("--for S is needed: how long to record the loops, long enough for a setpoint change or a load")
     if settings.resume:
-        raise InputError(f"--resume goes on with logs that are there: give their folder in {page.stem}_logs")
+        raise InputError(f"--resume continues with existing logs: give their folder in {page.stem}_logs")
     folder = page.with_name(f"{page.stem}_logs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
     with asked_to_end() as asked:
         loops, left_out = record_addresses(

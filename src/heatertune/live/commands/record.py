@@ -27,23 +27,25 @@ _EXAMPLE: Final = "example: heatertune record s7://192.168.0.10/0/2/db30 --desig
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "record", help="a running loop → a log that fit takes; the PLC is only read", epilog=_EXAMPLE,
+        "record", help="running loop → a log for fit; the PLC is only read", epilog=_EXAMPLE,
         description="Read temperature, power and setpoint of a running controller, scan by scan, into a CSV file. Each "
-                    "row is on the disk before the next; what a kill tears, who reads it knows. Ctrl-C ends it.",
+                    "row is on disk before the next one; an incomplete last row is recognised. Stop with Ctrl-C.",
     )
     command.add_argument("address", metavar="ADDRESS", help="s7://HOST:PORT/RACK/SLOT/dbN, s7://HOST/10.00/10.01/db1 "
                          "(TSAPs of an S7-200), modbus://HOST:PORT/UNIT/REGISTER, opc.tcp://HOST:PORT/NODE or "
                          "as511://DEVICE/dbN")
     command.add_argument("-o", "--out", required=True, metavar="FILE", help="the log to write")
     where = command.add_mutually_exclusive_group()
-    where.add_argument("--design", metavar="DIR", help="folder that heatertune design wrote: its controller runs there")
-    where.add_argument("--map", metavar="FILE", help="small TOML file that says where temperature and power stand")
+    where.add_argument("--design", metavar="DIR",
+                       help="folder that heatertune design wrote, of the controller at this address")
+    where.add_argument("--map", metavar="FILE", help="small TOML file with the addresses of temperature and power")
     command.add_argument("--every", type=float, metavar="S",
-                         help="least time between two rows (default: each scan where the PLC counts them, else 1 s)")
-    command.add_argument("--for", dest="for_s", type=float, metavar="S", help="end when the log is so long")
-    command.add_argument("--append", action="store_true", help="continue a log that is there")
+                         help="shortest interval between two rows (default: each scan if the PLC counts them, else 1 "
+                              "s)")
+    command.add_argument("--for", dest="for_s", type=float, metavar="S", help="stop after this duration")
+    command.add_argument("--append", action="store_true", help="continue an existing log")
     command.add_argument("--timeout", type=float, default=2.0, metavar="S",
-                         help="after which an answer is lost (default: 2)")
+                         help="time after which an answer counts as lost (default: 2)")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 

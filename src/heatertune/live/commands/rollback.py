@@ -24,14 +24,15 @@ _EXAMPLE = "example: heatertune rollback out/write_20261123T154500000000Z.jsonl"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "rollback", help="what became of a write, and with --apply the words as they were before it", epilog=_EXAMPLE,
-        description="Read the record of a heatertune write, ask the PLC what stands there, and tell it. With --apply "
-        "put back the words that stand there as they were written; what somebody else has changed since stays.",
+        "rollback", help="report what became of a write; with --apply, restore the parameters as they were "
+                         "before", epilog=_EXAMPLE,
+        description="Read the record of a heatertune write, compare it with the PLC, and report. With --apply, restore "
+                    "those parameters that are still as written; what someone else has changed since stays.",
     )
     command.add_argument("record", metavar="RECORD", help="file that heatertune write made")
-    add_guard(command, "what is put back, as it is shown without --apply")
+    add_guard(command, "what is restored, as shown without --apply")
     command.add_argument("--unproven", action="store_true",
-                         help="put back words that are not proven (default: they are proven first)")
+                         help="restore parameters without a proof (default: they are proven first)")
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 

@@ -27,30 +27,30 @@ _SERVED: Final = ("s7", "modbus", "opcua", "as511")
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "simulate", help="a virtual PLC that answers on the network, with the heater behind it", epilog=_EXAMPLE,
-        description="Serve the controller of a design on 127.0.0.1, its own arithmetic in its own memory, and "
-                    "behind it the heater in PWM. Prints its addresses; Ctrl-C ends it, and nothing is left.",
+        "simulate", help="a virtual PLC with a simulated heater, reachable over the network", epilog=_EXAMPLE,
+        description="Serve the controller of a design on 127.0.0.1, with its own arithmetic and memory layout and a "
+                    "simulated heater under PWM. Prints its addresses; stop with Ctrl-C. It leaves no files behind.",
     )
     command.add_argument("directory", metavar="DIR", nargs="?", help="folder that heatertune design wrote")
     command.add_argument("--serve", action="append", default=[], metavar="NAME",
                          help=f"protocol: {', '.join(_SERVED)} (default: what reaches the controller); may be repeated")
     command.add_argument("--port", action="append", type=int, default=[], metavar="N",
-                         help="port of each protocol, in turn (default: one that is free)")
+                         help="port of each protocol, in order (default: any free port)")
     pace = command.add_argument_group("time")
     pace.add_argument("--rate", default="1", metavar="N|max",
-                      help="so many times as fast as a real heater (default: 1)")
-    pace.add_argument("--step", action="store_true", help="a client releases each scan: the same run every time")
-    pace.add_argument("--scans", type=int, metavar="N", help="end after so many (default: never)")
+                      help="speed relative to a real heater (default: 1)")
+    pace.add_argument("--step", action="store_true", help="a client triggers each scan, so that every run is identical")
+    pace.add_argument("--scans", type=int, metavar="N", help="stop after N scans (default: never)")
     heater = command.add_argument_group("the heater")
     heater.add_argument("--sample", type=int, metavar="SEED",
-                        help="draw it as verify --samples does (default: the working model)")
-    heater.add_argument("--story", action="store_true", help="with what the proof lets it live through")
+                        help="sample it as verify --samples does (default: the working model)")
+    heater.add_argument("--story", action="store_true", help="run the test sequence of the proof")
     heater.add_argument("--fault", action="append", default=[], metavar="TEXT",
-                        help='what goes wrong, as "t=900 sensor-off until=1200"; may be repeated')
-    heater.add_argument("--faults", action="store_true", help="list what can go wrong, and end")
+                        help='a scheduled fault, such as "t=900 sensor-off until=1200"; may be repeated')
+    heater.add_argument("--faults", action="store_true", help="list the faults and exit")
     heater.add_argument("--dead-man", type=int, default=0, metavar="N",
-                        help="scans in manual without a heartbeat before it goes to automatic (default: never)")
-    group = command.add_argument_group("conditions, where they are other than the design's")
+                        help="scans in manual without a heartbeat before it returns to automatic (default: never)")
+    group = command.add_argument_group("conditions, if other than those of the design")
     options.add(group, Conditions, "setpoint_degC", "noise_degC", "switches", default=argparse.SUPPRESS)
     printing.add_output_options(command)
     command.set_defaults(run=_run)

@@ -32,18 +32,20 @@ _NOT_JUDGED: Final = "NOT JUDGED"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "watch", help="a running loop beside its proven band: outside, swinging, drifting", epilog=_EXAMPLE,
-        description="Look at a running loop, scan by scan, beside what its proof says; tell where it leaves the "
-                    "band, swings, or needs another power than at first. It only reads. Ctrl-C ends it.",
+        "watch", help="compare a running loop with its proven band: outside, oscillating, drifting", epilog=_EXAMPLE,
+        description="Compare a running loop, scan by scan, with its proof; report if it leaves the band, oscillates, "
+                    "or needs another power than at first. It only reads. Stop with Ctrl-C.",
     )
     command.add_argument("address", metavar="ADDRESS", help="as for heatertune record")
-    command.add_argument("--design", metavar="DIR", required=True, help="folder whose words run there, and their proof")
+    command.add_argument("--design", metavar="DIR", required=True,
+                         help="folder with the parameters that run there, and their proof")
     command.add_argument("-o", "--out", metavar="FILE", help="the log (default: DIR/watch_TIME.csv)")
-    command.add_argument("--for", dest="for_s", type=float, metavar="S", help="end after so long (default: never)")
-    command.add_argument("--append", action="store_true", help="continue a log that is there")
-    command.add_argument("--refit", action="store_true", help="identify the heater from what was seen, at the end")
+    command.add_argument("--for", dest="for_s", type=float, metavar="S",
+                         help="stop after this duration (default: never)")
+    command.add_argument("--append", action="store_true", help="continue an existing log")
+    command.add_argument("--refit", action="store_true", help="identify the heater from the recorded log at the end")
     command.add_argument("--monitor", metavar="FILE", help=(
-        "supervision.json by heatertune supervise: its monitor runs beside; it replaces no thermal cut-out"))
+        "supervision.json by heatertune supervise: its monitor runs alongside; it does not replace a thermal cut-out"))
     printing.add_output_options(command)
     command.set_defaults(run=_run)
 

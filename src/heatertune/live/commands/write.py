@@ -30,24 +30,27 @@ _EXAMPLE = "example: heatertune write out/ s7://192.168.0.10/0/2/db30"
 def add_to(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "write", help="proven words into a running PLC: what differs, and with --apply written, read back, watched",
+        "write", help="proven parameters into a running PLC: shows what differs; with --apply, writes, reads back and "
+                      "watches",
         epilog=_EXAMPLE,
-        description="Hold the words of a design against those in a running PLC. With --apply write what differs: only "
-        "words whose proof says PASS, only over what was looked at, in an order in which every set of words in between "
-        "is proven stable; read them back, watch the response, and take them back where it leaves the proven band.",
+        description="Compare the parameters of a design with those in a running PLC. With --apply, write what differs: "
+                    "only parameters with a PASS, only over values that were shown before, in an order in which every "
+                    "intermediate set is proven stable. Then read them back, watch the response, and restore the old "
+                    "ones if it leaves the proven band.",
     )
     command.add_argument("directory", metavar="DIR", help="folder that heatertune design wrote")
     command.add_argument("address", metavar="ADDRESS", help="s7://HOST:PORT/RACK/SLOT/dbN, "
                          "modbus://HOST:PORT/UNIT/REGISTER or opc.tcp://HOST:PORT/ns=3;s=NAME")
-    add_guard(command, "the proof that you have read")
-    said = command.add_argument_group("what no block holds")
+    add_guard(command, "the proof, to confirm it")
+    said = command.add_argument_group("what the block does not contain")
     said.add_argument("--called-every", type=float, metavar="S", help="interval TA at which the PLC calls it [s]")
     options.add(said, SensorSettings, "range_degC", default=argparse.SUPPRESS,
                 help="sensor range at the lowest and highest reading [°C]")
     said.add_argument("--as-exported", action="store_true",
-                      help="its program is the one that was exported with the words: ramp, boost, input module")
+                      help="it runs the program exported with the parameters: ramp, boost, input module")
     said.add_argument("--in-manual", action="store_true",
-                      help="the controller is in manual, and stays there: words are written in any order, unwatched")
+                      help="the controller is in manual and stays there: parameters are written in any order, without "
+                           "watching")
     command.add_argument("--no-watch", action="store_true", help="do not watch the response")
     command.add_argument("--record", metavar="FILE", help="the record (default: DIR/write_TIME.jsonl)")
     printing.add_output_options(command)
@@ -56,14 +59,14 @@ def add_to(commands: Any) -> None:
 
 def add_guard(command: argparse.ArgumentParser, of_what: str) -> None:
     """Add the options of a write: writing at all, and the link."""
-    command.add_argument("--apply", action="store_true", help="write (default: look only)")
+    command.add_argument("--apply", action="store_true", help="write (default: only show)")
     command.add_argument("--yes", metavar="DIGITS", help=f"first digits of the digest of {of_what}")
     link = command.add_argument_group("the link")
-    link.add_argument("--reconnect", type=int, default=5, metavar="N", help="connections that are tried (default: 5)")
+    link.add_argument("--reconnect", type=int, default=5, metavar="N", help="connection attempts (default: 5)")
     link.add_argument("--timeout", type=float, default=2.0, metavar="S",
-                      help="after which an answer is lost [s] (default: 2)")
+                      help="time after which an answer counts as lost [s] (default: 2)")
     link.add_argument("--most-writes", type=int, default=1000, metavar="N",
-                      help="writes of one word from here, as its memory wears out (default: 1000)")
+                      help="most writes of one word from this machine, as its memory wears out (default: 1000)")
 
 
 def link_of(settings: argparse.Namespace) -> LinkSettings:

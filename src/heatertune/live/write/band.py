@@ -27,12 +27,12 @@ __all__ = ["Band", "Reach", "band_degC", "carried_s", "unseen_s", "watched_s"]
 _TIMES: Final = 5.0  # lags and dead time of the slowest heater
 _PERIODS: Final = 3.0  # of PWM
 _SIGMAS: Final = 3.0
-_FASTER: Final = 2.0  # than the fastest possible heater: what the fit does not know of it
+_FASTER: Final = 2.0  # than the fastest plausible heater: what the fit does not know of it
 _SMALL: Final = 0.25  # of the rise from the ambient: up to there a change of the setpoint counts as a small one
 
 
 def watched_s(proven: ProvenWords) -> float:
-    """Return how long a response is watched: 5 (T + L) of the slowest possible heater, 3 PWM periods at least [s]."""
+    """Return how long a response is watched: 5 (T + L) of the slowest plausible heater, 3 PWM periods at least [s]."""
     return max(_TIMES * proven.slowest_s, _PERIODS * proven.view.actuator.pwm_period_s)
 
 
@@ -66,7 +66,7 @@ def carried_s(proven: ProvenWords) -> float:
 
 
 class Reach:
-    """How far a temperature can get within a time: full power, or none, on the fastest of the possible heaters.
+    """How far a temperature can get within a time: full power, or none, on the fastest of the plausible heaters.
 
     A smaller lag comes before the larger one and makes it slower, never faster. A heater twice as fast as the fastest
     possible one is within reach, as its lag and gain are fitted ones.
@@ -159,7 +159,7 @@ class Band:
 
 
 def _unread_degC(proven: ProvenWords) -> float:
-    """Return what a reading cannot tell, and what the best of the possible heaters left over of its own log [°C]."""
+    """Return what a reading cannot tell, and what the best of the plausible heaters left over of its own log [°C]."""
     scale = proven.words.scaling
     count = scale.span_degC / controller_for(proven.words.target).sensor(scale).counts
     left = [each.rmse_degC for each in proven.fitted_model.candidates if math.isfinite(each.rmse_degC)]

@@ -66,7 +66,7 @@ class ProvenWords:
 
     @property
     def slowest_s(self) -> float:
-        """Lags and dead time of the slowest possible heater [s]."""
+        """Lags and dead time of the slowest plausible heater [s]."""
         return max(sum(model.lags_s) + model.dead_time_s for _, model in labelled_heaters(self.fitted_model))
 
     def demand_yes(self, typed: str | None) -> None:
@@ -81,7 +81,7 @@ class ProvenWords:
                              f"read, as {self.yes}")
 
     def open_in_between(self, values: Mapping[str, Number]) -> str:
-        """Return why other values of the words are not stable on each possible heater; nothing where they are.
+        """Return why other values of the words are not stable on each plausible heater; nothing where they are.
 
         Raises:
             InputError: the proof was made on other heaters than the folder has.

@@ -105,8 +105,8 @@ def _without_events(log: Log, problem: PowerProblem, fit: PowerFit, held_out: He
     events = " and ".join(["drift"] * problem.drift + ["load steps"] * bool(problem.loads_s))
     answers = ", and in a closed loop the power answers them" if closed else ""
     yield Rival(plain, refit, refit.model, law, (
-        f"With {events} fitted, {_heater(fit.model)}; without, {_heater(refit.model)}. They can swallow a slow answer "
-        f"of the heater{answers}: the log does not tell which, so both are candidates and the intervals hold both."
+        f"With {events} fitted, {_heater(fit.model)}; without, {_heater(refit.model)}. They can absorb a slow response "
+        f"of the heater{answers}. The log does not decide, so both are candidates and the intervals contain both."
     ))
 
 
@@ -138,7 +138,7 @@ def _other_start(problem: PowerProblem, fit: PowerFit) -> Iterator[Rival]:
         return
     yield Rival(other, refit, refit.model, f"power logged, {other.power_before:g} % before it", (
         f"With {problem.power_before:g} % power before the log, {_heater(fit.model)}; with {other.power_before:g} %, "
-        f"{_heater(refit.model)}. The log does not tell which, so both are candidates and the intervals hold both; "
+        f"{_heater(refit.model)}. The log does not decide, so both are candidates and the intervals contain both; "
         "--power-before would settle it."
     ))
 
@@ -156,8 +156,8 @@ def _other_rest(log: Log, problem: PowerProblem, fit: PowerFit) -> Iterator[Riva
             begun = ("not from rest", "from rest")
             yield Rival(other, refit, refit.model, f"power logged, {begun[other.at_rest]}", (
                 f"With a start {begun[problem.at_rest]}, {_heater(fit.model)}; {begun[other.at_rest]}, "
-                f"{_heater(refit.model)}. The readings before the first step do not tell which, so both are "
-                "candidates and the intervals hold both; log some readings more before the first step."
+                f"{_heater(refit.model)}. The readings before the first step do not decide, so both are candidates and "
+                "the intervals contain both; log more readings before the first step."
             ))
 
 

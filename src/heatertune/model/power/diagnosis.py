@@ -69,7 +69,7 @@ def _readings(log: Log, problem: PowerProblem, outliers: npt.NDArray[np.intp]) -
     if len(outliers):
         named = ", ".join(f"{t:g}" for t in log.time_s[outliers[:_NAMED]])
         more = f" and {len(outliers) - _NAMED} more" if len(outliers) > _NAMED else ""
-        notes.append(f"Readings far off their neighbours were given no weight: {len(outliers)} (at {named} s{more}).")
+        notes.append(f"Readings far from their neighbours were given no weight: {len(outliers)} (at {named} s{more}).")
     if problem.readings.averaged > 1:
         merged = len(problem.readings.edge_s) <= np.count_nonzero(np.diff(log.power_pct))
         notes.append(
@@ -84,7 +84,7 @@ def _power_before(log: Log, problem: PowerProblem) -> list[str]:
     assert log.power_pct is not None
     notes = []
     if problem.ambient_degC is not None:
-        notes.append(f"The ambient temperature of {problem.ambient_degC:g} °C was given, not fitted.")
+        notes.append(f"The ambient temperature of {problem.ambient_degC:g} °C was stated, not fitted.")
     first = log.power_pct[0]
     if problem.at_rest and first != problem.power_before:
         notes.append(
@@ -112,9 +112,9 @@ def _disturbed(log: Log, problem: PowerProblem, fit: PowerFit) -> list[str]:
         notes.append(f"The ambient drifts by {3600.0 * fit.linear[DRIFT]:.2g} °C/h; the drift was fitted.")
     for instant, size in zip(problem.loads_s, fit.linear[COLUMNS:], strict=False):
         notes.append(
-            f"At {instant:.4g} s an unlogged load, or a change of the heater itself, begins that "
+            f"At {instant:.4g} s an unlogged load, or a change of the heater, begins that "
             f"{'warms' if size > 0 else 'cools'} {log.name} by {abs(size):.2g} °C in the long run; it was fitted "
-            "beside the power."
+            "together with the power."
         )
     return notes
 

@@ -81,9 +81,9 @@ def judgement_remarks(
         worst = max(range(len(held.rmses_degC)), key=lambda i: held.rmses_degC[i])
         start, end = held.windows_s[worst]
         yield Remark("" if two_lags_predict else "not-foretold", (
-            f"Windows left out of the fit are foretold to {held.fit_pct:.0f} % only (fit: {fit:.0f} %), worst from "
-            f"{start:.4g} to {end:.4g} s: what is fitted there is not what holds elsewhere"
-            f"{'; two lags predict them' if two_lags_predict else ''}."
+            f"Windows left out of the fit are predicted to {held.fit_pct:.0f} % only (fit: {fit:.0f} %), worst from "
+            f"{start:.4g} to {end:.4g} s: the fit of one part does not hold "
+            f"elsewhere{'; two lags predict them' if two_lags_predict else ''}."
         ))
     if validation.halves is not None:
         apart = [name for name in disagreeing_parameters(validation.halves)

@@ -200,7 +200,7 @@ def replay_notes(
     if len(laws) > 1 and out:
         notes.append(f"The log speaks against {', '.join(out)}: BIC points behind {rated[0].law}.")
     elif len(laws) > 1:
-        notes.append(f"The log does not tell {' from '.join(laws)}: models of all are candidates.")
+        notes.append(f"The log does not distinguish {' from '.join(laws)}: models of all are candidates.")
     elif len(controllers) > 1:
         notes.append(f"The {len(controllers)} settings of the open points give the same power on this log.")
     return tuple(notes)

@@ -1,4 +1,4 @@
-"""The family of possible heaters of a log with power: the candidates, the ends of their intervals, and the halves."""
+"""The family of plausible heaters of a log with power: the candidates, the ends of their intervals, and the halves."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def family_of(
     explanation: Explanation, candidates: Sequence[Candidate], ci95: Mapping[str, Interval | None],
     halves: tuple[Half, Half] | None, least_dead_time_s: float, wider: Mapping[str, float], seed: int,
 ) -> tuple[tuple[Candidate, ...], tuple[Finding, ...]]:
-    """Return every possible heater, and what is open that no heater can stand for.
+    """Return every plausible heater, and what is open that no heater can stand for.
 
     Args:
         explanation: what explains the log.

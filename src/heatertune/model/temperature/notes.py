@@ -106,7 +106,7 @@ def _unexplained(fit: Fit, segment: int) -> str:
 
 
 def limit_remarks(kept: Sequence[Fit]) -> Iterable[Remark]:
-    """Yield the finding that parameters of the possible heaters lie on arbitrary bounds of their search."""
+    """Yield the finding that parameters of the plausible heaters lie on arbitrary bounds of their search."""
     names = list(dict.fromkeys(name for fit in kept for name in fit.hypothesis.limits_reached(fit.vector)))
     if names:
         logs = " and ".join(segment.log.name for segment in kept[0].hypothesis.segments)

@@ -106,7 +106,7 @@ class Ob251Assumptions(NamedTuple):
     )] = False
     retained: Annotated[bool, OpenPoint(
         name="start_up", means={"cleared": False, "retained": True}, chosen=True,
-        reason="yours to choose: whether OB21 and OB22 clear DW18 to DW48, or leave there what a battery kept",
+        reason="your choice: whether OB21 and OB22 clear DW18 to DW48, or leave there what a battery kept",
     )] = False
 
 

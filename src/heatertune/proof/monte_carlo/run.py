@@ -121,7 +121,7 @@ def replay_document(
 
 
 def _limits(assumed: Conditions, fitted: FittedModel) -> LoopLimits:
-    """Return what a sample must keep, as the proof has it: times in T+L are those of the slowest possible heater.
+    """Return what a sample must keep, as the proof has it: times in T+L are those of the slowest plausible heater.
 
     The power that a step moves is the same on each sample: the proof judges it.
     """

@@ -169,7 +169,7 @@ def design_changes(
 
     Args:
         proof: that fails.
-        models: the possible heaters.
+        models: the plausible heaters.
         tuned: how the design was found.
         period_given: whether the user chose the PWM period: it stays.
         interval_given: likewise TA.
@@ -244,7 +244,7 @@ def output_limits(proof: Proof, models: Sequence[HeaterModel]) -> list[DesignCha
 
     Args:
         proof: of words without one.
-        models: the possible heaters.
+        models: the plausible heaters.
     """
     return list(_SwitchChoice(proof=proof, models=tuple(models), own=False).limited())
 

@@ -50,13 +50,13 @@ def closed_on_samples(
     found = closed_on_runs(fitted, request, ways_on=ways_on, progress=progress, stage=stage)
     if drawn.samples is None:
         return found
-    progress(f"proving the words on {count(drawn.samples, 'sample')}")
+    progress(f"proving the parameters on {count(drawn.samples, 'sample')}")
     first = _heard(found, fitted, drawn)
     if request.as_is or found.proof.verdict == "FAIL" or _drawn(first).verdict == "PASS" or _hopeless(first):
         return first
     if (mended := _made_for_more(first, found.proof.verdict, fitted, request, progress)) is not None or not ways_on:
         return mended or first
-    return _with_way_on(_remarked(first, "nothing tried mends the samples"), fitted, request, progress)
+    return _with_way_on(_remarked(first, "nothing that was tried makes the samples pass"), fitted, request, progress)
 
 
 def _made_for_more(
@@ -80,7 +80,7 @@ def _made_for_more(
     for _ in range(_MOST_ROUNDS):
         new = [seed for seed in _drawn(found).broken if seed not in heaters][:_MORE]
         heaters |= {seed: drawing.heater(seed) for seed in new}
-        progress(f"too few samples keep every limit: trying a design for {len(heaters)} of them, too")
+        progress(f"too few samples keep every limit: trying a design that includes {len(heaters)} of them")
         try:
             wider = closed_on_runs(_with(fitted, heaters), same, ways_on=False, progress=progress)
             if wider.proof.verdict not in ("PASS", verdict):
@@ -162,10 +162,10 @@ def _hopeless(found: DesignResult) -> bool:
 def _changed(first: DesignResult, found: DesignResult, more: int) -> DesignResult:
     """Return a design that was made for more heaters; it says so, and what that costs."""
     before, now = (samples_told(_drawn(each).to_document()) for each in (first, found))
-    what = f"made for {more} of them, too"
+    what = f"designed for {more} of them as well"
     if found.proof.design and first.proof.design and (gains := redesign_cost.gains_told(first.ideal, found.ideal)):
         what = f"with {gains}, {what}"
-    note = f"As asked for, {before}; {what}, of as many others, {now}; {redesign_cost.costs(first, found)}."
+    note = f"As requested, {before}; {what}, of as many new ones, {now}; {redesign_cost.costs(first, found)}."
     return replace(_remarked(found, what.replace("them", "the drawn heaters")), notes=(note, *found.notes))
 
 

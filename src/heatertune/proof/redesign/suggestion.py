@@ -152,7 +152,7 @@ class Suggestion:
                 would = f"{BREAKS_NONE} {' '.join(options)}"
             told = "; ".join(filter(None, (why, would, ended or (budget.message if budget.spent else ""))))
         heard = replace(proof.diagnostics, remarks=(*proof.diagnostics.remarks, told))
-        note = f"The optimum as asked for fails: {broken_told(proof.criteria)}; {told}."
+        note = f"The requested optimum fails: {broken_told(proof.criteria)}; {told}."
         return replace(first, proof=replace(proof, diagnostics=heard), notes=(*first.notes, note, *self.untried),
                        passes_with=options, recipe=replace(first.recipe, way_on=told))
 
@@ -185,7 +185,7 @@ class Suggestion:
         target = REPAIRED.get(self.request.target)
         if target is None:
             return ()
-        self.progress(f"{redesign_cost.broken(self.first)} fails: trying the same program repaired, {target}")
+        self.progress(f"{redesign_cost.broken(self.first)} fails: trying the repaired version of the program, {target}")
         try:
             other = self.close(self.fitted_model, replace(self.request, target=target), progress=self.progress)
         except HeatertuneError:  # what was asked for is of the other alone
@@ -282,19 +282,19 @@ class Suggestion:
         bursts = ""
         if proof.design is not None:  # a control without gains is not designed anew for them
             free = self.request.switch_kind is None
-            way = "were tried, too" if free else "are calmer, and tried without --switch-kind"
+            way = "were tried, too" if free else "are calmer, and are tried without --switch-kind"
             bursts = f": bursts of a power controller {way}"
         told = (f"at the calmest PWM of a solid-state relay, {calm.period_s:.3g} s, the ripple is "
-                f"{calm.ripple_degC:.2g} °C and one half-wave is {calm.half_wave_degC:.2g} °C, asked ±{tolerance:.3g} "
-                f"°C{bursts}")
+                f"{calm.ripple_degC:.2g} °C and one half-wave is {calm.half_wave_degC:.2g} °C; the tolerance is "
+                f"±{tolerance:.3g} °C{bursts}")
         return calm.share(tolerance), told
 
     @property
     def _hopeless(self) -> str:
         """What is told where nothing that may be suggested passes."""
         help_ = physical_help(sorted(broken_names(self.first.proof)))
-        return "nothing tried mends it, nor a limit of up to twice its default" + (
-            f"; at the heater itself would help: {help_}" if help_ else "")
+        return "nothing that was tried passes, nor does any limit of up to twice its default" + (
+            f"; changes to the heater would help: {help_}" if help_ else "")
 
     def _by_design(self) -> tuple[str, ...]:
         """Return the options that leave open what the user gave of the design; none where that does not pass."""
@@ -336,7 +336,7 @@ class Suggestion:
         looser = limits_that_pass(self.first.proof)
         if not looser or not within_reach(looser, self.first.proof, self.fitted_model, self.first.conditions):
             return ()
-        self.progress(f"{redesign_cost.broken(self.first)} fails: trying what it would keep")
+        self.progress(f"{redesign_cost.broken(self.first)} fails: trying wider limits")
         asked = replace(self.request, setpoint_ramp=self.request.setpoint_ramp or "none",
                         conditions=loosen_conditions(self.request.conditions, looser))
         return self._taken(
