@@ -73,7 +73,7 @@ def test_what_does_not_act_is_told_and_the_readings_stay():
 
 
 def test_what_moves_with_the_power_alone_is_not_told_apart_from_it():
-    with pytest.raises(InputError, match="moves with the power, so their effects are not told apart"):
+    with pytest.raises(InputError, match="moves with the power, so their effects cannot be separated"):
         without_disturbance(_log(0.0, fan=POWER / 20.0))
 
 
@@ -87,7 +87,7 @@ def test_an_effect_through_another_lag_is_no_power():
 
 @pytest.mark.parametrize(("changed", "match"), [
     ({"fan": np.ones(SECONDS)}, "the disturbance 'disturbance' is 1 in all but a hundredth"),
-    ({"power": np.full(SECONDS, 40.0)}, "the power never changes, so no disturbance can be told in power"),
+    ({"power": np.full(SECONDS, 40.0)}, "the power never changes, so no disturbance can be expressed in power"),
 ])
 def test_a_log_that_cannot_tell_is_refused(changed, match):
     with pytest.raises(InputError, match=match):
