@@ -136,7 +136,7 @@ def test_the_finished_table_of_another_batch_is_not_taken_for_this_one(out):
 def test_parts_are_neither_overwritten_nor_mixed_with_those_of_another_run(out):
     with pytest.raises(KeyboardInterrupt):
         run(batch_of(9), out, workers=stopped_after(4))
-    with pytest.raises(InputError, match="--resume continues"):
+    with pytest.raises(InputError, match="--resume goes on"):
         run(batch_of(9), out, workers=at_once)
     with pytest.raises(InputError, match="with other number; give what that run was given"):
         run(batch_of(8), out, workers=at_once, resume=True)

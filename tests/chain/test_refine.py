@@ -55,7 +55,7 @@ def test_gains_that_are_right_already_are_left_alone():
     model, choice = _chosen(HEATER, "s5-ob251")
     found = refine(choice, model, PROVING)
     assert found.words == choice.words
-    assert "none was changed" in found.search.notes[-1]
+    assert "so the gains were not changed" in found.search.notes[-1]
     # no neighbour within the limit on Ms is worth it, judged here one by one
     design, least = controller_for("s5-ob251").decode(choice.words), _iae(prove(choice.words, model, PROVING))
     for gain in (0.8, 1.0, 1.2):

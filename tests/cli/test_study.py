@@ -86,7 +86,7 @@ def test_cases_are_every_combination_then_the_listed_ones(study):
     ("[[case]]\ntarget = 'weg'\n", "[[case]] 1: no heater; expected one of log, model, gain_degC_per_pct"),
     (HAND + "[[case]]\ntarget = 'weg'\nlog = 'table4'\n", "[[case]] 1: log and gain_degC_per_pct; expected one of log"),
     ("[[case]]\ntarget = 'weg'\ngain_degC_per_pct = 1\ntime_constant_s = 9\n",
-     "[[case]] 1: no dead_time_s; a model by hand needs gain_degC_per_pct, time_constant_s, dead_time_s"),
+     "[[case]] 1: no dead_time_s; a model entered by its numbers needs gain_degC_per_pct, time_constant_s, dead_time_s"),
     ("[fixed]\nlog = 'table4'\n[grid]\ntarget = ['weg']\ndead_time_s = [3]\n",
      "[grid]: dead_time_s without gain_degC_per_pct, which it belongs to"),
     (HAND + "[[case]]\ntarget = 'weg'\nminimum_on_s = 1\n", "[[case]] 1: minimum_on_s without pwm_period_s"),

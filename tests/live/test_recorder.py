@@ -176,7 +176,7 @@ def test_a_counter_of_the_program_is_the_clock_and_wraps(monkeypatch, tmp_path):
     record(address_of("s7://10.0.0.1/0/2/db5"), tmp_path / "log.csv", places, ended=lambda: not counts)
     text = (tmp_path / "log.csv").read_text()
     assert rows_of(tmp_path / "log.csv")[:, 0].tolist() == [0.0, 1.0, 3.0, 3.5, 4.0, 4.5]
-    assert re.findall(r"# gap before (\S+) s: the PLC has begun to count anew; how long the gap is, is not known", text) == ["4"]
+    assert re.findall(r"# gap before (\S+) s: the PLC has restarted its count; the length of the gap is not known", text) == ["4"]
 
 
 def test_a_small_counter_that_turned_while_nobody_looked_is_as_far_as_this_machines_clock_says(monkeypatch):

@@ -228,7 +228,7 @@ def test_a_monitor_of_other_words_and_one_without_the_power_are_refused(folder, 
     other.write_text(json.dumps(document))
     assert main(["watch", "s7://127.0.0.1:1/0/2/db30", "--design", str(folder), "--monitor", str(other)]) == 2
     assert f"--monitor {other}: the monitor was made for other words" in capsys.readouterr().err
-    with pytest.raises(InputError, match="which power was asked for"):
+    with pytest.raises(InputError, match="the monitor needs the requested power"):
         OnlineMonitor(read_supervision(monitor), read_proven(folder).words).see(Snapshot(0.0, {"temperature": 20.0}))
 
 
@@ -289,4 +289,4 @@ def test_no_number_is_no_sensor_and_a_setpoint_beyond_the_monitors_is_told(folde
         power = (30.0, math.nan, 1e300)[k]
         here.see(Snapshot(k * here.view.scan_s, {"temperature": degC, "power": power, "setpoint": asked}))
     assert next(iter(here.alarms)) == "sensor gone"
-    assert "monitor: made for setpoints up to 50 °C, and 55 °C was asked for" in here.messages()
+    assert "monitor: made for setpoints up to 50 °C, but 55 °C was requested" in here.messages()

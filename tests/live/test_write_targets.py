@@ -137,7 +137,7 @@ def test_a_bit_that_is_another_is_told_and_nothing_is_written(plant):
     here = plant("fb41", "s7", {"P_SEL": 0, "GAIN": 4.0})
     status, said = here.write()
     assert status == 1
-    assert "bits P_SEL is 0; 1 was proven: set them by hand" in said
+    assert "bits P_SEL is 0; 1 was proven: set them manually" in said
     assert not here.written
 
 
@@ -169,7 +169,7 @@ def test_where_words_cannot_be_written_one_line_says_why_and_which_to_type_in(ta
     assert "\n" not in said
     for name, value in words.values.items():
         assert f"{name} = {value:.9g}" in said
-    assert "type its words in by hand" in said
+    assert "enter its parameters manually" in said
 
 
 @pytest.mark.parametrize("changed", ["before", "sha256", "parts"])

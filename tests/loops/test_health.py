@@ -197,8 +197,8 @@ def test_a_heater_that_the_log_leaves_open_gets_no_words(monkeypatch):
     assert told.worse is None
     cure = cure_words(told, loop, ARDUINO)
     assert cure.words is None
-    assert cure.reason == ("no heater to design for: the log leaves gain or time constant open: nobody knows the power that "
-                        "holds the setpoint")
+    assert cure.reason == ("no heater to design for: the log leaves gain or time constant open, so the power that "
+                        "holds the setpoint is unknown")
 
 
 @pytest.mark.long(seconds=60)

@@ -73,7 +73,7 @@ def test_what_does_not_act_is_told_and_the_readings_stay():
 
 
 def test_what_moves_with_the_power_alone_is_not_told_apart_from_it():
-    with pytest.raises(InputError, match="moves with the power, so their effects are not told apart"):
+    with pytest.raises(InputError, match="moves with the power, so their effects cannot be separated"):
         without_disturbance(_log(0.0, fan=POWER / 20.0))
 
 
@@ -87,7 +87,7 @@ def test_an_effect_through_another_lag_is_no_power():
 
 @pytest.mark.parametrize(("changed", "match"), [
     ({"fan": np.ones(SECONDS)}, "the disturbance 'disturbance' is 1 in all but a hundredth"),
-    ({"power": np.full(SECONDS, 40.0)}, "the power never changes, so no disturbance can be told in power"),
+    ({"power": np.full(SECONDS, 40.0)}, "the power never changes, so no disturbance can be expressed in power"),
 ])
 def test_a_log_that_cannot_tell_is_refused(changed, match):
     with pytest.raises(InputError, match=match):
@@ -102,7 +102,7 @@ def test_without_the_power_a_disturbance_is_refused():
 
 
 def test_a_model_is_not_validated_by_a_disturbed_log_as_if_it_were_calm():
-    with pytest.raises(InputError, match="leave out --disturbance-column"):
+    with pytest.raises(InputError, match="leave --disturbance-column out"):
         validate(model_by_hand(Fopdt(gain_degC_per_pct=0.9, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=60.0)), _log())
 
 

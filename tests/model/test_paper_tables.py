@@ -85,7 +85,7 @@ def test_the_fit_says_what_it_is_worth(name, request):
     assert "hold-out in time fails" in told
     assert "Ljung–Box over 20 lags" in told
     assert "white ones stay below 31" in told
-    assert "hypothesis made after the fact" in told
+    assert "hypothesis after the fact" in told
     assert "one open-loop step of known size" in told
 
 

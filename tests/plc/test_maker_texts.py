@@ -84,7 +84,7 @@ def test_a_sketch_is_read_as_sketches_are_written():
     assert over == ()
     values, over = _read("arduino-pid", "#define KP 2.5e-1\nPID p(&i,&o,&s,KP,.1,0,P_ON_M,DIRECT); p.SetSampleTime(250);")
     assert (values["Kp"], values["POn"], values["OutMax"], values["SampleTime"]) == (0.25, 0, 255.0, 250)
-    assert over == ("the output at full power is not told: 255 is taken, the upper limit",)
+    assert over == ("the output at full power is not stated: the upper limit 255 is used",)
 
 
 @pytest.mark.parametrize(("text", "parts"), [

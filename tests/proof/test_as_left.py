@@ -203,8 +203,8 @@ def test_a_load_and_a_change_of_the_setpoint_are_measured_where_the_trace_shows_
 def test_what_a_short_trace_does_not_show_is_told_as_not_measured(proven):
     whole = as_left(trace(60.0)[0], *proven)
     assert whole.verdict == "NOT SHOWN"
-    assert whole.told == ("The loop is not seen to settle (not yet within ±1 °C after 58 s, where it ends): log on until it is at rest. "
-                          "So far nothing speaks against it.",)  # the last of its readings, one each 2 s
+    assert whole.told == ("The loop does not settle within the trace (not yet within ±1 °C after 58 s, where it ends): log until it is at rest. "
+                          "So far it agrees with the proof.",)  # the last of its readings, one each 2 s
     found = by_name(whole)
     for name in ("overshoot", "settling_time", "steady_offset", "recovery_time", "ms", "iae"):
         assert found[name].measured is None, name

@@ -173,7 +173,7 @@ def test_samples_that_fail_are_no_pass_of_the_words(folder, tmp_path, monkeypatc
     listing = (out / "DB30_listing.txt").read_text()
     assert "90 of 200 samples keep every limit under sum = unlimited" in listing
     assert main(["report", str(here), "--quiet"]) == 2, "its words.json still says PASS"
-    assert "words.json: verdict: 'PASS'; proof.json beside it says 'FAIL': export the words again" in capsys.readouterr().err
+    assert "words.json: verdict: 'PASS'; proof.json next to it says 'FAIL': export the parameters again" in capsys.readouterr().err
 
 
 def test_samples_that_pass_let_the_words_pass_and_stand_in_the_certificate(folder, tmp_path, monkeypatch):

@@ -54,7 +54,7 @@ def test_a_trace_fills_the_record_in_and_stays_in_it(tmp_path, documents, trace,
     assert measured["recovery time"] == "", "by hand: the trace has no load"
     assert "TIC-1 &amp; &lt;b&gt;" in page
     assert "<dd>HT-1</dd>" in page
-    assert "The trace over what the proven runs do" in page
+    assert "The trace and the band of the proven runs" in page
 
 
 def test_a_trace_of_another_proof_is_not_shown(tmp_path, documents, trace):

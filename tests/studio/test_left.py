@@ -47,7 +47,7 @@ def test_a_trace_stands_beside_the_very_design_it_was_held_against(work, monkeyp
     measured = {line.name: line.measured for line in left.measurements}
     assert measured["overshoot"] is not None
     assert measured["recovery_time"] is None
-    assert "no load in the trace, or nobody says when (‘load came’)" in figures(left)
+    assert "no load in the trace, or its time is not stated (‘load came’)" in figures(left)
     assert "NaN" not in str(left_chart(left))
 
     drawn = []

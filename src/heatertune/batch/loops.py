@@ -71,7 +71,7 @@ _COLUMNS: Final = (
     *(TableColumn(name=name, kind="float", description=f"{what} of the heater found") for name,
       what in _HEATER.items()),
     TableColumn(name="fit_pct", kind="float", description="how much of the log it explains [%]"),
-    TableColumn(name="target", kind="text", description="controller of the words that would cure it"),
+    TableColumn(name="target", kind="text", description="controller of the parameters that would fix it"),
     TableColumn(name="words", kind="text", description="these words, as JSON"),
     TableColumn(name="verdict", kind="text", description="of their proof"),
     TableColumn(name="why", kind="text", description="what the proof does not keep, or why there are no words"),

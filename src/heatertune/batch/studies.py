@@ -108,7 +108,7 @@ def _columns(cases: Study) -> tuple[TableColumn, ...]:
         TableColumn(name="case", kind="int", description="number of the case, from 1"),
         TableColumn(name="name", kind="text", description="what tells the case from the others"),
         *(TableColumn(name=f"case_{key}", kind=kinds[KEYS[key].kind],
-                      description=f"as asked for: {KEYS[key].quantity_with_unit}")
+                      description=f"as requested: {KEYS[key].quantity_with_unit}")
           for key in cases.keys),
         *HEAD, *RESULT, *word_columns(cases.settings_of("target")),
     )

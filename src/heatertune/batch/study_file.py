@@ -37,7 +37,7 @@ _TYPES: Final[Mapping[type, Any]] = {float: float, int: int, str: str, bool: boo
 KEYS: Final[Mapping[str, Option]] = {
     "log": _key(str, "a log to fit: a CSV file, table3 or table4"),
     "model": _key(str, "model.json as written by fit"),
-    "gain_degC_per_pct": _key(float, "process gain of a model by hand", unit="°C/%"),
+    "gain_degC_per_pct": _key(float, "process gain of a model entered by its numbers", unit="°C/%"),
     "time_constant_s": _key(float, "its time constant", unit="s"),
     "second_time_constant_s": _key(float, "its second time constant", unit="s"),
     "dead_time_s": _key(float, "its dead time", unit="s"),
@@ -207,7 +207,7 @@ def _check(where: str, case: Mapping[str, Any]) -> None:
         raise DocumentError(f"{where}: samples behind an interlock, which they are run without: leave out either")
     missing = [key for key in _BY_HAND if key not in case]
     if "gain_degC_per_pct" in case and missing:
-        raise DocumentError(f"{where}: no {missing[0]}; a model by hand needs {', '.join(_BY_HAND)}")
+        raise DocumentError(f"{where}: no {missing[0]}; a model entered by its numbers needs {', '.join(_BY_HAND)}")
     try:
         settings_of(controller_for(case["target"]).switches, case.get("switches", {}))
         scaling_of(case)

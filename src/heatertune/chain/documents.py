@@ -87,8 +87,8 @@ def read_documents(folder: str | Path) -> dict[str, dict[str, Any]]:
     demand_same_words(documents["words"], documents["proof"], directory / "proof.json")
     own, proven = (documents[name]["verdict"] for name in ("words", "proof"))
     if own != proven:
-        raise DocumentError(f"{directory / 'words.json'}: verdict: {own!r}; proof.json beside it says {proven!r}: "
-                            "export the words again (heatertune export-db)")
+        raise DocumentError(f"{directory / 'words.json'}: verdict: {own!r}; proof.json next to it says {proven!r}: "
+                            "export the parameters again (heatertune export-db)")
     demand_consistent(directory, documents)
     return documents
 

@@ -102,7 +102,7 @@ def fit_known(
         UnknownName: no such switch or setting.
     """
     if words.ramp is not None:
-        raise InputError("words with a setpoint ramp: a log tells the setpoint asked for, not the one followed")
+        raise InputError("parameters with a setpoint ramp: a log contains the requested setpoint, not the ramped one")
     from heatertune.model.fit import fit_known as fit_log_known  # noqa: PLC0415 - compiles; a proof needs no fit
 
     tried = controllers(words, known)

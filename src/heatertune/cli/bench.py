@@ -55,8 +55,8 @@ def _told(speed: Throughput) -> str:
         ("", "min", "median", "max", ""),
         row("closed loop, compiled", loop.compiled_ns_per_scan, ",.1f", "ns per scan, drawn and measured"),
         row("closed loop, plain Python", loop.plain_ns_per_scan, ",.0f", "ns per scan"),
-        row("beside it: a PI in plain Python", beside.python_ns_per_scan, ",.0f", "ns per scan, no words, no PWM"),
-        row("beside it: SciPy's lfilter", beside.lfilter_ns_per_value, ",.1f", "ns per value, first order"),
+        row("for comparison: a PI in plain Python", beside.python_ns_per_scan, ",.0f", "ns per scan, no words, no PWM"),
+        row("for comparison: SciPy's lfilter", beside.lfilter_ns_per_value, ",.1f", "ns per value, first order"),
         row("samples on 1 processor", rate.one, ",.0f", "per second, 3,000 s each"),
         row(f"samples on {speed.processors} processors", rate.all, ",.0f", "per second"),
     ]

@@ -262,7 +262,7 @@ class _Hand:
                 self._act(so_far)
             except LinkError as problem:
                 self.end("link", str(problem))
-        self._watching.on_row(so_far, "" if self._power is None else f"{self._power:g} % by hand")
+        self._watching.on_row(so_far, "" if self._power is None else f"{self._power:g} % in manual")
 
     def end(self, why: str, told: str) -> None:
         """End it; `why` as in `Ended`."""
@@ -274,7 +274,7 @@ class _Hand:
         elif so_far.notes:
             self.end("output", so_far.notes[-1])
         elif self._watching.key():
-            self.end("key", "somebody asked for the end")
+            self.end("key", "someone requested the end")
         elif so_far.rows == self._rows or so_far.last is None:
             silent_s = time.monotonic() - self._new_at
             if silent_s > self._whole.limits.silence_s:
@@ -297,7 +297,7 @@ class _Hand:
         elif frozen := self._frozen(after_s, degC):
             self.end("sensor", frozen)
         elif look.restarted:
-            self.end("silence", "the PLC has begun anew")
+            self.end("silence", "the PLC has restarted")
         elif after_s >= self._whole.plan.ends_s:
             self.end("plan", "the plan is over")
         else:
@@ -351,7 +351,7 @@ class _Hand:
         if fit is None or not self._aims.shares or (self._fitting is not None and self._fitting.is_alive()):
             return
         if self.fitted is not None and self._aims.reached(self.fitted):
-            self.end("known", "what was asked for is known")
+            self.end("known", "the requested accuracy is reached")
         elif self._rows >= self._fitted_at + self._aims.every_rows:
             self._fitted_at = self._rows
             self._fitting = Thread(target=self._fit, args=(fit,), name="fit", daemon=True)

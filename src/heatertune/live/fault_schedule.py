@@ -38,7 +38,7 @@ PEOPLE: Final[Mapping[str, str]] = {
 }
 LINK: Final[Mapping[str, str]] = {
     "cut": "connections are closed, and new ones too",
-    "black-hole": "nothing gets through, and nobody is told",
+    "black-hole": "nothing gets through, without any error",
     "lost-reply": "requests arrive, replies do not",
     "late-reply=": "each reply comes so many scans later",
     "torn": "a scan writes half of the block, and the rest with the next scan",

@@ -300,7 +300,7 @@ class Laid:
             why = "has no manual mode here" if mode is None else (
                 "is told mode and power in manual by its program at each call (the exported one has them in DB101), so "
                 "that what a client writes into the instance does not stay")
-            raise InputError(f"{self._controller.name} {why}: set the powers by hand, and record")
+            raise InputError(f"{self._controller.name} {why}: set the powers manually, and record")
         image = bytearray(cells)
         mode.write(image, self.layout.manual_is)
         hand.write(image, power_pct)

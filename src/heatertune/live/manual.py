@@ -42,7 +42,7 @@ class ManualMode:
             InputError: the controller's block is not known, or has no manual mode.
         """
         if words.target not in SERVED:
-            raise InputError(f"the block of {words.target} is not known here: set the powers by hand, and record")
+            raise InputError(f"the block of {words.target} is not known: set the powers manually, and record")
         self.address, self._timeout_s = address, timeout_s
         self.block: ServedBlock = block_for(controller_for(words.target), words, {})
         self._image = self.block.image()

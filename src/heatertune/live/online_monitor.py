@@ -75,7 +75,7 @@ class OnlineMonitor:
             InputError: no power is.
         """
         if "power" not in look.signals:
-            raise InputError("the monitor asks which power was asked for, and where the PLC shows it is not known")
+            raise InputError("the monitor needs the requested power, and its address in the PLC is not known")
         now, last = round(look.time_s / self.view.scan_s), self._last
         if last is not None and now <= last[0] and not look.restarted:
             return
@@ -122,8 +122,8 @@ class OnlineMonitor:
         lines = [f"monitor: {each.name} at {each.from_s:.6g} s" + (
             f", {each.scans} scans until {each.to_s:.6g} s" if each.scans > 1 else "") for each in self.alarms.values()]
         if self.highest_degC > self.view.setpoint_degC + 0.5 * self.view.card.step_degC:
-            lines.append(f"monitor: made for setpoints up to {self.view.setpoint_degC:.4g} °C, and "
-                         f"{self.highest_degC:.4g} °C was asked for")
+            lines.append(f"monitor: made for setpoints up to {self.view.setpoint_degC:.4g} °C, but "
+                         f"{self.highest_degC:.4g} °C was requested")
         if self.scans > 0 and self.watched == 0:
             lines.append(f"monitor: blind: it needs {self.needs} scans in a row, and they never came")
         return tuple(lines)

@@ -356,7 +356,7 @@ class _Rows:
             return
         step = at - self._last_s
         usual = max(self._step_s, self._every_s, self._looking.interval_s or 0.0)
-        why = "the PLC has begun to count anew; how long the gap is, is not known" if look.restarted else self._reason
+        why = "the PLC has restarted its count; the length of the gap is not known" if look.restarted else self._reason
         if why or step > _GAP * usual:
             self.so_far.gaps += 1
             self._file.write(f"# gap before {at:.9g} s: {why or 'no new reading'}\n")

@@ -91,7 +91,7 @@ class _VMemory:
         Raises:
             InputError: always: these programs have no manual mode.
         """
-        raise InputError("the exported programs of the S7-200 have no manual mode: switch by hand, and record it")
+        raise InputError("the exported programs of the S7-200 have no manual mode: switch manually, and record it")
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word that stands in V memory; errors as `heatertune.live.word_codec`."""

@@ -132,7 +132,7 @@ def _demand_served(scenario: Scenario, faults: Sequence[ScheduledFault]) -> None
     if any(isinstance(event, SetpointRampEvent) for event in scenario.disturbances):
         raise InputError("simulate does not run profiles: leave out --profile, or --story")
     if touch_mains(faults) and any(isinstance(event, Mains | PlcPower) for event in scenario.disturbances):
-        raise InputError("the proof's story switches the mains itself: leave out --story, or such faults")
+        raise InputError("the test sequence switches the mains itself: leave out --story, or such faults")
 
 
 def _events(

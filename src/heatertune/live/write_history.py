@@ -136,7 +136,8 @@ def _passage(before: Before, words: Words, steps: Sequence[Step]) -> Passage:
         told=f"the record breaks off after the step {last['step']!r}; heatertune rollback {path.name} asks the PLC")
     found = before.before if is_write else begin.stands or None
     lost = sum(step["step"] == "no answer" for step in steps)
-    notes = [f"{lost} {'answer was' if lost == 1 else 'answers were'} lost; the PLC was asked what stands there."]
+    notes = [f"{lost} {'answer was' if lost == 1 else 'answers were'} lost; the parameters were read from the PLC "
+             "again."]
     return Passage(
         kind="write" if is_write else "rollback", record=path.name, address=before.address.text,
         simulated=head.simulated, version=head.version, begun=_instant(before, begin.at),

@@ -46,7 +46,7 @@ def with_dates(sheet: Sheet, columns: Columns, wanted: str | int | None) -> tupl
     if wanted == NO_COLUMN or (wanted is None and (place is None or not is_clock(sheet.rows[0][place]))):
         return sheet, columns
     if place is None or not is_clock(sheet.rows[0][place]):
-        raise LogError("no time of day beside the date", file=sheet.file, expected="--time-column with a time of day")
+        raise LogError("no time of day with the date", file=sheet.file, expected="--time-column with a time of day")
     free = [i for i in range(len(sheet.rows[0])) if i not in columns.index.values() and is_date(sheet.rows[0][i])]
     if wanted is not None:
         free = [i for i in free if str(wanted) == str(i + 1) or (sheet.header and sheet.header[i] == wanted)]

@@ -184,7 +184,7 @@ def _heater(cleared: LoadFreeLog) -> tuple[FittedModel | None, str]:
     if fitted.outcome is FitOutcome.POOR_FIT:
         return None, "no heater explains the log well"
     if any(_open(fitted.ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s")):
-        return None, "the log leaves gain or time constant open: nobody knows the power that holds the setpoint"
+        return None, "the log leaves gain or time constant open, so the power that holds the setpoint is unknown"
     return fitted, "; ".join(finding.kind.short for finding in fitted.findings if finding.kind.effect == "blocks")
 
 

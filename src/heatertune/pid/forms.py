@@ -36,8 +36,8 @@ def ideal_to_series(gain: float, integral_time_s: float, derivative_time_s: floa
     """
     if derivative_time_s > integral_time_s / 4.0:
         raise InputError(
-            f"TV = {derivative_time_s:g} s has no series form beside TN = {integral_time_s:g} s; "
-            f"allowed: TV <= TN/4 = {integral_time_s / 4.0:g} s"
+            f"TV = {derivative_time_s:g} s has no series form with TN = {integral_time_s:g} s; allowed: TV <= TN/4 = "
+            f"{integral_time_s / 4.0:g} s"
         )
     factor = 0.5 * (1.0 + math.sqrt(1.0 - 4.0 * derivative_time_s / integral_time_s))
     return gain * factor, integral_time_s * factor, derivative_time_s / factor

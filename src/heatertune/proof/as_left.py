@@ -315,14 +315,14 @@ def _against(lines: Sequence[Measurement], outside: Sequence[Outside]) -> Iterat
         side = "above" if worst.most_degC > 0.0 else "below"
         others = f", and elsewhere {count(len(outside) - 1, 'time')}" if len(outside) > 1 else ""
         yield (f"From {worst.begin_s:.0f} to {worst.end_s:.0f} s the curve is up to {abs(worst.most_degC):.3g} °C "
-               f"{side} what the proven runs do{others}: it is another heater, or not these words.")
+               f"{side} the proven runs{others}: it is another heater, or other parameters.")
 
 
 def _mid_way(before_s: float) -> Iterator[str]:
     """Yield the note that the heat-up began before the trace, where it did."""
     if before_s > 0.0:
         yield (f"The trace begins in the middle of a heat-up, up to {before_s:.0f} s after it began: where and when it "
-               "began is not known. The proven runs are placed where they pass the first reading.")
+               "began is unknown. The proven runs are placed where they pass the first reading.")
 
 
 def _unseen(parts: TraceParts, lines: Sequence[Measurement]) -> Iterator[str]:
@@ -331,7 +331,8 @@ def _unseen(parts: TraceParts, lines: Sequence[Measurement]) -> Iterator[str]:
     if all(way.measured is None for way in ways.values()):
         first = ways.get(_END_OF[parts.parts[0].kind])
         why = "" if first is None else f" ({first.told})"
-        yield f"The loop is not seen to settle{why}: log on until it is at rest. So far nothing speaks against it."
+        yield (f"The loop does not settle within the trace{why}: log until it is at rest. So far it agrees with the "
+               "proof.")
 
 
 def _frozen(since: Array, own: Array, runs: Foretold, count_degC: float) -> Iterator[str]:
@@ -351,8 +352,8 @@ def _frozen(since: Array, own: Array, runs: Foretold, count_degC: float) -> Iter
     least = _SIGMAS * max(sensor_step(own) or 0.0, count_degC)
     moved = _least_move_degC(since[longest], runs)
     if moved > least:
-        yield (f"From {begin_s:.0f} to {end_s:.0f} s the reading stands still at {own[longest[0]]:.4g} °C, where every "
-               f"proven run moves by {moved:.2g} °C at least: the sensor or its reading is frozen.")
+        yield (f"From {begin_s:.0f} to {end_s:.0f} s the reading stands still at {own[longest[0]]:.4g} °C, while every "
+               f"proven run moves by at least {moved:.2g} °C: the sensor or its reading is frozen.")
 
 
 def _least_move_degC(since: Array, runs: Foretold) -> float:
@@ -390,12 +391,13 @@ def _too_late(parts: TraceParts, lines: Sequence[Measurement], whole_degC: float
 
 def _notes(log: Log, parts: TraceParts, proof: ProofView, margin_degC: float) -> Iterator[str]:
     interval = float(np.median(np.diff(log.time_s)))
-    yield (f"A reading every {interval:.3g} s: times are known to within that, and what is between two readings is not "
-           f"seen. The band is widened by {margin_degC:.2g} °C: what a reading cannot tell, and what the model left "
-           "over of its own log.")
+    yield (f"A reading every {interval:.3g} s: times are known to within that, and nothing is known between two "
+           f"readings. The band is widened by {margin_degC:.2g} °C for the resolution of the readings and the "
+           "residuals of the model on its own log.")
     asked, proven = parts.parts[0].setpoint_degC, proof.scenario.setpoint_degC
     if abs(asked - proven) > _band_degC(proof):
-        yield f"The trace's setpoint is {asked:g} °C, that of the proof {proven:g} °C: the worst proven are of that."
+        yield (f"The setpoint of the trace is {asked:g} °C, that of the proof {proven:g} °C: the proven worst values "
+               "are for the latter.")
 
 
 def _drawn(time: Array, *curves: Array) -> npt.NDArray[np.intp]:

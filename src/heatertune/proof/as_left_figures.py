@@ -37,7 +37,7 @@ _NOT_IN_TRACE: Final = {
 _NO_EVENT: Final = {
     "heat-up": "no heat-up from cold in the trace", "change": "no change of the setpoint in the trace",
     "small-change": "changes of the setpoint are held against the rise",
-    "recovery": "no load in the trace, or nobody says when (--load-at)",
+    "recovery": "no load in the trace, or its time is not stated (--load-at)",
     "reheat": "the heater's circuit was not open in the trace", "restart": "no start-up of the PLC in the trace",
 }
 
@@ -241,7 +241,7 @@ def _on_its_side(course: _PartReadings, ruler: _Ruler) -> tuple[float, float]:
 def _at_rest(rests: Sequence[_PartReadings], ruler: _Ruler, *, at_best: bool) -> dict[str, TraceMeasurement]:
     if not rests:
         why = TraceMeasurement(None, f"no rest in the trace: it begins {ruler.rests_after_s:.0f} s after the setpoint "
-                                     f"is asked for")
+                                     "change")
         return dict.fromkeys(("steady_offset", "limit_cycle", "pwm_ripple", "power_reserve"), why)
     seen = {
         "steady_offset": TraceMeasurement(max(abs(_mean(rest.time_s, rest.error_degC)) for rest in rests)),

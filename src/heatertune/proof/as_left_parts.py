@@ -250,7 +250,7 @@ def _parts(
 
 def _doubts(by: str) -> Iterator[str]:
     if by == "temperature":
-        yield ("Neither setpoint nor power in the trace tells when the heat-up began: it is taken from where the "
-               "temperature leaves its rest.")
+        yield ("Neither setpoint nor power in the trace shows when the heat-up began: it is taken from where the "
+               "temperature starts to move.")
     elif by == "first reading":
         yield "The heater is on from the first reading on: the heat-up may have begun earlier, and times be longer."

@@ -89,7 +89,7 @@ def price_of_doubt(fitted: FittedModel, wished: PidDesign) -> str | None:
         f"On {label} alone the same Ms would allow K = {sign * optimum.gain_pct_per_degC:.3g} %/°C and TN = "
         f"{written(optimum.integral_time_s, 3)} s instead of {wished.gain_pct_per_degC:.3g} %/°C and "
         f"{written(wished.integral_time_s, 3)} s, and a load disturbance would cost "
-        f"{alone.cost(optimum) / alone.cost(own):.2f} times the IAE: that is the price of what the log does not tell."
+        f"{alone.cost(optimum) / alone.cost(own):.2f} times the IAE: that is the price of what the log leaves open."
     )
 
 

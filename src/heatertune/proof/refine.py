@@ -97,8 +97,8 @@ def refine(
     saved = 1.0 - best.cost / first.cost
     mended = sorted(first.broken - best.broken)
     if saved < WORTH and not mended:
-        return choice.with_note(f"In the loop of the proof no gains nearby cost {WORTH:.0%} less IAE: none was "
-                                f"changed.")
+        return choice.with_note(f"In the simulated loop no gains nearby cost {WORTH:.0%} less IAE, so the gains were "
+                                "not changed.")
     kept = f"; {' and '.join(mended)} is kept now" if mended else ""
     changes = (
         f"Refined in the loop of the proof, limits, anti-windup and PWM included: K by {_factor(best, first, 'gain')}, "

@@ -28,9 +28,9 @@ def supervision_html(document: Mapping[str, Any]) -> str:
     """Return the same as one page to print, with a picture of a fault; each sheet bears the warning."""
     warning = document["warning"]
     low, high = document["noise_degC"]
-    told = (f"{document['false_trips']} false trips on {document['checked']} heaters that no limit was made from, each "
-            f"through its whole story (gain and lags ±{document['spread_pct']:g} %, ambient "
-            f"±{document['ambient_spread_degC']:g} °C, noise {low:g}…{high:g} °C).")
+    told = (f"{document['false_trips']} false trips on {document['checked']} new heaters, each through the whole test "
+            f"sequence (gain and lags ±{document['spread_pct']:g} %, ambient ±{document['ambient_spread_degC']:g} °C, "
+            f"noise {low:g}…{high:g} °C).")
     body = [f'<p class="fail">{text_of(warning)}</p>', f"<p>{text_of(told)}</p>", "<h2>What it sees</h2>",
             _table(document["faults"])]
     body.append(picture(plot_fault(document["trace"]), _caption(document["trace"]), moves=False))
@@ -82,11 +82,10 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
     yield (f"monitor of {document['target']}, setpoint {document['setpoint_degC']:g} °C, "
            f"a scan each {document['scan_s']:g} s")
     yield from _wrapped(
-        f"{document['false_trips']} false trips on {document['checked']} heaters that no limit was made from, each "
-        f"through its whole story: cold start, loads, setpoint steps, mains ±10 % (less where "
-        f"a heater could not hold the setpoint then), outage and return "
-        f"(gain and lags ±{document['spread_pct']:g} %, ambient ±{document['ambient_spread_degC']:g} °C, noise "
-        f"{low:g}…{high:g} °C).")
+        f"{document['false_trips']} false trips on {document['checked']} new heaters, each through the whole test "
+        "sequence: cold start, loads, setpoint steps, mains ±10 % (less if a heater could not hold the setpoint then), "
+        f"outage and return (gain and lags ±{document['spread_pct']:g} %, ambient ±{document['ambient_spread_degC']:g} "
+        f"°C, noise {low:g}…{high:g} °C).")
     if document["widened_for"]:
         yield from _wrapped(f"Before, {document['widened_for']} of others tripped: the limits were made wider.")
     yield ""

@@ -127,8 +127,8 @@ def _agree(settings: argparse.Namespace, whole: Experiment, found: tuple[str, ..
         raise InputError("experiment asks before it begins: answer at a terminal, or say --yes")
     print(*(f"- {each}" for each in found), sep="\n", file=sys.stderr)
     plan = whole.plan
-    print(f"Up to {max(plan.powers):g} % by hand for {plan.ends_s:.0f} s; ends at {settings.limit_temperature:g} °C. "
-          "Begin? Type yes: ", end="", flush=True, file=sys.stderr)
+    print(f"Up to {max(plan.powers):g} % in manual for {plan.ends_s:.0f} s; stops at {settings.limit_temperature:g} "
+          "°C. Start? Type yes: ", end="", flush=True, file=sys.stderr)
     if sys.stdin.readline().strip().lower() != "yes":
         raise InputError("not begun: nothing has been changed")
 

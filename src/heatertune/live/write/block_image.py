@@ -187,7 +187,7 @@ def block_image(words: Words, address: Address, switches: Mapping[str, str]) -> 
             why = f"it is reached over {' and '.join(block.speaks)}, not over {address.protocol}"
     if why:
         typed = ", ".join(f"{field.name} = {words.values[field.name]:.9g}" for field in controller.fields)
-        raise InputError(f"{words.target} at {address.text}: {why}; type its words in by hand: {typed}")
+        raise InputError(f"{words.target} at {address.text}: {why}; enter its parameters manually: {typed}")
     number = block.number if address.protocol != "s7" or address.block is None else address.block
     return BlockImage(controller=controller, block=block, number=number, spans=_spans(block),
                     whole=2 if address.protocol == "modbus" else 1, together=address.protocol != _WORD_BY_WORD)

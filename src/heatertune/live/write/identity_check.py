@@ -88,7 +88,7 @@ def _bits(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot) -> Ite
     found = standing.bits(look.content)
     if other := [f"{name} is {value}; {proven.words.values[name]:g} was proven" for name, value in found.items()
                  if value != proven.words.values[name]]:
-        yield Check("bits", False, f"{', '.join(other)}: set them by hand")
+        yield Check("bits", False, f"{', '.join(other)}: set them manually")
 
 
 def _moves(looks: tuple[BlockSnapshot, BlockSnapshot]) -> Check:

@@ -213,7 +213,7 @@ def rolled_back(
         if not unproven and now.stands is not None and (why := not_proven(before, now.stands)):
             raise InputError(f"what would be put back is not proven: {why}; --unproven puts it back all the same")
         record.write_line("rollback", stands=dict(now.stands or {}), told=now.message)
-        ended = Writer(peer, record, budget).restore(before.parts, before.before, before.after, "put back as asked")
+        ended = Writer(peer, record, budget).restore(before.parts, before.before, before.after, "restored as requested")
         if ended.outcome in (WriteOutcome.ROLLED_BACK, WriteOutcome.NOT_DONE) and _is_before(before, ended):
             ended = WriteEnd(WriteOutcome.DONE, ended.message, ended.stands)
         record.write_line("end", **ended.to_document())

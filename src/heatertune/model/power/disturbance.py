@@ -71,8 +71,8 @@ def without_disturbance(log: Log) -> tuple[Log, DisturbanceEffect]:
     assert log.disturbance is not None
     assert log.power_pct is not None
     if float(np.ptp(log.power_pct)) == 0.0:
-        raise InputError(f"{log.name}: the power never changes, so no disturbance can be told in power: log a step of "
-                         "each")
+        raise InputError(f"{log.name}: the power never changes, so no disturbance can be expressed in power: log a "
+                         "step of each")
     calm, strong = np.percentile(log.disturbance, _TAILS_PCT).tolist()
     if not strong > calm:
         raise InputError(f"{log.name}: the disturbance {_named(log)!r} is {calm:g} in all but a hundredth of the "
@@ -84,8 +84,8 @@ def without_disturbance(log: Log) -> tuple[Log, DisturbanceEffect]:
     own = _searched(problem, two_lags=two_lags, own_lag=True)
     together = _one_shape(log.power_pct, log.disturbance)  # what the fit divides is then rounding, of either sign
     if together or through.linear[0] <= 0.0:
-        why = (f"the disturbance {_named(log)!r} moves with the power, so their effects are not told apart: log a step "
-               "of it with the power held") if together or none.linear[0] > 0.0 else (
+        why = (f"the disturbance {_named(log)!r} moves with the power, so their effects cannot be separated: log a "
+               "step of it with constant power") if together or none.linear[0] > 0.0 else (
             "no heater explains the log: a rising power never warms it")
         raise InputError(f"{log.name}: {why}")
     pct_per_unit, (spread, lead_spread) = _interval(problem, through)

@@ -31,8 +31,7 @@ def event_notes(best: Fit) -> Iterable[str]:
             step = best.hypothesis.controller(best.vector, i)
             yield (
                 f"A setpoint step of {step['setpoint_step_degC']:+.1f} °C at {step['setpoint_step_at_s']:.0f} s of "
-                f"{segment.log.name} is a hypothesis made after the fact, because the log asks for it; nobody wrote it "
-                "down."
+                f"{segment.log.name} is a hypothesis after the fact, suggested by the log; it was not recorded."
             )
 
 

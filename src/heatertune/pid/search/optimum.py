@@ -35,11 +35,12 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
         start: a feasible design.
     """
     if problem.objective == "ki":
-        return start, "IPOPT was not asked: TN/K needs no simulation, and the feasible-set search has it exactly."
+        return start, "IPOPT was not used: TN/K needs no simulation, and the feasible-set search is exact."
     plants = [sample_plant(model, problem.sample_time_s) for model in problem.limited]
     longest = max(plant.delay for plant in plants)
     if longest > _MOST_DELAY:
-        return start, f"IPOPT was not asked: the dead time spans {longest} samples; the feasible-set search stands."
+        return start, (f"IPOPT was not used: the dead time spans {longest} samples; the result of the feasible-set "
+                       "search is used.")
     import casadi as ca  # noqa: PLC0415 - a tenth of a second that only the optimum needs
 
     unknowns = ca.SX.sym("x", 3 if problem.structure == "pid" else 2)

@@ -48,7 +48,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     high = _limits(plain, known, source, collected)
     full = next((_number(name, known) for name in _FULLS if name in known), None)
     if full is None:
-        over.append(f"the output at full power is not told: {high:g} is taken, the upper limit")
+        over.append(f"the output at full power is not stated: the upper limit {high:g} is used")
     collected.put("Full", high if full is None else full, line, f"{full}")
     times = list(_SAMPLE.finditer(plain))
     for match in times:
