@@ -390,6 +390,14 @@ class Conditions:
             if not low < high:
                 raise OutOfRange("setpoint_degC", list(self.setpoint_degC), "the lowest first, then the highest")
 
+    def farthest_degC(self, *, cooler: bool) -> float | None:
+        """Return the setpoint of use that takes most power, of a cooler the lowest [°C]; None: not stated."""
+        return min(self.setpoint_degC) if cooler and isinstance(self.setpoint_degC, tuple) else self.highest_degC
+
+    def nearest_degC(self, *, cooler: bool) -> float | None:
+        """Return the setpoint of use that takes least power, of a cooler the highest [°C]; None: no range stated."""
+        return max(self.setpoint_degC) if cooler and isinstance(self.setpoint_degC, tuple) else self.lowest_degC
+
     @property
     def highest_degC(self) -> float | None:
         """The highest setpoint of use; None: nobody told it [°C]."""

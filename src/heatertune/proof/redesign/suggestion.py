@@ -234,17 +234,21 @@ class Suggestion:
         return None if other.proof.verdict == "FAIL" or winds_up(other.proof.diagnostics) else (other, options)
 
     def _by_range(self, found: DesignResult) -> tuple[str, ...]:
-        """Return the option of a smaller range of use, where its lower end is all that a design fails at; else none."""
+        """Return the option of a smaller range of use, where its lower end is all that a design fails at; else none.
+
+        Of a stated range at last its upper end alone.
+        """
         proof, asked = found.proof, self.request
         if not wound(proof.diagnostics) <= OF_RANGE or asked.conditions.profile is not None or cools(self.fitted_model):
             return ()
         high, screen = proof.scenario.setpoint_degC, RunScreen(fitted_model=self.fitted_model).with_nights([proof])
         lowest = min(event.setpoint_degC for event in proof.scenario.disturbances if isinstance(event, NewSetpoint))
-        for share in _OF_RANGE:
-            ends = float(f"{high - share * (high - lowest):.4g}"), float(f"{high:.4g}")
-            if ends[0] >= ends[1] or screen.wound(proof.words, replace(found.conditions, setpoint_degC=ends)):
+        top = float(f"{high:.4g}")
+        ranges = [ends for share in _OF_RANGE if (ends := (float(f"{high - share * (high - lowest):.4g}"), top))[0] < top]
+        for ends in (*ranges, *([] if proof.scenario.setpoint_low_degC is None else [top])):
+            if screen.wound(proof.words, replace(found.conditions, setpoint_degC=ends)):
                 continue
-            option = "--setpoint", f"{ends[0]:g} {ends[1]:g}"
+            option = "--setpoint", f"{ends[0]:g} {ends[1]:g}" if isinstance(ends, tuple) else f"{ends:g}"
             self.progress(f"it winds up: trying {' '.join(option)}")
             smaller = replace(asked, conditions=replace(asked.conditions, setpoint_degC=ends))
             try:
