@@ -244,8 +244,8 @@ class Suggestion:
         high, screen = proof.scenario.setpoint_degC, RunScreen(fitted_model=self.fitted_model).with_nights([proof])
         lowest = min(event.setpoint_degC for event in proof.scenario.disturbances if isinstance(event, NewSetpoint))
         top = float(f"{high:.4g}")
-        ranges = [ends for share in _OF_RANGE if (ends := (float(f"{high - share * (high - lowest):.4g}"), top))[0] < top]
-        for ends in (*ranges, *([] if proof.scenario.setpoint_low_degC is None else [top])):
+        lower = [float(f"{high - share * (high - lowest):.4g}") for share in _OF_RANGE]
+        for ends in (*((low, top) for low in lower if low < top), *([] if proof.scenario.setpoint_low_degC is None else [top])):
             if screen.wound(proof.words, replace(found.conditions, setpoint_degC=ends)):
                 continue
             option = "--setpoint", f"{ends[0]:g} {ends[1]:g}" if isinstance(ends, tuple) else f"{ends:g}"
