@@ -37,8 +37,8 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.units import written
 
 __all__ = [
-    "JUDGED", "OF_RANGE", "OVERSHOOTS", "LongOutage", "briefly", "heat_up", "nights_of", "unmended", "winds_up",
-    "wound",
+    "JUDGED", "OF_RANGE", "OVERSHOOTS", "LongOutage", "briefly", "heat_up", "nights_of", "sums_up", "unmended",
+    "winds_up", "wound",
 ]
 
 #: criteria of the way back from an open circuit, and after a start-up of the PLC
@@ -338,6 +338,11 @@ def wound(diagnostics: FitDiagnostics) -> set[str]:
 def winds_up(diagnostics: FitDiagnostics) -> bool:
     """Return whether any was found, and the user has not accepted it."""
     return bool(wound(diagnostics))
+
+
+def sums_up(diagnostics: FitDiagnostics) -> bool:
+    """Return whether anything was found that no other gains mend."""
+    return bool(wound(diagnostics) - _MENDED)
 
 
 def unmended(diagnostics: FitDiagnostics) -> set[str]:
