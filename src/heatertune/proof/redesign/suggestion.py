@@ -255,8 +255,8 @@ class Suggestion:
         lowest = min(event.setpoint_degC for event in proof.scenario.disturbances if isinstance(event, NewSetpoint))
         top = float(f"{high:.4g}")
         lower = [float(f"{high - share * (high - lowest):.4g}") for share in _OF_RANGE]
-        alone = [] if proof.scenario.setpoint_low_degC is None else [top]
-        for ends in (*((low, top) for low in lower if low < top), *alone):
+        ranges: list[float | tuple[float, float]] = [(low, top) for low in lower if low < top]
+        for ends in (*ranges, *([] if proof.scenario.setpoint_low_degC is None else [top])):
             if screen.wound(proof.words, replace(found.conditions, setpoint_degC=ends)):
                 continue
             option = "--setpoint", f"{ends[0]:g} {ends[1]:g}" if isinstance(ends, tuple) else f"{ends:g}"
