@@ -13,11 +13,17 @@ from tests.bench.false_passes import _limits
 from tests.bench.outages import SHORT_SLACK, SLACK, Night, asked, bench_of, broken, low_overshoots, overshoots, restarts
 from tests.bench.second_opinion import compiled
 
+from heatertune.chain.stages import fit
+from heatertune.log import read_log
 from heatertune.model.manual_model import model_by_hand
-from heatertune.plc import Words, controller_for
+from heatertune.plc import Scaling, Words, controller_for
+from heatertune.plc.design import encode, tune
 from heatertune.plc.open_points import settings_to_prove
+from heatertune.proof.design_request import DesignRequest
 from heatertune.proof.prove_words import prove
 from heatertune.proof.redesign import find_passing_design
+from heatertune.proof.setpoint_ramp import prove_ramped
+from heatertune.settings import Conditions
 
 HEATER, ASKED = asked(10007, "weg")  # drawn: 383 s of lag, 58 s of dead time
 SETTINGS = settings_to_prove(controller_for("weg").switches)
@@ -174,3 +180,44 @@ def test_a_restart_of_a_warm_heater_is_found_and_other_words_keep_the_limit_ther
     mended = find_passing_design(model_by_hand(heater), wanted)
     assert mended.proof.verdict == "PASS"
     assert _peak(library, heater, mended.proof, mended.conditions, restarts)[0] < SHORT_SLACK
+
+
+@pytest.mark.long
+def test_a_setpoint_ramp_is_slowed_down_where_a_long_open_circuit_winds_the_sum_up_beyond_it(library):
+    # held within 2 °C of the reading the setpoint lets the sum grow for as long as the circuit is open: after 10 TN little of it
+    # is beyond the power that holds the setpoint, after 40 TN all of it is. How far that leads is a matter of the ramp
+    fitted = fit(read_log("table3"))
+    controller, plain = controller_for("s7-300"), encode(tune(fitted, target="s7-300"), "s7-300", scaling=Scaling())
+    found, _ = prove_ramped(plain, fitted, "auto", text=False)
+    assert found.verdict == "PASS"
+    faster = prove(replace(plain, ramp=controller.ramp(plain, 3.0 * found.ramp_degC_per_min, found.hold_degC)), fitted)
+    assert all(criterion.ok for criterion in faster.criteria)
+    assert "winds-up" in [finding.name for finding in faster.diagnostics.findings]
+    assert _after_40_tn(library, fitted, faster) > 1.1
+    assert 0.9 < _after_40_tn(library, fitted, found) <= 1.0
+
+
+def _after_40_tn(library, fitted, proof):
+    """Return what the judge sees at most after an open circuit of 40 TN at 121 % of the power, as a share of the limit."""
+    conditions, limits = Conditions(setpoint_degC=proof.scenario.setpoint_degC), _limits(proof.limits) | {"iae": math.inf}
+    most = 0.0
+    for model in fitted.plants:
+        strong = replace(model, gain_degC_per_pct=1.21 * model.gain_degC_per_pct)
+        b = bench_of(strong, SimpleNamespace(proof=proof, conditions=conditions), settings_to_prove(controller_for("s7-300").switches)[0])
+        told = Night(b)
+        told.open(40.0 * told.tn)
+        with mock.patch.object(second_opinion, "story", return_value=told.parts):
+            seen = second_opinion.opinion(library, b, limits, longer=0.0).seen[-1]
+        most = max(most, 100.0 * seen["highest"] / (b.setpoint - b.ambient) / limits["reheat_overshoot"])
+    return most
+
+
+@pytest.mark.long
+def test_where_every_setting_winds_up_that_of_the_hardest_run_is_the_one_to_find_out():
+    fitted = fit(read_log("table3"))
+    request = DesignRequest(target="weg", scaling=Scaling())
+    found = find_passing_design(fitted, request)
+    assert {run[1]["anti_windup"] for run in found.proof.nights["winds-up"]} == {"clamp", "freeze", "none"}
+    assert found.passes_with == ("--switch", "anti_windup=clamp")  # DIFFERENCES.md of weg: "none" sums on at a limit
+    known = replace(request, conditions=replace(request.conditions, switches={"anti_windup": "clamp"}))
+    assert find_passing_design(fitted, known).proof.verdict == "PASS"

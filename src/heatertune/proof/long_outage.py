@@ -37,8 +37,8 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.units import written
 
 __all__ = [
-    "JUDGED", "OF_RANGE", "OVERSHOOTS", "LongOutage", "briefly", "heat_up", "nights_of", "sums_up", "unmended",
-    "winds_up", "wound",
+    "JUDGED", "OF_RANGE", "OVERSHOOTS", "LongOutage", "briefly", "heat_up", "lengthen", "nights_of", "sums_up",
+    "unmended", "winds_up", "wound",
 ]
 
 #: criteria of the way back from an open circuit, and after a start-up of the PLC
@@ -195,6 +195,14 @@ def heat_up(scenario: Scenario) -> Scenario:
     """Return the heat-up of a story alone."""
     end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
     return replace(scenario, disturbances=(), rests_s=scenario.rests_s[:1], duration_s=end_s)
+
+
+def lengthen(scenario: Scenario, times: float) -> Scenario:
+    """Return a scenario whose first event lasts so many times as long: a longer open circuit."""
+    begins, *others = scenario.disturbances
+    more_s = (times - 1.0) * (others[0].time_s - begins.time_s)
+    later = (replace(event, time_s=event.time_s + more_s) for event in others)
+    return replace(scenario, disturbances=(begins, *later), duration_s=scenario.duration_s + more_s)
 
 
 def _longer(scenario: Scenario, number: int, proven_s: float) -> LongOutage:

@@ -61,7 +61,8 @@ _IN_BANDS: Final = 2.0
 
 def prove(
     words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool = False,
-    only: Sequence[Run] | None = None, night: str | None = None, progress: ProgressCallback = str,
+    only: Sequence[Run] | None = None, night: str | None = None, night_times: float = 1.0,
+    progress: ProgressCallback = str,
     **changed: Any,
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
@@ -77,6 +78,7 @@ def prove(
         only: only these runs, in the same scenario; `export` refuses it too.
         night: with `only`: the heat-up and one of `heatertune.proof.long_outage` alone, by its name, if the words have
             it.
+        night_times: with `night`: the longest open circuit lasts so many times as long.
         progress: told how many runs are done.
         changed: fields of `Conditions` that are other than in `conditions`.
 
@@ -104,7 +106,7 @@ def prove(
         limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
         reading_step_degC=fitted.reading_step_degC, diagnostics=heard)
     coverage = Coverage(
-        known=asked.switches, open_points=not first_look, only=only, night=night,
+        known=asked.switches, open_points=not first_look, only=only, night=night, night_times=night_times,
         draws=not first_look and night is None,  # as in a whole proof, whose nights have one draw
         progress=progress, supplies=supplies)
     return prove_models(

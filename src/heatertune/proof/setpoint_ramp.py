@@ -31,6 +31,7 @@ __all__ = ["BY_RAMP", "OVERSHOOTS", "REHEATS", "prove_ramped"]
 _STEP: Final = math.sqrt(2.0)  # from one duration to the next, while looking for one that is long enough
 _NEAR: Final = 1.03  # the ramp found is the fastest within this factor
 _MOST_ROUNDS: Final = 6
+_FAR_LONGER: Final = 16.0  # times the longest open circuit of a proof
 _OF_SETTLING: Final = 0.8  # of the time until all has settled, that the ramp itself may take
 #: times how far from the setpoint is still right, from the loosest on; the looser ones only where none of these will do
 _HOLDS: Final = ((8.0, 4.0, 2.0), (32.0, 16.0))
@@ -123,10 +124,10 @@ def _cheapest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken:
             _Search(plain=plain, fitted_model=fitted, conditions=conditions, kept=BY_RAMP,
                     hold_degC=side * times * band)
             for times in holds]
-        held = _soonest(searches)
-        if held is not None and _passes(held):
+        held, wound_up = _soonest(searches)
+        if held is not None and (not wound_up or _sum_ends(held, wound_up, fitted, conditions)):
             return held
-        wound = wound or held
+        wound = wound or next(iter(wound_up), None)
     return wound or free
 
 
@@ -135,15 +136,24 @@ def _passes(proof: Proof) -> bool:
     return proof.verdict != "FAIL" and not sums_up(proof.diagnostics)
 
 
-def _soonest(searches: Sequence[_Search]) -> Proof | None:
-    """Return the proof that passes and settles first; where none passes, one that keeps the limits but winds up.
+def _sum_ends(proof: Proof, wound_up: Sequence[Proof], fitted: FittedModel, conditions: Conditions) -> bool:
+    """Return whether a proof keeps its limits after far longer open circuits, too, in the runs in which others wind up.
+
+    A sum without an end breaks them after one that is long enough, however slow the ramp is.
+    """
+    screen = RunScreen(fitted_model=fitted, night_times=_FAR_LONGER).with_nights(wound_up)
+    return not screen.wound(proof.words, conditions)
+
+
+def _soonest(searches: Sequence[_Search]) -> tuple[Proof | None, list[Proof]]:
+    """Return the proof that passes and settles first, and those that keep the limits of the test sequence but wind up.
 
     Most holds leave the ramp itself next to nothing to do: they come first, and what they need is the most that
     another one may take.
     """
     at_once = {search.hold_degC: settles for search in searches if (settles := search.settles_at_once()) is not None}
     best: Proof | None = None
-    wound: Proof | None = None
+    wound_up = list[Proof]()
     for search in sorted(searches, key=lambda each: at_once.get(each.hold_degC, math.inf)):
         if best is not None and search.hold_degC in at_once:
             continue
@@ -151,10 +161,10 @@ def _soonest(searches: Sequence[_Search]) -> Proof | None:
         if ramped is None or ramped.verdict == "FAIL":
             continue
         if not _passes(ramped):
-            wound = wound or ramped
+            wound_up.append(ramped)
         elif best is None or _value(ramped, "settling_time") < _value(best, "settling_time"):
             best = ramped
-    return best or wound
+    return best, wound_up
 
 
 def _fastest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: set[str]) -> Proof | None:
@@ -235,7 +245,8 @@ class _Search:
             elif sums_up(proof.diagnostics):
                 wound, watched = wound or proof, watched.with_nights([proof])
             else:
-                return proof
+                ends = wound is None or _sum_ends(proof, [wound], self.fitted_model, self.conditions)
+                return proof if ends else wound
         return wound
 
     @property
