@@ -121,11 +121,6 @@ class RunScreen:
         """Return the criteria that words break in the nights; errors as `look`."""
         return [each for of, run in self._nights(words, conditions) for each in self._broken(run, of)]
 
-    def hardest_night(self, words: Words, conditions: Conditions) -> RunResult:
-        """Return the run that uses most of a limit in the nights, of which there is one; errors as `look`."""
-        return max(self._nights(words, conditions), key=lambda each: max(
-            criterion.strain for criterion in each[1].criteria if criterion.name in each[0]))[1]
-
     def _nights(self, words: Words, conditions: Conditions) -> Iterator[tuple[frozenset[str], RunResult]]:
         """Yield the runs of the nights, each with the names of the criteria that count in it."""
         for night, runs in self.nights.items():

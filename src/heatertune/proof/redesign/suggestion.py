@@ -225,23 +225,13 @@ class Suggestion:
         proof = found.proof
         settings = {name: kept[0] for name, kept in passing_settings(proof).items()}
         settings = dict(list(settings.items())[:1]) or (
-            suspects(proof, _settings_that_wind_up(proof)) or self._hardest_settings(found)
-            if self._coarse()[0] < _HOPELESS else {})
+            suspects(proof, _settings_that_wind_up(proof)) if self._coarse()[0] < _HOPELESS else {})
         if not settings:
             return None
         asked, options = known_as(self.request, settings)
         self.progress(f"{redesign_cost.broken(self.first)} fails: trying {' '.join(options)}")
         other = self.close(self.fitted_model, asked, progress=self.progress)
         return None if other.proof.verdict == "FAIL" or winds_up(other.proof.diagnostics) else (other, options)
-
-    def _hardest_settings(self, found: DesignResult) -> dict[str, str]:
-        """Return the defaults of the open points that differ from it where a design winds up most; none: none does."""
-        if not winds_up(found.proof.diagnostics):
-            return {}
-        screen = RunScreen(fitted_model=self.fitted_model).with_nights([found.proof])
-        hardest = screen.hardest_night(found.proof.words, found.conditions).switches
-        points = controller_for(found.proof.words.target).switches
-        return {point.name: point.default for point in points if hardest[point.name] != point.default}
 
     def _by_range(self, found: DesignResult) -> tuple[str, ...]:
         """Return the option of a smaller range of use, where its lower end is all that a design fails at; else none.
