@@ -155,11 +155,10 @@ def test_a_windup_that_gains_mend_dearly_is_kept_small_by_a_limit_of_the_output(
     most = found.proof.words.values["MaximumOutput"]
     # what holds 20 °C over ambient is 20/0.53 = 37.7 %; ±10 % mains voltage asks for 37.7/0.81 = 46.6 %
     assert 46.6 < most < 100.0
-    assert f"with K times 1.1 and TN times 1.2 and an output of at most {most:g} %" in found.proof.diagnostics.remarks
-    # the gains, too, for with the optimum's a short open circuit is beyond the limit even so
-    limited = replace(plain.proof.words, values={**plain.proof.words.values, "MaximumOutput": most})
-    alone = prove(limited, model, asked.conditions)
-    assert (alone.verdict, [each.name for each in alone.diagnostics.findings]) == ("NOT PROVEN", ["briefly-open"])
+    # a plain loop with these gains in Euler's steps at 121 % of the power, which sums up nothing at a limit, overshoots by 104 % of
+    # the rise after the worst of 150 open circuits, and by 38 % with at most 60 % of output: 40 % are allowed
+    assert f"with an output of at most {most:g} %" in found.proof.diagnostics.remarks
+    assert found.proof.design == plain.proof.design
     assert max(found.proof.nominal.power_asked_pct) <= most
     again = _again(found, model)
     assert again.words == found.proof.words
@@ -175,7 +174,7 @@ def test_where_no_design_keeps_the_limit_down_to_the_lowest_setpoint_a_smaller_r
     model, asked = _hot(switches={"anti_windup": "clamp", "sampling": "caller"})
     asked = replace(asked, conditions=replace(asked.conditions, setpoint_degC=(36.0, 40.0)))
     found = find_passing_design(model, asked)
-    assert [each.name for each in found.proof.diagnostics.findings] == ["low-outage"]
+    assert found.proof.verdict == "NOT PROVEN"
     assert found.passes_with[:1] == ("--setpoint",)
     low, high = map(float, found.passes_with[1].split())
     assert 36.0 < low < high == 40.0
