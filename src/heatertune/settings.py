@@ -382,8 +382,8 @@ class Conditions:
         help="time at which the fan of the interlock fails [s]")
     switches: Mapping[str, str] = option(
         {}, dict, "settings of open points", flag="--switch", metavar="NAME=SETTING",
-        help="known setting of an open point; also of a choice that the export follows (see: heatertune targets); may be "
-             "repeated")
+        help="known setting of an open point; also of a choice that the export follows (see: heatertune targets); may "
+             "be repeated")
 
     def __post_init__(self) -> None:
         validate_options(self)
@@ -391,6 +391,14 @@ class Conditions:
             low, high = self.setpoint_degC
             if not low < high:
                 raise OutOfRange("setpoint_degC", list(self.setpoint_degC), "the lowest first, then the highest")
+
+    def farthest_degC(self, *, cooler: bool) -> float | None:
+        """Return the setpoint of use that takes most power, of a cooler the lowest [°C]; None: not stated."""
+        return min(self.setpoint_degC) if cooler and isinstance(self.setpoint_degC, tuple) else self.highest_degC
+
+    def nearest_degC(self, *, cooler: bool) -> float | None:
+        """Return the setpoint of use that takes least power, of a cooler the highest [°C]; None: no range stated."""
+        return max(self.setpoint_degC) if cooler and isinstance(self.setpoint_degC, tuple) else self.lowest_degC
 
     @property
     def highest_degC(self) -> float | None:

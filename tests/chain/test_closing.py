@@ -151,28 +151,35 @@ def test_a_windup_that_gains_mend_dearly_is_kept_small_by_a_limit_of_the_output(
     model, asked = _hot(switches={"anti_windup": "clamp", "sampling": "caller"})
     plain, found = plainly(model, asked), find_passing_design(model, asked)
     assert {each.name for each in plain.proof.criteria if not each.ok} == {"reheat_overshoot"}
-    # what holds 20 °C over ambient is 20/0.53 = 37.7 %; ±10 % mains voltage asks for 37.7/0.81 = 46.6 %. With 60 %, the least
-    # limit that leaves power for a load then, 121 % lead 0.53·72.6 − 16 = 22.5 °C beyond 36 °C in the end, 10.8 of it in the
-    # dead time: 54 % of the rise of 20 °C, were it all seen at the setpoint alone; 40 % are allowed
-    assert [each.name for each in found.proof.diagnostics.findings] == ["low-outage"]
-    # 2 °C higher that is 49 %, which a P part that sees the setpoint come brings below 40 %: a smaller range is the way on
-    assert found.passes_with[:1] == ("--setpoint",)
-    low, high = map(float, found.passes_with[1].split())
-    assert 36.0 < low < high == 40.0
-    asked = replace(asked, conditions=replace(asked.conditions, setpoint_degC=(low, high)))
-    plain, found = plainly(model, asked), find_passing_design(model, asked)
     assert found.proof.verdict == "PASS"
     most = found.proof.words.values["MaximumOutput"]
+    # what holds 20 °C over ambient is 20/0.53 = 37.7 %; ±10 % mains voltage asks for 37.7/0.81 = 46.6 %
     assert 46.6 < most < 100.0
-    assert f"an output of at most {most:g} %" in found.proof.diagnostics.remarks[1]
-    # the gains, too, for with the optimum's an open circuit at the lower setpoint is beyond the limit even so
-    limited = replace(plain.proof.words, values={**plain.proof.words.values, "MaximumOutput": most})
-    alone = prove(limited, model, asked.conditions)
-    assert (alone.verdict, [each.name for each in alone.diagnostics.findings]) == ("NOT PROVEN", ["low-outage"])
+    # a plain loop with these gains in Euler's steps at 121 % of the power, which sums up nothing at a limit, overshoots by 104 % of
+    # the rise after the worst of 150 open circuits, and by 38 % with at most 60 % of output: 40 % are allowed
+    assert f"with an output of at most {most:g} %" in found.proof.diagnostics.remarks
+    assert found.proof.design == plain.proof.design
     assert max(found.proof.nominal.power_asked_pct) <= most
     again = _again(found, model)
     assert again.words == found.proof.words
     assert (again.verdict, again.criteria) == ("PASS", found.proof.criteria)
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("whole_story")
+def test_where_no_design_keeps_the_limit_down_to_the_lowest_setpoint_a_smaller_range_is_the_way_on():
+    # with 60 %, the least limit that leaves power for a load at −10 % mains voltage, 121 % lead 0.53·72.6 − 16 = 22.5 °C beyond
+    # 36 °C in the end, 10.8 of it in the dead time: 54 % of the rise of 20 °C, were it all seen at the setpoint alone; 40 % are
+    # allowed. 2 °C higher that is 49 %, which a P part that sees the setpoint come brings below 40 %
+    model, asked = _hot(switches={"anti_windup": "clamp", "sampling": "caller"})
+    asked = replace(asked, conditions=replace(asked.conditions, setpoint_degC=(36.0, 40.0)))
+    found = find_passing_design(model, asked)
+    assert found.proof.verdict == "NOT PROVEN"
+    assert found.passes_with[:1] == ("--setpoint",)
+    low, high = map(float, found.passes_with[1].split())
+    assert 36.0 < low < high == 40.0
+    smaller = replace(asked, conditions=replace(asked.conditions, setpoint_degC=(low, high)))
+    assert find_passing_design(model, smaller).proof.verdict == "PASS"
 
 
 @pytest.mark.long
@@ -199,14 +206,7 @@ def test_what_swings_gets_a_faster_pwm_and_its_wear_is_told():
     plain, found = plainly(model_by_hand(plant), asked), find_passing_design(model_by_hand(plant), asked)
     # ripple of one lag, 100·k·(1 − a)(1 − b)/(1 − a·b), is beyond the band at the plain period
     assert ripple_degC(plant, plain.proof.actuator.pwm_period_s, 40.0) > 0.8
-    # no PWM mends what full power leads to beyond the lower setpoint, 52 °C, in the dead time of 11.3 s, the input module's in
-    # it: (20 + 100 − 52) °C·(1 − exp(−11.3/38)) = 17 °C, 44 % of the rise, were it given until the reading is there
-    assert (plain.proof.verdict, [each.name for each in found.proof.diagnostics.findings]) == ("FAIL", ["low-outage"])
-    flag, limit = found.passes_with
-    assert (flag, limit.partition("=")[0]) == ("--limit", "reheat-overshoot")
-    asked = replace(asked, conditions=replace(asked.conditions, limit=(limit,)))
-    found = find_passing_design(model_by_hand(plant), asked)
-    assert found.proof.verdict == "PASS"
+    assert (plain.proof.verdict, found.proof.verdict) == ("FAIL", "PASS")
     assert found.proof.actuator.pwm_period_s <= 1.0
     assert "the worst switchings goes from" in found.notes[0]
     again = _again(found, model_by_hand(plant))

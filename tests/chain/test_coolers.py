@@ -101,6 +101,17 @@ def test_a_cooler_is_closed_as_its_mirror_image_and_at_the_same_price(target, mo
         assert iae[1] == pytest.approx(iae[0], rel=1e-6)
 
 
+def test_a_range_of_a_cooler_is_proven_at_its_coldest_setpoint_as_a_heaters_at_its_hottest():
+    courses = []
+    for model, ends in ((HEATER, (30.0, 45.0)), (COOLER, (2.0 * MIDDLE - 45.0, 2.0 * MIDDLE - 30.0))):
+        words = encode(tune(model_by_hand(model), target="iec-pid", scaling=RANGE, sample_time_s=4.0), "iec-pid", scaling=RANGE)
+        courses.append(prove(words, model_by_hand(model), setpoint_degC=ends))
+    heats, cools = (proof.scenario.setpoints_degC for proof in courses)
+    assert (max(heats), min(heats)) == (45.0, 30.0)
+    assert cools == pytest.approx([2.0 * MIDDLE - each for each in heats])
+    assert not any("setpoint" in each for proof in courses for each in proof.diagnostics.not_tested)
+
+
 def test_without_words_a_coolers_run_is_the_mirror_image_of_a_heaters():
     design = tune(model_by_hand(HEATER), sample_time_s=4.0)
     scenarios = [scenario_for([model], setpoint_degC=MIDDLE) for model in (HEATER, COOLER)]

@@ -63,13 +63,12 @@ def test_overshoot_is_answered_by_smaller_gains_proven_before_and_after(run, res
     assert [case["words"]["Kp"] for case in (before, kp)] == pytest.approx([before["kp"], 0.8 * before["kp"]])
     assert [case["words"]["Ki"] for case in (before, ki)] == pytest.approx([before["ki"], 0.8 * before["ki"]])
     assert [case["words"]["Kd"] for case in (before, kd)] == pytest.approx([before["kd"], 0.5 * before["kd"]])
-    # less Kp takes less of the sum away after an open circuit at the lower setpoint of use (32.4 °C): a plain loop of this
-    # heater at 1.21 of the power, whose sum is kept so that P + I stays within the output's range, overshoots by 48 % at
-    # Kp 4.5 and by 60 % at 3.6, the same at 0.8 of Ki. WEG's clamp keeps the sum lower: the limit, 40 %, lies between.
-    # A step that costs the PASS is no help, whatever its overshoot in the heat-up
-    assert [case["verdict"] for case in cases.values()] == ["PASS", "NOT PROVEN", "PASS", "PASS", "NOT PROVEN"]
-    assert ["low-outage" in case["fails"] for case in cases.values()] == [False, True, False, False, True]
-    assert [kp["effect"], whole["effect"]] == ["worse: no longer PASS"] * 2
+    # less Kp takes less of the sum away after an open circuit: a plain loop of this heater at 1.21 of the power, whose sum is
+    # kept so that P + I stays within the output's range, overshoots by 31 % at Kp 4.5 after 220 s and by 39 % at 3.6 after
+    # 300 s, with 0.8 of Ki as well by 37 %; the limit is 40 %, and WEG's block keeps a little more of its sum. A step that
+    # costs the PASS is no help, whatever its overshoot in the heat-up
+    assert [case["verdict"] for case in cases.values()] == ["PASS", "NOT PROVEN", "PASS", "PASS", "PASS"]
+    assert (kp["fails"], kp["effect"]) == (["briefly-open"], "worse: no longer PASS")
     for case in cases.values():
         assert case["overshoot"] >= 0.0
         assert case["iae"] > 0.0

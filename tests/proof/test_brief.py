@@ -14,7 +14,7 @@ from heatertune.plc.design import encode, tune
 from heatertune.proof.long_outage import heat_up, nights_of
 from heatertune.proof.outage_timing import OutageTiming
 from heatertune.proof.prove_words import course_for, prove
-from heatertune.proof.scenario import Mains, NewSetpoint, PlcPower, Scenario
+from heatertune.proof.scenario import Mains, NewSetpoint, PlcPower, Scenario, kinds_of
 from heatertune.settings import Conditions
 
 ONE = Fopdt(gain_degC_per_pct=1.0, time_constant_s=100.0, dead_time_s=10.0, ambient_degC=20.0)
@@ -181,8 +181,7 @@ def test_the_rises_come_one_after_the_other_each_with_its_way_down():
 
 
 def test_the_open_circuits_of_the_sequence_are_run_at_the_lower_setpoint_as_well():
-    *_, night, _ = nights_of(IN_USE, [ONE], (20.0,))
-    assert night.name == "low-outage"
+    night = next(each for each in nights_of(IN_USE, [ONE], (20.0,), lower_s={30.0: ()}) if each.name == "low-outage")
     fall, *outage = night.scenario.disturbances
     falls, _ = (event for event in IN_USE.disturbances if isinstance(event, NewSetpoint))
     assert (fall.time_s, fall.setpoint_degC) == (550.0, falls.setpoint_degC)
@@ -193,10 +192,11 @@ def test_the_open_circuits_of_the_sequence_are_run_at_the_lower_setpoint_as_well
     assert night.scenario.duration_s > closes.time_s + 50.0
     lone = replace(IN_USE, disturbances=IN_USE.disturbances[:2], rests_s=IN_USE.rests_s[:3])
     assert "low-outage" not in [each.name for each in nights_of(lone, [ONE], (20.0,))]
+    assert "low-outage" not in [each.name for each in nights_of(IN_USE, [ONE], (20.0,))], "no range was stated"
 
 
 def test_shorter_ones_are_run_at_the_lower_setpoint_too_but_no_longer_ones():
-    nights = {night.name: night for night in nights_of(IN_USE, [ONE], (20.0,), low_brief_s=(30.0, 5000.0))}
+    nights = {night.name: night for night in nights_of(IN_USE, [ONE], (20.0,), lower_s={30.0: (30.0, 5000.0)})}
     _, *outages = nights["low-outage"].scenario.disturbances
     assert [closes.time_s - opens.time_s for opens, closes in zip(outages[::2], outages[1::2], strict=True)] == pytest.approx([30.0, 800.0])
     assert nights["low-outage"].summary == "After 0.5 to 13 min with an open circuit at 30 °C"
@@ -265,6 +265,81 @@ def test_an_outage_shorter_than_the_sequence_s_that_overshoots_more_at_the_lower
     proof = prove(words, fitted, setpoint_degC=(40.0, 50.0), limit=limit)
     assert [finding.name for finding in proof.diagnostics.findings] == ["low-outage"]
     assert prove(words, fitted, setpoint_degC=(46.0, 50.0), limit=limit).verdict == "PASS"
+
+
+def test_a_wider_range_is_never_proven_by_less_than_a_smaller_one():
+    """The overshoot is the largest 3 °C above the ambient, as Euler's steps say; a range down to there or lower shows it."""
+    heater = Fopdt(gain_degC_per_pct=0.9, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
+    fitted = model_by_hand(heater)
+    words = encode(tune(fitted, target="iec-pid"), "iec-pid", scaling=Scaling())
+    overshoot = {low: _overshoot_after_an_outage_pct(words, heater, low, 1.21, lasts=3.1, upper=50.0) for low in (22.5, 25.0, 35.0)}
+    assert overshoot[25.0] > 1.5 * max(overshoot[22.5], overshoot[35.0])
+    limit = (f"reheat-overshoot={0.95 * overshoot[25.0]:.3g}%",)
+    verdicts = [prove(words, fitted, setpoint_degC=(low, 50.0), limit=limit).verdict for low in (10.0, 20.0, 22.0, 22.5, 25.0, 35.0, 45.0)]
+    assert verdicts == [*5 * ["NOT PROVEN"], *2 * ["PASS"]]
+
+
+def test_the_lower_setpoints_of_a_smaller_range_are_those_of_a_wider_one_but_for_its_lowest():
+    def lows(low):
+        story = course_for(WORDS, [ONE], Conditions(setpoint_degC=(low, 60.0)), 60.0).scenario
+        return set(OutageTiming(ROOM, WORDS, REALISED, story, [ONE]).lower_openings_s())
+
+    places = [20.0 + 40.0 * 0.8**place for place in range(1, 14)]  # of the 40 °C above the ambient
+    for low in (10.0, 20.0, 22.0, 30.0, 45.0):
+        lowest = max(low, 22.0)  # two tolerances of 1 °C above the ambient
+        assert sorted(lows(low)) == pytest.approx(sorted({lowest, *(each for each in places if each > lowest)}))
+
+
+def test_outages_and_heat_ups_at_lower_setpoints_are_run_only_where_a_range_is_stated():
+    def lower(setpoint):
+        story = course_for(WORDS, [ONE], Conditions(setpoint_degC=setpoint), 60.0).scenario
+        timing = OutageTiming(ROOM, WORDS, REALISED, story, [ONE])
+        nights = nights_of(story, [ONE], timing.openings_s(), timing.restarts_s(), timing.lows_degC(), timing.lower_openings_s())
+        return story.setpoint_low_degC, [night.name for night in nights if night.name.startswith("low-")]
+
+    for setpoint in (None, 60.0):
+        assert lower(setpoint) == (None, [])
+    assert lower((40.0, 60.0)) == (40.0, ["low-outage", "low-heat-up"])
+
+
+def _heat_up_overshoot_degC(words, heater, setpoint, power):
+    """Overshoot of a heat-up from cold at so much power [°C]; Euler's steps."""
+    loop, steps = words.controller(), 20
+    h = loop.scan_s / steps
+    late, temperature, most = [0.0] * round(heater.dead_time_s / h), heater.ambient_degC, -math.inf
+    for _ in range(round(8.0 * heater.time_constant_s / loop.scan_s)):
+        asked = power * loop(temperature, setpoint)
+        for _ in range(steps):
+            late.append(asked)
+            pull = heater.ambient_degC + heater.gain_degC_per_pct * late.pop(0) - temperature
+            temperature += h * pull / heater.time_constant_s
+            most = max(most, temperature)
+    return most - setpoint
+
+
+def test_a_heat_up_from_cold_to_a_lower_setpoint_that_overshoots_more_than_its_limit_blocks():
+    """Full power leads farther beyond 60 °C than beyond 70 °C; 20 % of the rise to 70 °C are allowed."""
+    heater = Fopdt(gain_degC_per_pct=0.9, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
+    fitted = model_by_hand(heater)
+    words = encode(tune(fitted, target="esphome"), "esphome", scaling=Scaling())
+    lower, upper = (_heat_up_overshoot_degC(words, heater, setpoint, 1.21) for setpoint in (60.0, 70.0))
+    assert upper < 0.2 * (70.0 - 22.0) < lower
+    assert prove(words, fitted, setpoint_degC=70.0).verdict == "PASS"
+    proof = prove(words, fitted, setpoint_degC=(60.0, 70.0))
+    assert (proof.verdict, [finding.name for finding in proof.diagnostics.findings]) == ("NOT PROVEN", ["low-heat-up"])
+    assert prove(words, fitted, setpoint_degC=(69.0, 70.0)).verdict == "PASS"  # the smaller range that the finding names
+    allowed = f"overshoot={math.ceil(100.0 * lower / 48.0) + 2}%"
+    assert prove(words, fitted, setpoint_degC=(60.0, 70.0), limit=(allowed,)).verdict == "PASS"
+
+
+def test_heat_ups_to_lower_setpoints_begin_with_the_heater_cold_and_the_plc_off():
+    night = next(each for each in nights_of(IN_USE, [ONE], lower_s={30.0: (), 45.0: ()}) if each.name == "low-heat-up")
+    events = night.scenario.disturbances
+    assert [type(event) for event in events] == 2 * [PlcPower, NewSetpoint, PlcPower]
+    assert [event.setpoint_degC for event in events if isinstance(event, NewSetpoint)] == [45.0, 30.0]
+    for off, _, on in (events[:3], events[3:]):
+        assert on.time_s - off.time_s == pytest.approx(10.0 + 100.0 * math.log(20.0)), "dead time, and 95 % of the way down"
+    assert [kind for kind, *_ in kinds_of(night.scenario)] == ["heat-up", *2 * ["off", "off", "restart"]]
 
 
 def test_of_a_story_the_heat_up_alone_is_left_where_words_have_no_such_night():

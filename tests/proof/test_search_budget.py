@@ -76,9 +76,9 @@ def test_a_search_without_time_ends_with_the_plain_design_and_says_so(monkeypatc
 
 @pytest.mark.long
 def test_of_what_winds_up_the_best_so_far_is_returned_and_the_same_request_ends_at_the_same_place(monkeypatch):
-    # with a dead time of two thirds of the lag nothing tried keeps the limit after an outage at the lower setpoint
+    # with a dead time of two thirds of the lag nothing tried keeps the limit after an outage at the lowest setpoint
     plant = Fopdt(gain_degC_per_pct=0.53, time_constant_s=320.0, dead_time_s=209.0, ambient_degC=20.0)
-    conditions = Conditions(setpoint_degC=40.0, tolerance_degC=0.45, switches={"anti_windup": "clamp", "sampling": "caller"})
+    conditions = Conditions(setpoint_degC=(36.0, 40.0), tolerance_degC=0.45, switches={"anti_windup": "clamp", "sampling": "caller"})
     asked = DesignRequest(target="weg", scaling=Scaling(low_degC=0.0, high_degC=50.0), conditions=conditions)
     monkeypatch.setattr(search_budget, "MOST_SCANS", 8e6)
     first = find_passing_design(model_by_hand(plant), asked)

@@ -191,7 +191,40 @@ def test_what_is_left_out_is_told():
     assert course.scenario.disturbances == ()
     assert course.not_tested == ("a step of the temperature", "a load", "an open circuit of the heater", "a change of the setpoint",
                                  "mains voltage", "a restart of the PLC")
-    assert _story(setpoint_low_degC=19.0).not_tested == ("a change of the setpoint",), "colder than the room"
+    assert _story(setpoint_low_degC=60.0).not_tested == ("a change of the setpoint",), "none is lower"
+
+
+def test_a_setpoint_colder_than_the_room_is_asked_for_and_the_lowest_that_needs_power_as_well():
+    # the lowest setpoint at which a heater without power is not right anyway is more than a tolerance above its ambient
+    course = _story(loop=replace(LOOP, small_change_degC=3.0), setpoint_low_degC=19.0)
+    changes = [each for each in course.scenario.disturbances if isinstance(each, NewSetpoint) and not each.small]
+    assert [each.setpoint_degC for each in changes] == [23.0, 60.0, 19.0, 60.0]
+    number = course.scenario.disturbances.index(changes[2])
+    assert [kind for kind, *_ in kinds_of(course.scenario)][number - 1:number + 3] == ["change", "change", "off", "change"]
+    cut = [later.time_s - each.time_s for each, later in pairwise(course.scenario.disturbances) if isinstance(each, Mains) and each.share == 0.0]
+    assert changes[3].time_s - changes[2].time_s == max(cut), "as long as the longest outage: the sum has as much time to run away"
+    assert course.not_tested == ()
+    assert course.notes == ("23 °C is run as the lowest setpoint too: no power holds 19 °C at an ambient of 20 °C",)
+
+
+@pytest.mark.parametrize(("low", "setpoints"), [
+    (22.5, [23.0, 60.0, 22.5, 60.0]), (23.0, [23.0, 60.0]), (40.0, [40.0, 60.0])])
+def test_a_setpoint_that_power_holds_is_held(low, setpoints):
+    scenario = _story(loop=replace(LOOP, small_change_degC=3.0), setpoint_low_degC=low).scenario
+    changes = [each for each in scenario.disturbances if isinstance(each, NewSetpoint) and not each.small]
+    assert ([each.setpoint_degC for each in changes], scenario.held_setpoints_degC) == (setpoints, scenario.setpoints_degC)
+
+
+def test_of_several_ambients_the_lowest_setpoint_is_one_that_every_heater_holds():
+    cold, warm = (replace(HEATER, ambient_degC=ambient) for ambient in (15.0, 28.0))
+    scenario = _story(cold, warm, loop=replace(LOOP, small_change_degC=2.0), setpoint_low_degC=20.0).scenario
+    changes = [(each.setpoint_degC, each.unheld) for each in scenario.disturbances if isinstance(each, NewSetpoint) and not each.small]
+    assert changes == [(30.0, None), (60.0, None), (20.0, True), (60.0, None)], "20 °C would be held by one of them alone"
+
+
+def test_a_cooler_in_addition_is_not_proven_to_hold_what_is_colder_than_the_room():
+    course = _story(loop=replace(LOOP, cooling_gain=0.5), setpoint_low_degC=10.0)
+    assert course.not_tested == ("rest at 10 °C, which the cooler has to hold",)
 
 
 def test_a_story_that_makes_no_sense_is_refused():

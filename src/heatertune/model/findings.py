@@ -88,9 +88,12 @@ KINDS: Final[dict[str, FindingKind]] = {
         "allow that overshoot (--limit reheat-overshoot), find out what your controller does at its limit (--switch), "
         "or keep it in manual while the circuit is open"),
     "low-outage": FindingKind(
-        "blocks", "it exceeds its overshoot limit after an open circuit at the lower setpoint of use",
+        "blocks", "it exceeds its overshoot limit after an open circuit at a lower setpoint of use",
         "state a smaller range (--setpoint), allow that overshoot (--limit reheat-overshoot), or keep it in manual "
         "while the circuit is open"),
+    "low-heat-up": FindingKind(
+        "blocks", "it exceeds its overshoot limit on a heat-up from cold to a lower setpoint of use",
+        "state a smaller range (--setpoint), or allow that overshoot (--limit overshoot)"),
     "warm-restart": FindingKind(
         "blocks", "it exceeds its overshoot limit if the PLC restarts while the heater is warm",
         "allow that overshoot (--limit overshoot), or let the heater cool down before it is switched on"),

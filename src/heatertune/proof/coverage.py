@@ -25,6 +25,7 @@ class Coverage:
         only: these runs, by the controller's direct form alone; None: every model under every setting at each power.
         night: with `only`: the heat-up and one of `heatertune.proof.long_outage` alone, by its name, if the words have
             it.
+        night_times: how many times as long as in a proof the longest open circuit of that night lasts.
         draws: False: no more than one draw of the noise; see `heatertune.proof.noise`.
         progress: told how many runs are done, as "18 of 54 runs".
         supplies: other mains voltages, each with the heaters that run at it; none: the rated power alone.
@@ -34,6 +35,7 @@ class Coverage:
     open_points: bool = True
     only: Sequence[Run] | None = None
     night: str | None = None
+    night_times: float = 1.0
     draws: bool = True
     progress: ProgressCallback = str
     supplies: Sequence[Supply] = ()

@@ -54,11 +54,14 @@ class NewSetpoint:
         time_s: [s].
         setpoint_degC: [°C]. A ramp on the way to it belongs to the words.
         small: True: the change is so small that its overshoot is judged as a share of it; None: as one of the rise.
+        unheld: True: no power holds it, so the heater cools down towards its ambient and no criterion judges the phase;
+            None: every heater holds it.
     """
 
     time_s: float
     setpoint_degC: float
     small: bool | None = field(default=None, metadata=LEFT_OUT)
+    unheld: bool | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         check("time_s", self.time_s, above=0.0)

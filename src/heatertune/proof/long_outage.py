@@ -11,6 +11,9 @@ with the length. So that time is held against the time after the story's length,
 Most has been summed up, and is given back by nothing, after a shorter one than a story's, and on the way back from a
 restart in between: see `heatertune.proof.outage_timing`.
 
+Where the user stated a range of setpoints, open circuits and heat-ups from cold are run at the lower ones, too: they
+take less power, so full power leads farther beyond them.
+
 One that stops at its limit, also where the sum leads back from it, may stay there. While the reading rises, the D part
 takes power away and the sum makes up for it, beyond full power. A setpoint that rises then takes the output to its
 limit, where the sum is kept: once the reading is slow and D is gone, nothing takes the power back.
@@ -34,31 +37,36 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.units import written
 
 __all__ = [
-    "JUDGED", "OF_RANGE", "OVERSHOOTS", "LongOutage", "briefly", "heat_up", "nights_of", "unmended", "winds_up",
-    "wound",
+    "JUDGED", "OF_RANGE", "OVERSHOOTS", "LongOutage", "briefly", "heat_up", "lengthen", "nights_of", "sums_up",
+    "unmended", "winds_up", "wound",
 ]
 
 #: criteria of the way back from an open circuit, and after a start-up of the PLC
 _REHEATED: Final = ("reheat_overshoot", f"reheat_overshoot{IN_DEGC}")
 _RESTARTED: Final = ("restart_overshoot", f"restart_overshoot{IN_DEGC}")
+_HEATED: Final = ("overshoot", f"overshoot{IN_DEGC}", *_RESTARTED)
 _CHANGED: Final = ("change_overshoot", f"change_overshoot{IN_DEGC}")
 _RETURN, _GROWTH = "reheat_time", "return_growth"
 _LONGER, _RISING, _BRIEF, _WARM, _PART = "winds-up", "stays-at-limit", "briefly-open", "warm-restart", "part-change"
 _LOW: Final = "low-outage"
+_HEAT_UP: Final = "low-heat-up"
 #: what is broken there is of a story's kind, and other gains may mend it
-_MENDED: Final = frozenset({_LOW, _BRIEF, _WARM, _PART})
+_MENDED: Final = frozenset({_LOW, _HEAT_UP, _BRIEF, _WARM, _PART})
 #: what the lower end of the range of use leads to
-OF_RANGE: Final = frozenset({_LOW, _PART})
+OF_RANGE: Final = frozenset({_LOW, _HEAT_UP, _PART})
 #: name of what is found → criteria that tell which run is the hardest
 OVERSHOOTS: Final = {
-    _LONGER: _REHEATED, _RISING: _REHEATED, _LOW: _REHEATED, _BRIEF: _REHEATED, _WARM: _RESTARTED, _PART: _CHANGED}
+    _LONGER: _REHEATED, _RISING: _REHEATED, _LOW: _REHEATED, _HEAT_UP: _HEATED, _BRIEF: _REHEATED, _WARM: _RESTARTED,
+    _PART: _CHANGED}
 #: name of what is found → criteria that count
 JUDGED: Final = {
     **OVERSHOOTS, _LONGER: (*_REHEATED, _RETURN, _GROWTH), _RISING: (*_REHEATED, _RETURN)}
+_KEPT_AT_HIGHEST: Final = "the limit is kept at the highest setpoint"
 _TIMES: Final = 4.0  # as long as in the story
 #: of the time to return after the story's open circuit: a heater that was not quite cold then needs so much more
 _COLDER: Final = 0.1
 _SLACK: Final = 1.1  # the limit is the story's; what stays at its limit goes far beyond it, or never comes to rest
+_COLD: Final = 0.95  # share of the way to the ambient after which a heater is cold, as a story's restart has it
 _LATER: Final = 1.2  # than full power takes to the lower setpoint: where two lags carry the reading beyond it
 
 
@@ -123,12 +131,12 @@ class LongOutage(NamedTuple):
 
 def nights_of(
     scenario: Scenario, models: Sequence[HeaterModel], brief_s: Sequence[float] = (), warm_s: Sequence[float] = (),
-    lows_degC: Sequence[float] = (), low_brief_s: Sequence[float] = (),
+    lows_degC: Sequence[float] = (), lower_s: Mapping[float, Sequence[float]] | None = None,
 ) -> Iterator[LongOutage]:
     """Yield the longest open circuit of a story right after the heat-up: longer, closed at the lower setpoint, shorter.
 
-    Also open circuits of the same and of shorter lengths at the lower setpoint, a restart of the PLC between the
-    shortest and the longest, and changes of the setpoint by less than the range.
+    Also open circuits of the same and of shorter lengths at lower setpoints, heat-ups to these from cold, a restart of
+    the PLC between the shortest and the longest, and changes of the setpoint by less than the range.
 
     Args:
         scenario: the story; none of its circuits may be closed again.
@@ -136,19 +144,23 @@ def nights_of(
         brief_s: how long a shorter one lasts, each [s].
         warm_s: how long the PLC is without supply, each [s].
         lows_degC: setpoints to which it falls, and rises again, each [°C].
-        low_brief_s: how long a shorter open circuit at the lower setpoint lasts, each [s].
+        lower_s: lower setpoint of a stated range [°C] → how long a shorter open circuit there lasts, each [s]; None:
+            no range was stated.
     """
+    lower_s = lower_s or {}
     opened = {number: closed.time_s - event.time_s
               for number, (event, closed) in enumerate(pairwise(scenario.disturbances))
               if isinstance(event, Mains) and isinstance(closed, Mains) and event.share == 0.0 < closed.share}
     if opened:
-        yield from _opened(scenario, models, max(opened, key=lambda one: opened[one]), opened, brief_s, low_brief_s)
+        yield from _opened(scenario, models, max(opened, key=lambda one: opened[one]), opened, brief_s, lower_s)
     back = next((number for number, (lost, event) in enumerate(pairwise(scenario.disturbances))
                  if isinstance(lost, PlcPower) and isinstance(event, PlcPower) and event.on), None)
     if warm_s and back is not None and scenario.rests_s:
         told = f"Where the PLC is restarted after {_minutes(warm_s)} without supply"
         yield LongOutage(_WARM, _each(scenario, back, warm_s), told,
                          "; the limit is kept where the heater is hot, or cold")
+    if lower_s and scenario.rests_s:
+        yield _cold_at_lower_setpoints(scenario, _downwards(lower_s, scenario), models)
     fall = next((number for number, pair in enumerate(pairwise(scenario.disturbances))
                  if all(isinstance(event, NewSetpoint) for event in pair)), None)
     if lows_degC and fall is not None and scenario.rests_s:
@@ -162,16 +174,18 @@ def nights_of(
 
 def _opened(
     scenario: Scenario, models: Sequence[HeaterModel], number: int, opened: Mapping[int, float],
-    brief_s: Sequence[float], low_brief_s: Sequence[float],
+    brief_s: Sequence[float], lower_s: Mapping[float, Sequence[float]],
 ) -> Iterator[LongOutage]:
     heater_s = max(sum(model.lags_s) + model.dead_time_s for model in models)
     yield _longer(scenario, number, opened[number])._replace(heater_s=heater_s)
     low = scenario.lower_setpoint_degC
     if low is not None and scenario.rests_s:
-        yield _rising(scenario, number, low, models)
-    lengths_s = {*opened.values(), *(each for each in low_brief_s if each < opened[number])}
-    if low is not None and brief_s and scenario.rests_s:
-        yield _at_lower_setpoint(scenario, number, low, sorted(lengths_s))
+        yield _rising(scenario, number, _downwards({low, *lower_s}, scenario), models)
+    if lower_s and brief_s and scenario.rests_s:
+        longest_s = opened[number]  # near to the ambient the worst ones are longer, without an end
+        lengths_s = {setpoint: sorted({*opened.values(), *(length_s for length_s in shorter_s if length_s < longest_s)})
+                     for setpoint, shorter_s in lower_s.items()}
+        yield _at_lower_setpoints(scenario, number, lengths_s)
     if brief_s and scenario.rests_s:
         told = f"After {_minutes(brief_s)} with an open circuit"
         yield LongOutage(_BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
@@ -181,6 +195,14 @@ def heat_up(scenario: Scenario) -> Scenario:
     """Return the heat-up of a story alone."""
     end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
     return replace(scenario, disturbances=(), rests_s=scenario.rests_s[:1], duration_s=end_s)
+
+
+def lengthen(scenario: Scenario, times: float) -> Scenario:
+    """Return a scenario whose first event lasts so many times as long: a longer open circuit."""
+    begins, *others = scenario.disturbances
+    more_s = (times - 1.0) * (others[0].time_s - begins.time_s)
+    later = (replace(event, time_s=event.time_s + more_s) for event in others)
+    return replace(scenario, disturbances=(begins, *later), duration_s=scenario.duration_s + more_s)
 
 
 def _longer(scenario: Scenario, number: int, proven_s: float) -> LongOutage:
@@ -195,17 +217,21 @@ def _longer(scenario: Scenario, number: int, proven_s: float) -> LongOutage:
                  f"; the limit is kept after {proven_s / 3600.0:.2g} h")
 
 
-def _rising(scenario: Scenario, number: int, low_degC: float, models: Sequence[HeaterModel]) -> LongOutage:
-    """Return two open circuits, closed at a lower setpoint, which rises as the reading gets there.
+def _rising(
+    scenario: Scenario, number: int, lows_degC: Sequence[float], models: Sequence[HeaterModel]
+) -> LongOutage:
+    """Return two open circuits for each lower setpoint, closed there; it rises as the reading gets there.
 
     Then the sum is highest: full power, with next to no error.
     """
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
     opens, closes = scenario.disturbances[number:number + 2]
     open_s, back_s = ends[number + 1] - ends[number], ends[number + 2] - ends[number + 1]
-    arrives = [_arrives_s(model, low_degC, conditions(scenario, model)[0]) for model in models]
     time_s, events, rests = ends[0], list[Disturbance](), list(scenario.rests_s[:1])
-    for rises_s in (min(arrives), _LATER * max(arrives)):
+    arrives = {low_degC: [_arrives_s(model, low_degC, conditions(scenario, model)[0]) for model in models]
+               for low_degC in lows_degC}
+    for low_degC, rises_s in ((low_degC, rises_s) for low_degC, times_s in arrives.items()
+                              for rises_s in (min(times_s), _LATER * max(times_s))):
         close_s = time_s + open_s
         events += [replace(opens, time_s=time_s),
                    NewSetpoint(time_s=time_s + 0.5 * open_s, setpoint_degC=low_degC),
@@ -215,12 +241,14 @@ def _rising(scenario: Scenario, number: int, low_degC: float, models: Sequence[H
         time_s = close_s + rises_s + back_s
     rising = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
     return LongOutage(_RISING, rising, (
-        f"Where the setpoint rises from {low_degC:.4g} to {scenario.setpoint_degC:.4g} °C on the way back from an open "
-        "circuit"), most=_SLACK)
+        f"Where the setpoint rises from {_degrees(lows_degC)} to {scenario.setpoint_degC:.4g} °C on the way back from "
+        "an open circuit"), most=_SLACK)
 
 
-def _at_lower_setpoint(scenario: Scenario, number: int, low_degC: float, lengths_s: Sequence[float]) -> LongOutage:
-    """Construct the open circuits of the test sequence again, and those of other lengths, each at the lower setpoint.
+def _at_lower_setpoints(
+    scenario: Scenario, number: int, lengths_s: Mapping[float, Sequence[float]]
+) -> LongOutage:
+    """Construct the open circuits of the test sequence again, and those of other lengths, at every lower setpoint.
 
     The controller sums up until it asks for full power. The less power the setpoint takes, the more of that sum has to
     be given back, and the less P takes away on the way: the overshoot is larger than at the highest setpoint.
@@ -229,16 +257,42 @@ def _at_lower_setpoint(scenario: Scenario, number: int, low_degC: float, lengths
     fall = next(place for place, event in enumerate(scenario.disturbances) if isinstance(event, NewSetpoint))
     opens, closes = scenario.disturbances[number:number + 2]
     back_s, rest_s = ends[number + 2] - ends[number + 1], scenario.rests_s[number + 2]
-    time_s, rests = ends[0] - scenario.rests_s[0] + rest_s, [rest_s, rest_s]
-    events: list[Disturbance] = [NewSetpoint(time_s=time_s, setpoint_degC=low_degC)]
-    time_s += ends[fall + 1] - ends[fall] - scenario.rests_s[fall + 1] + rest_s
-    for length_s in lengths_s:
-        events += [replace(opens, time_s=time_s), replace(closes, time_s=time_s + length_s)]
-        rests += [0.0, rest_s]
-        time_s += length_s + back_s
+    time_s, rests, events = ends[0] - scenario.rests_s[0] + rest_s, [rest_s], list[Disturbance]()
+    fall_s = ends[fall + 1] - ends[fall] - scenario.rests_s[fall + 1] + rest_s
+    for setpoint_degC in _downwards(lengths_s, scenario):
+        events.append(NewSetpoint(time_s=time_s, setpoint_degC=setpoint_degC))
+        rests.append(rest_s)
+        time_s += fall_s
+        for length_s in lengths_s[setpoint_degC]:
+            events += [replace(opens, time_s=time_s), replace(closes, time_s=time_s + length_s)]
+            rests += [0.0, rest_s]
+            time_s += length_s + back_s
     lower = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
-    return LongOutage(_LOW, lower, f"After {_minutes(lengths_s)} with an open circuit at {low_degC:.4g} °C",
-                 "; the limit is kept at the highest setpoint")
+    every_s = sorted(length_s for shorter_s in lengths_s.values() for length_s in shorter_s)
+    return LongOutage(_LOW, lower, f"After {_minutes(every_s)} with an open circuit at {_degrees(lengths_s)} °C",
+                      f"; {_KEPT_AT_HIGHEST}")
+
+
+def _cold_at_lower_setpoints(
+    scenario: Scenario, setpoints_degC: Sequence[float], models: Sequence[HeaterModel]
+) -> LongOutage:
+    """Construct heat-ups to lower setpoints: the PLC starts with the heater cold, as at the highest one.
+
+    Full power leads to a lower setpoint at more speed, and less of it holds the setpoint there.
+    """
+    end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
+    way_s, rest_s = end_s - scenario.rests_s[0], min(rest_s for rest_s in scenario.rests_s if rest_s > 0.0)
+    off_s = max(model.dead_time_s + time_to(_COLD, *model.lags_s) for model in models)
+    time_s, rests, events = way_s + rest_s, [rest_s], list[Disturbance]()
+    for setpoint_degC in setpoints_degC:
+        events += [PlcPower(time_s=time_s, on=False),
+                   NewSetpoint(time_s=time_s + 0.5 * off_s, setpoint_degC=setpoint_degC),
+                   PlcPower(time_s=time_s + off_s, on=True)]
+        rests += [0.0, 0.0, rest_s]
+        time_s += off_s + way_s + rest_s
+    cold = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
+    return LongOutage(_HEAT_UP, cold, f"On a heat-up from cold to {_degrees(setpoints_degC)} °C",
+                      f"; {_KEPT_AT_HIGHEST}")
 
 
 def _each(
@@ -268,6 +322,16 @@ def _minutes(lengths_s: Sequence[float]) -> str:
     return f"{' to '.join(ends)} min"
 
 
+def _downwards(setpoints_degC: Iterable[float], scenario: Scenario) -> list[float]:
+    """Return setpoints in order, the nearest to that of a scenario first."""
+    return sorted(setpoints_degC, key=lambda setpoint_degC: abs(setpoint_degC - scenario.setpoint_degC))
+
+
+def _degrees(setpoints_degC: Iterable[float]) -> str:
+    ends = min(setpoints_degC), max(setpoints_degC)
+    return " to ".join(dict.fromkeys(f"{end:.4g}" for end in ends))
+
+
 def _arrives_s(model: HeaterModel, low_degC: float, ambient_degC: float) -> float:
     """Return in what time full power leads from the ambient to a temperature."""
     share = (low_degC - ambient_degC) / (100.0 * model.gain_degC_per_pct)
@@ -282,6 +346,11 @@ def wound(diagnostics: FitDiagnostics) -> set[str]:
 def winds_up(diagnostics: FitDiagnostics) -> bool:
     """Return whether any was found, and the user has not accepted it."""
     return bool(wound(diagnostics))
+
+
+def sums_up(diagnostics: FitDiagnostics) -> bool:
+    """Return whether anything was found that no other gains mend."""
+    return bool(wound(diagnostics) - _MENDED)
 
 
 def unmended(diagnostics: FitDiagnostics) -> set[str]:

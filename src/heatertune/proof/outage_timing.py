@@ -52,6 +52,7 @@ _FEW: Final = 12  # places on the way, for a first look
 _FEWEST: Final = 24  # likewise, closely
 _MOST: Final = 96  # likewise
 _PER_RISE: Final = 600.0  # likewise, times the share of the way that full power leads in a scan: the height of a tooth
+_DOWN: Final = 0.8  # of the rise above ambient: each lower setpoint's, of that of the one above it
 _SCANS: Final = 1e6  # of a story with more no night is longer than it: a proof runs ten times as many at most
 _FEWEST_IN_MANY: Final = 9  # places with a boost then
 _NO_GAIN: Final = 1e-9  # [%/°C]: less leads nowhere
@@ -87,18 +88,25 @@ class OutageTiming(NamedTuple):
         shares = _SHARES if self.words.ramp is None else (*_SHARES, _LED)
         return self._with_more([share * middle for share in shares])
 
-    def low_openings_s(self) -> list[float]:
-        """Compute likewise how long a circuit is open at the lower setpoint [s].
+    def lower_openings_s(self) -> dict[float, list[float]]:
+        """Compute how long a circuit is open at the lower setpoints of a stated range [s], by setpoint [°C].
 
         The peak lies elsewhere there: where nothing is summed up outside of the proportional band, the reading leaves
-        it later the less it can fall.
+        it later the less it can fall. The lowest setpoint is not the worst: so near to the ambient the reading falls by
+        too little to sum up much. So there are setpoints on the way down to it, at the same places for every lowest
+        one: a wider range then has all the setpoints of a smaller one but its lowest.
         """
-        low_degC = self.scenario.lower_setpoint_degC
-        if low_degC is None:
-            return []
-        lower = self._replace(scenario=replace(self.scenario, setpoint_degC=low_degC))
-        is_held_by_power = all(step / model.gain_degC_per_pct > 0.0 for model, step in lower._steps)
-        return lower.openings_s() if is_held_by_power else []
+        low_degC, setpoint_degC = self.scenario.lower_setpoint_degC, self.scenario.setpoint_degC
+        if low_degC is None or self.scenario.setpoint_low_degC is None:
+            return {}
+        step = min((step for _, step in self._steps), key=abs)
+        lowest_share = 1.0 - (setpoint_degC - low_degC) / step
+        ratio = _DOWN**2 if self._many or not self.closely else _DOWN
+        number = math.floor(math.log(lowest_share) / math.log(ratio)) if lowest_share > 0.0 else 0
+        lower = {setpoint_degC - (1.0 - ratio**place) * step: self._replace(closely=False)
+                 for place in range(1, number + 1)} | {low_degC: self}
+        return {low: timing._replace(scenario=replace(self.scenario, setpoint_degC=low)).openings_s()
+                for low, timing in lower.items()}
 
     def restarts_s(self) -> list[float]:
         """Return how long a PLC is off where its restart may overshoot most [s]; none without an I part."""

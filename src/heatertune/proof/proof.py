@@ -25,7 +25,7 @@ from heatertune.proof.criteria import Criterion, LoopLimits, worst_of
 from heatertune.proof.criterion_table import band_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, with_digest
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.long_outage import JUDGED, OVERSHOOTS, LongOutage, heat_up, nights_of
+from heatertune.proof.long_outage import JUDGED, OVERSHOOTS, LongOutage, heat_up, lengthen, nights_of
 from heatertune.proof.mains import MainsScenario, mains_label
 from heatertune.proof.noise import draw_noise, nearest
 from heatertune.proof.outage_timing import OutageTiming
@@ -288,7 +288,8 @@ def _all_runs(
             parts.append(of(scenario=heat_up(story)))
         else:
             reference = (night, of(scenario=story)) if night.compares else None
-            parts.append(replace(of(scenario=night.scenario), reference=reference))
+            lasts = lengthen(night.scenario, coverage.night_times) if night.compares else night.scenario
+            parts.append(replace(of(scenario=lasts), reference=reference))
     return AllRuns.of(parts)
 
 
@@ -427,7 +428,7 @@ def _nights(
     heaters = [model for _, model in models]
     cooling = OutageTiming(controller, words, controller.decode(words), scenario, heaters, closely)
     return nights_of(scenario, heaters, cooling.openings_s(), cooling.restarts_s(), cooling.lows_degC(),
-                     cooling.low_openings_s())
+                     cooling.lower_openings_s())
 
 
 def _with_band(diagnostics: FitDiagnostics, limits: LoopLimits, resolution_degC: float) -> FitDiagnostics:

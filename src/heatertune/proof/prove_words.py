@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -61,7 +61,8 @@ _IN_BANDS: Final = 2.0
 
 def prove(
     words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool = False,
-    only: Sequence[Run] | None = None, night: str | None = None, progress: ProgressCallback = str,
+    only: Sequence[Run] | None = None, night: str | None = None, night_times: float = 1.0,
+    progress: ProgressCallback = str,
     **changed: Any,
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
@@ -77,6 +78,7 @@ def prove(
         only: only these runs, in the same scenario; `export` refuses it too.
         night: with `only`: the heat-up and one of `heatertune.proof.long_outage` alone, by its name, if the words have
             it.
+        night_times: with `night`: the longest open circuit lasts so many times as long.
         progress: told how many runs are done.
         changed: fields of `Conditions` that are other than in `conditions`.
 
@@ -93,7 +95,7 @@ def prove(
     heaters = [model for _, model in models]
     course, specification = course_for(words, heaters, asked, setpoint), specification_of(asked)
     powers = () if first_look else MAINS_POWERS if only is None else dict.fromkeys(power for *_, power in only if power)
-    supplies, told, untested = _supplies(words, models, asked, (setpoint, farthest), powers)
+    supplies, told, untested = _supplies(words, models, asked, (setpoint, farthest), powers, course.notes)
     heard = FitDiagnostics(
         findings=(*fitted.findings, *unreachable_findings(fitted, len(models), farthest),
                   *beyond_log(fitted, setpoints)), accepted=asked.accept,
@@ -104,7 +106,7 @@ def prove(
         limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
         reading_step_degC=fitted.reading_step_degC, diagnostics=heard)
     coverage = Coverage(
-        known=asked.switches, open_points=not first_look, only=only, night=night,
+        known=asked.switches, open_points=not first_look, only=only, night=night, night_times=night_times,
         draws=not first_look and night is None,  # as in a whole proof, whose nights have one draw
         progress=progress, supplies=supplies)
     return prove_models(
@@ -114,7 +116,7 @@ def prove(
 
 def _supplies(
     words: Words, models: Sequence[tuple[str, HeaterModel]], conditions: Conditions,
-    setpoints_degC: tuple[float, float], powers: Iterable[float],
+    setpoints_degC: tuple[float, float], powers: Iterable[float], rated_notes: Collection[str],
 ) -> tuple[list[Supply], list[str], list[str]]:
     """Return the test sequence at other mains voltages, what is easier in it, and where it is not run, and why.
 
@@ -124,10 +126,10 @@ def _supplies(
         conditions: of the proof.
         setpoints_degC: the upper end of the setpoints of use, and the farthest of it and a profile's targets [°C].
         powers: full power as a share of the rated one, of each voltage.
+        rated_notes: what is easier at the rated power, which need not be repeated.
     """
     supplies, told, untested = list[Supply](), list[str](), list[str]()
-    story, scan_s = (specification_of(conditions).story_at(conditions.lowest_degC),
-                     controller_for(words.target).timing(words).scan_s)
+    story, scan_s = specification_of(conditions).story_at(None), controller_for(words.target).timing(words).scan_s
     if not story.mains or story.paper_times:
         return supplies, told, untested
     for power in powers:
@@ -150,18 +152,18 @@ def _supplies(
             untested.append(f"{label} (more than {MOST_SCANS // 1_000_000} million scans)")
             continue
         supplies.append(Supply(mains_power=power, scenario=course.scenario, models=able))
-        told += [f"{label}, of that power: {easier}" for easier in course.notes]
+        told += [f"{label}, of that power: {easier}" for easier in course.notes if easier not in rated_notes]
     return supplies, told, untested
 
 
 def setpoints_for(fitted: FittedModel, conditions: Conditions) -> tuple[float, float]:
     """Return the upper end of the setpoints of use, and what is the farthest of it and a profile's targets [°C].
 
-    Where the user tells none it is where the log says that the heater was used, or the farthest of the profile.
+    Of a cooler it is the lower end. Where the user tells none it is where the log says that the heater was used, or the
+    farthest of the profile.
     """
-    profile = specification_of(conditions).profile
-    given, cold = conditions.highest_degC, cools(fitted)
-    farthest = min if cold else max
+    profile, cooler = specification_of(conditions).profile, cools(fitted)
+    given, farthest = conditions.farthest_degC(cooler=cooler), min if cooler else max
     targets = [] if profile is None else [segment.target_degC for segment in profile.segments]
     if given is None:
         given = farthest(targets) if targets else default_setpoint(fitted)
@@ -170,9 +172,9 @@ def setpoints_for(fitted: FittedModel, conditions: Conditions) -> tuple[float, f
 
 def every_setpoint(fitted: FittedModel, conditions: Conditions) -> tuple[float, ...]:
     """Return every temperature that a proof asks for: both ends of the setpoints of use, a profile's targets [°C]."""
-    profile, lowest = specification_of(conditions).profile, conditions.lowest_degC
+    profile, nearest = specification_of(conditions).profile, conditions.nearest_degC(cooler=cools(fitted))
     targets = () if profile is None else tuple(segment.target_degC for segment in profile.segments)
-    return (*setpoints_for(fitted, conditions), *targets, *(() if lowest is None else (lowest,)))
+    return (*setpoints_for(fitted, conditions), *targets, *(() if nearest is None else (nearest,)))
 
 
 def course_for(
@@ -195,8 +197,8 @@ def course_for(
     controller, actuator = controller_for(words.target), actuator_for(conditions, words)
     timing, design = controller.timing(words), controller.decode(words)
     specification = specification_of(conditions)
-    limits, cooling_gain, story = (
-        limits_of(specification, models), actuator.cooling_gain or 0.0, specification.story_at(conditions.lowest_degC))
+    limits, cooling_gain = limits_of(specification, models), actuator.cooling_gain or 0.0
+    story = specification.story_at(conditions.nearest_degC(cooler=models[0].gain_degC_per_pct < 0.0))
     if mains_power is not None:
         limits, cooling_gain = limits_off_rated(limits), cooling_gain / mains_power
         story = replace(story, mains=False, load_pct=min(story.load_pct / mains_power, 99.0))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import Final
 
+from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.proof.events import Disturbance, Load, Mains, NewSetpoint, PlcPower, SetpointRampEvent, TemperatureStep
@@ -62,6 +63,8 @@ class Scenario:
             empty: see `Limits.steady_share`.
         noise_degC: standard deviation of the sensor's Gaussian noise [°C].
         seed: of that noise.
+        setpoint_low_degC: lower end of the range of setpoints that the user stated, of a cooler the upper one [°C];
+            None: one setpoint, or none, was stated, and a lower one is only the test sequence's own.
 
     Raises:
         OutOfRange: a time or temperature without meaning, a start at the setpoint, disturbances out of order or
@@ -76,6 +79,7 @@ class Scenario:
     rests_s: tuple[float, ...] = ()
     noise_degC: float = 0.0
     seed: int = 0
+    setpoint_low_degC: float | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         check("setpoint_degC", self.setpoint_degC)
@@ -108,8 +112,14 @@ class Scenario:
 
     @property
     def lower_setpoint_degC(self) -> float | None:
-        """The lower end of the setpoints of use, to which the setpoint changes first [°C]; None without a change."""
+        """The lowest setpoint that is held, to which the setpoint changes first [°C]; None without a change."""
         return next((event.setpoint_degC for event in self.disturbances if isinstance(event, NewSetpoint)), None)
+
+    @property
+    def held_setpoints_degC(self) -> tuple[float, ...]:
+        """The setpoints that the heater has to hold [°C]."""
+        unheld = [False, *(isinstance(event, NewSetpoint) and bool(event.unheld) for event in self.disturbances)]
+        return tuple(setpoint for setpoint, coasts in zip(self.setpoints_degC, unheld, strict=True) if not coasts)
 
     @property
     def supplied(self) -> tuple[bool, ...]:
@@ -227,7 +237,7 @@ def kinds_of(scenario: Scenario) -> Iterator[tuple[str, bool, bool]]:
             yield "restart", True, True
         elif isinstance(event, SetpointRampEvent):
             yield _led(event), event.setpoint_degC > event.from_degC, False
-        elif _goes_on(scenario, number):
+        elif _goes_on(scenario, number) or (isinstance(event, NewSetpoint) and event.unheld):
             yield "off", False, True
         elif isinstance(event, NewSetpoint):
             kind = "reheat" if _goes_on(scenario, number - 1) else "small-change" if event.small else "change"
@@ -261,7 +271,7 @@ def conditions(scenario: Scenario, model: HeaterModel) -> tuple[float, float]:
     ambient = _ambient(scenario, model)
     top = ambient + 100.0 * model.gain_degC_per_pct
     above, below, called = (">", "<", "heater") if model.gain_degC_per_pct > 0.0 else ("<", ">", "cooler")
-    for setpoint in scenario.setpoints_degC:
+    for setpoint in scenario.held_setpoints_degC:
         if not can_hold(model, setpoint, ambient):
             rule = (
                 f"{above} {ambient:g} (ambient) and {below} {top:g} (ambient + 100 % · {model.gain_degC_per_pct:g} "

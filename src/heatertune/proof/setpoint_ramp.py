@@ -18,6 +18,7 @@ from heatertune.progress import ProgressCallback
 from heatertune.proof import Proof, prove
 from heatertune.proof.criterion_table import band_of
 from heatertune.proof.heaters import labelled_heaters
+from heatertune.proof.long_outage import sums_up
 from heatertune.proof.runs import judged_once
 from heatertune.proof.scenario import conditions as conditions_of
 from heatertune.proof.text_comparison import as_exported
@@ -30,6 +31,7 @@ __all__ = ["BY_RAMP", "OVERSHOOTS", "REHEATS", "prove_ramped"]
 _STEP: Final = math.sqrt(2.0)  # from one duration to the next, while looking for one that is long enough
 _NEAR: Final = 1.03  # the ramp found is the fastest within this factor
 _MOST_ROUNDS: Final = 6
+_FAR_LONGER: Final = 16.0  # times the longest open circuit of a proof
 _OF_SETTLING: Final = 0.8  # of the time until all has settled, that the ramp itself may take
 #: times how far from the setpoint is still right, from the loosest on; the looser ones only where none of these will do
 _HOLDS: Final = ((8.0, 4.0, 2.0), (32.0, 16.0))
@@ -112,8 +114,9 @@ def _ramped(
 def _cheapest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: set[str]) -> Proof | None:
     """Return the proof with the fastest ramp without holdback, with one that settles first where that passes alone."""
     free = None if broken & REHEATS else _fastest(plain, fitted, conditions, broken)
-    if (free is not None and free.verdict != "FAIL") or not broken <= BY_RAMP:
+    if (free is not None and _passes(free)) or not broken <= BY_RAMP:
         return free
+    wound = None if free is None or free.verdict == "FAIL" else free
     side = -1.0 if cools(fitted) else 1.0
     band = band_of(plain.limits, plain.nominal.resolution_degC)
     for holds in _HOLDS:
@@ -121,28 +124,47 @@ def _cheapest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken:
             _Search(plain=plain, fitted_model=fitted, conditions=conditions, kept=BY_RAMP,
                     hold_degC=side * times * band)
             for times in holds]
-        if (held := _soonest(searches)) is not None:
+        held, wound_up = _soonest(searches)
+        if held is not None and (not wound_up or _sum_ends(held, wound_up, fitted, conditions)):
             return held
-    return free
+        wound = wound or next(iter(wound_up), None)
+    return wound or free
 
 
-def _soonest(searches: Sequence[_Search]) -> Proof | None:
-    """Return the proof that passes and settles first.
+def _passes(proof: Proof) -> bool:
+    """Return whether a proof keeps every limit, after a longer open circuit, too."""
+    return proof.verdict != "FAIL" and not sums_up(proof.diagnostics)
+
+
+def _sum_ends(proof: Proof, wound_up: Sequence[Proof], fitted: FittedModel, conditions: Conditions) -> bool:
+    """Return whether a proof keeps its limits after far longer open circuits, too, in the runs in which others wind up.
+
+    A sum without an end breaks them after one that is long enough, however slow the ramp is.
+    """
+    screen = RunScreen(fitted_model=fitted, night_times=_FAR_LONGER).with_nights(wound_up)
+    return not screen.wound(proof.words, conditions)
+
+
+def _soonest(searches: Sequence[_Search]) -> tuple[Proof | None, list[Proof]]:
+    """Return the proof that passes and settles first, and those that keep the limits of the test sequence but wind up.
 
     Most holds leave the ramp itself next to nothing to do: they come first, and what they need is the most that
     another one may take.
     """
     at_once = {search.hold_degC: settles for search in searches if (settles := search.settles_at_once()) is not None}
     best: Proof | None = None
+    wound_up = list[Proof]()
     for search in sorted(searches, key=lambda each: at_once.get(each.hold_degC, math.inf)):
         if best is not None and search.hold_degC in at_once:
             continue
         ramped = search.fastest(None if best is None else _value(best, "settling_time"))
         if ramped is None or ramped.verdict == "FAIL":
             continue
-        if best is None or _value(ramped, "settling_time") < _value(best, "settling_time"):
+        if not _passes(ramped):
+            wound_up.append(ramped)
+        elif best is None or _value(ramped, "settling_time") < _value(best, "settling_time"):
             best = ramped
-    return best
+    return best, wound_up
 
 
 def _fastest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: set[str]) -> Proof | None:
@@ -204,22 +226,28 @@ class _Search:
         """Return the proof with the fastest ramp found.
 
         Only the worst runs are looked at, until a whole proof finds another one that breaks a limit; that one is then
-        watched as well. Overshoot need not fall with each slower ramp, so the durations are walked through from the
-        shortest, and only the last stretch is halved.
+        watched as well, as is a longer open circuit after which a sum breaks one. Where no slower ramp mends that, the
+        proof is returned as it is. Overshoot need not fall with each slower ramp, so the durations are walked through
+        from the shortest, and only the last stretch is halved.
 
         Args:
             within_s: all shall have settled by then [s]; None: half of the time before the disturbance is for the ramp.
         """
         watched = self._watched
+        wound: Proof | None = None
         for _ in range(_MOST_ROUNDS):
             words = self._fastest_on(watched) if within_s is None else self._fastest_within(within_s, watched)
-            if words is None:
-                return None
+            if words is None or (wound is not None and words == wound.words):
+                return wound
             proof = prove(words, self.fitted_model, self.conditions)
-            if all(criterion.ok for criterion in proof.criteria if criterion.name in self.kept):
-                return proof
-            watched = watched.with_failed(proof)
-        return None
+            if any(not criterion.ok for criterion in proof.criteria if criterion.name in self.kept):
+                watched = watched.with_failed(proof)
+            elif sums_up(proof.diagnostics):
+                wound, watched = wound or proof, watched.with_nights([proof])
+            else:
+                ends = wound is None or _sum_ends(proof, [wound], self.fitted_model, self.conditions)
+                return proof if ends else wound
+        return wound
 
     @property
     def _watched(self) -> RunScreen:

@@ -28,6 +28,7 @@ from heatertune.proof.scenario import (
     Scenario,
     SetpointRampEvent,
     TemperatureStep,
+    can_hold,
     conditions,
     scenario_for,
 )
@@ -65,7 +66,8 @@ class TestSequence:
             0: left out [% of full power].
         opens: whether the heater's circuit is open for a while, the PLC running.
         changes: whether the setpoint changes down and up.
-        setpoint_low_degC: lower end of the setpoints of use; None: a fifth of the setpoint step below the upper one.
+        setpoint_low_degC: lower end of the setpoints of use, of a cooler the upper one; None: the user stated no range,
+            and the setpoint changes by a fifth of the setpoint step.
         mains: whether the mains voltage falls and rises by 10 %.
         restarts: whether the PLC is restarted, with the heater hot and cold.
         paper_times: whether there is nothing but heat-up and temperature step at the paper's times, see `scenario_for`.
@@ -123,7 +125,7 @@ def story_for(
             "a load", "an open circuit of the heater", "a change of the setpoint", "mains voltage",
             "a restart of the PLC"))
     plain = Scenario(setpoint_degC=setpoint_degC, ambient_degC=ambient_degC, duration_s=1.0, noise_degC=noise_degC,
-                     seed=seed)
+                     seed=seed, setpoint_low_degC=None if story is None else story.setpoint_low_degC)
     teller = _SequenceBuilder(models=tuple(models),
                               ambients_degC=tuple(conditions(plain, model)[0] for model in models),
                      loop=loop, story=story or TestSequence(), setpoint_degC=setpoint_degC)
@@ -171,10 +173,7 @@ class _SequenceBuilder:
                 yield self._off(Mains(time_s=1.0, share=0.0), seconds)
                 yield self._part(Mains(time_s=1.0, share=1.0), self.way_s)
             yield from self._at_the_edge()
-        if self.low_degC is not None:
-            yield _SequenceStep(event=NewSetpoint(time_s=1.0, setpoint_degC=self.low_degC),
-                        limit_s=self._cooling_s + self.loop_s + self._ramp_s, rest_s=self.long_rest_s)
-            yield self._part(NewSetpoint(time_s=1.0, setpoint_degC=self.setpoint_degC), self.way_s)
+        yield from self._changes()
         yield from self._small_changes()
         if self._mains_tested:
             for share in MAINS_POWERS:
@@ -184,6 +183,26 @@ class _SequenceBuilder:
             for off_s in (_HOT_OFF * self.heater_s, self._longest_s(_COLD for _ in self.models)):
                 yield self._off(PlcPower(time_s=1.0, on=False), off_s)
                 yield self._part(PlcPower(time_s=1.0, on=True), self.way_s)
+
+    def _changes(self) -> Iterator[_SequenceStep]:
+        """Yield the changes to the lowest setpoint that is held, and to that of use where it is lower, and back.
+
+        Where no power holds it the heater cools down for as long as the longest outage, and the controller sums up what
+        it cannot take away.
+        """
+        if self.low_degC is None:
+            return
+        for low_degC in dict.fromkeys((self.low_degC, self._stated_low_degC)):
+            ramp_s = 60.0 * abs(self.setpoint_degC - low_degC) / self.loop.ramp_degC_per_min
+            if self._is_held(low_degC):
+                yield _SequenceStep(event=NewSetpoint(time_s=1.0, setpoint_degC=low_degC),
+                                    limit_s=self._cooling_s(low_degC) + self.loop_s + self._ramp_s,
+                                    rest_s=self.long_rest_s)
+            else:
+                yield self._off(NewSetpoint(time_s=1.0, setpoint_degC=low_degC, unheld=True),
+                                self._opened_s[-1] + ramp_s)
+            yield self._part(NewSetpoint(time_s=1.0, setpoint_degC=self.setpoint_degC),
+                             self.way_s - self._ramp_s + max(self._ramp_s, ramp_s))
 
     def _small_changes(self) -> Iterator[_SequenceStep]:
         """Yield small changes of the setpoint, down and up again: most of them without a limit of the output."""
@@ -261,6 +280,8 @@ class _SequenceBuilder:
         elif self.loop.small_change_degC > 0.0 and not self._small_degC:
             least = self.loop.small_change_degC
             yield f"a small change of the setpoint (none from {least:.3g} °C on is within its range)"
+        if self.low_degC is not None and self.loop.cooling_gain > 0.0 and not self._is_held(self._stated_low_degC):
+            yield f"rest at {self._stated_low_degC:.4g} °C, which the cooler has to hold"
         if not story.mains:
             yield "mains voltage"
         elif not self._mains_tested:
@@ -286,6 +307,10 @@ class _SequenceBuilder:
         """Return what is made easier."""
         if 0.0 < self.load_pct < self.story.load_pct:
             yield f"load of {self.load_pct:.3g} % in place of {self.story.load_pct:.3g} %: no more power is left over"
+        if self.low_degC not in (None, self._stated_low_degC):
+            low, ambient = self._stated_low_degC, max(self.ambients_degC, key=self._height)
+            why = (f"{low:.4g} °C is too close to" if self._is_held(low) else f"no power holds {low:.4g} °C at")
+            yield f"{self.low_degC:.4g} °C is run as the lowest setpoint too: {why} an ambient of {ambient:.4g} °C"
 
     @cached_property
     def step_degC(self) -> float:
@@ -340,13 +365,34 @@ class _SequenceBuilder:
 
     @cached_property
     def low_degC(self) -> float | None:
-        """The lower end of the setpoints of use, None where none is tested."""
-        if not self.story.changes:
+        """The lowest setpoint of use that every heater holds, None where none is tested."""
+        low = self._stated_low_degC
+        if not self.story.changes or self._height(low) >= self._height(self.setpoint_degC):
             return None
+        return max(low, *map(self._least_degC, self.ambients_degC), key=self._height)
+
+    @cached_property
+    def _stated_low_degC(self) -> float:
+        """The lower end of the setpoints of use, whether or not a heater can hold it."""
         low = self.story.setpoint_low_degC
-        low = self.setpoint_degC - _LOW_SHARE * self.step_degC if low is None else low
-        between = all(0.0 < (low - ambient) / (self.setpoint_degC - ambient) < 1.0 for ambient in self.ambients_degC)
-        return low if between else None
+        return self.setpoint_degC - _LOW_SHARE * self.step_degC if low is None else low
+
+    def _least_degC(self, ambient_degC: float) -> float:
+        """Compute the lowest setpoint at which a heater in its ambient shows whether the loop holds it [°C].
+
+        Within the tolerance of the setpoint a heater without power is right, too: it is two tolerances above the
+        ambient, or half of the rise where that is less.
+        """
+        step, least = self.setpoint_degC - ambient_degC, self.loop.small_change_degC
+        return ambient_degC + math.copysign(min(least or _SMALL_SHARE * abs(step), 0.5 * abs(step)), step)
+
+    def _is_held(self, setpoint_degC: float) -> bool:
+        return all(can_hold(model, setpoint_degC, ambient)
+                   for model, ambient in zip(self.models, self.ambients_degC, strict=True))
+
+    def _height(self, temperature_degC: float) -> float:
+        """Return a temperature, of a cooler with the other sign: the power leads upwards."""
+        return math.copysign(1.0, self.step_degC) * temperature_degC
 
     def _legs(self, profile: Profile | None) -> list[Leg]:
         return [] if profile is None else list(profile.legs(self.ambients_degC[0], self.heater_s))
@@ -404,12 +450,10 @@ class _SequenceBuilder:
         return [(self.setpoint_degC - ambient) / (mains * model.gain_degC_per_pct)
                 for model, ambient in zip(self.models, self.ambients_degC, strict=True)]
 
-    @cached_property
-    def _cooling_s(self) -> float:
-        low = self.setpoint_degC if self.low_degC is None else self.low_degC
+    def _cooling_s(self, low_degC: float) -> float:
         most = 100.0 * self.loop.cooling_gain
         return self._longest_s(
-            (self.setpoint_degC - low) / (self.setpoint_degC - ambient + most * model.gain_degC_per_pct)
+            (self.setpoint_degC - low_degC) / (self.setpoint_degC - ambient + most * model.gain_degC_per_pct)
             for model, ambient in zip(self.models, self.ambients_degC, strict=True))
 
     @cached_property

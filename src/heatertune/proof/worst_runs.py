@@ -45,12 +45,14 @@ class RunScreen:
         runs: the hardest first.
         nights: name of another open circuit → runs with it.
         names: of the criteria that count; None: all.
+        night_times: how many times as long as in a proof the longest open circuit lasts.
     """
 
     fitted_model: FittedModel
     runs: tuple[Run, ...] = ()
     nights: Mapping[str, tuple[Run, ...]] = field(default_factory=dict)
     names: frozenset[str] | None = None
+    night_times: float = 1.0
 
     def with_failed(self, proof: Proof) -> RunScreen:
         """Return it with the worst run of each criterion that a proof breaks, before what is there."""
@@ -122,7 +124,8 @@ class RunScreen:
     def _nights(self, words: Words, conditions: Conditions) -> Iterator[tuple[frozenset[str], RunResult]]:
         """Yield the runs of the nights, each with the names of the criteria that count in it."""
         for night, runs in self.nights.items():
-            for run in prove(words, self.fitted_model, conditions, only=runs, night=night).runs:
+            for run in prove(words, self.fitted_model, conditions, only=runs, night=night,
+                             night_times=self.night_times).runs:
                 yield frozenset(JUDGED[night]), run
 
     def _broken(self, proof: Proof | RunResult, of: frozenset[str] | None = None) -> list[Criterion]:

@@ -126,7 +126,7 @@ class SampleRequest:
             raise InputError("a proof needs at least one model and one controller")
         rows = tuple(tuple(plant_row(heater, self.scenario)) for heater in self.heaters)
         object.__setattr__(self, "rows", rows)
-        low = min(abs(asked - row[4]) for row in rows for asked in self.scenario.setpoints_degC)
+        low = min(abs(setpoint - row[4]) for row in rows for setpoint in self.scenario.held_setpoints_degC)
         if not self.spread.ambient_degC < low:
             rule = f"< {low:g}, or it reaches the setpoint"
             raise OutOfRange("spread of the ambient", self.spread.ambient_degC, rule)

@@ -21,7 +21,10 @@ from heatertune.proof.ripple_and_wear import holding_power_pct, ripple_at
 from heatertune.proof.setpoint_ramp import OVERSHOOTS, REHEATS
 from heatertune.settings import TuneSettings
 
-__all__ = ["COARSE", "OF_WINDUP", "DesignChange", "Pwm", "calmest_pwm", "design_changes", "output_limits", "unwinds"]
+__all__ = [
+    "COARSE", "OF_WINDUP", "DesignChange", "Pwm", "calmest_pwm", "default_changes", "design_changes", "output_limits",
+    "unwinds",
+]
 
 #: PWM periods that a solid-state relay takes well and a contactor does not [s]
 _FAST_S: Final = 2.5
@@ -208,7 +211,7 @@ def design_changes(
     if not (ramped and broken <= OF_WINDUP):
         if not interval_given:
             yield from _intervals(switch, words, least_interval_s)
-        yield from _designs(proof, tuned)
+        yield from default_changes(proof, tuned)
     yield from ramped
     if windup:
         yield DesignChange()  # gains mend a windup dearly: limit and ramp leave what a load costs as it is
@@ -249,7 +252,7 @@ def output_limits(proof: Proof, models: Sequence[HeaterModel]) -> list[DesignCha
     return list(_SwitchChoice(proof=proof, models=tuple(models), own=False).limited())
 
 
-def _designs(proof: Proof, tuned: TuneSettings) -> Iterator[DesignChange]:
+def default_changes(proof: Proof, tuned: TuneSettings) -> Iterator[DesignChange]:
     """Return what was not asked for but left at its default: a less robust design, within the limits; a D part."""
     usual, most = TuneSettings(), proof.limits.ms
     if tuned.ms == usual.ms and (most is None or most > _LOOSER_MS):

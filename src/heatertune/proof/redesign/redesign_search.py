@@ -18,11 +18,18 @@ from heatertune.plc.word_selection import choose_words
 from heatertune.progress import ProgressCallback
 from heatertune.proof import Proof, redesign_cost
 from heatertune.proof.design_request import Candidate, DesignRequest, DesignResult, plainly
-from heatertune.proof.long_outage import briefly, winds_up
+from heatertune.proof.long_outage import briefly, sums_up, winds_up
 from heatertune.proof.nearest_specification import broken_names, settings_told
 from heatertune.proof.prove_words import tune_settings_for
 from heatertune.proof.redesign.boosts import boosts
-from heatertune.proof.redesign.design_changes import OF_WINDUP, DesignChange, design_changes, output_limits, unwinds
+from heatertune.proof.redesign.design_changes import (
+    OF_WINDUP,
+    DesignChange,
+    default_changes,
+    design_changes,
+    output_limits,
+    unwinds,
+)
 from heatertune.proof.redesign.gain_points import GainFamily, GainPoint
 from heatertune.proof.redesign.suggestion import Suggestion, passing_told
 from heatertune.proof.runs import judged_once
@@ -270,7 +277,7 @@ class RedesignSearch:
         """
         more = partial(redesign_cost.more_iae, self.first)
         with self.budget:
-            for mended in () if self._sums_up else self._mended():
+            for mended in () if sums_up(self.first.proof.diagnostics) else self._mended():
                 self.dear.append(mended)
                 if more(mended) <= _DEAR:
                     return mended
@@ -284,11 +291,6 @@ class RedesignSearch:
         if not wound_up:
             return None
         return self._ended(wound_up[0] if self.verdict_only else self.way_on.unwound(wound_up))
-
-    @property
-    def _sums_up(self) -> bool:
-        """Whether what was asked for winds up in a way that no other gains mend."""
-        return winds_up(self.first.proof.diagnostics) and not briefly(self.first.proof.diagnostics)
 
     def _ended(self, found: DesignResult) -> DesignResult:
         """Return a design that says that the search ended early, where it did."""
@@ -335,6 +337,8 @@ class RedesignSearch:
     def calmed(self, wound: Sequence[tuple[DesignChange, DesignResult]]) -> DesignResult | None:
         """Return a lower output, else other gains, that pass where all else winds up, as `wound` does; None: none do.
 
+        A design that a setpoint ramp leads is at last tried with what the user left at its default.
+
         What failed at first need not be a windup: then no limit of the output has been tried.
         """
         if not self.by_optimum:
@@ -345,7 +349,9 @@ class RedesignSearch:
         unled = dict.fromkeys((DesignChange(),
                                *(replace(frame, has_ramp=False, has_boost=False) for frame in found_in)))
         led = dict.fromkeys(frame for frame in found_in if frame not in unled)
-        for whole in (*(before.with_(limit) for limit in limits for before in (*unled, *led)), *unled):
+        defaults = list(default_changes(self.first.proof, self.request.tune_settings))
+        for whole in (*(before.with_(limit) for limit in limits for before in (*unled, *led)), *unled,
+                      *(before.with_(change) for before in led for change in defaults)):
             self.progress(f"what passes winds up: trying {self.summary(whole) or 'other gains'}")
             if (found := self._unwinding(whole)) is not None:
                 return found

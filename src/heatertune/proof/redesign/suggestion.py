@@ -159,15 +159,15 @@ class Suggestion:
     def unwound(self, wound_up: Sequence[DesignResult]) -> DesignResult:
         """Return the first of several designs that wind up; its proof says what passes.
 
-        That is a setting of an open point, a smaller range of use or a larger limit, in this order. What another one of
-        the designs would need counts, too.
+        That is a setting of an open point, a smaller range of use, its upper end or a larger limit, in this order. What
+        another one of the designs would need counts, too.
         """
         found, *_ = wound_up
         different = {repr(each.proof.words): each for each in wound_up}.values()
         told, options = "", tuple[str, ...]()
         with SearchBudget() as budget:
             told, options = self.by_settings(found)
-            for way in (self._by_range, self._by_overshoot):
+            for way in (self._by_range, self._by_upper_end, self._by_overshoot):
                 options = options or next(filter(None, map(way, different)), ())
         told = told or (f"would pass at {' '.join(options)}" if options else "")
         if budget.spent and not told:
@@ -235,16 +235,32 @@ class Suggestion:
 
     def _by_range(self, found: DesignResult) -> tuple[str, ...]:
         """Return the option of a smaller range of use, where its lower end is all that a design fails at; else none."""
-        proof, asked = found.proof, self.request
-        if not wound(proof.diagnostics) <= OF_RANGE or asked.conditions.profile is not None or cools(self.fitted_model):
+        if cools(self.fitted_model):
             return ()
-        high, screen = proof.scenario.setpoint_degC, RunScreen(fitted_model=self.fitted_model).with_nights([proof])
-        lowest = min(event.setpoint_degC for event in proof.scenario.disturbances if isinstance(event, NewSetpoint))
-        for share in _OF_RANGE:
-            ends = float(f"{high - share * (high - lowest):.4g}"), float(f"{high:.4g}")
-            if ends[0] >= ends[1] or screen.wound(proof.words, replace(found.conditions, setpoint_degC=ends)):
+        scenario = found.proof.scenario
+        lowest = min((event.setpoint_degC for event in scenario.disturbances if isinstance(event, NewSetpoint)),
+                     default=scenario.setpoint_degC)
+        top = float(f"{scenario.setpoint_degC:.4g}")
+        lower = [float(f"{top - share * (top - lowest):.4g}") for share in _OF_RANGE]
+        return self._by_setpoints(found, [(low, top) for low in lower if low < top])
+
+    def _by_upper_end(self, found: DesignResult) -> tuple[str, ...]:
+        """Return likewise the option of one setpoint, that of a stated range which takes most power."""
+        scenario = found.proof.scenario
+        return () if scenario.setpoint_low_degC is None else self._by_setpoints(
+            found, [float(f"{scenario.setpoint_degC:.4g}")])
+
+    def _by_setpoints(
+        self, found: DesignResult, setpoints_degC: Sequence[float | tuple[float, float]]
+    ) -> tuple[str, ...]:
+        proof, asked = found.proof, self.request
+        if not wound(proof.diagnostics) <= OF_RANGE or asked.conditions.profile is not None:
+            return ()
+        screen = RunScreen(fitted_model=self.fitted_model).with_nights([proof])
+        for ends in setpoints_degC:
+            if screen.wound(proof.words, replace(found.conditions, setpoint_degC=ends)):
                 continue
-            option = "--setpoint", f"{ends[0]:g} {ends[1]:g}"
+            option = "--setpoint", f"{ends[0]:g} {ends[1]:g}" if isinstance(ends, tuple) else f"{ends:g}"
             self.progress(f"it winds up: trying {' '.join(option)}")
             smaller = replace(asked, conditions=replace(asked.conditions, setpoint_degC=ends))
             try:
