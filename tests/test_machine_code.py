@@ -186,5 +186,5 @@ def test_what_is_kept_on_disk_is_loaded_for_less_work(tmp_path, place, monkeypat
 def test_what_is_only_called_is_taken_in_and_has_no_machine_code_of_its_own(tmp_path, place):
     module = _started_anew(tmp_path)
     name = b"_ZN3own5inner"  # as LLVM has it
-    assert name not in object_code(module.outer, [3.0]).made
-    assert name in object_code(module.inner, [3.0]).made
+    assert name not in object_code(module.outer, [3.0]).content
+    assert name in object_code(module.inner, [3.0]).content

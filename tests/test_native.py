@@ -152,7 +152,7 @@ def test_code_that_needs_what_is_not_here_is_not_run():
 
     code = object_code(same, [1.0])
     assert entry(code, kinds_of([1.0])) is not None
-    lacking = Code(name=code.name, result=code.result, needs=("no_such_function_anywhere",), made=code.made,
+    lacking = Code(name=code.name, result=code.result, needs=("no_such_function_anywhere",), content=code.content,
                    door=code.door)
     assert entry(lacking, kinds_of([1.0])) is None
 

@@ -81,11 +81,11 @@ class Yardsticks:
 class Rates:
     """Samples a second on one processor and on all."""
 
-    one: Times
+    single_processor: Times
     all: Times
 
 
-@register_schema("heatertune/bench/2")
+@register_schema("heatertune/bench/3")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Throughput:
     """How long a scan of the closed loop, samples of a proof and a fit take here, beside yardsticks.
@@ -152,7 +152,7 @@ def speed(target: str, samples: int = 1000, *, rounds: int = 7, progress: Progre
                   compiled_ns_per_scan=Times.of(runs["one"], 1e-9 * samples * scans), first_samples_s=start),
         yardsticks=Yardsticks(python_ns_per_scan=Times.of(runs["python"], 1e-9 * _SCANS),
                               lfilter_ns_per_value=Times.of(runs["lfilter"], 1e-9 * _VALUES)),
-        samples_per_s=Rates(one=Times.of([samples / run for run in runs["one"]]),
+        samples_per_s=Rates(single_processor=Times.of([samples / run for run in runs["one"]]),
                             all=Times.of([samples / run for run in runs["all"]])),
         fit_ms={str(rows): Times.of(runs[str(rows)], 1e-3) for rows in _ROWS})
 

@@ -80,7 +80,7 @@ def object_code(function: Callable[..., Any], arguments: Sequence[Any], *, calls
     needs = [each.name for each in made.library._final_module.functions if each.is_declaration]
     return Code(name=made.fndesc.llvm_func_name, result=_result(function, made.signature.return_type),
                 needs=tuple(name for name in needs if not name.startswith("llvm.")),
-                made=made.library._get_compiled_object(),
+                content=made.library._get_compiled_object(),
                 door=packed_door(made.fndesc.llvm_func_name, kinds_of(arguments)))
 
 

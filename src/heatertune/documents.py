@@ -7,12 +7,15 @@ import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from heatertune.errors import DocumentError
 from heatertune.files import read_text
 
-__all__ = ["DATA", "data_folder", "existing_path", "peek_schema", "plain", "read_document", "read_toml", "to_json"]
+__all__ = [
+    "DATA", "EarlierDocument", "data_folder", "existing_path", "peek_schema", "plain", "read_document", "read_toml",
+    "to_json",
+]
 
 
 #: folder in which the documents of a design lie, beside what one reads and types
@@ -50,14 +53,60 @@ def plain(value: Any) -> Any:
     return value
 
 
+class EarlierDocument(dict[str, Any]):
+    """A document of an earlier schema with the keys of the current one.
+
+    Attributes:
+        original: the content of the file, which its digest covers.
+    """
+
+    def __init__(self, content: Mapping[str, Any], original: dict[str, Any]) -> None:
+        """Hold the content with its current keys, and the original."""
+        super().__init__(content)
+        self.original = original
+
+
+class _KeyChange(NamedTuple):
+    """What changed from a schema to the next one: keys anywhere in the document, and keys at its top level alone."""
+
+    earlier: str
+    keys: Mapping[str, str] = {}
+    top: Mapping[str, str] = {}
+
+
+_FINDINGS: Final = {"told": "message", "log_told": "log_summary"}
+_CURVES: Final = {"wish": "ideal", "asked_time_s": "request_time_s", "asked_pct": "request_pct"}
+#: schema → the schema before it, whose documents are still read
+_KEY_CHANGES: Final = {
+    "heatertune/model/3": _KeyChange("heatertune/model/2", _FINDINGS),
+    "heatertune/pid/2": _KeyChange("heatertune/pid/1", _FINDINGS),
+    "heatertune/words/2": _KeyChange("heatertune/words/1", {"ms_drawn": "ms_sampled", "told": "message"}),
+    "heatertune/proof/4": _KeyChange("heatertune/proof/3", {
+        "told": "message", "known": "stated_settings", "kept": "passing_count"}),
+    "heatertune/log/2": _KeyChange("heatertune/log/1", {"doubts": "warnings"}),
+    "heatertune/pictures/3": _KeyChange("heatertune/pictures/2", _CURVES),
+    "heatertune/comparison/2": _KeyChange("heatertune/comparison/1", {**_CURVES, "price": "cost", "told": "message"}),
+    "heatertune/as-left/2": _KeyChange("heatertune/as-left/1", {"told": "message"}, {"told": "messages"}),
+    "heatertune/written/2": _KeyChange("heatertune/written/1", {
+        "told": "message", "seen": "observations", "found": "as_found"}),
+    "heatertune/supervision/2": _KeyChange("heatertune/supervision/1", top={"told": "rules", "beside": "built_in"}),
+}
+
+_CURRENT: Final = {change.earlier: schema for schema, change in _KEY_CHANGES.items()}
+
+
 def read_document(path: str | Path, schema: str) -> dict[str, Any]:
-    """Return the JSON object of a file.
+    """Read the JSON object of a file; one of the schema before has its keys renamed.
 
     Raises:
         DocumentError: the file is missing, is no JSON object, or carries another schema.
     """
     content = _load(path)
     named = content.get("schema")
+    change = _KEY_CHANGES.get(schema)
+    if change is not None and named == change.earlier:
+        top = {change.top.get(key, key): value for key, value in content.items()}
+        return EarlierDocument(_with_keys(top, change.keys), content)
     if named != schema:
         raise DocumentError(f"{path}: schema is {named!r}; expected {schema!r}")
     return content
@@ -80,9 +129,18 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 def peek_schema(path: str | Path) -> str | None:
-    """Return the schema a JSON file names, None where it names none; errors as in `read_document`."""
+    """Return the schema as which `read_document` reads a JSON file, None where it names none; errors as there."""
     named = _load(path).get("schema")
-    return named if isinstance(named, str) else None
+    return _CURRENT.get(named, named) if isinstance(named, str) else None
+
+
+def _with_keys(value: Any, keys: Mapping[str, str]) -> Any:
+    """Rename keys in JSON, those of documents within a document as well."""
+    if isinstance(value, dict):
+        renamed = {keys.get(key, key): _with_keys(item, keys) for key, item in value.items()}
+        named = value.get("schema")
+        return renamed | ({"schema": _CURRENT[named]} if isinstance(named, str) and named in _CURRENT else {})
+    return [_with_keys(item, keys) for item in value] if isinstance(value, list) else value
 
 
 def _load(path: str | Path) -> dict[str, Any]:

@@ -68,13 +68,13 @@ class Code:
     name: str
     result: Result
     needs: tuple[str, ...]
-    made: bytes
+    content: bytes
     door: bytes
 
     def to_bytes(self) -> bytes:
         """Return a file's content."""
-        head = json.dumps([self.name, self.result, self.needs, len(self.made)]).encode()
-        both = self.made + self.door
+        head = json.dumps([self.name, self.result, self.needs, len(self.content)]).encode()
+        both = self.content + self.door
         return b"\n".join((_SCHEMA, hashlib.sha256(head + both).hexdigest().encode(), head, both))
 
     @classmethod
@@ -84,7 +84,7 @@ class Code:
         if schema != _SCHEMA or digest.decode() != hashlib.sha256(head + both).hexdigest():
             raise ValueError("the file was changed")
         name, result, needs, length = json.loads(head)
-        return cls(name=name, result=result, needs=tuple(needs), made=both[:length], door=both[length:])
+        return cls(name=name, result=result, needs=tuple(needs), content=both[:length], door=both[length:])
 
 
 def kinds_of(arguments: Iterable[Any]) -> Kinds:
@@ -141,7 +141,7 @@ def entry(code: Code, kinds: Kinds) -> Callable[[tuple[Any, ...]], Any] | None:
             return None
         engine = loader.create_mcjit_compiler(
             loader.parse_assembly(""), loader.Target.from_default_triple().create_target_machine())
-        for part in (code.made, code.door):
+        for part in (code.content, code.door):
             engine.add_object_file(loader.ObjectFileRef.from_data(part))
         engine.finalize_object()
     function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_char_p)(engine.get_function_address(_DOOR))

@@ -71,7 +71,7 @@ def rich_model() -> FittedModel:
             halves=(halves[0], halves[1])),
         logs=(OneLog(name="log", fit_pct=95.0, alone_fit_pct=96.0, ambient_degC=22.0, drift_degC_per_s=0.0, noise_degC=0.1,
                      values=values, ci95=ci95),),
-        log_told=("a line",), findings=(Finding(name="repaired", told="Two rows were left out."),), setpoint_degC=50.0,
+        log_summary=("a line",), findings=(Finding(name="repaired", message="Two rows were left out."),), setpoint_degC=50.0,
         log_interval_s=1.0, least_dead_time_s=0.5, reading_step_degC=0.1, assumed={"sensor_delay_s": 1.0},
     )
 

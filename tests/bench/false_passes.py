@@ -305,7 +305,7 @@ def _proven(words, model, conditions, *, draws):
     return prove_models(
         _without_listing(words.target), words, [("by hand", model)], course.scenario, actuator_for(conditions, words),
         Acceptance(limits=limits_of(specification_of(conditions), [model]), margins_of=margins),
-        Coverage(known=conditions.switches, draws=draws))
+        Coverage(stated_settings=conditions.switches, draws=draws))
 
 
 @cache

@@ -91,7 +91,7 @@ def proven(words, fitted, conditions, power):
     course = course_for(words, fitted.plants, conditions, conditions.highest_degC)
     acceptance = Acceptance(limits=limits_of(specification_of(conditions), fitted.plants), margins_of=margins)
     return prove_models(preloaded(words.target, power), words, labelled_heaters(fitted), course.scenario, actuator_for(conditions, words),
-                        acceptance, Coverage(known=conditions.switches))
+                        acceptance, Coverage(stated_settings=conditions.switches))
 
 
 def settles(proof):

@@ -213,7 +213,7 @@ def judged(library, case, samples, rng):
                                          f"{apart(its, mine)}")
         others = [told(library, replace(each, settings=settings), case.limits) for each in own]
         kept_by = sum(map(keeps, others))
-        found.shares.append((case.design.proof.samples.settings[setting].kept, sum(seen), kept_by))
+        found.shares.append((case.design.proof.samples.settings[setting].passing_count, sum(seen), kept_by))
         of_more = int(more_kept[setting].sum())
         p = fisher_exact([[kept_by, samples - kept_by], [of_more, MORE - of_more]])[1]
         found.tests.append((float(p), f"share under {settings}: {kept_by / samples:.3f} and {of_more / MORE:.3f}"))

@@ -111,7 +111,7 @@ def one(tclab, number, target):
                 setpoint_degC=rows[:, 4])
     view = decode(ProofView, plain(proof.to_document()), "proof.json")
     left = as_left(trace, proof.words, result.fitted_model, view, load_at_s=60.0 + 1200.0)
-    return told | {"broken": broken, "as_left": left.verdict, "told": list(left.told)} | {
+    return told | {"broken": broken, "as_left": left.verdict, "messages": list(left.messages)} | {
         name: [round(float(value), 2), round(proven[name].value, 2)] for name, value in found.items()}
 
 

@@ -41,5 +41,5 @@ def test_a_power_whose_change_is_only_written_with_the_next_reading_blocks_whate
         plan=((0.0, 0.0), (60.0, 60.0), (1060.0, 20.0)), end_s=2000.0)
     log = read_log(io.StringIO(on_change.wide_readings(case, 1)))
     assert log.power_late_s == pytest.approx(85.0)  # rows at 0 and 85 s, and the power changed at 60 s
-    told = {finding.name: finding.told for finding in fit(log, dead_time_at_most_s=bound_s).findings}
+    told = {finding.name: finding.message for finding in fit(log, dead_time_at_most_s=bound_s).findings}
     assert "up to 85 s before the row" in told["alias"]

@@ -103,7 +103,7 @@ def test_the_heater_that_is_the_hardest_in_a_part_of_the_range_is_found_where_it
     assert len(models) > 1
 
     def most(of):
-        every = settings_to_prove(controller_for(target).switches, design.proof.known)
+        every = settings_to_prove(controller_for(target).switches, design.proof.stated_settings)
         return max(of(library, bench_of(model, design, settings), limits, lowest)[0][0] for _, model in models for settings in every)
 
     if target == "s7-200":

@@ -101,7 +101,7 @@ def test_no_process_is_begun_where_it_is_of_no_use(reason, fresh, monkeypatch):
 
 
 #: of a log's section alone: nothing else is looked at
-DOCUMENTS = {"log": {"name": "a log", "source": "made up", "repairs": [], "doubts": [], "time_s": [0.0, 1.0],
+DOCUMENTS = {"log": {"name": "a log", "source": "made up", "repairs": [], "warnings": [], "time_s": [0.0, 1.0],
                      "temperature_degC": [20.0, 21.0], "power_pct": [0.0, 50.0], "setpoint_degC": None},
              "model": {"residuals": {"time_s": [0.0, 1.0], "measured_degC": [20.0, 21.0],
                                    "simulated_degC": [20.0, 20.5]}}}

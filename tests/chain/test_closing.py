@@ -298,7 +298,7 @@ def test_refined_words_without_end_of_one_steps_power_and_a_switch_are_made_agai
     plain = plainly(model_by_hand(HEATER), asked)
     again = _again(plain, model_by_hand(HEATER))
     assert again.words == plain.proof.words
-    assert (again.actuator, again.limits, again.known) == (plain.proof.actuator, plain.proof.limits, {"sum": "limited"})
+    assert (again.actuator, again.limits, again.stated_settings) == (plain.proof.actuator, plain.proof.limits, {"sum": "limited"})
     assert again.limits.step_power_pct is None
 
 

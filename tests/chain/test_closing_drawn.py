@@ -53,7 +53,7 @@ def heard(monkeypatch):
             asked.append(drawn.seed)
             true = with_samples(proof, fitted, replace(drawn, samples=10), conditions).samples
             kept = says(true.settings, len(asked))
-            settings = tuple(replace(setting, kept=number) for setting, number in zip(true.settings, kept, strict=True))
+            settings = tuple(replace(setting, passing_count=number) for setting, number in zip(true.settings, kept, strict=True))
             broken = () if min(kept) == 100 else tuple(range(3 * len(asked)))
             return replace(proof, samples=replace(
                 true, count=100, settings=settings, passing=min(kept) / 100, broken=broken))

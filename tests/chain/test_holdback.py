@@ -87,7 +87,7 @@ def test_a_holdback_is_carried_by_documents_certificate_and_words(words, found, 
     path = tmp_path / "words.json"
     whole = {"target": "weg", "words": dict(words.values), "sample_time_s": words.sample_time_s,
              "scaling": {"low_degC": 0.0, "high_degC": 100.0}, "setpoint_ramp": document}
-    path.write_text(json.dumps({"schema": "heatertune/words/1", **whole}))
+    path.write_text(json.dumps({"schema": "heatertune/words/2", **whole}))
     assert read_words(path, "weg").ramp == proof.words.ramp
 
 
@@ -111,7 +111,7 @@ def test_a_holdback_winds_up_the_more_the_longer_the_circuit_is_open(found, limi
     proof = prove(found[0].words, HEATER, asked)
     (finding,) = [each for each in proof.diagnostics.findings if each.name == "winds-up"]
     assert proof.verdict == "NOT PROVEN"
-    hours, beyond = re.search(rf"After ([\d.]+) h with an open circuit it overshoots by ([\d.]+) {unit};", finding.told).groups()
+    hours, beyond = re.search(rf"After ([\d.]+) h with an open circuit it overshoots by ([\d.]+) {unit};", finding.message).groups()
     *_, opened, closed_again = (each.time_s for each in proof.scenario.disturbances if isinstance(each, Mains))
     assert float(hours) == pytest.approx(4.0 * (closed_again - opened) / 3600.0, rel=0.05)
     assert float(beyond) > float(limit.rstrip("%degC"))

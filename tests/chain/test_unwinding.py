@@ -133,7 +133,7 @@ def test_a_short_open_circuit_is_found_where_it_overshoots_most(library, rated_o
     share, length = _peak(library, heater, proof, conditions)
     assert 1.09 < share < 1.12 + 1e-3
     assert 1.2 < length < 1.8
-    assert "it overshoots by 44.9 %" in proof.diagnostics.findings[0].told  # 40 % are allowed: 1.12 of them
+    assert "it overshoots by 44.9 %" in proof.diagnostics.findings[0].message  # 40 % are allowed: 1.12 of them
     assert prove(words, model_by_hand(heater), conditions, accept=("briefly-open",)).verdict == "PASS"
 
 

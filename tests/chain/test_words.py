@@ -119,7 +119,7 @@ def test_a_document_tells_ms_on_drawn_heaters_of_the_very_words():
     real, draws = controller_for("weg").decode(choice.words), np.random.default_rng(0).normal(0.0, 1.0, (200, 3))[:, 0]
     gains = HEATER.gain_degC_per_pct * np.exp(draws * math.log(1.25) / 1.96)
     alone = sorted(margins(replace(HEATER, gain_degC_per_pct=gain), real).ms for gain in gains)
-    drawn = document["ms_drawn"]
+    drawn = document["ms_sampled"]
     assert (drawn["count"], drawn["unstable"]) == (200, 0)
     assert drawn["worst"] == pytest.approx(alone[-1], rel=1e-9)
     assert drawn["median"] == pytest.approx(alone[100], rel=1e-9)
@@ -127,8 +127,8 @@ def test_a_document_tells_ms_on_drawn_heaters_of_the_very_words():
     assert document["notes"] == [*choice.search.notes, "One more."]
     assert {name: document[name] for name in choice.search.to_document() if name != "notes"} == {
         name: value for name, value in choice.search.to_document().items() if name != "notes"}
-    assert search_document(choose_words(_optimum(HEATER, 4.0), "on-off", fitted), fitted)["ms_drawn"] is None
-    assert search_document(choice, model_by_hand(HEATER))["ms_drawn"] is None
+    assert search_document(choose_words(_optimum(HEATER, 4.0), "on-off", fitted), fitted)["ms_sampled"] is None
+    assert search_document(choice, model_by_hand(HEATER))["ms_sampled"] is None
 
 
 def test_a_row_of_a_table_which_shows_no_drawn_heaters_draws_none(monkeypatch):

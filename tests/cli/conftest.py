@@ -25,7 +25,7 @@ def by_hand(tmp_path, run):
     path = tmp_path / "pid.json"
     status, _, _ = run("tune", "--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22, "-o", path)
     assert status == 0
-    assert json.loads(path.read_text())["schema"] == "heatertune/pid/1"
+    assert json.loads(path.read_text())["schema"] == "heatertune/pid/2"
     return path
 
 

@@ -21,7 +21,7 @@ def pid(tmp_path, run):
     fitted = replace(
         model_by_hand(HEATER), outcome=FitOutcome.IDENTIFIED, setpoint_degC=40.0, log_interval_s=2.0,
         least_dead_time_s=1.0, assumed={"sensor_delay_s": 0.5},
-        findings=(Finding(name="dead-time-open", told="With one lag, the dead time has no upper end within the log."),),
+        findings=(Finding(name="dead-time-open", message="With one lag, the dead time has no upper end within the log."),),
     )
     model, path = tmp_path / "model.json", tmp_path / "pid.json"
     model.write_text(to_json(document.to_document(fitted)), encoding="utf-8")
@@ -58,7 +58,7 @@ def test_what_is_accepted_is_pass_and_stands_in_the_files(pid, run, tmp_path):
     assert "// assumed: sensor delay of 0.5 s\n" in listing
     proof = json.loads((tmp_path / "out" / "data" / "proof.json").read_text(encoding="utf-8"))
     assert proof["findings"][0] == {"name": "dead-time-open", "effect": "blocks", "accepted": True,
-                                    "told": "With one lag, the dead time has no upper end within the log."}
+                                    "message": "With one lag, the dead time has no upper end within the log."}
 
 
 def test_forced_words_say_that_they_are_not_proven_and_can_be_accepted_later(pid, run, tmp_path):
@@ -77,7 +77,7 @@ def test_a_model_of_before_the_verdict_heard_the_fit_is_refused(pid, run):
     pid.write_text(json.dumps(found), encoding="utf-8")
     status, _, err = run("verify", pid, "--target", "s5-ob251")
     assert status == 2
-    assert err.rstrip().endswith("expected 'heatertune/model/2': fit and tune again")
+    assert err.rstrip().endswith("expected 'heatertune/model/3': fit and tune again")
 
 
 def test_only_what_blocks_can_be_accepted(pid, run):

@@ -50,7 +50,7 @@ def test_overshoot_is_answered_by_smaller_gains_proven_before_and_after(run, res
     status, out, err = run("advise", response(), "--pid", pid, *KNOWN, "--json", "--quiet")
     document = json.loads(out)
     assert (status, err, document["symptom"], document["target"]) == (0, "", "OVERSHOOT", "weg")
-    assert document["seen"]["overshoot_pct"] == pytest.approx(37.2, abs=0.2)  # exp(−π·0.3/√0.91)
+    assert document["response"]["overshoot_pct"] == pytest.approx(37.2, abs=0.2)  # exp(−π·0.3/√0.91)
     cases = _cases(document)
     before, kp, ki, kd, whole = cases.values()
     design = json.loads(pid.read_text())
@@ -180,7 +180,7 @@ def test_the_proof_itself_can_be_the_response(run, by_hand):
     assert (document["log"], document["symptom"], document["best"]) == (None, "NONE", None)
     (before,) = document["cases"]
     assert (status == 0) == (before["verdict"] == "PASS")
-    assert document["seen"]["overshoot_pct"] <= before["overshoot"]
+    assert document["response"]["overshoot_pct"] <= before["overshoot"]
 
 
 def test_other_targets_are_advised_too(run, response, by_hand):
@@ -190,7 +190,7 @@ def test_other_targets_are_advised_too(run, response, by_hand):
 
 
 def test_a_step_that_does_not_fit_the_target_says_so(run, response, tmp_path):
-    design = {"schema": "heatertune/pid/1", "gain_pct_per_degC": 29.0, "integral_time_s": 300.0, "derivative_time_s": 0.0,
+    design = {"schema": "heatertune/pid/2", "gain_pct_per_degC": 29.0, "integral_time_s": 300.0, "derivative_time_s": 0.0,
               "sample_time_s": 5.0}
     model = json.loads(_model(run, tmp_path))
     (tmp_path / "pid.json").write_text(json.dumps(design | {"model": model}))
@@ -211,9 +211,9 @@ def test_until_and_the_last_setpoint_step_choose_what_is_looked_at(run, tmp_path
     rows += [f"{600 + t},{30.0 + 15.0 * (1 - math.exp(-t / 40.0)):.3f},45" for t in range(0, 600, 3)]
     path = tmp_path / "two.csv"
     path.write_text("time_s,temp_C,setpoint_C\n" + "\n".join(rows))
-    seen = json.loads(run("advise", path, "--pid", by_hand, "--json", "--quiet")[1])["seen"]
+    seen = json.loads(run("advise", path, "--pid", by_hand, "--json", "--quiet")[1])["response"]
     assert (seen["setpoint_degC"], round(seen["step_degC"], 1)) == (45.0, 15.0)
-    seen = json.loads(run("advise", path, "--pid", by_hand, "--until", 590, "--json", "--quiet")[1])["seen"]
+    seen = json.loads(run("advise", path, "--pid", by_hand, "--until", 590, "--json", "--quiet")[1])["response"]
     assert (seen["setpoint_degC"], round(seen["step_degC"], 1)) == (30.0, 8.0)
 
 

@@ -269,7 +269,7 @@ def test_an_open_point_that_is_known_of_a_controller_is_not_varied(run, by_hand,
     assert (status, json.loads(out)["verdict"]) == (1, "FAIL"), "a block without anti-windup overshoots"
     status, out, _ = run("verify", by_hand, *conditions, "--switch", "anti_windup=clamp")
     document = json.loads(out)
-    assert (status, document["known"]) == (0, {"anti_windup": "clamp"})
+    assert (status, document["stated_settings"]) == (0, {"anti_windup": "clamp"})
     assert {each["switches"]["anti_windup"] for each in document["runs"]} == {"clamp"}
     assert {each["switches"]["filter"] for each in document["runs"]} == {"implicit", "exact"}
     assert run("export-db", by_hand, *conditions, "--switch", "anti_windup=clamp", "-o", tmp_path)[0] == 0
@@ -288,7 +288,7 @@ def test_one_of_several_runs_can_be_asked_for(run, tmp_path):
     log.write_text("\n".join(["time_s,temp_C,duty_pct", *rows, *rows[:25]]) + "\n")
     told = json.loads(run("fit", log, "--run", 2, "--json")[1] or "{}")
     assert "run 3" in run("fit", log, "--run", 3)[2]
-    assert told["schema"] == "heatertune/model/2"
+    assert told["schema"] == "heatertune/model/3"
 
 
 @pytest.mark.long
@@ -410,7 +410,7 @@ BAD = {
 def test_bad_input_gets_one_line_status_2_and_writes_nothing(run, tmp_path, monkeypatch, case):
     monkeypatch.chdir(tmp_path)
     rows = [f"{10 * k},{20 + k}" for k in range(30)]
-    design = {"schema": "heatertune/pid/1", "gain_pct_per_degC": 2.0, "integral_time_s": 300.0, "derivative_time_s": 0.0}
+    design = {"schema": "heatertune/pid/2", "gain_pct_per_degC": 2.0, "integral_time_s": 300.0, "derivative_time_s": 0.0}
     words = {"K": 99999, "R": 1024, "TI": 20, "TD": 0, "W": 0, "STEU": 33, "YH": 0, "BGOG": 2047, "BGUG": 0}
     files = {
         "empty.csv": "", "text.csv": "time_s,temp_C\n" + "\n".join([rows[0], "10,warm", *rows[2:]]),
@@ -421,7 +421,7 @@ def test_bad_input_gets_one_line_status_2_and_writes_nothing(run, tmp_path, monk
         "held.csv": "time_s,temp_C,duty_pct\n" + "\n".join(f"{row},50" for row in rows),
         "pid.json": json.dumps(design | {"sample_time_s": 10.0}),
         "fast.json": json.dumps(design | {"sample_time_s": 0.01}),
-        "words.json": json.dumps({"schema": "heatertune/words/1", "target": "s5-ob251", "words": words,
+        "words.json": json.dumps({"schema": "heatertune/words/2", "target": "s5-ob251", "words": words,
                                   "sample_time_s": 10.0, "scaling": {"low_degC": 0.0, "high_degC": 100.0}}),
     }
     for name, text in files.items():

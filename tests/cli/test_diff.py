@@ -44,7 +44,7 @@ def dump(proven, tmp_path):
 def _document(run, *arguments):
     status, out, _ = run("diff", *arguments, "--json")
     document = json.loads(out)
-    assert (document["schema"], status) == ("heatertune/diff/2", 0 if document["same"] else 1)
+    assert (document["schema"], status) == ("heatertune/diff/3", 0 if document["same"] else 1)
     return document
 
 
@@ -174,7 +174,7 @@ def test_a_ramp_is_known_of_words_and_taken_over_for_a_memory(tmp_path):
     words = replace(controller.encode(DESIGN, Scaling()), ramp=Ramp(step=1, calls=3))
     text = controller.export(words, Certificate(verdict="PASS"))["s7_200_program.awl"]
     (tmp_path / "program.awl").write_text(text)
-    document = {"schema": "heatertune/words/1", "target": "s7-200", "words": dict(words.values), "sample_time_s": words.sample_time_s,
+    document = {"schema": "heatertune/words/2", "target": "s7-200", "words": dict(words.values), "sample_time_s": words.sample_time_s,
                 "scaling": {"low_degC": 0.0, "high_degC": 100.0}, "setpoint_ramp": {"step": 1, "calls": 3}}
     (tmp_path / "words.json").write_text(json.dumps(document))
     a, b = read_sides(tmp_path, tmp_path / "program.awl", DeclaredWords())

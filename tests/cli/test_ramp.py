@@ -91,7 +91,7 @@ def test_a_whole_design_carries_its_ramp_into_every_document_and_the_report(run,
     assert "The setpoint moves by" in (out / "report.html").read_text()
     # nominal and wish follow the ramp: half way after half of the 25 °C at 6 °C/min, give or take the lag of the loop
     assert documents["pictures"]["nominal"]["followed_degC"][-1] == pytest.approx(45.0, abs=100 / 2047)
-    for name in ("nominal", "wish"):
+    for name in ("nominal", "ideal"):
         series = documents["pictures"][name]
         half = next(t for t, y in zip(series["time_s"], series["temperature_degC"], strict=True) if y > 32.5)
         assert 125.0 < half < 220.0, name

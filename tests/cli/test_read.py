@@ -64,7 +64,7 @@ def test_the_line_is_printed_by_every_command_that_reads_a_log_also_when_quiet(r
     line = "[log] log.csv: 240 rows every 5 s; time = 'time [s]' [s], temperature = 'T [°C]' [°C], power = 'power [%]' [0…100 %], setpoint = none"
     model = tmp_path / "model.json"
     assert run("fit", path, "-o", model, "--quiet")[2] == line + "\n"
-    assert json.loads(model.read_text())["log_told"] == [line.removeprefix("[log] ")]
+    assert json.loads(model.read_text())["log_summary"] == [line.removeprefix("[log] ")]
     assert run("validate", model, path, "--quiet")[2] == line + "\n"
     _, _, err = run("design", path, "--target", "s5-ob251", "--setpoint", 40, "--out", tmp_path / "out", "--quiet")
     assert err == line + "\n"
@@ -83,7 +83,7 @@ def test_repairs_of_more_than_a_hundredth_of_the_rows_are_a_finding(run, tmp_pat
             lines[50 + 40 * k] = f"{cells[0]};;{cells[2]}"
         path = _write(tmp_path, "\n".join(lines) + "\n")
         document = json.loads(run("fit", path, "--skip-empty", "--json")[1])
-        assert [each["told"] for each in document["findings"] if each["name"] == "repaired"] == found
+        assert [each["message"] for each in document["findings"] if each["name"] == "repaired"] == found
 
 
 def test_a_log_may_be_cut_before_it_is_shown(run):

@@ -115,7 +115,7 @@ def test_it_writes_the_program_and_a_page_to_print_whose_every_sheet_says_that_i
 
 @pytest.mark.long(seconds=10)
 @pytest.mark.parametrize(("change", "said"), [
-    ({"numbers": {}}, "numbers"), ({"checked": "many"}, "checked"), ({"schema": "heatertune/pid/1"}, "schema"),
+    ({"numbers": {}}, "numbers"), ({"checked": "many"}, "checked"), ({"schema": "heatertune/pid/2"}, "schema"),
     ({"faults": [{"name": "x"}]}, r"faults\[0\]"),
 ])
 def test_a_document_that_does_not_hold_together_is_refused_by_its_field(made, tmp_path, change, said):

@@ -30,7 +30,7 @@ def drawn(folder: Path) -> dict[str, str]:
     with mpl.rc_context({"path.simplify_threshold": 0.5}):  # half a dot: a third of the points
         figures = {
             "fit": plots.plot_fit(log, model["residuals"]),
-            "words": plots.plot_wish(seen["nominal"], seen["wish"], seen["phases"]),
+            "words": plots.plot_wish(seen["nominal"], seen["ideal"], seen["phases"]),
             "proof": plots.plot_loop(seen["nominal"], seen["worst"], seen["others"], seen["phases"]),
         }
     return {name: _svg(figure, said(proof)) for name, figure in figures.items()}

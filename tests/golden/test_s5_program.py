@@ -217,7 +217,7 @@ def test_a_listing_that_retains_goes_on_where_ob251_was_or_from_cold_without_a_b
     proof = chain.prove(words, model_by_hand(TWO), Conditions(setpoint_degC=51.0, switches={"start_up": "retained"}), first_look=False)
     plain = {switch.name: switch.default for switch in controller_for(TARGET).switches}
     kept, lost = ([run.switches for run in proof.runs].index(plain | {"start_up": way}) for way in ("retained", "cleared"))
-    told = Certificate(verdict="PASS", setpoint_degC=51.0, actuator=proof.actuator, switches=proof.known)
+    told = Certificate(verdict="PASS", setpoint_degC=51.0, actuator=proof.actuator, switches=proof.stated_settings)
     listing = controller_for(TARGET).export(words, told)["program_listing.txt"]
     for run, battery in ((kept, True), (lost, False)):
         trace = proof.trace(run)

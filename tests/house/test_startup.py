@@ -123,7 +123,7 @@ def failing(proof):
      "criteria.ms.ok: False; its value says otherwise: no whole proof; prove the words again"),
     (failing, 2, "criteria.ms.value: 9; proven again it is "),  # a whole proof, but not what the words do
     (lambda proof: proof.pop("runs"), 2, "proof.json: runs: is missing: no whole proof; prove the words again"),
-    (lambda proof: proof.update(schema="x"), 2, "schema is 'x'; expected 'heatertune/proof/3'"),
+    (lambda proof: proof.update(schema="x"), 2, "schema is 'x'; expected 'heatertune/proof/4'"),
 ])
 @pytest.mark.long
 def test_no_words_leave_on_another_proof(change, status, told, proven, tmp_path, capsys):

@@ -36,7 +36,7 @@ class Loop:
     """A PLC that is looked at: `shows` gives temperature and power at each look; its time runs as fast as it is asked."""
 
     def __init__(self, proven, shows, counter=False):
-        self.standing = block_image(proven.words, address_of("modbus://127.0.0.1:1/1"), proven.view.known)
+        self.standing = block_image(proven.words, address_of("modbus://127.0.0.1:1/1"), proven.view.stated_settings)
         self._shows, self._number, self._counter = shows, 0, counter
 
     def look(self):

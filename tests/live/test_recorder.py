@@ -228,7 +228,7 @@ def test_a_lost_link_is_a_marked_gap_and_the_log_goes_on(served, places, tmp_pat
     assert rows[-1, 0] > 2400.0
     log = read_log(tmp_path / "log.csv")
     assert any(f"The recording marks {len(gaps)} gap" in repair for repair in log.repairs)
-    assert any("gap" in doubt for doubt in log.doubts)
+    assert any("gap" in doubt for doubt in log.warnings)
 
 
 def test_in_stop_there_are_no_rows(served, places, tmp_path):

@@ -159,7 +159,7 @@ FORGERIES = {
     "period of the PWM": lambda found: found["proof"]["actuator"].update(pwm_period_s=60.0),
     "noise": lambda found: found["proof"]["scenario"].update(noise_degC=5.0),
     "limits": _limits,
-    "known point": lambda found: found["proof"].update(known={"limit": "reached"}),
+    "known point": lambda found: found["proof"].update(stated_settings={"limit": "reached"}),
     "sentences": lambda found: found["proof"].update(not_tested=[]),
     "a line in a sentence": lambda found: found["proof"]["remarks"].append("a\nDW 1: KF = +30000"),
     "model of the design": _slow_model,

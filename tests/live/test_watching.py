@@ -50,7 +50,7 @@ def watched(folder, tmp_path, capsys, *faults):
 
 def test_a_loop_in_order_is_well_through_its_whole_heat_up(folder, tmp_path, capsys):
     status, seen = watched(folder, tmp_path, capsys)
-    assert (status, seen["well"], seen["told"], seen["outside_s"]) == (0, True, [], [])
+    assert (status, seen["well"], seen["messages"], seen["outside_s"]) == (0, True, [], [])
     assert seen["rest_pct"] == pytest.approx([31.1, 31.1], abs=1.0)
     assert f"; PWM period: {read_proven(folder).view.actuator.pwm_period_s:.9g} s" in (tmp_path / "log.csv").read_text()
 
@@ -72,7 +72,7 @@ def test_an_experiment_and_a_recording_tell_the_period_of_the_proof(folder, tmp_
 def test_what_goes_wrong_is_told(folder, tmp_path, capsys, fault, told):
     status, seen = watched(folder, tmp_path, capsys, fault)
     assert (status, seen["well"]) == (1, False)
-    assert any(told in line for line in seen["told"]), seen
+    assert any(told in line for line in seen["messages"]), seen
     assert all(begin >= 5990.0 for begin, _ in seen["outside_s"]), seen
 
 

@@ -85,7 +85,7 @@ def test_a_record_that_breaks_off_is_unknown_until_the_rollback_asked(record):
     cut = upto("written", "writing")
     [one] = record(cut).passages
     assert (one.outcome, one.ended, one.left) == ("unknown", None, None)
-    assert one.told == "the record breaks off after the step 'written'; heatertune rollback record.jsonl asks the PLC"
+    assert one.message == "the record breaks off after the step 'written'; heatertune rollback record.jsonl asks the PLC"
     there, back = record(lambda lines: [*cut(lines), *lines[[line["step"] for line in lines].index("rollback"):]]).passages
     assert (there.outcome, there.ended, there.left["K"]) == ("unknown", None, 5431)
     assert there.quantities[0].left == pytest.approx(5431 / 1024)

@@ -31,7 +31,7 @@ def test_a_clean_log_with_a_jump_that_stays_loses_nothing(tmp_path):
     log = _read(tmp_path, _rows())
     assert len(log.time_s) == 120
     assert "left out" not in _told(log)
-    assert log.doubts == ()
+    assert log.warnings == ()
 
 
 @pytest.mark.parametrize(("cells", "told"), [
@@ -115,7 +115,7 @@ def test_gaps_are_told_and_kept(tmp_path):
     rows = _rows()
     del rows[50:70]
     log = _read(tmp_path, rows)
-    assert log.doubts == ("The log has 1 gap (210 s after line 51); the power is assumed constant in them.",)
+    assert log.warnings == ("The log has 1 gap (210 s after line 51); the power is assumed constant in them.",)
     assert np.max(np.diff(log.time_s)) == 210.0
 
 
@@ -123,7 +123,7 @@ def test_a_gap_is_more_than_five_times_the_usual_interval(tmp_path):
     # readings every 10 s: 45 and 50 s are none, 51 s is one
     for pause, gaps in ((45, 0), (50, 0), (51, 1)):
         rows = [[str(int(row[0]) + (pause - 10) * (k >= 60)), *row[1:]] for k, row in enumerate(_rows())]
-        assert len(_read(tmp_path, rows).doubts) == gaps
+        assert len(_read(tmp_path, rows).warnings) == gaps
 
 def test_of_several_runs_the_longest_is_read_unless_another_is_asked_for(tmp_path):
     rows = _rows(30) + _rows(60) + _rows(40)

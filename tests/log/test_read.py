@@ -31,9 +31,9 @@ def test_the_tables_are_read_exactly_as_printed_and_only_errata_change_them():
         )
         assert (printed.time_s[-1], corrected.time_s[-1]) == (2936.0, 2400.0)
         assert np.array_equal(printed.temperature_degC, corrected.temperature_degC)
-        assert any("2936" in doubt for doubt in printed.doubts)
+        assert any("2936" in doubt for doubt in printed.warnings)
         assert any("2936" in repair for repair in corrected.repairs)
-        assert any("possible digit misprint" in doubt for doubt in read_log("table3").doubts)
+        assert any("possible digit misprint" in doubt for doubt in read_log("table3").warnings)
     assert read_log("table4").same_heater == ("table3",)
 
 
@@ -109,7 +109,7 @@ def test_names_above_the_readings_and_foreign_columns_are_told(tmp_path):
     assert "names of the columns" in told
     assert "'T1' was taken as the temperature; T2, room temp_C not used." in told
     warm = read_log(_write(tmp_path, _table("time_s,T", [(t, y + 50) for t, y, _ in ROWS])))
-    assert any("room temperature in °F" in doubt for doubt in warm.doubts)
+    assert any("room temperature in °F" in doubt for doubt in warm.warnings)
 
 
 def test_a_file_without_header_is_understood_by_its_numbers(tmp_path):

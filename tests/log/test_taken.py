@@ -62,7 +62,7 @@ def test_a_power_in_percent_is_taken_before_one_in_watts(tmp_path):
 
 def test_a_power_that_may_be_volts_is_doubted(tmp_path):
     log = _read(tmp_path, _table("time_s,temp_C,CV", [(t, y, u / 6.0) for t, y, u in ROWS]))
-    assert any("never exceeds 10 %" in doubt for doubt in log.doubts)
+    assert any("never exceeds 10 %" in doubt for doubt in log.warnings)
 
 
 @pytest.mark.parametrize(("column", "rows"), [

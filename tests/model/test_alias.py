@@ -36,7 +36,7 @@ def _alias(log):
         findings = fit(log).findings
     except InputError as refused:
         return str(refused)
-    return next((each.told for each in findings if each.name == "alias"), "")
+    return next((each.message for each in findings if each.name == "alias"), "")
 
 
 @pytest.mark.long

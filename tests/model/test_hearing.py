@@ -28,7 +28,7 @@ def test_a_poor_fit_is_a_finding_with_its_size():
     time, power = doublet()
     fitted = fit(logged(time, power, noise=np.random.default_rng(2).normal(0.0, 12.0, len(time))))
     assert fitted.outcome is FitOutcome.POOR_FIT
-    told = next(each.told for each in fitted.findings if each.name == "poor-fit")
+    told = next(each.message for each in fitted.findings if each.name == "poor-fit")
     assert told.startswith(f"{fitted.fit_pct:.0f} % of twin")
 
 
@@ -52,7 +52,7 @@ def test_every_finding_of_the_checks_is_told_in_the_notes_word_for_word():
     temperature = np.where(time < 1500.0, made.temperature_degC, 1.5 * made.temperature_degC - 10.0)
     fitted = fit(_log(time, power, temperature))
     assert "halves-disagree" in _names(fitted)
-    assert all(each.told in fitted.notes for each in fitted.findings if each.name != "poor-fit")
+    assert all(each.message in fitted.notes for each in fitted.findings if each.name != "poor-fit")
 
 
 @pytest.mark.long

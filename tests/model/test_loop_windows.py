@@ -75,8 +75,8 @@ def test_what_is_moved_by_hand_or_clock_is_no_loop_in_any_part(kind, lag):
 def test_the_fit_of_such_a_log_tells_from_when_to_when_and_has_the_finding():
     fitted = fit(_log("PI", closed=range(300, 600)))
     (found,) = [each for each in fitted.findings if each.name == "closed-loop"]
-    assert "from 1200 to 2396 s the power answers the temperature" in found.told
-    assert found.told in fitted.notes
+    assert "from 1200 to 2396 s the power answers the temperature" in found.message
+    assert found.message in fitted.notes
 
 
 def test_a_part_in_which_a_coarse_sensor_rests_is_no_loop_and_no_error():

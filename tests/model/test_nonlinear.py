@@ -45,7 +45,7 @@ def _log(levels=_levels, *, effective=lambda u: u, loss=0.0, cooling=LAG, warmin
 
 
 def _told(fitted):
-    return [finding.told for finding in fitted.findings if finding.name == "nonlinear"]
+    return [finding.message for finding in fitted.findings if finding.name == "nonlinear"]
 
 
 def _rates(fitted):

@@ -16,7 +16,7 @@ def _log(case, name="made"):
 
 
 def _unexplained(fitted):
-    return [finding.told for finding in fitted.findings if finding.name == "unexplained-by-power"]
+    return [finding.message for finding in fitted.findings if finding.name == "unexplained-by-power"]
 
 
 def _steps(heater, *, other=None, seed=1, rows=900, levels=(0.0, 40.0, 20.0)):

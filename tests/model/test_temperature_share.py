@@ -30,7 +30,7 @@ def _loop(start, setpoint, *, name="made", rows=400, every_s=5.0, second_lag_s=0
 
 
 def _unexplained(fitted):
-    return [finding.told for finding in fitted.findings if finding.name == "unexplained-by-power"]
+    return [finding.message for finding in fitted.findings if finding.name == "unexplained-by-power"]
 
 
 @pytest.mark.parametrize(("start", "setpoint", "rows"), [(80.0, 40.0, 400), (80.0, 40.0, 180), (60.0, 25.0, 300)])

@@ -27,7 +27,7 @@ def read(text, **options):
 
 
 def findings_of(fitted):
-    return {finding.name: finding.told for finding in fitted.findings}
+    return {finding.name: finding.message for finding in fitted.findings}
 
 
 def test_every_unit_without_evidence_stands_in_one_finding_with_the_options_that_state_them():
@@ -78,7 +78,7 @@ def test_logs_fitted_together_are_asked_about_one_by_one():
     object.__setattr__(other, "name", "other")
     told = [finding for finding in fit_together([good, other]).findings if finding.name == "unit-assumed"]
     assert len(told) == 1
-    assert "the time ('Time'" in told[0].told
+    assert "the time ('Time'" in told[0].message
 
 
 def test_an_ambient_that_the_log_never_comes_near_is_not_asked_about():

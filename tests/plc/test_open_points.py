@@ -286,7 +286,7 @@ def test_every_setting_of_every_room_has_a_case_and_no_two_settings_of_one_give_
     assert sorted(described) == sorted((name, s.name, s.settings) for name in TARGETS for s in controller_for(name).switches
                                        if not s.chosen and s.name != "heater")  # the heater of a printer is a name in files; what a start-up leaves has no scans of its own: golden/test_s5_program
     for case in CASES:
-        told = {name for s in controller_for(case.target).switches if s.name == case.switch for name in s.told}
+        told = {name for s in controller_for(case.target).switches if s.name == case.switch for name in s.summary}
         differ = [outputs for setting, outputs in case.outputs.items() if setting not in told]
         assert all(one != other for one, other in combinations(differ, 2)), case
 

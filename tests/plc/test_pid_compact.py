@@ -138,7 +138,7 @@ def test_pid_temp_heats_alone_and_its_scaling_is_one_to_one():
 @BOTH
 def test_the_function_of_the_words_saves_those_of_before_once(target):
     tags, words = TAGS[target], _words(target)
-    kinds = FirmwareInstruction(tags, fields_of(tags), PidCompactAssumptions(), LAW).made.variables
+    kinds = FirmwareInstruction(tags, fields_of(tags), PidCompactAssumptions(), LAW).firmware.variables
     text = load(tags, words, OWN) + 'FUNCTION "HeaterCall" : Void\nBEGIN\nEND_FUNCTION\n'
     program = load_program(text, tags, Firmware(kinds, lambda: lambda _given: {}))
     active, saved = ([f"PID.{tag(name).replace('.', '_')}" for name in PARAMETERS] for tag in (tags.active, tags.saved))

@@ -89,7 +89,7 @@ def test_another_switch_is_left_behind_both_outputs():
 
 
 def test_the_function_of_the_words_saves_both_sets_of_before_once():
-    kinds = FirmwareInstruction(TEMP_COOLING, COOLING_FIELDS, CoolingAssumptions(), cooling_exported.args[2]).made.variables
+    kinds = FirmwareInstruction(TEMP_COOLING, COOLING_FIELDS, CoolingAssumptions(), cooling_exported.args[2]).firmware.variables
     text = load(TEMP_COOLING, WORDS, OWN) + 'FUNCTION "HeaterCall" : Void\nBEGIN\nEND_FUNCTION\n'
     program = load_program(text, TEMP_COOLING, Firmware(kinds, lambda: lambda _given: {}))
     names = TEMP_COOLING.parameters

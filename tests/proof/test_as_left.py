@@ -99,7 +99,7 @@ def test_the_same_heater_is_as_proven_and_its_figures_are_those_of_the_curve(pro
 def test_pulses_read_in_step_with_their_period_tell_nothing_against_the_power_reserve(proven):
     found = as_left(trace(2400.0, columns="power", every=TA)[0], *proven)  # every reading sees the heater just switched on
     assert by_name(found)["power_reserve"].measured is None
-    assert by_name(found)["power_reserve"].told == "a reading every 4 s does not show a PWM period of 4 s"
+    assert by_name(found)["power_reserve"].message == "a reading every 4 s does not show a PWM period of 4 s"
     often = by_name(as_left(trace(2400.0, columns="power", every=0.5)[0], *proven))["power_reserve"]
     assert often.measured == pytest.approx(100.0 - (SETPOINT - ROOM) / GAIN, abs=100.0 / 8.0)  # what holds the heater there
     assert often.as_proven
@@ -152,7 +152,7 @@ def test_a_wrong_loop_is_told_from_a_log_that_begins_late_too(fitted_so, late_s,
 def test_a_log_of_the_end_of_a_heat_up_shows_too_little(fitted_so):
     found = as_left(begun_late(90.0, every=2.0, digits=1, power=False), *fitted_so)
     assert found.verdict == "NOT SHOWN"
-    assert "shows only the last" in found.told[0]
+    assert "shows only the last" in found.messages[0]
     early = as_left(begun_late(25.0, every=2.0, digits=1, power=False), *fitted_so)
     assert early.verdict == "AS PROVEN"
     assert any("begins in the middle of a heat-up" in note for note in early.notes)
@@ -167,7 +167,7 @@ def test_a_sensor_that_freezes_at_the_setpoint_is_not_as_proven(fitted_so):
     assert np.ptp(fine.temperature_degC[rest]) > 0.2, "the ripple of the PWM"
     frozen = as_left(replace(fine, temperature_degC=np.where(rest, 40.0, fine.temperature_degC)), *fitted_so)
     assert frozen.verdict == "NOT SHOWN"
-    assert frozen.told[0].endswith("the sensor or its reading is frozen.")
+    assert frozen.messages[0].endswith("the sensor or its reading is frozen.")
     # one that comes in steps of 0.5 °C stands still at rest, and is none
     coarse = replace(log, temperature_degC=np.round(2.0 * log.temperature_degC) / 2.0)
     assert as_left(coarse, *fitted_so).verdict == "AS PROVEN"
@@ -197,20 +197,20 @@ def test_a_load_and_a_change_of_the_setpoint_are_measured_where_the_trace_shows_
         time[np.flatnonzero(np.abs(temperature - 36.0) > 1.0)[-1]] - 1300.0, abs=6.0)
     untold = by_name(as_left(log, *proven))
     assert untold["deviation"].measured is None
-    assert "--load-at" in untold["deviation"].told
+    assert "--load-at" in untold["deviation"].message
 
 
 def test_what_a_short_trace_does_not_show_is_told_as_not_measured(proven):
     whole = as_left(trace(60.0)[0], *proven)
     assert whole.verdict == "NOT SHOWN"
-    assert whole.told == ("The loop does not settle within the trace (not yet within ±1 °C after 58 s, where it ends): log until it is at rest. "
+    assert whole.messages == ("The loop does not settle within the trace (not yet within ±1 °C after 58 s, where it ends): log until it is at rest. "
                           "So far it agrees with the proof.",)  # the last of its readings, one each 2 s
     found = by_name(whole)
     for name in ("overshoot", "settling_time", "steady_offset", "recovery_time", "ms", "iae"):
         assert found[name].measured is None, name
-        assert found[name].told, name
+        assert found[name].message, name
         assert found[name].keeps is None, name
-    assert "the trace ends after" in found["overshoot"].told
+    assert "the trace ends after" in found["overshoot"].message
 
 
 @pytest.mark.long
@@ -221,7 +221,7 @@ def test_pulses_are_counted_where_the_readings_show_them(proven):
     found = by_name(as_left(log, *proven))["switchings"]
     assert found.measured == pytest.approx(rises / ((log.time_s[-1] - log.time_s[0]) / 3600.0))
     slow = by_name(as_left(trace(300.0, every=2.0, columns="power")[0], *proven))["switchings"]
-    assert (slow.measured, "does not show" in slow.told) == (None, True)
+    assert (slow.measured, "does not show" in slow.message) == (None, True)
 
 
 @pytest.mark.parametrize(("given", "message"), [

@@ -27,7 +27,7 @@ WORDS = Words(
     values={"K": 9881, "R": 1024, "TI": 63, "TD": 0, "W": 0, "STEU": 33, "YH": 0, "BGOG": 2047, "BGUG": 0})
 NUMBERS = [None, math.nan, math.inf, -math.inf, True, "1", [], {}]
 SAMPLES = {"verdict": "PASS", "count": 59, "seed": 0, "quantile": 0.95, "passing": 1.0, "worst_seed": 0, "spread": {},
-           "criteria": {}, "settings": [{"switches": {}, "kept": 59}]}
+           "criteria": {}, "settings": [{"switches": {}, "passing_count": 59}]}
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +104,7 @@ def test_no_value_in_a_documents_runs_and_criteria_can_be_another_thing_than_a_n
 
 @pytest.mark.parametrize(("field", "wrong"), [
     *((field, wrong) for field in ("passing", "quantile", "count") for wrong in (None, math.nan, math.inf, -1, 0, "1", 2.5)),
-    ("settings", []), ("settings", None), *(("settings", [{"switches": {}, "kept": kept}]) for kept in (None, 58, 60, 59.0, -1, True)),
+    ("settings", []), ("settings", None), *(("settings", [{"switches": {}, "passing_count": kept}]) for kept in (None, 58, 60, 59.0, -1, True)),
     ("settings", [{"switches": {}, "passing": 1.0}]),
 ])
 def test_samples_of_a_document_are_checked_and_heard(proof, field, wrong):

@@ -64,14 +64,14 @@ def test_a_setpoint_beyond_it_is_found(fitted, setpoint, expected):
 
 def test_the_setpoint_that_the_finding_names_is_covered(fitted):
     (finding,) = beyond_log(fitted, [300.0])
-    named = float(finding.told.rstrip(").").rpartition("--setpoint ")[2])
+    named = float(finding.message.rstrip(").").rpartition("--setpoint ")[2])
     assert not list(beyond_log(fitted, [named]))
     assert list(beyond_log(fitted, [named + 0.2]))
 
 
 def test_below_the_log_it_is_found_only_where_the_heater_is_not_linear():
     hot = fit(_step(begin=80.0, power=90.0), ambient_degC=20.0)
-    bent = replace(hot, findings=(*hot.findings, Finding(name="nonlinear", told="The heater is not linear.")))
+    bent = replace(hot, findings=(*hot.findings, Finding(name="nonlinear", message="The heater is not linear.")))
     assert not list(beyond_log(hot, [60.0]))
     assert _names(beyond_log(bent, [60.0])) == ["beyond-the-log"]
     assert not list(beyond_log(bent, [95.0]))
@@ -172,7 +172,7 @@ def test_a_heater_that_the_log_does_not_contradict_keeps_the_finding(fitted, hea
     able = len(holding_heaters(other, 75.0))
     (finding,) = unreachable_findings(other, able, 75.0)
     assert finding.name == "setpoint-unreached"
-    assert finding.told == f"{len(heaters)} of {len(heaters) + 1} plausible heaters cannot hold 75 °C."
+    assert finding.message == f"{len(heaters)} of {len(heaters) + 1} plausible heaters cannot hold 75 °C."
     assert list(left_out(other, able, 75.0)) == []
 
 

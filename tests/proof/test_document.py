@@ -66,11 +66,11 @@ CHANGES = [
     (lambda proof: proof["criteria"]["overshoot"].update(bound=">="), "runs[0].criteria.overshoot.ok: True"),
     (lambda proof: proof["criteria"].update(joy=proof["criteria"]["iae"]), "criteria.joy: no such criterion"),
     (lambda proof: proof["runs"][0]["criteria"].pop("iae"), "runs[0].criteria: others than those of the proof"),
-    (lambda proof: proof["findings"].append({"name": "poor-fit", "effect": "told", "told": "x", "accepted": False}),
+    (lambda proof: proof["findings"].append({"name": "poor-fit", "effect": "told", "message": "x", "accepted": False}),
      "findings[0]: effect: 'told'; a finding poor-fit blocks"),
-    (lambda proof: proof["findings"].append({"name": "poor-fit", "effect": "blocks", "told": "x", "accepted": False}),
+    (lambda proof: proof["findings"].append({"name": "poor-fit", "effect": "blocks", "message": "x", "accepted": False}),
      "verdict: 'PASS'; its values make it 'NOT PROVEN'"),
-    (lambda proof: proof["findings"].append({"name": "joy", "effect": "told", "told": "x", "accepted": False}),
+    (lambda proof: proof["findings"].append({"name": "joy", "effect": "told", "message": "x", "accepted": False}),
      "findings[0].name: expected one of poor-fit"),
     (lambda proof: proof.pop("digest"), "digest: is missing"),
     (lambda proof: proof["runs"][0]["criteria"]["change_time"].update(ok=False), "runs[0].verdict: 'PASS'"),
@@ -139,7 +139,7 @@ def _with_samples(folder, here, kept, monkeypatch):
     shutil.copytree(folder, here)
     proof = json.loads((here / "proof.json").read_text())
     verdict = "PASS" if kept >= 196 else "FAIL" if kept <= 184 else "NOT PROVEN"
-    settings = [{"switches": {"sum": setting}, "kept": number} for setting, number in (("limited", 200), ("unlimited", kept))]
+    settings = [{"switches": {"sum": setting}, "passing_count": number} for setting, number in (("limited", 200), ("unlimited", kept))]
     proof["samples"] = {"verdict": verdict, "count": 200, "seed": 0, "quantile": 0.95, "passing": kept / 200, "settings": settings,
                         "worst_seed": 3, "spread": {}, "criteria": {}}
     (here / "proof.json").write_text(json.dumps(with_digest(proof | {"verdict": verdict})))

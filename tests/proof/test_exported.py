@@ -125,18 +125,18 @@ def test_wegs_own_block_is_run_under_every_setting_and_ours_under_its_own(settin
 def test_a_start_up_as_chosen_is_that_of_the_text():
     proof = proven("s5-ob251", tv=6.0, switches={"start_up": "retained"})
     which = controller_for("s5-ob251")
-    assert compare_text(which, proof.words, proof.nominal, proof.known) == ComparisonResult()
+    assert compare_text(which, proof.words, proof.nominal, proof.stated_settings) == ComparisonResult()
     assert compare_text(which, proof.words, proof.nominal).departs is not None  # a text that clears goes on from cold
     cleared = proven("s5-ob251", tv=6.0).nominal
     assert cleared.power_asked_pct.tolist() != proof.nominal.power_asked_pct.tolist()
-    assert compare_text(which, proof.words, cleared, proof.known) == ComparisonResult()  # a CPU without a battery
+    assert compare_text(which, proof.words, cleared, proof.stated_settings) == ComparisonResult()  # a CPU without a battery
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("who", ["caller", "skipped", "block"])
 def test_whoever_keeps_ts_the_text_does_what_was_proven(who):
     proof = proven("weg", switches={"sampling": who})
-    assert compare_text(controller_for("weg"), proof.words, proof.nominal, proof.known) == ComparisonResult()
+    assert compare_text(controller_for("weg"), proof.words, proof.nominal, proof.stated_settings) == ComparisonResult()
 
 
 @pytest.mark.long
@@ -253,7 +253,7 @@ def test_the_clock_is_looked_at_in_one_run_and_each_power_in_one(monkeypatch):
         part = getattr(of_text._Comparison, name)
         monkeypatch.setattr(of_text._Comparison, name, lambda *given, name=name, part=part: (looked.append((name, *given[1:2])), part(*given))[1])
     for proof in proofs:
-        assert compare_text(controller_for("s7-300"), words, proof.nominal, proof.known, pulses=pulses) == ComparisonResult()
+        assert compare_text(controller_for("s7-300"), words, proof.nominal, proof.stated_settings, pulses=pulses) == ComparisonResult()
     assert [name for name, *_ in looked] == ["_of_ticks", "_periods", "_periods"]
     (_, first), (_, second) = looked[1:]
     assert min(len(first), len(second)) > 0

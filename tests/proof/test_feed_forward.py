@@ -34,7 +34,7 @@ def _prove(effect=EFFECT, words=WORDS, **changed):
     room = controller_for(words.target)
     line = feed_forward(room.feed, column="flow", pct_per_unit=effect.pct_per_unit, calm=1.0, low=0.0, high=5.0)
     models = changed.pop("models", [("h", HEATER)])
-    plain = {"known": {switch.name: switch.default for switch in room.switches}, "setpoint_degC": SETPOINT, "actuator": SWITCH}
+    plain = {"stated_settings": {switch.name: switch.default for switch in room.switches}, "setpoint_degC": SETPOINT, "actuator": SWITCH}
     return prove_feed_forward(words, line, effect, models, PlainLoop(**(plain | changed)))
 
 

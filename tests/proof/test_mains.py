@@ -125,7 +125,7 @@ def test_a_judge_of_its_own_sees_the_overshoot_after_an_outage_at_the_lower_setp
     seen, _ = low_overshoots(compiled(tmp_path), b, _limits(proof.limits) | {"iae": math.inf}, low_degC)[0]
     assert (seen > 1.0) is beyond
     if beyond:
-        found = float(re.search(r"overshoots by ([\d.]+) %", proof.diagnostics.findings[-1].told)[1])
+        found = float(re.search(r"overshoots by ([\d.]+) %", proof.diagnostics.findings[-1].message)[1])
         assert found == pytest.approx(40.0 * seen, rel=0.05), "% of the rise, of which 40 are allowed"
 
 
@@ -191,7 +191,7 @@ def test_a_judge_of_its_own_sees_what_the_words_do_all_day(tmp_path):
                    for settings in settings_to_prove(controller_for("marlin").switches))
         seen = (opinion(library, replace(b, asked_low=67.0), limits, longer=0.0) for b in benches)
         return any(part.kind == "reheat" and max(one["rest_highest"], -one["rest_lowest"]) > 2.2
-                   for told in seen for part, one in zip(told.parts, told.seen, strict=True))
+                   for told in seen for part, one in zip(told.parts, told.observations, strict=True))
 
     assert [stays_outside(plain, power) for power in (1.0, 0.81)] == [False, True], "as the proof says"
     assert not stays_outside(mended, 0.81)

@@ -174,7 +174,7 @@ def test_what_shows_in_manual_alone_is_not_run_but_told(tenths, words, heater):
     assert which == ["manual_flag", "velocity_return", "manual_way", "manual_count"]
     design = PidDesign(gain_pct_per_degC=2.0, integral_time_s=170.0, derivative_time_s=0.0, sample_time_s=10.0, structure="pi", method="")
     proofs = [prove_models(s5, s5.encode(design, Scaling()), [("best", heater)], PAPER, PWM,
-                           coverage=Coverage(known=known, open_points=open_points))
+                           coverage=Coverage(stated_settings=known, open_points=open_points))
               for known, open_points in (({}, True), ({"manual_way": "whole"}, True), ({}, False))]
     assert [len(proof.runs) for proof in proofs] == [6, 6, 1]
     told = [[name for name in which if any(name in part for part in proof.diagnostics.not_tested)] for proof in proofs]
@@ -185,7 +185,7 @@ def test_the_document_is_json_and_tells_what_was_proven(tenths, words, heater):
     late = replace(heater, dead_time_s=80.0)
     proof = prove_models(tenths, words(gain=15.0), [("late", late)], PAPER, PWM, JUDGED)
     document = json.loads(json.dumps(proof.to_document(), allow_nan=False))
-    assert (document["schema"], document["verdict"]) == ("heatertune/proof/3", "FAIL")
+    assert (document["schema"], document["verdict"]) == ("heatertune/proof/4", "FAIL")
     assert document["words"] == {"K": 15000, "TN": 110}
     assert document["criteria"]["ms"] == {
         "value": None, "limit": 2.0, "bound": "<=", "ok": False, "unit": "1", "where": "late",
@@ -224,7 +224,7 @@ def test_settings_that_no_run_tells_apart_are_not_tested(switched, words, heater
     # the tenths room knows what "integral" does; "second" and "third" do nothing
     proof = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM)
     assert proof.diagnostics.not_tested == ("settings of second, third (they change no run)",)
-    known = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM, coverage=Coverage(known={"second": "never off"}))
+    known = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM, coverage=Coverage(stated_settings={"second": "never off"}))
     assert known.diagnostics.not_tested == ("settings of third (they change no run)",)
     defaults = prove_models(switched, words(tn=60), [("best", heater)], PAPER, PWM, coverage=Coverage(open_points=False))
     assert defaults.diagnostics.not_tested == ()

@@ -53,7 +53,7 @@ def drawing(switched, words, heater):
 def test_settings_are_drawn_too_and_the_one_that_passes_least_counts(drawing):
     drawn = drawing(SampleSpread(heater=(0.02, 0.02, 0.5)), second="off at the limit", third="off at the limit")
     proof = prove_samples(drawn, LIMITS, 59)
-    kept = {setting.switches["integral"]: setting.kept for setting in proof.settings}
+    kept = {setting.switches["integral"]: setting.passing_count for setting in proof.settings}
     assert kept == {"off at the limit": 59, "never off": 0}
     assert (proof.passing, proof.verdict) == (0.0, "FAIL")
     known = prove_samples(drawing(integral="off at the limit"), LIMITS, 59)
@@ -166,8 +166,8 @@ def test_a_document_of_samples_is_checked_and_not_believed(drawing):
     settings = document["settings"]
     for changed, told in (
         ({"verdict": "PASS"}, "its values make it 'FAIL'"), ({"count": 0}, "no samples prove nothing"),
-        ({"settings": []}, "settings: none"), ({"settings": [*settings, settings[0] | {"kept": 17}]}, "kept: expected numbers from 0 to 16"),
-        ({"settings": [settings[0] | {"kept": 16}], "passing": 0.5}, "passing: 0.5; under the worst setting 16 of 16 pass"),
+        ({"settings": []}, "settings: none"), ({"settings": [*settings, settings[0] | {"passing_count": 17}]}, "passing_count: expected numbers from 0 to 16"),
+        ({"settings": [settings[0] | {"passing_count": 16}], "passing": 0.5}, "passing: 0.5; under the worst setting 16 of 16 pass"),
     ):
         with pytest.raises(DocumentError, match=told):
             decode(SamplesView, document | changed, "samples")

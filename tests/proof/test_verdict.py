@@ -49,7 +49,7 @@ def proven(tenths, words, heater):
 
 
 def _finding(name):
-    return Finding(name=name, told=f"what was found: {name}.")
+    return Finding(name=name, message=f"what was found: {name}.")
 
 
 @pytest.mark.parametrize("name", BLOCKING)
@@ -235,7 +235,7 @@ def test_a_proof_is_of_these_words_where_all_that_makes_them_is_the_same(field, 
     """What makes words: the numbers, the controller, its interval, its sensor's range and the ramp of the setpoint."""
     words = {"target": "s5-ob251", "words": {"K": 1024}, "sample_time_s": 1.0, "setpoint_ramp": None, "realised": None,
              "scaling": {"low_degC": 0.0, "high_degC": 100.0}}
-    proof = {**words, "criteria": {}, "known": {}, "runs": [{"model": "a", "switches": settings} for settings in settings_to_prove(
+    proof = {**words, "criteria": {}, "stated_settings": {}, "runs": [{"model": "a", "switches": settings} for settings in settings_to_prove(
         controller_for("s5-ob251").switches)]}
     if field is None:
         demand_same_words(words, proof, "proof.json")
@@ -253,7 +253,7 @@ def _document(**changed):
 
 def test_findings_are_accepted_by_their_names_beside_those_that_were():
     findings = [POOR, POOR | {"name": "alias"}, POOR | {"name": "coarse-sensor"}]
-    made = [Finding(name=finding["name"], told="") for finding in findings]
+    made = [Finding(name=finding["name"], message="") for finding in findings]
 
     def accepted(*names):
         heard = FitDiagnostics(findings=tuple(made), accepted=names).to_document()
@@ -266,7 +266,7 @@ def test_findings_are_accepted_by_their_names_beside_those_that_were():
 
 
 def _samples(*kept):
-    settings = [{"switches": {"sum": name, "edge": "on"}, "kept": number} for name, number in zip("xyz", kept, strict=False)]
+    settings = [{"switches": {"sum": name, "edge": "on"}, "passing_count": number} for name, number in zip("xyz", kept, strict=False)]
     return {"quantile": 0.95, "count": 200, "seed": 0, "settings": settings}
 
 
@@ -276,7 +276,7 @@ def test_a_ramp_of_which_only_the_step_is_told_moves_at_each_call():
     assert words_of(document, "s5-ob251", "words.json").ramp == Ramp(step=5)
 
 
-POOR = {"name": "poor-fit", "accepted": False, "told": "", "effect": "blocks"}
+POOR = {"name": "poor-fit", "accepted": False, "message": "", "effect": "blocks"}
 BROKEN = {"ms": {"ok": False}, "gain_margin": {"ok": True}, "phase_margin": {"ok": False}}
 
 
@@ -367,10 +367,10 @@ def test_a_file_that_begins_from_a_preset_is_held_against_that_one(tmp_path):
 ])
 def test_a_finding_read_from_a_document_has_the_effect_of_its_name_and_is_accepted_where_it_blocks(name, effect, accepted, refused):
     if refused is None:
-        assert FitDiagnosticsView(name=name, effect=effect, told="", accepted=accepted).accepted is accepted
+        assert FitDiagnosticsView(name=name, effect=effect, message="", accepted=accepted).accepted is accepted
         return
     with pytest.raises(DocumentError, match=refused):
-        FitDiagnosticsView(name=name, effect=effect, told="", accepted=accepted)
+        FitDiagnosticsView(name=name, effect=effect, message="", accepted=accepted)
 
 
 @pytest.mark.parametrize("name", KINDS)

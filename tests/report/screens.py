@@ -41,13 +41,13 @@ def proof_of(target, verdict):
         "step_power": criterion(9.99, 10.0), "iae": criterion(6880.0, None, "°C·s"),
         "switchings": criterion(416.0, None, "1/h"),
     }
-    findings = [{"name": "no-power", "effect": "told", "told": "", "accepted": False}]
+    findings = [{"name": "no-power", "effect": "told", "message": "", "accepted": False}]
     if verdict == "NOT PROVEN":
-        findings.append({"name": "dead-time-open", "effect": "blocks", "told": "", "accepted": False})
+        findings.append({"name": "dead-time-open", "effect": "blocks", "message": "", "accepted": False})
     return {
         "verdict": verdict, "target": target, "criteria": criteria, "findings": findings,
         "runs": [{"model": f"heater {number % 9}"} for number in range(54)], "scenario": {"setpoint_degC": 53.3},
-        "specification": {"name": GENERAL, "changed": [], "limits": as_json(preset(GENERAL).limits)}, "assumed": {}, "known": {}, "faults": [],
+        "specification": {"name": GENERAL, "changed": [], "limits": as_json(preset(GENERAL).limits)}, "assumed": {}, "stated_settings": {}, "faults": [],
         "remarks": ["dead time 0.48 s longer, for the input module"], "actuator": {"pwm_period_s": 4.0},
         "not_tested": ["mains voltage (at −10 % a heater has 2.98 % of power left over)",
                        "settings of integral_inward, limit, manual_flag (they change no run)"]}

@@ -69,10 +69,10 @@ def test_however_much_there_is_to_tell_it_is_one_screen_and_names_or_counts_all(
     documents = documents_of(target, verdict)
     proof = documents["proof"] = proof_of(target, verdict)
     names = [*TOLD, *(BLOCKING if verdict != "PASS" else [])]
-    proof["findings"] = [{"name": name, "effect": "", "told": "", "accepted": False} for name in names]
+    proof["findings"] = [{"name": name, "effect": "", "message": "", "accepted": False} for name in names]
     proof["not_tested"] = [f"part {number} of the story, for a long and winding reason" for number in range(9)]
     proof["remarks"] = [f"remark {number}, which takes some room on its line" for number in range(9)]
-    proof["assumed"], proof["known"] = {"sensor_delay_s": 0.5}, {"rounding": "cut", "sum": "wide"}
+    proof["assumed"], proof["stated_settings"] = {"sensor_delay_s": 0.5}, {"rounding": "cut", "sum": "wide"}
     proof["faults"] = ["the error word wraps above 127 counts", "its P accumulates"]
     proof["specification"] = {"name": "oven", "changed": ["ms"], "limits": {**as_json(preset("oven").limits), "ms": ["1.6"]}, "profile": None}
     if verdict == "FAIL":
@@ -109,14 +109,14 @@ def test_samples_stand_in_the_first_lines_with_what_they_break_where_the_runs_br
     held = {"passing": 1.0, "worst": 12.0}
     spots = {"recovery_overshoot": {"passing": 0.98, "worst": 22.0}, "overshoot": {"passing": 0.995, "worst": 21.0}, "iae": held}
     drawn = {"quantile": 0.95, "count": 200, "seed": 1, "criteria": {**spots, "power_reserve": held},
-             "settings": [{"switches": {"x": "y"}, "kept": 196}, {"switches": {"x": "z"}, "kept": 180}]}
+             "settings": [{"switches": {"x": "y"}, "passing_count": 196}, {"switches": {"x": "z"}, "passing_count": 180}]}
     proof = proof_of("weg", "FAIL") | {"samples": drawn}
     proof["criteria"] = {name: criterion | {"ok": True} for name, criterion in proof["criteria"].items()}
     said = " ".join(verify_brief(proof).split())
     assert "180 of 200 samples keep every limit under x = z, so at most 93.28 % of all do (95 % confidence), 95 % must" in said
     assert "remedy: of all samples, 2 % break recovery overshoot and 0.5 % break overshoot: if your controller is known to behave " in said
     assert "state it with --switch; heatertune design or fleet with --samples searches for the smallest change that passes" in said
-    drawn["settings"][0]["kept"] = 195
+    drawn["settings"][0]["passing_count"] = 195
     drawn["criteria"] = {**spots, "power_reserve": {"passing": 1.0, "worst": -3.0}}
     said = " ".join(verify_brief(proof).split())
     assert "break overshoot: some heaters lack the power for this setpoint" in said

@@ -14,8 +14,8 @@ RISE = 20.0 + 20.0 * (1.0 - np.exp(-TIME / 300.0))
 
 
 def a_run(label, temperature):
-    return {"label": label, "time_s": TIME, "temperature_degC": temperature, "setpoint_degC": 40.0, "asked_time_s": TIME,
-            "asked_pct": 50.0 + 0.01 * TIME, "edge_s": np.arange(0.0, 3000.0, 5.0), "edge_pct": np.tile([100.0, 0.0], 300)}
+    return {"label": label, "time_s": TIME, "temperature_degC": temperature, "setpoint_degC": 40.0, "request_time_s": TIME,
+            "request_pct": 50.0 + 0.01 * TIME, "edge_s": np.arange(0.0, 3000.0, 5.0), "edge_pct": np.tile([100.0, 0.0], 300)}
 
 
 def a_log(power):
@@ -38,7 +38,7 @@ FIGURES = {
     "fit": lambda: plots.plot_fit(*a_log(None)),
     "fit with power": lambda: plots.plot_fit(*a_log(np.where(TIME > 100.0, 100.0, 0.0))),
     "loop": lambda: plots.plot_loop(NOMINAL, WORST, [a_run("other", np.full_like(TIME, 40.0))]),
-    "wish": lambda: plots.plot_wish(NOMINAL, a_run("ideal", RISE)),
+    "ideal": lambda: plots.plot_wish(NOMINAL, a_run("ideal", RISE)),
     "paper": lambda: plots.plot_paper([{"label": f"PI, gain {g} %", "series": NOMINAL} for g in (20, 40, 60)]),
     "robustness": lambda: plots.plot_robustness(curves(1.2, 1.4, 1.6), 2.0, 1.6),
     "robustness, limits nearly one": lambda: plots.plot_robustness(curves(1.2, 1.98), 2.0, 1.98),
@@ -105,7 +105,7 @@ def test_the_key_names_what_is_there_and_no_more():
     keys = {name: [text.get_text() for text in make().axes[0].get_legend().get_texts()] for name, make in FIGURES.items()}
     assert keys["fit"] == keys["fit with power"] == ["log", "model"]
     assert keys["loop"] == ["nominal", "worst", "other models"]
-    assert keys["wish"] == ["realised", "ideal"]
+    assert keys["ideal"] == ["realised", "ideal"]
     assert keys["paper"] == ["PI, gain 20 %", "PI, gain 40 %", "PI, gain 60 %"]
     assert keys["robustness"] == ["nominal", "worst", "other models"]
     assert keys["robustness, limits nearly one"] == ["nominal", "worst"]

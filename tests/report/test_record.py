@@ -206,7 +206,7 @@ def test_every_line_that_can_be_read_under_the_cursor_has_a_name(documents):
     log = documents["log"]
     residuals = {"time_s": [0.0, 10.0], "measured_degC": [22.0, 24.0], "simulated_degC": [22.5, 23.0]}
     for figure in (plot_loop(series["nominal"], series["worst"], [series["nominal"]]),
-                   plot_wish(series["nominal"], series["wish"]), plot_pwm(series["nominal"], 1600.0, 1700.0),
+                   plot_wish(series["nominal"], series["ideal"]), plot_pwm(series["nominal"], 1600.0, 1700.0),
                    plot_fit(log, residuals)):
         for panel in panels(figure):
             assert all(line["label"] and not line["label"].startswith("_") for line in panel["lines"])

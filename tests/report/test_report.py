@@ -43,8 +43,8 @@ def test_the_loop_is_drawn_from_the_numbers_of_the_trace(shown):
 
 def test_wished_and_realised_are_drawn_with_their_difference(shown):
     series, _ = shown
-    _, low = plots.plot_wish(series["nominal"], series["wish"]).axes
-    expected = np.array(series["nominal"]["temperature_degC"]) - np.array(series["wish"]["temperature_degC"])
+    _, low = plots.plot_wish(series["nominal"], series["ideal"]).axes
+    expected = np.array(series["nominal"]["temperature_degC"]) - np.array(series["ideal"]["temperature_degC"])
     assert low.lines[0].get_ydata() == pytest.approx(expected, abs=1e-9)
 
 
@@ -61,7 +61,7 @@ def test_every_axis_has_its_unit(shown):
     series, _ = shown
     figures = [
         plots.plot_loop(series["nominal"], series["worst"], series["others"]),
-        plots.plot_wish(series["nominal"], series["wish"]), plots.plot_robustness(series["curves"], 2.0),
+        plots.plot_wish(series["nominal"], series["ideal"]), plots.plot_robustness(series["curves"], 2.0),
         plots.plot_pwm(series["nominal"], 1600.0, 1700.0),
     ]
     for figure in figures:
@@ -83,7 +83,7 @@ def test_the_same_figure_is_the_same_text(shown):
 
 
 #: what stands side by side in some picture
-PAIRS = [("log", "model"), ("wish", "realised"), ("realised", "worst"), ("worst", "other"), ("realised", "other"),
+PAIRS = [("log", "model"), ("ideal", "realised"), ("realised", "worst"), ("worst", "other"), ("realised", "other"),
          ("log", "worst"), ("log", "realised")]
 #: G. M. Machado, M. M. Oliveira, L. A. F. Fernandes, IEEE Trans. Vis. Comput. Graph. 15(6), 2009, severity 1.0
 BLIND = {

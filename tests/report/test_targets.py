@@ -61,7 +61,7 @@ def test_the_table_and_the_picture_show_every_controller(document):
         assert left.get_title(loc="left") == row["target"]
         realised = left.get_lines()[1].get_ydata()
         assert list(realised) == row["series"]["temperature_degC"]
-        wished = np.interp(row["series"]["time_s"], row["wish"]["time_s"], row["wish"]["temperature_degC"])
+        wished = np.interp(row["series"]["time_s"], row["ideal"]["time_s"], row["ideal"]["temperature_degC"])
         assert np.asarray(right.get_lines()[0].get_ydata()) == pytest.approx(realised - wished)
     page = render_targets(document)
     assert page.count("<svg") == 1

@@ -117,7 +117,7 @@ def test_a_fail_names_what_was_not_kept(heater):
 
 def test_what_a_file_calls_itself_is_text_and_never_a_tag(heater, step_log):
     log = DroppedFile.of("x.csv", step_log.replace(b"power_pct", b"power_pct", 1)).log
-    evil = replace(log, repairs=("<script>alert(1)</script>",), doubts=("<b>",), name="<i>/..")
+    evil = replace(log, repairs=("<script>alert(1)</script>",), warnings=("<b>",), name="<i>/..")
     text = views.diagnosis(evil, heater)
     assert "<script>" not in text
     assert "&lt;script&gt;" in text
@@ -226,7 +226,7 @@ def test_every_letter_has_the_contrast_of_wcag_aa(heater, look, step_log):
     assert names
     assert min(contrast(color, "#ffffff") for color in names) >= 4.5
     assert min(contrast(color, "#ffffff") for _, color, _ in charts.key_of(look, picture_of(look.proof), pins)
-               if color != LOOK["wish"]["color"]) >= 3.0  # lines, WCAG 2.1, 1.4.11; the wish is dashed beside the words
+               if color != LOOK["ideal"]["color"]) >= 3.0  # lines, WCAG 2.1, 1.4.11; the wish is dashed beside the words
     for light in (True, False):
         tones = page_colors(light=light)
         for ground in (tones["card"], tones["ground"]):

@@ -141,7 +141,7 @@ def lost_row(name: str, why: str) -> Row:
 
 
 def _model(fitted: FittedModel) -> Row:
-    row: Row = {"log_taken": "; ".join(fitted.log_told) or None, "fit_outcome": fitted.outcome.name,
+    row: Row = {"log_taken": "; ".join(fitted.log_summary) or None, "fit_outcome": fitted.outcome.name,
                 "fit_pct": fitted.fit_pct, "models": len(fitted.plants)}
     for field in fields(Fopdt):
         interval = fitted.ci95.get(field.name)

@@ -63,7 +63,7 @@ def without_curves(documents: Mapping[str, Mapping[str, Any]], nearest: Sequence
     rest = {name: {key: part for key, part in documents[name].items() if key not in curves.get(name, ())}
             for name in ("model", "pid", "comparison")}
     words = {name: part for name, part in documents["words"].items() if name not in ("words", "target", "verdict")}
-    return {**first, "files": documents["words"]["files"], "nearest": list(nearest), "schema": "heatertune/design/1",
+    return {**first, "files": documents["words"]["files"], "nearest": list(nearest), "schema": "heatertune/design/2",
             "encoded": words, "proof": proof, **rest}
 
 

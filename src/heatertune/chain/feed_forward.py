@@ -68,12 +68,13 @@ def feed_forward(
     line = line_for(feed, column=effect.column, pct_per_unit=effect.pct_per_unit, calm=effect.calm, low=low, high=high,
                     switched=asked.contact)
     loop = PlainLoop(setpoint_degC=plain.scenario.setpoint_degC, actuator=plain.actuator, limits=plain.limits,
-                     noise_degC=plain.scenario.noise_degC, known=plain.known)
+                     noise_degC=plain.scenario.noise_degC, stated_settings=plain.stated_settings)
     models = holding_heaters(read_model(folder / "model.json"), loop.setpoint_degC)
     proof = prove_feed_forward(words, line, effect, models, loop)
     files = {f"{DATA}/feed_forward.json": to_json(proof.to_document())}
     if force or not proof.refusal:
-        files |= feed.listing(line, replace(proven, lines=(*proven.lines, *proof.told), forced=proven.forced or force))
+        files |= feed.listing(line,
+                              replace(proven, lines=(*proven.lines, *proof.summary), forced=proven.forced or force))
     return FedForward(proof=proof, files=files)
 
 

@@ -197,7 +197,7 @@ def _with_comparison(
     inputs = {name: documents[name] for name in ("model", "pid", "words", "proof")} | {"same_heater": log.same_heater}
     comparison = cache.load_or_compute("comparison", inputs, lambda: encode(ComparisonView(
         paper=paper_runs(fitted) if log.same_heater else None,
-        price=price_of_doubt(loop_fit(fitted, proof.words.target, proof.words.scaling), wished),
+        cost=price_of_doubt(loop_fit(fitted, proof.words.target, proof.words.scaling), wished),
         rivals=rivals(fitted, wished, proof),  # last: they wait for the compiler
     )), lambda kept: encode(decode(ComparisonView, kept, "comparison")))
     compared = {**documents, "comparison": comparison}

@@ -57,7 +57,7 @@ def _told(speed: Throughput) -> str:
         row("closed loop, plain Python", loop.plain_ns_per_scan, ",.0f", "ns per scan"),
         row("for comparison: a PI in plain Python", beside.python_ns_per_scan, ",.0f", "ns per scan, no words, no PWM"),
         row("for comparison: SciPy's lfilter", beside.lfilter_ns_per_value, ",.1f", "ns per value, first order"),
-        row("samples on 1 processor", rate.one, ",.0f", "per second, 3,000 s each"),
+        row("samples on 1 processor", rate.single_processor, ",.0f", "per second, 3,000 s each"),
         row(f"samples on {speed.processors} processors", rate.all, ",.0f", "per second"),
     ]
     rows += [row(f"fit of {int(count):,} rows", times, ",.0f", "ms, all candidates and intervals")

@@ -59,4 +59,4 @@ def _run(settings: argparse.Namespace) -> int:
 
 
 def _without_curves(row: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: part for name, part in row.items() if name not in ("series", "wish")}
+    return {name: part for name, part in row.items() if name not in ("series", "ideal")}

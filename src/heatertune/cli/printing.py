@@ -117,10 +117,10 @@ def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Prog
         else:
             _print_lines(line)
         if getattr(settings, "verbose", True):
-            for note in (*log.repairs, *log.doubts):
+            for note in (*log.repairs, *log.warnings):
                 progress.note(f"- {note}")
         elif told := [f"{count(len(notes), noun)}" for notes, noun in (
-                (log.repairs, "repair"), (log.doubts, "doubt")) if notes]:
+                (log.repairs, "repair"), (log.warnings, "doubt")) if notes]:
             progress.note(f"[log] {log.name}: {' and '.join(told)} (heatertune read tells which)")
 
 

@@ -60,8 +60,8 @@ def _document(source: str, log: Log) -> dict[str, Any]:
     rows = [{name: float(getattr(log, name)[k]) for name, _ in _COLUMNS if getattr(log, name) is not None}
             for k in range(_ROWS)]
     return {
-        "schema": "heatertune/reading/1", "name": log.name, "source": log.source, "taken": log.taken.document(),
-        "first_rows": rows, "repairs": list(log.repairs), "doubts": list(log.doubts),
+        "schema": "heatertune/reading/2", "name": log.name, "source": log.source, "taken": log.taken.document(),
+        "first_rows": rows, "repairs": list(log.repairs), "warnings": list(log.warnings),
         "command": command_of(source, log.taken.reading),
     }
 
@@ -73,7 +73,7 @@ def _lines(document: Mapping[str, Any]) -> str:
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     shown = ["  ".join(f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True)) for row in table]
     parts = [document["taken"]["line"], "\n".join(shown)]
-    for title, notes in (("Changed or assumed", document["repairs"]), ("Odd, but left as it is", document["doubts"])):
+    for title, notes in (("Changed or assumed", document["repairs"]), ("Odd, but left as it is", document["warnings"])):
         if notes:
             parts.append("\n".join([f"{title}:", *(f"- {sentence}" for sentence in notes)]))
     return "\n\n".join([*parts, f"The same with nothing left to guess:\n{document['command']}"])

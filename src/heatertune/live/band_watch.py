@@ -101,7 +101,7 @@ class WatchStats:
         return {"readings": self.readings, "unusable": self.unusable,
                 "outside_s": [list(each) for each in self.outside],
                 "swing": None if self.swing is None else dict(zip(("degC", "every_s"), self.swing, strict=True)),
-                "rest_pct": self.rest_pct, "largest_share_of_band": self.used, "told": list(self.notes())}
+                "rest_pct": self.rest_pct, "largest_share_of_band": self.used, "messages": list(self.notes())}
 
 
 class BandWatch:
@@ -208,7 +208,7 @@ def others_there(proven: ProvenWords, address: Address) -> tuple[str, str]:
     """Return which words in a PLC are not the proven ones, and why they were not compared; each a text or nothing."""
     words = proven.words
     try:
-        there = block_image(words, address, proven.view.known)
+        there = block_image(words, address, proven.view.stated_settings)
         with Peer(address, there, words.sample_time_s, LinkSettings(tries=1)) as peer:
             content = peer.look().content
     except (InputError, LinkError) as problem:

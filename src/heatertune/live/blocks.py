@@ -21,7 +21,7 @@ class ServedBlock(Protocol):
 
     Attributes:
         number: of the block; for an S7-200, whose V memory it is, 1.
-        told: what it is, a few words.
+        description: what it is, a few words.
         manual: whether clients can put the controller in manual.
         speaks: the protocols that reach it, the first without being asked for.
         registers: where Modbus finds its words; none: word w is register w.
@@ -34,7 +34,7 @@ class ServedBlock(Protocol):
     """
 
     number: int
-    told: str
+    description: str
     speaks: tuple[str, ...]
     registers: Sequence[RegisterRange]
     manual: bool

@@ -31,7 +31,7 @@ READING: Final = CellAddress(14, "INT")  # PV_PER
 POWER: Final = CellAddress(72, "REAL")  # LMN
 MODE: Final = _WORDS["MAN_ON"]
 LAYOUT: Final = Layout(
-    number=41, told="instance of CONT_C", length=126, setpoint=SETPOINT, reading=READING, power=POWER, mode=MODE,
+    number=41, description="instance of CONT_C", length=126, setpoint=SETPOINT, reading=READING, power=POWER, mode=MODE,
     manual_is=1, words=_WORDS,
     inputs={
         "COM_RST": _COM_RST, "SP_INT": SETPOINT, "PV_PER": READING,

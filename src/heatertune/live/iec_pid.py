@@ -23,7 +23,7 @@ PLACES, _RUNS = registers({
     for number, name in enumerate(("SP", "PV", "XOUT", "X0", "AUTO", "RUN", *(field.name for field in FIELDS)))})
 SETPOINT, READING, POWER, MODE = (PLACES[name] for name in ("SP", "PV", "XOUT", "AUTO"))
 LAYOUT: Final = Layout(
-    told="%MD0 to %MD11", speaks=MODBUS, registers=_RUNS, length=2 * sum(run.size for run in _RUNS),
+    description="%MD0 to %MD11", speaks=MODBUS, registers=_RUNS, length=2 * sum(run.size for run in _RUNS),
     setpoint=SETPOINT, reading=READING, power=POWER, mode=MODE, hand=PLACES["X0"],
     words={field.name: PLACES[field.name] for field in FIELDS},
     inputs={name: PLACES[name] for name in ("RUN", "AUTO", "SP", "PV", "X0")}, first={PLACES["RUN"]: 1}, anew=ALL)

@@ -88,7 +88,7 @@ class InstrumentBlock(Laid):
         places, runs = registers(_wanted(make, process), turned=process.floats)
         named = {name: place for name, place in places.items() if name[0] != " "}
         self.layout = Layout(
-            told=f"{len(named)} parameters and what it measures and does", speaks=MODBUS, registers=runs,
+            description=f"{len(named)} parameters and what it measures and does", speaks=MODBUS, registers=runs,
             length=2 * sum(run.size for run in runs), setpoint=places[" setpoint"], reading=places[" reading"],
             power=places[" output"], words=named)
         self._working, self._digits = places.get(" working"), 1.0 if process.floats else 10.0

@@ -138,7 +138,7 @@ class Layout:
     """
 
     number: int = 1
-    told: str
+    description: str
     speaks: tuple[str, ...] = BLOCKS
     registers: Sequence[RegisterRange] = ()
     length: int
@@ -173,7 +173,7 @@ class Laid:
             assume: what the manual leaves open.
         """
         layout = self.layout
-        self.number, self.told, self.manual = layout.number, layout.told, layout.mode is not None
+        self.number, self.description, self.manual = layout.number, layout.description, layout.mode is not None
         self.speaks, self.registers = layout.speaks, layout.registers
         self.signals = self._signals((words.scaling.low_degC, words.scaling.high_degC))
         self.words = {name: self._signal(place) for name, place in layout.words.items() if place.format in STRUCTS}

@@ -54,7 +54,7 @@ class Ob251Block:
     """DB30, 49 words; see `heatertune.live.blocks.ServedBlock`."""
 
     number, manual = DB, True
-    told, undone_by = "49 words", ""
+    description, undone_by = "49 words", ""
     operators, mode = ("STEU", "YH"), slice(_STEU, _STEU + 1)
     speaks = (*BLOCKS, "as511")
     registers: Sequence[RegisterRange] = ()

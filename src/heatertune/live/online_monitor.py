@@ -131,7 +131,7 @@ class OnlineMonitor:
     def to_document(self) -> dict[str, Any]:
         """Return it as JSON holds it."""
         return {"scans": self.scans, "missed": self.missed, "begun_anew": self.begun_anew,
-                "blind_share": 1.0 - self.watched / max(self.passed, 1), "told": list(self.messages()),
+                "blind_share": 1.0 - self.watched / max(self.passed, 1), "messages": list(self.messages()),
                 "alarms": [asdict(each) for each in self.alarms.values()]}
 
 

@@ -26,7 +26,7 @@ SETPOINT, READING, POWER = PLACES["Setpoint"], PLACES["Input"], PLACES["Output"]
 
 def _layout(fields: Sequence[WordField]) -> Layout:
     return Layout(
-        told="a global DB of standard access beside the instance", length=52, setpoint=SETPOINT, reading=READING,
+        description="a global DB of standard access beside the instance", length=52, setpoint=SETPOINT, reading=READING,
         power=POWER, words={field.name: PLACES[field.name] for field in fields},
         inputs={name: PLACES[name] for name in ("Setpoint", "Input", "Reset")})
 

@@ -40,7 +40,7 @@ class _VMemory:
     """512 bytes of V memory, which S7 clients find as DB 1; see `heatertune.live.blocks.ServedBlock`."""
 
     number, manual = 1, False
-    told, operators, mode = "V memory", (), slice(0)
+    description, operators, mode = "V memory", (), slice(0)
     undone_by = "the first scan after a start-up types in the words of the program that is loaded"
     speaks = BLOCKS
     registers: Sequence[RegisterRange] = ()

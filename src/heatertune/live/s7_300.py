@@ -21,7 +21,8 @@ READING: Final = CellAddress(2, "INT")  # PV
 SETPOINT: Final = CellAddress(4, "INT")  # SP
 POWER: Final = CellAddress(6, "INT")  # OUT
 LAYOUT: Final = Layout(
-    number=100, told="instance of the PID tip", length=36, setpoint=SETPOINT, reading=READING, power=POWER, mode=MODE,
+    number=100, description="instance of the PID tip", length=36, setpoint=SETPOINT, reading=READING, power=POWER,
+    mode=MODE,
     words={field.name: CellAddress(place(field.address)[0], field.format) for field in FIELDS},
     inputs={"mode_req": MODE, "SP": SETPOINT, "PV": READING, "OUT": POWER},
     state={

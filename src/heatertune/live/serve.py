@@ -109,7 +109,7 @@ class VirtualPlcServed:
         """Begin to serve; `virtual_plc` hands in what is needed."""
         pace = Pace(rate=settings.rate, by_client=settings.step, intervals=settings.intervals)
         self.plc = VirtualPlc(plan, block, measure, pace, dead_man_scans=settings.dead_man)
-        self.block, self.number, self.length = block.told, block.number, self.plc.memory.size(block.number)
+        self.block, self.number, self.length = block.description, block.number, self.plc.memory.size(block.number)
         self.registers = self.plc.registers
         assert plan.loop.words is not None
         self.target, self.scan_s = plan.loop.words.target, plan.loop.scan_s

@@ -25,7 +25,7 @@ PLACES: Final = members([
 ])
 SETPOINT, READING, POWER, MODE = (PLACES[name] for name in ("SetPoint", "Feedback", "Output", "SelectSetPoint"))
 LAYOUT: Final = Layout(
-    told="interface of the block PID", speaks=MODBUS, length=PLACES["Output"].part.stop, setpoint=SETPOINT,
+    description="interface of the block PID", speaks=MODBUS, length=PLACES["Output"].part.stop, setpoint=SETPOINT,
     reading=READING, power=POWER, mode=MODE, manual_is=1,
     hand=PLACES["ManualSetPoint"], words={field.name: PLACES[field.name] for field in FIELDS},
     inputs={name: PLACES[name] for name in ("EN", "SetPoint", "ManualSetPoint", "SelectSetPoint", "Feedback")},

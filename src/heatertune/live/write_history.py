@@ -119,8 +119,8 @@ def _passages(before: Before, words: Words) -> list[Passage]:
     for number, group in enumerate(groups[1:]):
         if made[number].ended is None:  # nobody asked what became of it until it was taken back
             back = _read(before, _Begin, group[0])
-            made[number] = replace(made[number], told=back.told, left=back.stands or None,
-                                   quantities=_quantities(words, made[number].found, back.stands or None))
+            made[number] = replace(made[number], message=back.told, left=back.stands or None,
+                                   quantities=_quantities(words, made[number].as_found, back.stands or None))
     if before.lines.torn:
         torn = "The last line of the record is torn, as a kill leaves it, and was left out."
         made[-1] = replace(made[-1], notes=(*made[-1].notes, torn))
@@ -141,9 +141,9 @@ def _passage(before: Before, words: Words, steps: Sequence[Step]) -> Passage:
     return Passage(
         kind="write" if is_write else "rollback", record=path.name, address=before.address.text,
         simulated=head.simulated, version=head.version, begun=_instant(before, begin.at),
-        ended=_instant(before, end.at) if end.at else None, outcome=end.outcome, told=end.told,
-        seen=tuple(f"{each.get('name')}: {each.get('told')}" for each in begin.checks),
-        notes=tuple(notes if lost else ()), found=found, left=end.stands,
+        ended=_instant(before, end.at) if end.at else None, outcome=end.outcome, message=end.told,
+        observations=tuple(f"{each.get('name')}: {each.get('told')}" for each in begin.checks),
+        notes=tuple(notes if lost else ()), as_found=found, left=end.stands,
         quantities=_quantities(words, found, end.stands), watch=_watch(before, steps))
 
 
@@ -167,7 +167,7 @@ def _quantities(words: Words, found: Values | None, left: Values | None) -> tupl
     proven = _meant(words, {})
     one, other = (None if values is None else _meant(words, values) for values in (found, left))
     return tuple(
-        Quantity(name=name, unit=unit, found=None if one is None else one[name, unit], proven=value,
+        Quantity(name=name, unit=unit, as_found=None if one is None else one[name, unit], proven=value,
                  left=None if other is None else other[name, unit])
         for (name, unit), value in (proven or {}).items())
 

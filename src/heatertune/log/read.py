@@ -232,7 +232,7 @@ def _log(
         return Log(
             name=table.name if table else display_name(Path(source).stem),
             source=table.source if table else display_name(str(source)),
-            repairs=repairs, doubts=doubts, same_heater=table.same_heater if table else (), taken=taken,
+            repairs=repairs, warnings=doubts, same_heater=table.same_heater if table else (), taken=taken,
             rests_at_degC=table.rests_at_degC if table else None, pwm_period_s=sheet.pwm_period_s,
             **series._asdict(),
         )

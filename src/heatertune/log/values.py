@@ -58,7 +58,7 @@ class Log(NotebookDisplay):
     setpoint_degC: Array | None = None
     disturbance: Array | None = None
     repairs: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     same_heater: tuple[str, ...] = field(default=())
     taken: ReadSummary | None = None
     rests_at_degC: float | None = None
@@ -134,7 +134,7 @@ class Log(NotebookDisplay):
             name=self.name, source=self.source, time_s=self.time_s[keep],
             temperature_degC=self.temperature_degC[keep], power_pct=cut(self.power_pct),
             setpoint_degC=cut(self.setpoint_degC), disturbance=cut(self.disturbance), repairs=self.repairs,
-            doubts=self.doubts,
+            warnings=self.warnings,
             same_heater=self.same_heater, taken=self.taken, rests_at_degC=self.rests_at_degC,
             pwm_period_s=self.pwm_period_s, power_late_s=self.power_late_s,
         )

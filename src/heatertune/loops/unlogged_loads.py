@@ -124,11 +124,11 @@ class _LoadTrial(NamedTuple):
 
     thin: Log
     course: PowerCourse
-    found: _LoadFit
+    fit: _LoadFit
 
     def worth(self) -> tuple[bool, float]:
         """Less is better."""
-        return _worth(self.found)
+        return _worth(self.fit)
 
 
 def _best(log: Log, pwm_period_s: float | None) -> _LoadTrial:
@@ -151,7 +151,7 @@ def _best_with_switch(log: Log, pwm_period_s: float | None) -> tuple[_LoadTrial,
         if tried.worth() >= best.worth():
             break
         best, kept = tried, switch
-    return (best, kept) if best.found.bic < plain.found.bic - _RULED_OUT else (plain, DutySwitch())
+    return (best, kept) if best.fit.bic < plain.fit.bic - _RULED_OUT else (plain, DutySwitch())
 
 
 def _switched(log: Log, pwm_period_s: float | None, tried: _LoadTrial) -> tuple[Log, DutySwitch]:
@@ -159,7 +159,7 @@ def _switched(log: Log, pwm_period_s: float | None, tried: _LoadTrial) -> tuple[
 
     Lags, dead time and instants are not those of the right switch yet: what changes with them is free here.
     """
-    found, bent = tried.found, _bent(tried.course, tried.found)
+    found, bent = tried.fit, _bent(tried.course, tried.fit)
 
     def left(switch: DutySwitch) -> float:
         thin = average_log(reconstruct_power(log, switch, pwm_period_s), pwm_period_s, tried.course.before)

@@ -43,7 +43,7 @@ class Remark(NamedTuple):
 
 def findings_of(remarks: Iterable[Remark]) -> tuple[Finding, ...]:
     """Return the findings among some sentences."""
-    return tuple(Finding(name=remark.finding, told=remark.sentence) for remark in remarks if remark.finding)
+    return tuple(Finding(name=remark.finding, message=remark.sentence) for remark in remarks if remark.finding)
 
 
 def poor_remarks(outcome: FitOutcome, fit_pct: float, name: str) -> tuple[Remark, ...]:
@@ -85,7 +85,7 @@ def unit_findings(fitted: FittedModel, logs: Sequence[Log]) -> tuple[Finding, ..
         doubts = {role: doubt for role, doubt in _implausible(fitted, log).items()
                   if role in taken.columns and role not in taken.stated}
         if taken.assumed or doubts:
-            findings.append(Finding(name="unit-assumed", told=_unit_sentence(taken, doubts)))
+            findings.append(Finding(name="unit-assumed", message=_unit_sentence(taken, doubts)))
     return tuple(findings)
 
 

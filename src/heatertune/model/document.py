@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 #: those of the first held no ends of intervals and no findings
-SCHEMA = "heatertune/model/2"
+SCHEMA = "heatertune/model/3"
 
 Pair = tuple[float | None, float | None]
 #: parameters as they stand in a document, each with its interval: x, x_ci95
@@ -124,7 +124,7 @@ class FindingView:
 
     name: str
     effect: str = ""
-    told: str
+    message: str
 
     def __post_init__(self) -> None:
         _ = self.value
@@ -306,7 +306,7 @@ class ModelView:
     candidates: tuple[CandidateView, ...] = ()
     hypotheses: tuple[CandidateView, ...] = ()
     notes: tuple[str, ...] = ()
-    log_told: tuple[str, ...] = ()
+    log_summary: tuple[str, ...] = ()
     findings: tuple[FindingView, ...] = ()
     setpoint_degC: float | None = None
     logged_range_degC: tuple[float, float] | None = field(default=None, metadata=LEFT_OUT)

@@ -162,14 +162,14 @@ class Finding:
 
     Attributes:
         name: of its kind, one of `KINDS`.
-        told: what was found in this log, one sentence with its numbers.
+        message: what was found in this log, one sentence with its numbers.
 
     Raises:
         UnknownName: no such kind.
     """
 
     name: str
-    told: str
+    message: str
 
     def __post_init__(self) -> None:
         if self.name not in KINDS:

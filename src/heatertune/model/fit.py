@@ -228,8 +228,8 @@ def _of_files(fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
     repaired = [f"{reading.file}: {reading.repaired_share:.2%} of {reading.rows_read} rows were left out or repaired"
                 for reading in taken if reading.repaired_share > MOST_REPAIRED]
     return replace(
-        fitted, log_told=tuple(reading.line for reading in taken),
-        findings=(*fitted.findings, *(Finding(name="repaired", told=sentence) for sentence in repaired),
+        fitted, log_summary=tuple(reading.line for reading in taken),
+        findings=(*fitted.findings, *(Finding(name="repaired", message=sentence) for sentence in repaired),
                   *unit_findings(fitted, logs)),
     )
 

@@ -78,7 +78,7 @@ def with_late_power(
     is_distorted = gap_s > _LATE * fitted.model.time_constant_s  # beyond what a longer dead time stands for
     return replace(
         fitted, notes=(*fitted.notes, note), candidates=told_apart([*fitted.candidates, *later], least_s),
-        findings=(*fitted.findings, *((Finding(name="alias", told=note),) if is_distorted else ())),
+        findings=(*fitted.findings, *((Finding(name="alias", message=note),) if is_distorted else ())),
         ci95=fitted.ci95 if dead is None or dead.high is None else {
             **fitted.ci95, "dead_time_s": replace(dead, high=dead.high + _room(dead.high, late_s, most_s))},
     )

@@ -294,7 +294,7 @@ class FittedModel(NotebookDisplay, Dynamics):
     residuals: Residuals | None = None
     validation: Validation | None = None
     logs: tuple[OneLog, ...] = ()
-    log_told: tuple[str, ...] = ()
+    log_summary: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     setpoint_degC: float | None = None
     logged_range_degC: tuple[float, float] | None = None

@@ -19,7 +19,7 @@ from heatertune.pid.values import Margins, PidDesign, Promise, structure_of
 
 __all__ = ["SCHEMA", "PidView", "from_document", "parts_of", "promise_document", "read_design", "to_document"]
 
-SCHEMA = "heatertune/pid/1"
+SCHEMA = "heatertune/pid/2"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

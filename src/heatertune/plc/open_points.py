@@ -56,7 +56,7 @@ class OpenPoint:
     means: Mapping[str, bool | int]
     reason: str
     in_manual: bool = False
-    told: tuple[str, ...] = ()
+    summary: tuple[str, ...] = ()
     chosen: bool = False
     shows: Callable[[Any], bool] = always
 
@@ -138,7 +138,7 @@ def settings_to_prove(switches: Sequence[OpenPoint], known: Mapping[str, str] | 
     default = settings_of(switches, known or {})
     open_ = [switch for switch in switches if not switch.in_manual and (
         default[switch.name] != switch.default if switch.chosen else switch.name not in (known or {}))]
-    untold = {switch.name: [each for each in switch.settings if each not in switch.told] for switch in open_}
+    untold = {switch.name: [each for each in switch.settings if each not in switch.summary] for switch in open_}
     varied: Iterable[dict[str, str]]
     if math.prod(map(len, untold.values())) <= _ALL_TOGETHER:
         varied = (default | dict(zip(untold, chosen, strict=True)) for chosen in product(*untold.values()))

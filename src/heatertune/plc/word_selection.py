@@ -311,7 +311,7 @@ def search_document(choice: WordChoice, fitted: FittedModel, notes: Sequence[str
         `choice.search` with ms_drawn (None: no PID, or no interval to draw from) and the notes.
     """
     return choice.search.to_document() | {
-        "ms_drawn": _ms_drawn(choice.words, fitted), "notes": [*choice.search.notes, *notes],
+        "ms_sampled": _ms_drawn(choice.words, fitted), "notes": [*choice.search.notes, *notes],
     }
 
 
@@ -322,7 +322,7 @@ def _ms_drawn(words: Words, fitted: FittedModel) -> dict[str, Any] | None:
     return None if drawn is None else {
         "count": drawn.count, "median": _finite(drawn.median), "p95": _finite(drawn.p95), "worst": _finite(drawn.worst),
         "unstable": drawn.unstable,
-        "told": f"On {drawn.count} heaters drawn from the fit's intervals Ms is {drawn.median:.3g} in the middle, "
+        "message": f"On {drawn.count} heaters drawn from the fit's intervals Ms is {drawn.median:.3g} in the middle, "
                 f"up to {drawn.p95:.3g} on 95 % of them, {drawn.worst:.3g} at worst; unstable on {drawn.unstable}.",
     }
 

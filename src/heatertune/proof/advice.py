@@ -30,7 +30,7 @@ from heatertune.settings import Conditions
 
 __all__ = ["SCHEMA", "advise"]
 
-SCHEMA: Final = "heatertune/advice/1"
+SCHEMA: Final = "heatertune/advice/2"
 
 #: the criterion of the proof that a symptom is about
 _AIM: Final = {
@@ -84,7 +84,7 @@ def advise(
     return {
         "schema": SCHEMA, "target": recipe.target, "log": None if log is None else log.name,
         "symptom": seen.symptom.name, "symptom_text": seen.symptom.value,
-        "seen": {name: value for name, value in asdict(seen).items() if name != "symptom"},
+        "response": {name: value for name, value in asdict(seen).items() if name != "symptom"},
         "aim": aim, "cases": cases, "best": _best(cases, aim),
         "notes": settings_told(before, "the design as it is"),
     }

@@ -44,7 +44,7 @@ from heatertune.units import count
 
 __all__ = ["AS_LEFT_SCHEMA", "AsLeft", "Measurement", "Outside", "as_left"]
 
-AS_LEFT_SCHEMA: Final = "heatertune/as-left/1"
+AS_LEFT_SCHEMA: Final = "heatertune/as-left/2"
 
 Array = npt.NDArray[np.float64]
 Numbers = tuple[float, ...]
@@ -81,7 +81,7 @@ class Measurement:
     limit: float | None
     worst: OrInfinite
     measured: float | Literal["never"] | None
-    told: str
+    message: str
     keeps: bool | None
     as_proven: bool | None
 
@@ -125,7 +125,7 @@ class AsLeft:
     trace: str
     digest: str
     verdict: Literal["AS PROVEN", "NOT AS PROVEN", "NOT SHOWN"]
-    told: tuple[str, ...]
+    messages: tuple[str, ...]
     notes: tuple[str, ...]
     setpoint_degC: float
     start_degC: float
@@ -195,7 +195,7 @@ def as_left(
               *_too_late(parts, lines, whole_degC))[:1]
     drawn, banded = _drawn(since, own), _drawn(shown, low, high)
     return AsLeft(
-        trace=log.name, digest=proof.digest, told=against or unseen,
+        trace=log.name, digest=proof.digest, messages=against or unseen,
         verdict="NOT AS PROVEN" if against else "NOT SHOWN" if unseen else "AS PROVEN",
         notes=(*parts.notes, *_mid_way(before_s), *_notes(log, parts, proof, margin), *_alone(beyond, outside)),
         setpoint_degC=parts.parts[0].setpoint_degC, start_degC=parts.start_degC, begins_s=parts.begins_s,
@@ -298,7 +298,7 @@ def _measurement(
         as_proven = best >= criterion.value if criterion.bound == ">=" else best <= criterion.value + slack
     return Measurement(
         name=name, unit=criterion.unit, bound=criterion.bound, limit=criterion.limit, worst=criterion.value,
-        measured="never" if value is not None and math.isinf(value) else value, told=seen.note, keeps=keeps,
+        measured="never" if value is not None and math.isinf(value) else value, message=seen.note, keeps=keeps,
         as_proven=as_proven)
 
 
@@ -307,7 +307,7 @@ def _against(lines: Sequence[Measurement], outside: Sequence[Outside]) -> Iterat
     for line in lines:
         called = line.name.replace("_", " ")
         if line.keeps is False:
-            yield f"The {called} does not keep its limit{f': {line.told}' if '--load-at' in line.told else ''}."
+            yield f"The {called} does not keep its limit{f': {line.message}' if '--load-at' in line.message else ''}."
         elif line.as_proven is False:
             yield f"The {called} is worse than that of every proven run."
     if outside:
@@ -330,7 +330,7 @@ def _unseen(parts: TraceParts, lines: Sequence[Measurement]) -> Iterator[str]:
     ways = {line.name: line for line in lines if line.name in _ENDS}
     if all(way.measured is None for way in ways.values()):
         first = ways.get(_END_OF[parts.parts[0].kind])
-        why = "" if first is None else f" ({first.told})"
+        why = "" if first is None else f" ({first.message})"
         yield (f"The loop does not settle within the trace{why}: log until it is at rest. So far it agrees with the "
                "proof.")
 

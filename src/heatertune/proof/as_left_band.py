@@ -158,7 +158,7 @@ def _traces(
     models = [(label, heaters[label]) for label in dict.fromkeys(model for model, *_ in ran)]
     runs = Runs.of(
         controller_for(words.target), words, models, scenario, proof.actuator, proof.limits,
-        Coverage(known=proof.known, only=ran), interlock=proof.interlock)
+        Coverage(stated_settings=proof.stated_settings, only=ran), interlock=proof.interlock)
     for run in range(len(runs.cases)):
         progress(f"running what was proven ({run + 1} of {len(runs.cases)})")
         yield runs.trace(run, direct=True)

@@ -65,7 +65,8 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
         words = replace(words, ramp=ramp)
     if controller_for(target).has_boost:
         words = replace(words, boost=proof.words.boost)
-    coverage = Coverage(open_points=False, known=proof.known if target == proof.words.target else {})
+    coverage = Coverage(open_points=False,
+                        stated_settings=proof.stated_settings if target == proof.words.target else {})
     proven = prove_models(
         controller_for(target), words, holding_heaters(fitted, proof.scenario.setpoint_degC), proof.scenario,
         actuator_for(Conditions(), words), Acceptance(limits=proof.limits, margins_of=margins), coverage,
@@ -126,4 +127,4 @@ def paper_runs(fitted: FittedModel) -> PaperView:
         f"{written(model.dead_time_s, 3)} s, setpoint {scenario.setpoint_degC:g} °C. Assumed, because the paper "
         "does not print them: PWM cycle 2 s, sensor 0…140 °C, Ki = 1 with T = 40."
     )
-    return PaperView(told=assumed, runs=tuple(runs))
+    return PaperView(message=assumed, runs=tuple(runs))

@@ -31,7 +31,7 @@ class Coverage:
         supplies: other mains voltages, each with the heaters that run at it; none: the rated power alone.
     """
 
-    known: Mapping[str, str] = field(default_factory=dict)
+    stated_settings: Mapping[str, str] = field(default_factory=dict)
     open_points: bool = True
     only: Sequence[Run] | None = None
     night: str | None = None
@@ -51,7 +51,7 @@ class Coverage:
         Raises:
             UnknownName: what is known is no switch or setting.
         """
-        return settings_to_prove(switches, self.known)[: None if self.open_points else 1]
+        return settings_to_prove(switches, self.stated_settings)[: None if self.open_points else 1]
 
     def runs(self, model: str, settings: Mapping[str, str], mains_power: float | None = None) -> bool:
         """Return whether a model, by its label, is run under these settings at a power, see `Run`."""
@@ -64,4 +64,4 @@ class Coverage:
     def in_question(self, switches: Sequence[OpenPoint]) -> list[OpenPoint]:
         """Return the switches that are run in several settings, or that no run can show though nobody knows them."""
         return [switch for switch in switches
-                if not switch.in_manual or (self.whole and switch.name not in self.known)]
+                if not switch.in_manual or (self.whole and switch.name not in self.stated_settings)]

@@ -22,12 +22,13 @@ from heatertune.proof.words_file import WORDS_SCHEMA, demand_same_words, read_wo
 
 __all__ = ["DIFF_SCHEMA", "DeclaredWords", "Side", "difference", "read_sides"]
 
-DIFF_SCHEMA: Final = "heatertune/diff/2"
+DIFF_SCHEMA: Final = "heatertune/diff/3"
 
 #: of a proof's document: under what it was made, and how that is called
 _CONDITIONS: Final = {
     "scenario": "what the words live through", "actuator": "the switch", "limits": "the limits",
-    "specification": "the specification", "known": "what is known of the controller", "interlock": "the interlock",
+    "specification": "the specification", "stated_settings": "what is known of the controller",
+    "interlock": "the interlock",
     "findings": "the findings of the fit", "assumed": "what is assumed of the heater", "remarks": "the remarks",
 }
 
@@ -171,7 +172,7 @@ def _dumped(path: str, given: DeclaredWords, other: Side | None) -> Side:
         interval = other.words.sample_time_s
         taken_over += (f"call interval {interval:g} s",)
     same = other if other is not None and other.words.target == controller.name else None
-    proven = {} if same is None or same.proof is None else same.proof["known"]
+    proven = {} if same is None or same.proof is None else same.proof["stated_settings"]
     read = read_machine(controller, content_of(path), sample_time_s=interval, scaling=scaling, source=path,
                         known={**proven, **given.switches})
     words = read.words

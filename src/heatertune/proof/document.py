@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from heatertune.codec import LEFT_OUT, OrInfinite, decode, encode, register_schema
-from heatertune.documents import plain
+from heatertune.documents import EarlierDocument, plain
 from heatertune.errors import DocumentError
 from heatertune.pid.design_provenance import BoostView, RampView
 from heatertune.plc import Scaling
@@ -93,7 +93,7 @@ class SettingView:
     """A setting of what the manual leaves open, and how many of the samples keep every limit under it."""
 
     switches: Mapping[str, str]
-    kept: int
+    passing_count: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +118,7 @@ class SamplesView:
         if not self._kept:
             raise DocumentError("settings: none; a proof needs at least one run")
         if not 0 <= min(self._kept) <= max(self._kept) <= self.count:
-            raise DocumentError(f"settings: kept: expected numbers from 0 to {self.count}")
+            raise DocumentError(f"settings: passing_count: expected numbers from 0 to {self.count}")
         if self.passing != min(self._kept) / self.count:
             raise DocumentError(f"passing: {self.passing:g}; under the worst setting {min(self._kept)} of "
                                 f"{self.count} pass")
@@ -132,7 +132,7 @@ class SamplesView:
 
     @property
     def _kept(self) -> list[int]:
-        return [setting.kept for setting in self.settings]
+        return [setting.passing_count for setting in self.settings]
 
 
 @register_schema(PROOF_SCHEMA)
@@ -153,7 +153,7 @@ class ProofView:
     actuator: Actuator
     limits: LoopLimits
     specification: Specification | None
-    known: Mapping[str, str]
+    stated_settings: Mapping[str, str]
     faults: tuple[str, ...]
     interlock: Interlock | None
     findings: tuple[FitDiagnosticsView, ...]
@@ -329,6 +329,7 @@ def check_document(proof: Mapping[str, Any], where: str | Path) -> dict[str, Any
         view.demand_whole(where)
     except DocumentError as problem:
         raise DocumentError(f"{problem}: no whole proof; prove the words again") from problem
-    if view.digest != with_digest(proof)["digest"]:
+    original = proof.original if isinstance(proof, EarlierDocument) else proof
+    if view.digest != with_digest(original)["digest"]:
         raise DocumentError(f"{where}: digest: of another proof, so this one was changed; prove the words again")
     return dict(proof)

@@ -41,7 +41,7 @@ class TakenView:
     reading: Mapping[str, str | float | bool]
 
 
-@register_schema("heatertune/log/1")
+@register_schema("heatertune/log/2")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogView:
     """A log as it was understood."""
@@ -53,7 +53,7 @@ class LogView:
     power_pct: Numbers | None
     setpoint_degC: Numbers | None
     repairs: tuple[str, ...]
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
     taken: TakenView | None
 
     def __post_init__(self) -> None:
@@ -84,17 +84,17 @@ class SeriesView:
     time_s: Numbers
     temperature_degC: Numbers
     followed_degC: Numbers | None
-    asked_time_s: Numbers
-    asked_pct: Numbers
+    request_time_s: Numbers
+    request_pct: Numbers
     edge_s: Numbers
     edge_pct: Numbers
 
     def __post_init__(self) -> None:
         _demand_drawable(time_s=self.time_s, temperature_degC=self.temperature_degC)
         _demand_drawable(setpoint_degC=(self.setpoint_degC,))
-        _demand_drawable(asked_time_s=self.asked_time_s, asked_pct=self.asked_pct)
+        _demand_drawable(request_time_s=self.request_time_s, request_pct=self.request_pct)
         if self.followed_degC is not None:
-            _demand_drawable(asked_time_s=self.asked_time_s, followed_degC=self.followed_degC)
+            _demand_drawable(request_time_s=self.request_time_s, followed_degC=self.followed_degC)
         if len(self.edge_s) or len(self.edge_pct):
             _demand_drawable(edge_s=self.edge_s, edge_pct=self.edge_pct)
 
@@ -133,7 +133,7 @@ class PhaseView:
             raise DocumentError("begin_s, rest_s, end_s: expected in ascending order")
 
 
-@register_schema("heatertune/pictures/2")
+@register_schema("heatertune/pictures/3")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PicturesView:
     """The series that the report draws."""
@@ -143,7 +143,7 @@ class PicturesView:
     nominal: SeriesView
     worst: SeriesView
     others: tuple[OtherRunView, ...]
-    wish: SeriesView
+    ideal: SeriesView
     curves: tuple[CurveView, ...]
 
     def __post_init__(self) -> None:
@@ -180,16 +180,16 @@ class PaperRunView:
 class PaperView:
     """What the paper's own settings do."""
 
-    told: str
+    message: str
     runs: tuple[PaperRunView, ...]
 
 
-@register_schema("heatertune/comparison/1")
+@register_schema("heatertune/comparison/2")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparisonView:
     """What other designs, and the paper's own settings, do in the same loop."""
 
-    price: str | None
+    cost: str | None
     rivals: tuple[RivalView, ...]
     paper: PaperView | None
 

@@ -170,7 +170,7 @@ class FeedForwardProof:
         return ""
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def summary(self) -> tuple[str, ...]:
         """What it comes to, for the head of an exported file, a line each."""
         first, worst, (calm, strong) = self.runs[0], self.worst, self.step
         return (
@@ -215,7 +215,7 @@ class PlainLoop:
     actuator: Actuator | None = None
     limits: LoopLimits = field(default_factory=LoopLimits)
     noise_degC: float = 0.0
-    known: Mapping[str, str] = field(default_factory=dict)
+    stated_settings: Mapping[str, str] = field(default_factory=dict)
 
 
 def prove_feed_forward(
@@ -243,7 +243,7 @@ def prove_feed_forward(
     share = _share(models, effect, plain.setpoint_degC)
     strong = effect.calm + share * (effect.strong - effect.calm)
     trial = _Trial(controller, words, line, effect, strong, plain)
-    runs = tuple(trial.runs(models, settings_to_prove(controller.switches, plain.known)))
+    runs = tuple(trial.runs(models, settings_to_prove(controller.switches, plain.stated_settings)))
     return FeedForwardProof(
         line=line, word=controller.feed.word, effect=effect, setpoint_degC=plain.setpoint_degC,
         step=(effect.calm, strong), load_pct=effect.pct_per_unit * (strong - effect.calm), runs=runs)
@@ -295,13 +295,13 @@ class _Trial(NamedTuple):
         for name, model in models:
             for chosen in settings:
                 changed = [f"{key}={value}" for key, value in chosen.items() if value != settings[0][key]]
-                yield self.beside(", ".join([name, *changed]), model, chosen, best)
-                yield self.beside(", ".join([name, *changed, "heat-up while it is strong"]), model, chosen, best,
+                yield self.compare(", ".join([name, *changed]), model, chosen, best)
+                yield self.compare(", ".join([name, *changed, "heat-up while it is strong"]), model, chosen, best,
                                   heats_up=True)
             for other in others:
-                yield self.beside(f"{name}, {other.name}", model, settings[0], other)
+                yield self.compare(f"{name}, {other.name}", model, settings[0], other)
 
-    def beside(
+    def compare(
         self, label: str, model: HeaterModel, chosen: Mapping[str, str], acts: _Effect, *, heats_up: bool = False
     ) -> FeedForwardComparison:
         """Return one heater with plain feedback and with feed-forward."""

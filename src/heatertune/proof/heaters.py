@@ -54,7 +54,7 @@ def unreachable_findings(fitted: FittedModel, able: int, setpoint_degC: float) -
     possible = len(fitted.heaters)
     if able < possible and not all(_contradicts(fitted, model, setpoint_degC) for model in unable):
         yield Finding(name="setpoint-unreached",
-                      told=f"{possible - able} of {possible} plausible heaters cannot hold {setpoint_degC:g} °C.")
+                      message=f"{possible - able} of {possible} plausible heaters cannot hold {setpoint_degC:g} °C.")
 
 
 def covered_degC(fitted: FittedModel) -> tuple[float, float] | None:
@@ -109,7 +109,7 @@ def range_is_unknown(fitted: FittedModel, setpoints_degC: Sequence[float]) -> bo
 
 
 def _beyond(setpoint_degC: float, covered: float, towards: str) -> Finding:
-    return Finding(name="beyond-the-log", told=(
+    return Finding(name="beyond-the-log", message=(
         f"The setpoint is {setpoint_degC:g} °C, but the log covers setpoints {towards} to {covered:g} °C only "
         f"(--setpoint {covered:g})."))
 

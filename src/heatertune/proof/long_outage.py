@@ -85,7 +85,7 @@ class LongOutage(NamedTuple):
     name: str
     scenario: Scenario
     summary: str
-    kept: str = ""
+    limits_kept: str = ""
     most: float = 1.0
     heater_s: float = 0.0
 
@@ -119,7 +119,7 @@ class LongOutage(NamedTuple):
         beyond = worst.name in OVERSHOOTS[self.name]
         does = (f"overshoots by {worst.value:.3g} {worst.unit}" if beyond else
                 f"takes {written(worst.value / 60.0, 2)} min longer to return" if grows else "does not come to rest")
-        return [Finding(name=self.name, told=f"{self.summary} it {does}{self.kept}.")]
+        return [Finding(name=self.name, message=f"{self.summary} it {does}{self.limits_kept}.")]
 
     def strain(self, criteria: Iterable[Criterion]) -> float:
         """Return how much of a limit that counts here is used at most."""

@@ -121,7 +121,7 @@ def level_crossing(before: Flow, after: Flow, level: float, plant: Plant) -> Flo
     search = searched_from(before, after, level, plant)
     for _ in range(MOST_ROUNDS):
         search = closer(before, after, level, plant, search)
-        if search.found:
+        if search.is_crossed:
             break
     return Flow(search.now, search.y, search.x, before.target, before.heat, before.load, before.mains)
 
@@ -145,7 +145,7 @@ class CrossingSearch(NamedTuple):
     y: float
     x: float
     last: bool
-    found: bool
+    is_crossed: bool
 
 
 def searched_from(before: Flow, after: Flow, level: float, plant: Plant) -> CrossingSearch:

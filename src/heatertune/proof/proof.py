@@ -124,7 +124,7 @@ class Proof(NotebookDisplay):
     actuator: Actuator
     interlock: Interlock | None
     trace: Callable[[int], Trace] = field(repr=False)
-    known: Mapping[str, str] = field(default_factory=dict)
+    stated_settings: Mapping[str, str] = field(default_factory=dict)
     faults: tuple[str, ...] = ()
     ramp_degC_per_min: float = math.inf
     hold_degC: float | None = None
@@ -254,7 +254,7 @@ def prove_models(
         actuator=first.actuator,
         interlock=interlock,
         trace=lambda run: traced(run, seeds[run]) if run in seeds else traced(run),
-        known=dict(coverage.known),
+        stated_settings=dict(coverage.stated_settings),
         faults=() if controller.faults is None else controller.faults(words),
         ramp_degC_per_min=math.inf if words.ramp is None else controller.ramp_degC_per_min(words),
         hold_degC=None if words.ramp is None else controller.hold_degC(words),
@@ -376,9 +376,9 @@ def _after_nights(
         own = [result for result in results if result.mains_power == part.mains_power]
         found, over = _after_a_night(part, own, coverage)
         for finding in found:
-            told = finding.told if part.mains_power is None else (
-                f"{finding.told.removesuffix('.')} ({mains_label(part.mains_power)}).")
-            findings.setdefault(finding.name, replace(finding, told=told))
+            told = finding.message if part.mains_power is None else (
+                f"{finding.message.removesuffix('.')} ({mains_label(part.mains_power)}).")
+            findings.setdefault(finding.name, replace(finding, message=told))
         broken |= {name: (*broken.get(name, ()), *some) for name, some in over.items()}
     return list(findings.values()), broken
 
@@ -437,7 +437,7 @@ def _with_band(diagnostics: FitDiagnostics, limits: LoopLimits, resolution_degC:
     if band <= limits.tolerance_degC:
         return diagnostics
     widened = f"requested ±{limits.tolerance_degC:.3g} °C, proven ±{band:.3g} °C"
-    coarse = Finding(name="coarse-sensor", told=f"{widened}: the sensor's step is {resolution_degC:.3g} °C.")
+    coarse = Finding(name="coarse-sensor", message=f"{widened}: the sensor's step is {resolution_degC:.3g} °C.")
     return replace(diagnostics, findings=(*diagnostics.findings, coarse), remarks=(*diagnostics.remarks, widened))
 
 

@@ -106,7 +106,7 @@ def prove(
         limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
         reading_step_degC=fitted.reading_step_degC, diagnostics=heard)
     coverage = Coverage(
-        known=asked.switches, open_points=not first_look, only=only, night=night, night_times=night_times,
+        stated_settings=asked.switches, open_points=not first_look, only=only, night=night, night_times=night_times,
         draws=not first_look and night is None,  # as in a whole proof, whose nights have one draw
         progress=progress, supplies=supplies)
     return prove_models(

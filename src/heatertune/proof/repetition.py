@@ -40,7 +40,8 @@ __all__ = ["RepeatedProof", "demand_consistent", "design_document", "repeat_proo
 _RELATIVE: Final = 1e-6
 _ABSOLUTE: Final = 1e-9
 #: parts of a proof that have to be the same when it is repeated; the verdict follows from them
-_REPEATED: Final = ("scenario", "actuator", "limits", "specification", "known", "interlock", "findings", "assumed",
+_REPEATED: Final = ("scenario", "actuator", "limits", "specification", "stated_settings", "interlock", "findings",
+                    "assumed",
                     "faults", "criteria", "runs", "samples")
 #: lists of sentences: a design adds what it changed to those of its proof
 _SENTENCES: Final = ("remarks", "not_tested")
@@ -187,7 +188,7 @@ def _assumed_recipe(words: Words, proof: Mapping[str, Any], design: PidDesign, f
     """
     view = decode(ProofView, dict(proof), "proof.json")
     conditions = Conditions(
-        setpoint_degC=view.scenario.setpoint_degC, switches=dict(view.known),
+        setpoint_degC=view.scenario.setpoint_degC, switches=dict(view.stated_settings),
         pwm_period_s=view.actuator.pwm_period_s)
     recipe = DesignProvenance(target=words.target, range_degC=words.scaling.sensor_degC, input=words.scaling.input,
                     conditions=conditions, setpoint_ramp=view.setpoint_ramp, boost=view.boost)

@@ -39,8 +39,8 @@ def trace_series(trace: Trace, label: str) -> dict[str, Any]:
         "time_s": np.round(time, 2),
         "temperature_degC": np.round(trace.temperature_at(time), 3),
         "followed_degC": np.round(trace.followed_degC[asked], 3) if np.ptp(trace.followed_degC) > 0.0 else None,
-        "asked_time_s": np.round(trace.time_s[asked], 3),
-        "asked_pct": np.round(trace.power_asked_pct[asked], 3),
+        "request_time_s": np.round(trace.time_s[asked], 3),
+        "request_pct": np.round(trace.power_asked_pct[asked], 3),
         "edge_s": np.round(trace.edge_time_s[edges], 3),
         "edge_pct": trace.edge_pct[edges],
     }

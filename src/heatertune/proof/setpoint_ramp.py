@@ -121,7 +121,7 @@ def _cheapest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken:
     band = band_of(plain.limits, plain.nominal.resolution_degC)
     for holds in _HOLDS:
         searches = [
-            _Search(plain=plain, fitted_model=fitted, conditions=conditions, kept=BY_RAMP,
+            _Search(plain=plain, fitted_model=fitted, conditions=conditions, kept_limits=BY_RAMP,
                     hold_degC=side * times * band)
             for times in holds]
         held, wound_up = _soonest(searches)
@@ -171,7 +171,7 @@ def _fastest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: 
     """Return the proof with the fastest ramp that mends all it can mend, else with the fastest that mends overshoot."""
     kept = OVERSHOOTS | _LEFT_BEHIND
     wanted = [kept, OVERSHOOTS] if broken & _LEFT_BEHIND and broken & OVERSHOOTS else [kept & (broken | OVERSHOOTS)]
-    searches = (_Search(plain=plain, fitted_model=fitted, conditions=conditions, kept=names)
+    searches = (_Search(plain=plain, fitted_model=fitted, conditions=conditions, kept_limits=names)
                 for names in wanted)
     return next((ramped for search in searches if (ramped := search.fastest()) is not None), None)
 
@@ -212,7 +212,7 @@ class _Search:
     plain: Proof
     fitted_model: FittedModel
     conditions: Conditions
-    kept: frozenset[str]
+    kept_limits: frozenset[str]
     hold_degC: float | None = None
 
     def settles_at_once(self) -> float | None:
@@ -240,7 +240,7 @@ class _Search:
             if words is None or (wound is not None and words == wound.words):
                 return wound
             proof = prove(words, self.fitted_model, self.conditions)
-            if any(not criterion.ok for criterion in proof.criteria if criterion.name in self.kept):
+            if any(not criterion.ok for criterion in proof.criteria if criterion.name in self.kept_limits):
                 watched = watched.with_failed(proof)
             elif sums_up(proof.diagnostics):
                 wound, watched = wound or proof, watched.with_nights([proof])
@@ -251,7 +251,7 @@ class _Search:
 
     @property
     def _watched(self) -> RunScreen:
-        return RunScreen(fitted_model=self.fitted_model, names=self.kept).with_failed(self.plain)
+        return RunScreen(fitted_model=self.fitted_model, names=self.kept_limits).with_failed(self.plain)
 
     def _fastest_on(self, watched: RunScreen) -> Words | None:
         shorter, hopeful = None, False
@@ -271,9 +271,9 @@ class _Search:
         if slowest is None:
             return False
         unled = any(each.name in _UNLED and not each.ok for each in self.plain.criteria)
-        if unled and not self._keeps(slowest, replace(watched, names=self.kept & _UNLED)):
+        if unled and not self._keeps(slowest, replace(watched, names=self.kept_limits & _UNLED)):
             return False
-        led = replace(watched, names=self.kept & _LED)
+        led = replace(watched, names=self.kept_limits & _LED)
         left = led.badness(slowest, self.conditions)
         return left == 0.0 or left <= _MENDED * led.badness(fastest, self.conditions)
 

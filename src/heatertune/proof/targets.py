@@ -23,7 +23,7 @@ from heatertune.settings import Conditions
 
 __all__ = ["SCHEMA", "compare"]
 
-SCHEMA = "heatertune/compare/1"
+SCHEMA = "heatertune/compare/2"
 
 _NAMES = ("overshoot", "settling_time", "steady_offset", "recovery_time", "iae")
 
@@ -90,7 +90,7 @@ def _row(
         "rounded": None if rounded is None else _figures(proof, rounded),
         "wished": _figures(proof, wish),
         "series": trace_series(nominal, target),
-        "wish": trace_series(wish, "unrounded"),
+        "ideal": trace_series(wish, "unrounded"),
     }
 
 

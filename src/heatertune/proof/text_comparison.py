@@ -64,16 +64,16 @@ def as_exported(proof: Proof) -> Proof:
         return proof
     controller, heard = controller_for(proof.words.target), proof.diagnostics
     if controller.faults is not None and (known := controller.faults(proof.words)):
-        finding = Finding(name="known-faults", told=known[0])
+        finding = Finding(name="known-faults", message=known[0])
         heard = replace(heard, findings=(*heard.findings, finding))
         proof = replace(proof, diagnostics=heard)
     runs = {proof.runs[run].label: proof.trace(run) for run in dict.fromkeys((0, proof.worst_run))}
     departs, not_run = load_or_compute(
-        "text", {"words": repr(proof.words), "known": dict(proof.known),
+        "text", {"words": repr(proof.words), "known": dict(proof.stated_settings),
                  "runs": {label: _digest(trace) for label, trace in runs.items()}},
         lambda: _all_compared(controller, proof, runs)._asdict(),
         lambda told: ComparisonResult(told["departs"], tuple(told["not_run"])))
-    found = () if departs is None else (Finding(name="exported-text", told=departs),)
+    found = () if departs is None else (Finding(name="exported-text", message=departs),)
     not_tested = tuple(dict.fromkeys((*heard.not_tested, *not_run)))
     return replace(proof, diagnostics=replace(heard, findings=(*heard.findings, *found), not_tested=not_tested))
 
@@ -93,7 +93,7 @@ def _all_compared(controller: Controller, proof: Proof, runs: Mapping[str, Trace
     pulses: dict[str, set[Number]] = {}
     not_run: dict[str, None] = {}
     for label, trace in runs.items():
-        departs, left = compare_text(controller, proof.words, trace, proof.known, pulses=pulses)
+        departs, left = compare_text(controller, proof.words, trace, proof.stated_settings, pulses=pulses)
         if departs is not None:
             return ComparisonResult(f"{label}: {departs}", tuple(not_run))
         not_run |= dict.fromkeys(left)
@@ -161,7 +161,7 @@ class _Call(NamedTuple):
     """What a call of the controller saw in the run, and what it gave."""
 
     time_s: float
-    asked: Number
+    request: Number
     counts: int
     reading_degC: float
     followed_degC: float
@@ -172,15 +172,15 @@ class _CallRecord(NamedTuple):
     """The same of many calls."""
 
     time_s: Numbers
-    asked: npt.NDArray[Any]
+    request: npt.NDArray[Any]
     counts: npt.NDArray[np.int64]
     reading_degC: Numbers
     followed_degC: Numbers
     power_pct: Numbers
 
     @property
-    def given(self) -> CallInputs:
-        return CallInputs(self.asked, self.counts, self.reading_degC)
+    def inputs(self) -> CallInputs:
+        return CallInputs(self.request, self.counts, self.reading_degC)
 
     def some(self, which: slice | npt.NDArray[Any]) -> _CallRecord:
         return _CallRecord(*(cast("Any", each)[which] for each in self))
@@ -232,7 +232,7 @@ class _Comparison:
 
     def _of_some(self, calls: _CallRecord) -> str | None:
         """Compare calls between which the supply stays."""
-        made = self._text.calls(calls.given)
+        made = self._text.calls(calls.inputs)
         if made is not None:
             self._powers.update(zip(made.outputs.tolist(), made.powers_pct.tolist(), strict=True))
             return self._first(calls, made)
@@ -275,7 +275,7 @@ class _Comparison:
         ticks = np.tile(np.arange(per_call), len(calls.time_s))
         edges = np.searchsorted(trace.edge_time_s, seen.time_s + (ticks + 0.5) * text.tick_s) - 1
         proven = (edges >= 0) & np.array(trace.edge_on, dtype=bool)[edges] if len(trace.edge_on) else edges >= 0
-        at_once = text.ticks(seen.given)
+        at_once = text.ticks(seen.inputs)
         if at_once is not None:
             switches = False if at_once.on is None else at_once.on != proven
             return self._first(seen, at_once, switches, ticks)

@@ -28,7 +28,7 @@ __all__ = [
 ]
 
 #: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use
-PROOF_SCHEMA: Final = "heatertune/proof/3"
+PROOF_SCHEMA: Final = "heatertune/proof/4"
 
 NOT_PROVEN: Final = "NOT PROVEN"
 
@@ -54,7 +54,7 @@ class FitDiagnosticsView:
 
     name: Literal[tuple(KINDS)]  # type: ignore[valid-type]  # the kinds are declared once
     effect: str
-    told: str
+    message: str
     accepted: bool
 
     def __post_init__(self) -> None:
@@ -154,7 +154,7 @@ def verdict_line(proof: Mapping[str, Any]) -> str:
 def closing_text(finding: Mapping[str, Any], proof: Mapping[str, Any], between: str = "; ") -> str:
     """Return what a finding of a proof's document leaves open and what closes it; `between`: the two."""
     name, kind = finding["name"], KINDS[finding["name"]]
-    said = finding["told"].rstrip(".") if kind.by_case else kind.short
+    said = finding["message"].rstrip(".") if kind.by_case else kind.short
     remedy = remedy_of(name, [other["name"] for other in proof["findings"]])
     return f"{said}{between}{remedy}, or --accept {name}"
 
@@ -191,7 +191,7 @@ def sample_lines(proof: Mapping[str, Any]) -> list[str]:
 
 def samples_told(drawn: Mapping[str, Any]) -> str:
     """Return how many samples keep every limit, under which setting the fewest do, and what that shows."""
-    number, quantile, kept = drawn["count"], drawn["quantile"], [one["kept"] for one in drawn["settings"]]
+    number, quantile, kept = drawn["count"], drawn["quantile"], [one["passing_count"] for one in drawn["settings"]]
     share, must = f"{min(kept)} of {number} samples keep every limit{_under(drawn['settings'])}", 100.0 * quantile
     if (verdict := verdict_of_samples(number, quantile, kept)) != NOT_PROVEN:
         least, most = share_bounds(min(kept), number)
@@ -208,7 +208,7 @@ def derived_verdict(proof: Mapping[str, Any]) -> str:
     """Return the verdict that follows from a proof's values; what the document calls it is not asked."""
     heard = ["FAIL" if _broken(proof) else "PASS", *([NOT_PROVEN] if blocking_findings(proof) else [])]
     if (drawn := proof.get("samples")) is not None:
-        kept = [setting["kept"] for setting in drawn["settings"]]
+        kept = [setting["passing_count"] for setting in drawn["settings"]]
         heard.append(verdict_of_samples(drawn["count"], drawn["quantile"], kept))
     return combined_verdict(heard)
 
@@ -218,8 +218,8 @@ def _under(settings: Sequence[Mapping[str, Any]]) -> str:
 
     Of it what is other than assumed, which is the first one's.
     """
-    least = min(settings, key=lambda one: one["kept"])
-    if all(one["kept"] == least["kept"] for one in settings):
+    least = min(settings, key=lambda one: one["passing_count"])
+    if all(one["passing_count"] == least["passing_count"] for one in settings):
         return " under every setting" if len(settings) > 1 else ""
     assumed = settings[0]["switches"]
     other = [f"{name} = {setting}" for name, setting in least["switches"].items() if setting != assumed[name]]

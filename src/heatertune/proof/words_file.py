@@ -31,7 +31,7 @@ from heatertune.proof.verdict import (
 __all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_first",
            "pwm_period_in", "read_words", "words_in", "words_of"]
 
-WORDS_SCHEMA: Final = "heatertune/words/1"
+WORDS_SCHEMA: Final = "heatertune/words/2"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +76,7 @@ class DrawnView:
     p95: float | None
     worst: float | None
     unstable: int
-    told: str
+    message: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +84,7 @@ class SearchNotesView:
     """What is told of how words were found."""
 
     notes: tuple[str, ...]
-    ms_drawn: DrawnView | None
+    ms_sampled: DrawnView | None
 
 
 @register_schema(WORDS_SCHEMA)
@@ -111,7 +111,7 @@ class WholeWordsView:
         if set(self.words) != {word.name for word in self.fields}:
             raise DocumentError("fields: others than the words")
         if self.search is not None:
-            decode(SearchNotesView, {name: self.search.get(name, "") for name in ("notes", "ms_drawn")}, "search")
+            decode(SearchNotesView, {name: self.search.get(name, "") for name in ("notes", "ms_sampled")}, "search")
 
 
 def read_words(path: str | Path, target: str) -> Words | None:
@@ -198,14 +198,14 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
         lines.append(f"proven with a boost: {Boost(**proof['boost'])}; not proven without it")
     watch = proof["interlock"]
     lines += [] if watch is None else [f"behind the interlock {watch['name']}, limit {watch['limit_degC']:g} °C"]
-    lines += [f"assumed: {name} = {setting}" for name, setting in proof["known"].items()]
+    lines += [f"assumed: {name} = {setting}" for name, setting in proof["stated_settings"].items()]
     lines += [f"not kept: {name}" for name in failed]
-    lines += [f"not proven: {finding['told']}" for finding in open_]
+    lines += [f"not proven: {finding['message']}" for finding in open_]
     lines += [*sample_lines(proof), *told_of(proof)]
     spec = proof["specification"]
     return Certificate(verdict=verdict, lines=tuple(lines), forced=verdict != "PASS", digest=proof["digest"],
                        setpoint_degC=proof["scenario"]["setpoint_degC"], actuator=Actuator(**proof["actuator"]),
-                       specification=None if spec is None else spec["name"], switches=proof["known"],
+                       specification=None if spec is None else spec["name"], switches=proof["stated_settings"],
                        relaxed=relaxed_clause(proof))
 
 
@@ -231,7 +231,7 @@ def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where:
         raise ExportRefused(f"{where}: the proof of other parameters ({', '.join(other)}); prove these first")
     if words.get("realised") is not None and "ms" not in proof["criteria"]:
         raise DocumentError(f"{where}: criteria.ms: is missing: no whole proof; prove the words again")
-    demanded = settings_to_prove(controller_for(proof["target"]).switches, proof["known"])
+    demanded = settings_to_prove(controller_for(proof["target"]).switches, proof["stated_settings"])
     for mains_power in (None, *(one["mains_power"] for one in proof.get("mains", ()))):
         runs = [run for run in proof["runs"] if run.get("mains_power") == mains_power]
         _demand_settings(runs, demanded, "" if mains_power is None else f", {mains_label(mains_power)}", where)

@@ -11,7 +11,7 @@ from heatertune.errors import DocumentError
 
 __all__ = ["IN_BLOCK", "WRITTEN_SCHEMA", "Outcome", "Passage", "Quantity", "Watch", "WriteHistory"]
 
-WRITTEN_SCHEMA: Final = "heatertune/written/1"
+WRITTEN_SCHEMA: Final = "heatertune/written/2"
 #: quantities that the words in a block make
 IN_BLOCK: Final = ("K", "TN", "TV", "largest power")
 
@@ -33,7 +33,7 @@ class Quantity:
 
     name: str
     unit: str
-    found: float | None
+    as_found: float | None
     proven: float | None
     left: float | None
 
@@ -87,10 +87,10 @@ class Passage:
     begun: str
     ended: str | None
     outcome: Outcome
-    told: str
-    seen: tuple[str, ...]
+    message: str
+    observations: tuple[str, ...]
     notes: tuple[str, ...]
-    found: Mapping[str, int | float] | None
+    as_found: Mapping[str, int | float] | None
     left: Mapping[str, int | float] | None
     quantities: tuple[Quantity, ...]
     watch: Watch | None

@@ -38,14 +38,15 @@ def worst_text(line: Document) -> str:
 def as_left_brief(left: Document, target: str, page: str, *, whole: bool = False) -> str:
     """Return a trace beside its proof on one screen, or, `whole`, all that is known of it."""
     count = sum(line["measured"] is not None for line in left["measurements"])
-    said = " ".join(left["told"]) or "every figure keeps its limit, and the curve is inside of what the proven runs do"
+    said = " ".join(left["messages"]) or (
+        "every figure keeps its limit, and the curve is inside of what the proven runs do")
     where = f"{left['trace']} beside {target} at {left['setpoint_degC']:g} °C"
     lines = wrap_text(f"{where}: {said}", f"{left['verdict']}  ", 6)
     rows = [("", "limit", "proven worst", "measured", "")]
     for line in left["measurements"]:
         if line["measured"] is not None or whole:
             rows.append((readable_name(line["name"]), limit_text(line), worst_text(line),
-                         measured_text(line), judged_text(line) or (line["told"] if whole else "")))
+                         measured_text(line), judged_text(line) or (line["message"] if whole else "")))
     figures = [row if whole else cut(row) for row in table(rows, right=(1, 2, 3)).splitlines()] if rows[1:] else []
     others = [f"{len(left['measurements']) - count} criteria cannot be seen in this trace (--verbose says why)"]
     notes = [f"- {note}" for note in left["notes"]] if whole else notes_within(

@@ -55,7 +55,7 @@ def _log(value: Log) -> str:
             _span("temperature", value.temperature_degC, "°C"), _span("heater power", value.power_pct, "%"),
             _span("setpoint", value.setpoint_degC, "°C")]
     taken = [] if value.taken is None else [value.taken.line]
-    remarks = [*taken, *value.repairs, *value.doubts]
+    remarks = [*taken, *value.repairs, *value.warnings]
     count = f"<summary>{len(remarks)} notes of the reader</summary>"
     notes = f"<details>{count}{bullets(remarks)}</details>" if remarks else ""
     return _card(f"log {value.name}", table(["", "", "unit"], rows, numeric=(1,)), _picture(value), notes)

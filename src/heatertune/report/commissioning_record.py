@@ -73,7 +73,7 @@ def _verdict(documents: Documents) -> str:
     broken = [f"Not kept: {readable_name(name)}, {worst_text(_line(name, one))} (limit {limit_text(one)})."
               for name, one in proof["criteria"].items() if not one["ok"]]
     names = [finding["name"] for finding in proof["findings"]]
-    points = [f"Not proven: {finding['told']} Remedy: {remedy_of(finding['name'], names)}."
+    points = [f"Not proven: {finding['message']} Remedy: {remedy_of(finding['name'], names)}."
               for finding in blocking_findings(proof)]
     points += [*sample_lines(proof), *told_of(proof)]
     verdict = " ".join(filter(None, (proof["verdict"], relaxed_clause(proof))))
@@ -211,14 +211,14 @@ def _as_left(documents: Documents) -> str:
     if "written" in documents:
         passages = documents["written"]["passages"]
         now = [text if len(text) <= _SHORT else "see below" for text in (
-            in_plc(passages[0]["found"], words), in_plc(passages[-1]["left"], words))]
+            in_plc(passages[0]["as_found"], words), in_plc(passages[-1]["left"], words))]
     rows = [["parameters", *now],
             ["setpoint", BLANK, f"{figure(words['setpoint_degC'])} °C"],
             ["trace", BLANK, BLANK if left is None else left["trace"]],
             ["what it shows", BLANK, BLANK if left is None else left["verdict"]]]
     told = ""
     if left is not None:
-        told = f"{bullets([*left['told'], *left['notes']])}" + picture(
+        told = f"{bullets([*left['messages'], *left['notes']])}" + picture(
             plot_as_left(left), "The trace and the band of the proven runs; shaded: outside the band.")
     return f"<h2>As found, as left</h2>{table(['', 'as found', 'as left'], rows)}{told}"
 

@@ -45,7 +45,7 @@ def assumption_text(documents: Documents) -> str:
         if switch["minimum_rule"] == "carry":
             rows.append(["rest of a pulse", "carried to the next one", "", options_of(Conditions)["pwm_rule"].flag])
     points = controller_for(documents["words"]["target"]).switches
-    known = documents["proof"]["known"]
+    known = documents["proof"]["stated_settings"]
     settings = [[point.name, point.default, ", ".join(proven), point.reason]
                 for point in points if not point.in_manual and (proven := _proven(point, known))]
     by_hand = ", ".join(point.name for point in points if point.in_manual)

@@ -53,7 +53,7 @@ def _log(value: Log) -> str:
     rows = [("readings", f"{len(value.time_s)} in {figure(np.ptp(value.time_s))} s"),
             ("temperature", span(value.temperature_degC, "°C")), ("heater power", span(value.power_pct, "%")),
             ("setpoint", span(value.setpoint_degC, "°C"))]
-    notes = (*(() if value.taken is None else (value.taken.line,)), *value.repairs, *value.doubts)
+    notes = (*(() if value.taken is None else (value.taken.line,)), *value.repairs, *value.warnings)
     return "\n".join([f"log {value.name}", table(rows), *(f"- {note}" for note in notes)])
 
 

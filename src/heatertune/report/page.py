@@ -60,7 +60,7 @@ def sections(documents: Documents, names: Sequence[str]) -> dict[str, str]:
 def _log(documents: Documents) -> str:
     log = documents["log"]
     lists = f"<p>{text_of(log['taken']['line'])}</p>" if log.get("taken") else ""
-    for name, title in (("repairs", "Changed or assumed when reading"), ("doubts", "Unusual, but left unchanged")):
+    for name, title in (("repairs", "Changed or assumed when reading"), ("warnings", "Unusual, but left unchanged")):
         if log[name]:
             lists += f"<details><summary>{title} ({len(log[name])})</summary>{bullets(log[name])}</details>"
     rows = [["readings", str(len(log["time_s"])), "1"], _span("time", log["time_s"], "s"),
@@ -87,7 +87,7 @@ def _model(documents: Documents) -> str:
 
 
 def _price(documents: Documents) -> str:
-    price = documents["comparison"]["price"]
+    price = documents["comparison"]["cost"]
     return f"<p>Effect on the gains: {text_of(price)}</p>" if price else ""
 
 
@@ -208,7 +208,7 @@ def _proof(documents: Documents) -> str:
                    f"One run, {parts}; nominal: {pictures['nominal']['label']}, worst: {pictures['worst']['label']}.")
         + picture(plots.plot_pwm(nominal, shaken["begin_s"] - 60.0, shaken["begin_s"] + 180.0),
                    f"Switching of the heater around {shaken['begin_s']:.0f} s ({shaken['label']}).")
-        + picture(plots.plot_wish(nominal, pictures["wish"], phases),
+        + picture(plots.plot_wish(nominal, pictures["ideal"], phases),
                    "The ideal design in floating point and the rounded parameters.")
     )
 
@@ -228,7 +228,7 @@ def _comparison(documents: Documents) -> str:
         rows = [[p["label"], *(f"{p[name]:.1f}" for name in ("overshoot_degC", "offset_degC", "offset_after_degC"))]
                 for p in paper["runs"]]
         text += (
-            f"<h3>The paper's own settings</h3><p>{text_of(paper['told'])}</p>"
+            f"<h3>The paper's own settings</h3><p>{text_of(paper['message'])}</p>"
             + table(["run", "overshoot °C", "offset before the disturbance °C", "mean of the last 150 s °C"], rows,
                      numeric=(1, 2, 3), source="the paper's settings in the S7-200's arithmetic; units in the heads")
             + picture(plots.plot_paper(paper["runs"]), "The paper's settings in the S7-200's integer arithmetic.")

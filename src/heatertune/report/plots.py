@@ -54,8 +54,8 @@ def plot_loop(nominal: Part, worst: Part, others: Sequence[Part], phases: Sequen
     names = [("nominal", "realised"), ("worst", "worst"), ("other models", "other")]
     key(top, *names[: 3 if others else 2])
     for run, name, look in ((worst, "worst", "worst"), (nominal, "nominal", "realised")):
-        low.step(run["asked_time_s"], run["asked_pct"], where="post", label=name, **LOOK[look])
-    powers = power_limits(nominal["asked_pct"], worst["asked_pct"])
+        low.step(run["request_time_s"], run["request_pct"], where="post", label=name, **LOOK[look])
+    powers = power_limits(nominal["request_pct"], worst["request_pct"])
     low.set(ylabel="requested power [%]", ylim=powers, xlabel="time [s]")
     _parts(phases, top, low)
     return figure
@@ -80,11 +80,11 @@ def plot_wish(nominal: Part, wish: Part, phases: Sequence[Part] = ()) -> Figure:
     """Draw what the design meant against what the words do."""
     figure, (top, low) = new_figure(2, 3.8 + _named_height(phases), sharex=True, height_ratios=(2, 1.2))
     _temperature(top, nominal, "realised", "realised")
-    _temperature(top, wish, "ideal", "wish")  # dashed, on top: where they agree both can be seen
+    _temperature(top, wish, "ideal", "ideal")  # dashed, on top: where they agree both can be seen
     _setpoint(top, nominal)
     instants = np.asarray(nominal["time_s"])
     wished = np.interp(instants, wish["time_s"], wish["temperature_degC"])
-    key(top, ("realised", "realised"), ("ideal", "wish"))
+    key(top, ("realised", "realised"), ("ideal", "ideal"))
     low.plot(instants, np.asarray(nominal["temperature_degC"]) - wished, label="realised − ideal", **LOOK["realised"])
     low.set(ylabel="difference [°C]", xlabel="time [s]")
     _parts(phases, top, low)
@@ -137,7 +137,7 @@ def plot_robustness(curves: Sequence[Part], limit: float, designed: float | None
     top = max(2.2, 1.2 * limit)
     levels = [(limit, f"limit {limit:g}", "limit")]
     if designed is not None and designed < top:
-        levels.append((designed, f"design {designed:.3g}", "wish"))
+        levels.append((designed, f"design {designed:.3g}", "ideal"))
     for inner, (level, text, look) in enumerate(sorted(levels)):
         _circle(left, level, text, look, inner=bool(inner))
         right.axhline(level, label=text, **LOOK[look])
@@ -188,6 +188,7 @@ def _temperature(ax: Axes, run: Part, name: str, look: str) -> None:
 
 def _setpoint(ax: Axes, run: Part) -> None:
     if run.get("followed_degC") is not None:
-        ax.step(run["asked_time_s"], run["followed_degC"], where="post", label="setpoint on its ramp", **LOOK["limit"])
+        ax.step(run["request_time_s"], run["followed_degC"], where="post", label="setpoint on its ramp",
+                **LOOK["limit"])
     ax.axhline(run["setpoint_degC"], label="setpoint", **LOOK["limit"])
     label_levels(ax, (run["setpoint_degC"], "setpoint"))

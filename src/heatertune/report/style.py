@@ -16,7 +16,7 @@ __all__ = ["LOOK", "key", "label_levels", "new_figure", "power_limits", "to_png"
 LOOK: Final[dict[str, dict[str, Any]]] = {
     "log": {"color": "#000000", "linewidth": 0.9},
     "model": {"color": "#0072B2", "linewidth": 1.6},
-    "wish": {"color": "#E69F00", "linewidth": 1.6, "linestyle": (0, (5, 2))},
+    "ideal": {"color": "#E69F00", "linewidth": 1.6, "linestyle": (0, (5, 2))},
     "realised": {"color": "#009E73", "linewidth": 1.6},
     "worst": {"color": "#D55E00", "linewidth": 1.4, "linestyle": (0, (7, 1.5, 1.5, 1.5))},  # as dark as realised
     "other": {"color": "#C0C0C0", "linewidth": 0.7},

@@ -34,11 +34,11 @@ def supervision_html(document: Mapping[str, Any]) -> str:
     body = [f'<p class="fail">{text_of(warning)}</p>', f"<p>{text_of(told)}</p>", "<h2>What it sees</h2>",
             _table(document["faults"])]
     body.append(picture(plot_fault(document["trace"]), _caption(document["trace"]), moves=False))
-    if document["beside"]:
-        body += [f"<h2>What {text_of(document['target'])} itself can see</h2>", _table(document["beside"])]
+    if document["built_in"]:
+        body += [f"<h2>What {text_of(document['target'])} itself can see</h2>", _table(document["built_in"])]
     numbers = [(name, str(value)) for name, value in document["numbers"].items()]
     body += ["<h2>What it does not detect</h2>", bullets(list(_not_seen(document))),
-             "<h2>Its rules</h2>", bullets(document["told"]), "<h2>Its numbers</h2>",
+             "<h2>Its rules</h2>", bullets(document["rules"]), "<h2>Its numbers</h2>",
              table(("number", "value"), numbers, numeric=(1,)),
              "<h2>Its program</h2>", f"<p>{text_of(_program(document))}</p>"]
     title = f"Supervision of {document['target']} at {document['setpoint_degC']:g} °C"
@@ -91,7 +91,7 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
     yield ""
     yield from _numbers(document["numbers"])
     yield ""
-    for sentence in document["told"]:
+    for sentence in document["rules"]:
         yield from _wrapped(sentence, "- ")
     yield ""
     yield _COLUMNS.format("fault", "seen", "after [s]", "hottest [°C]")
@@ -99,10 +99,10 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
     for fault in document["faults"]:
         yield _row(fault)
     yield ""
-    if document["beside"]:
+    if document["built_in"]:
         yield from _wrapped(f"The same faults by what {document['target']} itself can do "
                             f"({document['program']['file']}):")
-        for fault in document["beside"]:
+        for fault in document["built_in"]:
             yield _row(fault)
         yield ""
     yield "What it does not detect:"
@@ -145,7 +145,7 @@ def _program(document: Mapping[str, Any]) -> str:
         return f"No program: {program['why'].removeprefix('no program: ')}."
     if not program["runs"]:
         return f"Lines of its own rule: {program['file']}. They are less than the monitor: see the table."
-    rules = "those of its rules that it can express" if document["beside"] else "the monitor"
+    rules = "those of its rules that it can express" if document["built_in"] else "the monitor"
     return (f"Program: {program['file']}, run in a machine of its target beside {rules}, {program['runs']} runs and "
             f"{program['calls']} calls: the same alarm in each.")
 

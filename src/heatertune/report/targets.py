@@ -76,10 +76,10 @@ def plot_targets(rows: Sequence[Document]) -> Figure:
     """Draw each target's temperature beside the unrounded design's, and the difference of the two on its own scale."""
     drawn, axes = new_figure(len(rows), 1.15 * len(rows) + 0.4, 2, sharex=True)
     for row, left, right in zip(rows, axes[::2], axes[1::2], strict=True):
-        series, wish = row["series"], row["wish"]
+        series, wish = row["series"], row["ideal"]
         left.axhline(series["setpoint_degC"], **LOOK["limit"])
         left.plot(series["time_s"], series["temperature_degC"], **LOOK["realised"])
-        left.plot(wish["time_s"], wish["temperature_degC"], **LOOK["wish"])
+        left.plot(wish["time_s"], wish["temperature_degC"], **LOOK["ideal"])
         left.set_title(row["target"], loc="left", fontsize=9, pad=2)
         left.set_ylabel("°C")
         wished = np.interp(series["time_s"], wish["time_s"], wish["temperature_degC"])

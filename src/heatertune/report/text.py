@@ -94,7 +94,7 @@ def model_lines(model: Document) -> str:
     others = len(model.get("candidates", ()))
     if others > 1:
         lines.append(f"{others} plausible heaters; design and proof run on all of them.")
-    lines += [f"! {finding['effect']}: {finding['told']}" for finding in model.get("findings", ())]
+    lines += [f"! {finding['effect']}: {finding['message']}" for finding in model.get("findings", ())]
     return "\n".join(lines + [f"- {note}" for note in model.get("notes", ())])
 
 
@@ -257,8 +257,8 @@ def search_notes(words: Document) -> list[str]:
     search = words.get("search")
     if search is None:
         return []
-    drawn = search["ms_drawn"]
-    return [*search["notes"], *([drawn["told"]] if drawn else [])]
+    drawn = search["ms_sampled"]
+    return [*search["notes"], *([drawn["message"]] if drawn else [])]
 
 
 def criteria_table(proof: Document) -> str:
@@ -297,7 +297,7 @@ def samples_rows(samples: Document) -> list[tuple[str, ...]]:
 
 def advice_table(advice: Document) -> str:
     """Return the symptom with its numbers, and each step of the advice: gains, verdict and criteria after it."""
-    seen = advice["seen"]
+    seen = advice["response"]
     settled = "never" if seen["settled_s"] is None or math.isinf(seen["settled_s"]) else f"{seen['settled_s']:.0f} s"
     decay = "" if seen["decay"] is None else f", each {figure(seen['decay'], 2)} of the one before"
     lines = [
@@ -359,8 +359,8 @@ def summary(documents: Mapping[str, Document]) -> str:
         *([("drawn heaters", "\n".join(drawn))] if (drawn := samples_table(proof)) else []),
     ]
     comparison = documents["comparison"]
-    if comparison["price"]:
-        parts[0] = ("heater", f"{model_lines(model)}\n- {comparison['price']}")
+    if comparison["cost"]:
+        parts[0] = ("heater", f"{model_lines(model)}\n- {comparison['cost']}")
     rows = [("design", "verdict", "worst Ms", "fails by")]
     rows += [(r["label"], r["verdict"], figure(r["ms"]), ", ".join(r["fails"])) for r in comparison["rivals"]]
     parts.append(("the same proof for other designs", table(rows)))

@@ -141,7 +141,7 @@ def _of_samples(samples: Document, *, closed: bool = False) -> str:
     often = sorted((name for name in spots if spots[name]["passing"] < 1.0), key=lambda name: spots[name]["passing"])
     broken = [f"{figure(100.0 * (1.0 - spots[name]['passing']), 2)} % break {_called(name)}" for name in often[:2]]
     reserve = spots.get("power_reserve", {}).get("worst")
-    most, helps = max(one["kept"] for one in samples["settings"]), []
+    most, helps = max(one["passing_count"] for one in samples["settings"]), []
     if verdict_of_samples(samples["count"], samples["quantile"], [most]) == "PASS":
         helps += ["if your controller is known to behave differently, state it with --switch"]
     if reserve is not None and not reserve > 0.0:
@@ -268,7 +268,7 @@ def _called(name: str) -> str:
 def _doubts(proof: Document, unsure: Iterable[str] = ()) -> dict[str, list[str]]:
     """Return what the verdict does not show or takes for granted, the most important first."""
     told = told_by_kind(proof)
-    known = [f"{name} = {setting}" for name, setting in proof["known"].items()]
+    known = [f"{name} = {setting}" for name, setting in proof["stated_settings"].items()]
     return {
         "not known": [*told["not known"], *unsure],
         "not tested": [_SETTINGS.sub(_points, part) for part in told["not tested"]],

@@ -36,7 +36,7 @@ def written(documents: Mapping[str, Document]) -> str:
 
 def written_brief(found: Document, page: str) -> str:
     """Return each time that somebody wrote, as a terminal shows it."""
-    parts = [wrap_text(f"{_when(one)}, {_where(one)}: {one['told']}", f"{_outcome(one)}  ") + [
+    parts = [wrap_text(f"{_when(one)}, {_where(one)}: {one['message']}", f"{_outcome(one)}  ") + [
         f"  {row[0]:<14} {row[1]} -> {row[3]}" for row in _quantities(one)] for one in found["passages"]]
     return screen(*parts, [page])
 
@@ -60,10 +60,10 @@ def _passage(one: Document, words: Document) -> str:
     watch = one["watch"]
     drawn = "<p>The response was not watched.</p>" if watch is None else picture(
         plot_watch(watch), "Measured against proven: the response, and the band in which the proof has it.")
-    seen = f"<p>Looked at before: {text_of('; '.join(one['seen']))}.</p>" if one["seen"] else ""
+    seen = f"<p>Looked at before: {text_of('; '.join(one['observations']))}.</p>" if one["observations"] else ""
     return (
         f'<section><h3>{_KINDS[one["kind"]]}: <span class="{mark}">{_outcome(one)}</span></h3>'
-        f'<dl class="identity">{facts}</dl><p>{_sentence(one["told"])}</p>{seen}{bullets(one["notes"])}'
+        f'<dl class="identity">{facts}</dl><p>{_sentence(one["message"])}</p>{seen}{bullets(one["notes"])}'
         f"{table(heads, [*_quantities(one), *_words(one, words)], numeric=(1, 2, 3), source=source)}{drawn}</section>")
 
 
@@ -90,10 +90,10 @@ def _where(one: Document) -> str:
 def _quantities(one: Document) -> Iterator[list[str]]:
     """Yield what the words mean; what is in none of the three sets is left out."""
     for each in one["quantities"]:
-        values = [each[name] for name in ("found", "proven", "left")]
+        values = [each[name] for name in ("as_found", "proven", "left")]
         if any(value is not None for value in values):
             shown = [_shown(value, each["unit"], known=one[of] is not None)
-                     for value, of in zip(values, ("found", "quantities", "left"), strict=True)]
+                     for value, of in zip(values, ("as_found", "quantities", "left"), strict=True)]
             yield [each["name"], *shown]
 
 
@@ -104,7 +104,7 @@ def _shown(value: float | None, unit: str, *, known: bool) -> str:
 def _words(one: Document, words: Document) -> Iterator[list[str]]:
     """Yield the words that are not the same in all three sets."""
     proven = {row.name: row.then for row in _own(words)}
-    sets = [one["found"] or {}, proven, one["left"] or {}]
+    sets = [one["as_found"] or {}, proven, one["left"] or {}]
     texts = [_texts(words, values) for values in sets]
     for row in _own(words):
         if any(values.get(row.name) != row.then for values in sets):

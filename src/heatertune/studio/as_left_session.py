@@ -39,15 +39,15 @@ def left_sentence(left: AsLeft, verdict: str) -> str:
     kept = ("the curve is inside of what the proven runs do, and each of the "
             f"{seen} figures that the trace shows is no worse than proven.")
     proof = "" if verdict == "PASS" else f" The proof of these words is itself {verdict}."
-    return for_page(f"{left.verdict}: {' '.join(left.told) or kept}{proof}")
+    return for_page(f"{left.verdict}: {' '.join(left.messages) or kept}{proof}")
 
 
 def figures(left: AsLeft) -> str:
     """Return limit, proven worst and measured side by side, why a figure is not measured, and the notes, as HTML."""
     lines = plain(encode(left))["measurements"]
-    seen = [[*_proven(line), measured_text(line), judged_text(line) or for_page(line["told"])]
+    seen = [[*_proven(line), measured_text(line), judged_text(line) or for_page(line["message"])]
             for line in lines if line["measured"] is not None]
-    unseen = [[*_proven(line), for_page(line["told"])] for line in lines if line["measured"] is None]
+    unseen = [[*_proven(line), for_page(line["message"])] for line in lines if line["measured"] is None]
     heads = ("criterion", "limit", "proven worst")
     text = f"<p>{text_of(left.trace)}, at {left.setpoint_degC:g} °C.</p>"
     if seen:

@@ -39,7 +39,7 @@ _INK: Final = "#1a1a1a"
 _PIN: Final = "#595959"
 _CROWD: Final = "#8c8c8c"
 _WALL: Final = "rgba(163, 60, 0, 0.13)"
-_DASHES: Final = {"wish": "6 3", "worst": "7 2 2 2"}
+_DASHES: Final = {"ideal": "6 3", "worst": "7 2 2 2"}
 #: text of a crosshair: each line's own value there, not that of its nearest point; %s: place → instant
 _POINTED_AT: Final = """found => { const x = found[0].axisValue, instant = %s;
   const at = (points) => { const i = points.findIndex(p => p[0] >= x); if (i < 1) return points[Math.max(i, 0)][1];
@@ -118,7 +118,7 @@ def loop_chart(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] 
     if picture.worst is not None:
         lines.append(_over(picture, "worst run", picture.worst[1], "worst"))
     if look.wish is not None:
-        lines.append(_over(picture, "unrounded wish", course_of(look.wish, proof), "wish"))
+        lines.append(_over(picture, "unrounded wish", course_of(look.wish, proof), "ideal"))
     for pin, kind in zip(pinned, _PIN_LINES, strict=False):
         held = course_of(pin.look.proof.nominal, pin.look.proof)
         lines.append(_over(picture, f"design {pin.name}", held, "other", kind=kind, color=_PIN))
@@ -152,7 +152,7 @@ def key_of(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()
     """Return what the lines of the loop's picture are: name, colour and SVG dashes."""
     names = [("nominal run", "realised")]
     names += [] if picture.worst is None else [(f"worst run: {picture.worst[0]}", "worst")]
-    names += [] if look.wish is None else [("unrounded wish", "wish")]
+    names += [] if look.wish is None else [("unrounded wish", "ideal")]
     names += [(f"all {picture.runs} runs", "other")] if picture.runs > 1 else []
     pins = [(f"design {pin.name}", _PIN, "6 4") for pin in pinned]
     return [*((name, _CROWD if kind == "other" else LOOK[kind]["color"], _DASHES.get(kind, ""))

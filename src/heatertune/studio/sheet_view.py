@@ -115,7 +115,7 @@ def _repairs(log: Log | None) -> str:
     """Return what the reader changed, assumed or finds odd; nothing of it is folded away."""
     if log is None:
         return ""
-    parts = (("Changed or assumed by the reader", log.repairs), ("Odd, but left as it is", log.doubts))
+    parts = (("Changed or assumed by the reader", log.repairs), ("Odd, but left as it is", log.warnings))
     return "".join(f"<h3>{title}</h3>{bullets([for_page(item) for item in items])}" for title, items in parts if items)
 
 

@@ -69,7 +69,7 @@ def read_source(source: str) -> LogSource:
     held = documents["log"]
     columns = {name: held[name] for name in ("name", "source", "time_s", "temperature_degC", "power_pct",
                                               "setpoint_degC")}
-    log = Log(**columns, repairs=tuple(held["repairs"]), doubts=tuple(held["doubts"]))
+    log = Log(**columns, repairs=tuple(held["repairs"]), warnings=tuple(held["warnings"]))
     fitted, design, recipe = from_document(documents["model"]), *pid_document.parts_of(documents["pid"])
     settings = StudioSettings(target=documents["words"]["target"], structure=documents["pid"]["structure"])
     if recipe is None:

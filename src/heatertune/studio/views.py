@@ -57,9 +57,9 @@ def diagnosis(log: Log, fitted: FittedModel) -> str:
     return (
         f"<p><strong>{text_of(fitted.outcome_text)}</strong>{fit} {several}</p>"
         + table(["parameter", "value", "95 % interval", "unit"], rows, numeric=(1,))
-        + "".join(f"<p>{text_of(for_page(line))}</p>" for line in fitted.log_told)
+        + "".join(f"<p>{text_of(for_page(line))}</p>" for line in fitted.log_summary)
         + _folded("What the fit has to say", fitted.notes)
-        + _folded("Changed or assumed by the reader", log.repairs) + _folded("Odd, but left as it is", log.doubts)
+        + _folded("Changed or assumed by the reader", log.repairs) + _folded("Odd, but left as it is", log.warnings)
     )
 
 

@@ -17,7 +17,7 @@ __all__ = [
     "SCHEMA", "CardView", "FaultView", "OffView", "SpreadView", "SupervisionView", "TraceView", "read_supervision",
 ]
 
-SCHEMA: Final = "heatertune/supervision/1"
+SCHEMA: Final = "heatertune/supervision/2"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +126,7 @@ class SupervisionView:
     setpoint_degC: float
     card: CardView
     numbers: Mapping[str, int]
-    told: tuple[str, ...]
+    rules: tuple[str, ...]
     heaters: int
     spread_pct: float
     ambient_spread_degC: float
@@ -139,7 +139,7 @@ class SupervisionView:
     faults: tuple[FaultView, ...]
     not_tested: tuple[str, ...]
     program: MonitorProgram
-    beside: tuple[FaultView, ...]
+    built_in: tuple[FaultView, ...]
     trace: TraceView
 
     def __post_init__(self) -> None:

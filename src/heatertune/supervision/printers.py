@@ -75,7 +75,7 @@ Rule = VerifyHeater | Protection
 class _Record:
     """A loop as a printer sees it: temperatures [°C], targets (0: off), where a fault begins, a scan [s]."""
 
-    seen: Array
+    reading_degC: Array
     target: Array
     first: int
     scan_s: float
@@ -213,13 +213,13 @@ def lines_of(rule: Rule, head: Sequence[str], known: Mapping[str, str]) -> tuple
 
 def _ran(rule: Rule, record: _Record) -> tuple[int, float]:
     function = klipper if isinstance(rule, VerifyHeater) else marlin
-    at, most = compile_function(function)(rule, record.seen, record.target, record.scan_s, record.first)
+    at, most = compile_function(function)(rule, record.reading_degC, record.target, record.scan_s, record.first)
     return int(at), float(most)
 
 
 def _record(card: Card, one: Ran, target: Array, first: int, scan_s: float) -> _Record:
     seen = np.asarray(card.low_degC + card.step_degC * one.counts, dtype=np.float64)
-    return _Record(seen=seen, target=np.where(one.power < 0, 0.0, target),
+    return _Record(reading_degC=seen, target=np.where(one.power < 0, 0.0, target),
                    first=first, scan_s=scan_s)
 
 
@@ -247,7 +247,7 @@ def _broken(bench: Bench, kind: Any, seed: int) -> _Record:
 
 def _late(rule: Rule, records: Sequence[_Record]) -> float:
     """Return how late a rule is, in the mean and at worst together [s]; never is as late as the record's end."""
-    late = [((at if at >= 0 else len(record.seen)) - record.first) * record.scan_s
+    late = [((at if at >= 0 else len(record.reading_degC)) - record.first) * record.scan_s
             for record in records for at, _ in [_ran(rule, record)]]
     return float(np.mean(late) + max(late))
 

@@ -135,12 +135,12 @@ def supervise(
     document: dict[str, Any] = encode(SupervisionView(
         warning=WARNING, target=words.target, words=dict(words.values), scan_s=family.scan_s,
         setpoint_degC=family.setpoint_degC, card=CardView(zero_degC=card.low_degC, step_degC=card.step_degC),
-        numbers=made.numbers._asdict(), told=tuple(_told(made, card, family.scan_s)), heaters=len(family.heaters),
+        numbers=made.numbers._asdict(), rules=tuple(_told(made, card, family.scan_s)), heaters=len(family.heaters),
         spread_pct=drawn.spread_pct, ambient_spread_degC=drawn.ambient_degC, noise_degC=family.noise_degC,
         seed=drawn.seed, checked=made.checked, false_trips=0, widened_for=made.tripped,
         off=tuple(OffView(rule=rule, why=why) for rule, why in made.off), faults=tuple(faults),
         not_tested=(*_NOT_TESTED, *_untested(assumed)), program=program,
-        beside=tuple(replace(row, missed_because=None) for row in beside), trace=_trace(bench, made, FAULTS[0])))
+        built_in=tuple(replace(row, missed_because=None) for row in beside), trace=_trace(bench, made, FAULTS[0])))
     return document
 
 

@@ -165,7 +165,7 @@ def _restored(settings: argparse.Namespace) -> int:
         raise InputError("experiment --restore needs ADDRESS, and no PLAN")
     address = address_of(given[0])
     restored = restore(address, progress=tell)
-    document = {"schema": "heatertune/experiment/1", "address": address.text, "restored": restored}
+    document = {"schema": "heatertune/experiment/2", "address": address.text, "restored": restored}
     printing.output(settings, document, lambda: f"{address.text}: {_of_restored(restored, address.text)}")
     return 0 if restored else 1
 
@@ -183,8 +183,8 @@ def _of_restored(restored: bool | None, address: str, power_pct: float | None = 
 def _document(settings: argparse.Namespace, ended: ExperimentResult) -> dict[str, Any]:
     fitted = ended.fitted_model
     return {
-        "schema": "heatertune/experiment/1", "address": settings.address, "log": settings.out, "ended": ended.reason,
-        "told": ended.message, "restored": ended.restored, "power_pct": ended.power_pct,
+        "schema": "heatertune/experiment/2", "address": settings.address, "log": settings.out, "ended": ended.reason,
+        "message": ended.message, "restored": ended.restored, "power_pct": ended.power_pct,
         "rows": ended.recording.rows if ended.recording else 0,
         "gaps": ended.recording.gaps if ended.recording else 0,
         "model": None if fitted is None else {name: getattr(fitted.model, field) for name, field in _FIELDS.items()},
@@ -193,7 +193,7 @@ def _document(settings: argparse.Namespace, ended: ExperimentResult) -> dict[str
 
 def _lines(document: Mapping[str, Any]) -> str:
     good = document["ended"] in ("plan", "known")
-    lines = [f"{'ended' if good else 'BROKEN OFF'}: {document['told']}",
+    lines = [f"{'ended' if good else 'BROKEN OFF'}: {document['message']}",
              f"{document['address']}: {_of_restored(document['restored'], document['address'], document['power_pct'])}",
              f"{document['log']}: {document['rows']} rows"]
     if document["model"] is not None:

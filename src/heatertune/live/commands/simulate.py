@@ -100,8 +100,8 @@ def _document(settings: argparse.Namespace, served: VirtualPlcServed, simulation
     addresses = {protocol: {"host": host, "port": port, "url": served.urls[protocol]}
                  for protocol, (host, port) in served.addresses.items()}
     return {
-        "schema": "heatertune/simulate/1", "target": served.target, "directory": settings.directory,
-        "addresses": addresses, "block": served.number, "bytes": served.length, "told": served.block,
+        "schema": "heatertune/simulate/2", "target": served.target, "directory": settings.directory,
+        "addresses": addresses, "block": served.number, "bytes": served.length, "description": served.block,
         "registers": [[run.first, run.first + run.size - 1] for run in served.registers],
         "scan_s": served.scan_s, "pace": "a client releases each" if simulation.step else _pace(simulation.rate),
         "sample": simulation.sample, "faults": list(simulation.faults),
@@ -126,9 +126,9 @@ def _found(protocol: str, document: Mapping[str, Any]) -> str:
     """Return where a client finds the block, and the simulator's own."""
     if protocol == "modbus":
         runs = ", ".join(f"{first}" if first == last else f"{first}…{last}" for first, last in document["registers"])
-        return f"unit 1, registers {runs} ({document['told']}); its own from 1000 on"
+        return f"unit 1, registers {runs} ({document['description']}); its own from 1000 on"
     if protocol == "opcua":
-        return f"ns=2;s=DB{document['block']} ({document['told']}); its own: ns=2;s=DB1000"
+        return f"ns=2;s=DB{document['block']} ({document['description']}); its own: ns=2;s=DB1000"
     if protocol == "as511":
-        return f"8N1, DB{document['block']} ({document['told']}); its own: DB255"
-    return f"rack 0, slot 2, DB{document['block']} ({document['told']}); its own: DB1000"
+        return f"8N1, DB{document['block']} ({document['description']}); its own: DB255"
+    return f"rack 0, slot 2, DB{document['block']} ({document['description']}); its own: DB1000"

@@ -79,8 +79,8 @@ def _run(settings: argparse.Namespace) -> int:
     well = well and not others and (monitored is None or not monitored.messages()) and not so_far.trouble
     well = well and not open_experiment
     seen = beside.seen.to_document()
-    seen["told"] = [*(line for line in (open_experiment, others, unmoved) if line), *seen["told"]]
-    document = {"schema": "heatertune/watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
+    seen["messages"] = [*(line for line in (open_experiment, others, unmoved) if line), *seen["messages"]]
+    document = {"schema": "heatertune/watch/2", "address": address.text, "log": str(log), "rows": so_far.rows,
                 "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well,
                 "words_not_compared": unknown or None, **seen,
                 "monitor": None if monitored is None else monitored.to_document(),
@@ -139,7 +139,7 @@ def _refitted(log: Path, proven: ProvenWords) -> dict[str, Any]:
     try:
         fitted = chain.fit(log)
     except HeatertuneError as problem:
-        return {"told": f"the log does not tell the heater: {problem}"}
+        return {"message": f"the log does not tell the heater: {problem}"}
     found = {}
     for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"):
         now, interval = getattr(fitted.model, name), fitted.ci95.get(name)
@@ -148,31 +148,31 @@ def _refitted(log: Path, proven: ProvenWords) -> dict[str, Any]:
             (interval.low is not None and was < interval.low) or (interval.high is not None and was > interval.high))
         found[name] = {"was": was, "now": now, "low": interval and interval.low, "high": interval and interval.high,
                        "moved": apart}
-    return {"told": fitted.outcome_text, "parameters": found}
+    return {"message": fitted.outcome_text, "parameters": found}
 
 
 def _lines(document: Mapping[str, Any]) -> str:
     if not document["readings"] and not document["unusable"]:
-        why = f"; {document['told'][0]}" if document["told"] else ""
+        why = f"; {document['messages'][0]}" if document["messages"] else ""
         return f"{document['log']}: nothing was seen{why}"
-    judged = not (len(document["told"]) == 1 and document["told"][0].startswith(_NOT_JUDGED))
+    judged = not (len(document["messages"]) == 1 and document["messages"][0].startswith(_NOT_JUDGED))
     head = ("WELL: inside the proven band" if document["well"] else "NOT WELL" if judged else _NOT_JUDGED) + (
         f", {document['readings']} readings; at most {100.0 * document['largest_share_of_band']:.0f} % of the band") + (
         f"; {document['gaps']} gap{'s' if document['gaps'] > 1 else ''} in the log" if document["gaps"] else "")
     lost = [f"- the link was lost and is not back: {document['lost']}"] if document["lost"] else []
     unknown = document["words_not_compared"]
     open_ = [f"- whether the words there are the proven ones is not known: {unknown}"] if unknown else []
-    lines = [head, *lost, *open_, *(f"- {each}" for each in document["told"][:_SHOWN])]
-    if len(document["told"]) > _SHOWN:
-        lines.append(f"- and {len(document['told']) - _SHOWN} more: --json")
+    lines = [head, *lost, *open_, *(f"- {each}" for each in document["messages"][:_SHOWN])]
+    if len(document["messages"]) > _SHOWN:
+        lines.append(f"- and {len(document['messages']) - _SHOWN} more: --json")
     monitor = document["monitor"]
     if monitor is not None:
         missed = (f"{monitor['missed']} missed, begun anew {monitor['begun_anew']} times, "
                   f"blind for {100.0 * monitor['blind_share']:.0f} % of the time")
-        lines += [*monitor["told"], f"monitor: {monitor['scans']} scans, {missed}; it replaces no thermal cut-out"]
+        lines += [*monitor["messages"], f"monitor: {monitor['scans']} scans, {missed}; it replaces no thermal cut-out"]
     refit = document["refit"]
     if refit is not None:
-        lines.append(f"refit: {refit['told']}")
+        lines.append(f"refit: {refit['message']}")
         for name, each in refit.get("parameters", {}).items():
             interval = "not known" if each["low"] is None or each["high"] is None else (
                 f"{each['low']:.4g} … {each['high']:.4g}")

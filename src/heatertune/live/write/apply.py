@@ -135,6 +135,6 @@ def _begin(wanted: WriteRequest, plan: WritePlan, peer: Peer) -> dict[str, Any]:
         "before": plan.look.content.hex(), "sha256": hashlib.sha256(plan.look.content).hexdigest(),
         "words_before": dict(plan.before), "words": dict(plan.after),
         "document": {name: proven.proof.get(name) for name in names},
-        "parts": [part.to_document() for part in plan.parts], "known": dict(proven.view.known),
+        "parts": [part.to_document() for part in plan.parts], "known": dict(proven.view.stated_settings),
         "checks": [check.to_document() for check in plan.checks],
     }

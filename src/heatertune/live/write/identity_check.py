@@ -80,7 +80,7 @@ def _block(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot) -> Ch
         check_fields(standing.controller.fields, standing.words(look.content, proven.words))
     except OutOfRange as problem:
         return Check(name, False, f"holds no words of {standing.controller.name}: {problem}")
-    return Check(name, True, f"{standing.controller.name}, {standing.block.told}")
+    return Check(name, True, f"{standing.controller.name}, {standing.block.description}")
 
 
 def _bits(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot) -> Iterator[Check]:

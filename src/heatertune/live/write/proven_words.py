@@ -98,7 +98,7 @@ class ProvenWords:
             proof = prove_models(
                 controller_for(words.target), words, models, view.scenario, view.actuator,
                 Acceptance(limits=view.limits, margins_of=margins),
-                Coverage(known=view.known, only=ran, draws=False), interlock=view.interlock)
+                Coverage(stated_settings=view.stated_settings, only=ran, draws=False), interlock=view.interlock)
         except HeatertuneError as problem:
             return str(problem)
         found = {criterion.name: criterion for criterion in proof.criteria}

@@ -31,7 +31,7 @@ class _CandidateTrial(NamedTuple):
     bic: float
     law: str
     left_out: HeldOut | None = None
-    kept: bool = False
+    is_kept: bool = False
 
 
 def second_is_seen(two: PowerFit) -> bool:
@@ -69,7 +69,7 @@ def candidates_of(
             rmse_degC=float(np.sqrt(np.mean((record - trial.simulated_degC) ** 2))), delta_bic=trial.bic - least,
             cross_rmse_degC=None if trial.left_out is None else trial.left_out.rmse_degC,
         )
-        for trial in tried if trial.kept or trial.bic - least < _NEAR
+        for trial in tried if trial.is_kept or trial.bic - least < _NEAR
     )
 
 

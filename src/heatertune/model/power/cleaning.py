@@ -67,7 +67,7 @@ def clean_log(log: Log, problem: PowerProblem) -> tuple[Log, CleanedFit, tuple[s
         if len(more.places) == len(segments.places) or len(more.places) > MOST:
             break
         segments, clean = more, _without_outliers(_restarted(log, problem, more))
-    rows = segments.kept(len(log.time_s))
+    rows = segments.long_enough(len(log.time_s))
     if not rows.all():
         clean = _without_outliers(_part(clean.whole, rows))
     return (log if rows.all() else part(log, rows)), clean, tuple(segments.notes(log))

@@ -80,4 +80,4 @@ def open_ends(orders: Sequence[tuple[str, Mapping[str, Interval | None]]]) -> It
     ):
         open_ = [lags for lags, ci95 in orders if (end := ci95.get(name)) is not None and end.high is None]
         if open_:
-            yield Finding(name=finding, told=f"With {open_[0]}, the {what} within the log.")
+            yield Finding(name=finding, message=f"With {open_[0]}, the {what} within the log.")

@@ -48,7 +48,7 @@ class Segments(NamedTuple):
         """Return the segments with these jumps (n,), too."""
         return self._replace(after_jumps=np.union1d(self.after_jumps, np.setdiff1d(places, self.after_gaps)))
 
-    def kept(self, n: int) -> npt.NDArray[np.bool_]:
+    def long_enough(self, n: int) -> npt.NDArray[np.bool_]:
         """Return which of n readings lie in a segment that is long enough to tell something, shape (n,)."""
         starts = np.concatenate([[0], self.places])
         sizes = np.diff(np.append(starts, n))
@@ -65,7 +65,7 @@ class Segments(NamedTuple):
                 f"The log is disturbed: {'; '.join(reasons)}. It was fitted in segments, each with an initial state of "
                 "its own, all of one heater."
             )
-        left = log.time_s[~self.kept(len(log.time_s))]
+        left = log.time_s[~self.long_enough(len(log.time_s))]
         if len(left):
             yield (
                 "Readings between two disturbances, too few to tell anything, were left out: "

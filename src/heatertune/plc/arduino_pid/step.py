@@ -62,11 +62,11 @@ def scan(p: ParallelParameters, s: ParallelState, inputs: Mapping[str, float]) -
     if s.begins:  # SetMode(AUTOMATIC), at once
         total = clamp(s.output, p.low, p.high)
         before = narrowed_to(p.narrow, float(inputs["Input"]))
-        s = ParallelState(False, s.calls, total, 0.0, 0.0, before, 0.0, 0.0, s.output, s.waited, held=s.held)
+        s = ParallelState(False, s.calls, total, 0.0, 0.0, before, 0.0, 0.0, s.output, s.waited, mode=s.mode)
     setpoint, reading = (narrowed_to(p.narrow, float(inputs[name])) for name in ("Setpoint", "Input"))
     if "Elapsed" not in inputs:
         return step(p, s, setpoint, reading, True)
     waited = s.waited + inputs["Elapsed"]
     if waited < p.interval:
-        return scan_result(p, again(s, False, s.output, waited, s.held))
+        return scan_result(p, again(s, False, s.output, waited, s.mode))
     return scan_result(p, compute_call(p, s, setpoint, reading, p.interval))

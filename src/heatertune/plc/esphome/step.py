@@ -49,11 +49,11 @@ def scan(p: ParallelParameters, s: ParallelState, inputs: Mapping[str, float]) -
         waited = s.waited + inputs["elapsed_ms"]
         broken = setpoint != setpoint or reading != reading  # noqa: PLR0124 - only what is no number is not itself
         interval = narrowed_to(True, single(waited) / 1000.0)
-        off = again(s, s.begins, 0.0, waited, min(s.held, NOBODY))
+        off = again(s, s.begins, 0.0, waited, min(s.mode, NOBODY))
         after = off if broken else compute_call(p, s, setpoint, reading, interval)
     else:
         after = step(p, s, setpoint, reading, True)[0]
     if inputs.get("mode", 1):
         return scan_result(p, after)
-    anew = after if math.isinf(p.within) else after._replace(integral=0.0, held=NOBODY)  # as the lambda of a boost does
+    anew = after if math.isinf(p.within) else after._replace(integral=0.0, mode=NOBODY)  # as the lambda of a boost does
     return scan_result(p, anew._replace(output=0.0))

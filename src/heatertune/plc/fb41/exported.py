@@ -30,7 +30,7 @@ class ExportedContC(ExportedS7):
         self._held: tuple[int, ...] = ()
         super().__init__(source, {"FB 41": self._cont_c})
 
-    def asked(self, counts: int) -> int:
+    def setpoint_bits(self, counts: int) -> int:
         """Return an analog value, which a ramp takes, or what it means in the unit of PV."""
         if self._led is not None:
             return counts

@@ -93,7 +93,7 @@ def _section(lines: list[_Line], source: str, heater: str) -> str:
     heads = " and ".join(f"[{one}]" for one in having)
     if heater != UNKNOWN:
         raise InputError(f"{source}: gains of {heads}; expected those of one [{heater}]")
-    raise several(source, heads, [kind for kind in KLIPPER_HEATER.told if kinds.count(kind) == 1])
+    raise several(source, heads, [kind for kind in KLIPPER_HEATER.summary if kinds.count(kind) == 1])
 
 
 def _of_section(lines: list[_Line], section: str, collected: WordCollector, source: str) -> ReadBack:

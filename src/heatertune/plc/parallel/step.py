@@ -103,9 +103,9 @@ class ParallelState(NamedTuple):
     setpoint: float = 0.0
     output: float = 0.0
     waited: float = 0.0  # ms since the last call that computed
-    kept: int = 0
+    sample_count: int = 0
     slopes: tuple[float, float, float, float, float, float, float, float] = (0.0,) * _SAMPLES
-    held: int = NOBODY  # who has the heater
+    mode: int = NOBODY  # who has the heater
 
 
 COLD: Final = ParallelState()
@@ -123,7 +123,7 @@ def step(p: ParallelParameters, s: ParallelState, setpoint: float, reading: floa
         _begins: not looked at: the PWM is behind the output.
     """
     if p.late and s.calls == _TEN - 1:
-        return scan_result(p, again(s, s.begins, s.output, 0.0, s.held))
+        return scan_result(p, again(s, s.begins, s.output, 0.0, s.mode))
     missed = p.late and s.calls == _TEN and not (p.law == TERMS and s.begins)  # a new object takes its interval as told
     interval = p.interval + p.interval if missed else p.interval
     return scan_result(p, compute_call(p, s, setpoint, reading, interval))
@@ -146,12 +146,12 @@ def again(s: ParallelState, begins: bool, output: float, waited: float, held: in
     """
     return ParallelState(begins, s.calls % _TEN + 1, s.integral, s.proportional, s.derivative, s.reading, s.error,
                          s.setpoint,
-                 output, waited, s.kept, s.slopes, held)
+                 output, waited, s.sample_count, s.slopes, held)
 
 
 def scan_result(p: ParallelParameters, s: ParallelState) -> tuple[ParallelState, float, float, int]:
     """Return the state, the output as power, the output, and the flags as bits; what is no number is off."""
-    output = p.high if s.held == PROGRAM else s.output
+    output = p.high if s.mode == PROGRAM else s.output
     share = output / p.full
     power = 100.0 * min(max(share, 0.0), 1.0) if share == share else 0.0  # noqa: PLR0124 - only NaN is not itself
     highest = float(math.floor(p.high / 2.0)) if p.law == WINDOW else p.high
@@ -173,7 +173,7 @@ def compute_call(p: ParallelParameters, s: ParallelState, setpoint: float, readi
     if p.law == WINDOW:
         return _windowed(p, s, setpoint, reading)
     away = narrowed_to(p.narrow, setpoint - reading)
-    if (p.far if s.held == CONTROLLER else p.within) < away < math.inf:
+    if (p.far if s.mode == CONTROLLER else p.within) < away < math.inf:
         return _on_full_power(p, s, setpoint, reading, interval)
     if p.law == SUM:
         return _summed(p, s, setpoint, reading)
@@ -189,7 +189,8 @@ def _on_full_power(p: ParallelParameters, s: ParallelState, setpoint: float, rea
         return ParallelState(True, s.calls % _TEN + 1, 0.0, 0.0, 0.0, reading, 0.0, setpoint, 0.0, 0.0, 0, s.slopes,
                              PROGRAM)
     s = _summed_by_time(p, s, setpoint, reading, interval)
-    return ParallelState(False, s.calls, 0.0, 0.0, s.derivative, reading, s.error, setpoint, s.output, 0.0, s.kept,
+    return ParallelState(False, s.calls, 0.0, 0.0, s.derivative, reading, s.error, setpoint, s.output, 0.0,
+                         s.sample_count,
                          s.slopes,
                  PROGRAM)
 
@@ -237,7 +238,7 @@ def _summed(p: ParallelParameters, s: ParallelState, setpoint: float, reading: f
 def _summed_by_time(p: ParallelParameters, s: ParallelState, setpoint: float, reading: float,
                     interval: float) -> ParallelState:
     if not (setpoint == setpoint and reading == reading):  # noqa: PLR0124 - no number: off, and no call
-        return again(s, s.begins, 0.0, s.waited, min(s.held, NOBODY))
+        return again(s, s.begins, 0.0, s.waited, min(s.mode, NOBODY))
     interval = 0.0 if s.begins else interval
     error = narrowed_to(p.narrow, setpoint - reading)
     growth = narrowed_to(p.narrow, narrowed_to(p.narrow, error * interval) * p.ki)
@@ -249,7 +250,7 @@ def _summed_by_time(p: ParallelParameters, s: ParallelState, setpoint: float, re
         slope = narrowed_to(p.narrow, narrowed_to(p.narrow, error - before) / interval)
     kept, slopes = 0, s.slopes
     if p.samples > 1:
-        kept = min(s.kept + 1, p.samples)
+        kept = min(s.sample_count + 1, p.samples)
         slopes = slopes[1:] + (slope,)  # noqa: RUF005 - unpacked, no compiler takes it
         slope = _mean(p, slopes, kept)
     both = narrowed_to(p.narrow, narrowed_to(p.narrow, p.kp * error) + 0.0 + total)

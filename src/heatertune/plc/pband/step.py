@@ -16,7 +16,7 @@ from heatertune.plc.open_points import OpenPoint
 __all__ = ["COLD", "PbandAssumptions", "PbandBlock", "PbandState", "step"]
 
 #: what becomes of the I part while the output is limited
-HELD: Final = 0
+HOLD: Final = 0
 WITHIN: Final = 1
 OUTSIDE: Final = 2
 
@@ -29,12 +29,12 @@ class PbandAssumptions(NamedTuple):
     """What the manuals leave open, see DIFFERENCES.md."""
 
     anti_windup: Annotated[int, OpenPoint(
-        name="anti_windup", means={"held": HELD, "tracking": WITHIN, "outside_band": OUTSIDE},
+        name="anti_windup", means={"held": HOLD, "tracking": WITHIN, "outside_band": OUTSIDE},
         shows=lambda own: own[0].growth != 0.0,
         reason="what becomes of I at a limit: it does not go on in that direction; it is held so that K·e + I is "
                "within "
             "the limits; it is zero while the reading is outside the proportional band",
-    )] = HELD
+    )] = HOLD
     on_error: Annotated[bool, OpenPoint(
         name="derivative", means={"reading": False, "error": True}, shows=lambda own: own[0].slope != 0.0,
         reason="whether D follows the reading alone, or the error, steps of the setpoint included",

@@ -46,7 +46,7 @@ class ExportedPid(ExportedInPlc):
     def __init__(self, text: str, tags: BlockTags, instruction: FirmwareInstruction, cycle_s: float) -> None:
         """Take a source; raise InputError where it is not of the exported form."""
         self._firmware, self._per_call, self._least = instruction, 1, -100.0 if tags.cools else 0.0
-        self._program = load_program(text, tags, self._firmware.made)
+        self._program = load_program(text, tags, self._firmware.firmware)
         self.start()
         self._scan(0.0, BROKEN_HIGH)
         tick = float(self._program["PID_TICK"])
@@ -120,7 +120,7 @@ class FirmwareInstruction:
         self._block: Any = None
 
     @property
-    def made(self) -> Firmware:
+    def firmware(self) -> Firmware:
         """The block as the machine takes it."""
         tags = self._tags
         kinds = {"Setpoint": "REAL", "Input_PER": "INT", "Reset": "BOOL", "LoadBackUp": "BOOL", "Power": "REAL"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from heatertune.plc.cpu.s7_200.wiring import SWITCH, clock, head
 from heatertune.plc.inputs import INPUTS, module
 from heatertune.plc.s7_200_pid.image import to_image
-from heatertune.plc.s7_200_pid.listing import ASKED, in_degrees, least_good, pid_program
+from heatertune.plc.s7_200_pid.listing import SETPOINT_INPUT, in_degrees, least_good, pid_program
 from heatertune.plc.s7_200_pid.step import STEP, measure
 from heatertune.plc.s7_200_pid.words import FULL, RANGES, SETPOINT, TABLE
 from heatertune.plc.words import Certificate, Words
@@ -23,7 +23,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
     facts = [
         f"sensor {low:g}...{high:g} degC = {begins}...{FULL} on AIW0; heater switch on Q0.0",
         f"setpoint as a share of {range_} in {SETPOINT}" if words.ramp is None
-        else f"setpoint asked for in {ASKED}, as an analog input word; its ramp writes {SETPOINT}",
+        else f"setpoint asked for in {SETPOINT_INPUT}, as an analog input word; its ramp writes {SETPOINT}",
         clock(words.whole),
     ]
     lines = head(facts, certificate, _by_hand(words, certificate))
@@ -35,7 +35,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
 
 
 def _by_hand(words: Words, certificate: Certificate) -> list[str]:
-    place, asked = SETPOINT if words.ramp is None else ASKED, certificate.setpoint_degC
+    place, asked = SETPOINT if words.ramp is None else SETPOINT_INPUT, certificate.setpoint_degC
     shown = place
     if asked is not None:
         word = measure(module(words.scaling, FULL // STEP, RANGES), asked)
@@ -71,4 +71,4 @@ def _seen(words: Words) -> str:
 
 def setpoint_entry(words: Words, _setpoint_degC: float, units: int) -> str:
     """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
-    return f"{SETPOINT} = {units / FULL:.9g}" if words.ramp is None else f"{ASKED} = {units}"
+    return f"{SETPOINT} = {units / FULL:.9g}" if words.ramp is None else f"{SETPOINT_INPUT} = {units}"

@@ -11,16 +11,16 @@ from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, has_ends, share_of
 from heatertune.plc.s7_200_pid.words import FULL, RANGES, SETPOINT, TABLE
 from heatertune.plc.words import Words
 
-__all__ = ["ASKED", "COUNTDOWN", "in_degrees", "least_good", "pid_program"]
+__all__ = ["COUNTDOWN", "SETPOINT_INPUT", "in_degrees", "least_good", "pid_program"]
 
 #: where a program with a ramp finds the setpoint asked for, as an analog input word
-ASKED = "VW80"
+SETPOINT_INPUT = "VW80"
 #: ticks to go
 COUNTDOWN = "VW90"
 
 _WIDEST = "32000.0"  # an analog input at the end of its range
 #: setpoint asked for, setpoint on the ramp, countdown
-_RAMP = (ASKED, "VW82", "VW84")
+_RAMP = (SETPOINT_INPUT, "VW82", "VW84")
 #: the reading of this call, whether it is that of a broken wire, and whether there was one since the call before
 _READING, _BROKEN, _BLIND = "VW86", "VW88", "VW92"
 _END = 32766  # what an EM231 gives in size where its supply is missing, and nearly so where a wire is broken

@@ -16,7 +16,7 @@ _OUT: Final = slice(6, 8)
 
 
 class _Exported(ExportedS7):
-    def asked(self, counts: int) -> int:
+    def setpoint_bits(self, counts: int) -> int:
         return counts
 
     def outcome(self) -> tuple[Number, float]:

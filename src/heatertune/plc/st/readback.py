@@ -48,9 +48,9 @@ class ExpectedBlock(NamedTuple):
     fields: tuple[WordField, ...]
     units: Mapping[str, str]
     renamed: Mapping[str, str] = MappingProxyType({})
-    beside: str = ""
+    neighbour: str = ""
 
-    def asked(self) -> dict[str, WordField]:
+    def fields_by_name(self) -> dict[str, WordField]:
         """Return name in capitals → field."""
         fields = {field.name: field for field in self.fields}
         return {name.upper(): field for name, field in fields.items()} | {
@@ -73,9 +73,9 @@ def words_in(text: str, source: str, block: ExpectedBlock) -> ReadBack:
     """
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     plain = _blanked(_COMMENT, _blanked(_TAG, text) if text.lstrip().startswith("<") else text)
-    if block.beside:
-        plain = _blanked(re.compile(rf"\b{block.beside}\b[^;]*;"), plain)
-    asked = block.asked()
+    if block.neighbour:
+        plain = _blanked(re.compile(rf"\b{block.neighbour}\b[^;]*;"), plain)
+    asked = block.fields_by_name()
     calls = [call for call in _CALL.finditer(plain) if any(name.upper() in asked for name in _NAMED.findall(call[1]))]
     if len(calls) > 1:
         lines = " and ".join(str(plain.count("\n", 0, call.start()) + 1) for call in calls[:2])

@@ -15,7 +15,7 @@ __all__ = ["from_text"]
 _BLOCK: Final = ExpectedBlock(
     FIELDS, {"Kp": "%/°C", "Ki": "1/s", "Kd": "s", "TauSetPoint": "s", "MinimumOutput": "%", "MaximumOutput": "%",
              "Ts": "ms"},
-    renamed={exported: name for name, exported in RENAMED.items()}, beside=PROBE)
+    renamed={exported: name for name, exported in RENAMED.items()}, neighbour=PROBE)
 
 
 def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:

@@ -67,7 +67,7 @@ class WegAssumptions(NamedTuple):
         reason="at that edge: filter at SetPoint and e(k−1) = e(k), or both zero; i is zero either way",
     )] = False
     sampling: Annotated[int, OpenPoint(
-        name="sampling", means={"caller": CALLER, "skipped": SKIPPED, "block": BLOCK}, told=("skipped", "block"),
+        name="sampling", means={"caller": CALLER, "skipped": SKIPPED, "block": BLOCK}, summary=("skipped", "block"),
         reason="who keeps Ts: the caller; or the block (block), which then may skip every second call of a program "
                "that "
             "calls it each Ts (skipped): the exported one finds out, and calls it each scan",

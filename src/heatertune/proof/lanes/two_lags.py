@@ -227,8 +227,8 @@ def _searched(rows: Places, setpoint: float) -> None:
             n = closer(_before(rows, lane), _after(rows, lane), setpoint, _plant(rows, lane), s)
             stored_search(rows, lane, CrossingSearch(
                 s.low if s.found else n.low, s.high if s.found else n.high, s.now if s.found else n.now,
-                s.y if s.found else n.y, s.x if s.found else n.x, n.last, s.found or n.found))
-            missing += int(not (s.found or n.found))
+                s.y if s.found else n.y, s.x if s.found else n.x, n.last, s.found or n.is_crossed))
+            missing += int(not (s.found or n.is_crossed))
 
 
 def _split(rows: Places, lane: int, setpoint: float, band: float) -> None:

@@ -54,7 +54,7 @@ class SampledSetting:
     """A setting of what the manual leaves open, and how many of the samples keep every limit under it."""
 
     switches: Mapping[str, str]
-    kept: int
+    passing_count: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +87,7 @@ class SampleProof:
     @property
     def verdict(self) -> str:
         """Whether `quantile` of all such heaters keep every limit under each setting, see `verdict_of_samples`."""
-        return verdict_of_samples(self.count, self.quantile, [setting.kept for setting in self.settings])
+        return verdict_of_samples(self.count, self.quantile, [setting.passing_count for setting in self.settings])
 
     def to_document(self) -> dict[str, Any]:
         """Return the JSON object; numbers that are not finite are null."""
@@ -119,7 +119,7 @@ def prove_samples(
              for begun in range(0, count, _AT_ONCE)]
     broken, strain = (np.concatenate([getattr(part, name) for part in found], axis=1) for name in ("broken", "strain"))
     kept, hardest = np.count_nonzero(broken == 0, axis=1).tolist(), _hardest(broken, strain)
-    settings = tuple(SampledSetting(switches=controller.switches, kept=number)
+    settings = tuple(SampledSetting(switches=controller.switches, passing_count=number)
                      for controller, number in zip(drawing.controllers, kept, strict=True))
     return SampleProof(
         count=count, seed=seed, quantile=quantile, settings=settings, spread=drawing.spread,

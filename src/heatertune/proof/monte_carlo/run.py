@@ -23,7 +23,7 @@ from heatertune.units import whole
 
 __all__ = ["SCHEMA", "drawing_for", "replay_document", "run_samples", "sample_document", "with_samples"]
 
-SCHEMA: Final = "heatertune/sample/1"
+SCHEMA: Final = "heatertune/sample/2"
 
 
 def run_samples(

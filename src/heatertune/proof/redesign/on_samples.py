@@ -124,9 +124,9 @@ def _with_way_on(first: DesignResult, fitted: FittedModel, request: DesignReques
                  progress: ProgressCallback) -> DesignResult:
     """Return a design that says with which setting of an open point one would pass, where it fails for another."""
     drawn = _drawn(first)
-    assumed, worst = drawn.settings[0].switches, min(drawn.settings, key=lambda setting: setting.kept).switches
+    assumed, worst = drawn.settings[0].switches, min(drawn.settings, key=lambda setting: setting.passing_count).switches
     for name in (name for name, setting in assumed.items() if worst[name] != setting):
-        kept = [setting.kept for setting in drawn.settings if setting.switches[name] == assumed[name]]
+        kept = [setting.passing_count for setting in drawn.settings if setting.switches[name] == assumed[name]]
         if verdict_of_samples(drawn.count, drawn.quantile, kept) != "PASS":
             continue
         known, options = known_as(request, {name: assumed[name]})

@@ -26,7 +26,7 @@ class Printer(ABC):
     def print_group(self, group: Group) -> Iterator[str]:
         """Yield the lines of a group; where its last comparison jumps to, stands before the next line."""
         for step in steps(group):
-            over = self._next() if step.asked else ""
+            over = self._next() if step.condition else ""
             for line in self._step(step, over):
                 yield self.next(*line)
             self._pending = over
@@ -66,8 +66,8 @@ class Printer(ABC):
         return f"M{self._label:03d}"
 
     def _step(self, step: Step, over: str) -> Iterator[tuple[str, ...]]:
-        if step.asked:
-            relation, first, second = step.asked
+        if step.condition:
+            relation, first, second = step.condition
             loaded, beside = self.sign_of_wide() if first == WIDE else (self.operand(first), second)
             yield "L", loaded, f"IF {first} {relation} {second}"
             yield "L", self.operand(beside)

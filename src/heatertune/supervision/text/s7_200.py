@@ -119,15 +119,15 @@ def _networks(groups: tuple[Group, ...], at: Mapping[str, str]) -> Iterator[Netw
 
 def _said(step: Step, title: str) -> str:
     does = "; ".join(made.text.upper() for made in step.sets)
-    asked = "" if step.asked is None else "IF {1} {0} {2}: ".format(*step.asked)
+    asked = "" if step.condition is None else "IF {1} {0} {2}: ".format(*step.condition)
     return f"{title}{': ' if title else ''}{asked}{does}"
 
 
 def _step(step: Step, at: Mapping[str, str]) -> Iterator[str]:
-    if step.asked is None:
+    if step.condition is None:
         yield _ALWAYS
     else:
-        relation, *both = step.asked
+        relation, *both = step.condition
         kind = "D" if both[0] == WIDE else "W"
         yield f"LD{kind}{relation} {', '.join(_operand(each, at) for each in both)}"
     for made in step.sets:

@@ -35,7 +35,7 @@ class Set(NamedTuple):
 class Step(NamedTuple):
     """Some of them, under a comparison of two operands (relation, first, second) or whatever is."""
 
-    asked: tuple[str, Operand, Operand] | None
+    condition: tuple[str, Operand, Operand] | None
     sets: tuple[Set, ...]
 
 

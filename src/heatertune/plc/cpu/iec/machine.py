@@ -90,7 +90,7 @@ class TextProgram:
         """Run it many times, compiled, see `heatertune.plc.cpu.iec.tape.run_tape`."""
         if not self._compiles:
             return None
-        places = {name: self._place(name) for name in (*tape.reals, *tape.wholes, *tape.asked)}
+        places = {name: self._place(name) for name in (*tape.reals, *tape.wholes, *tape.outputs)}
         return run_tape(cast("FunctionType", self._block.run), self._memory.reals, self._memory.wholes, tape, places)
 
     def _told(self, problem: BaseException) -> str:

@@ -37,7 +37,7 @@ class Tape(NamedTuple):
     scans: int
     reals: Mapping[str, npt.NDArray[np.float64]]
     wholes: Mapping[str, npt.NDArray[np.int64]]
-    asked: Sequence[str]
+    outputs: Sequence[str]
 
 
 def run_tape(
@@ -58,7 +58,7 @@ def run_tape(
     if not worth_compiling(tape.scans, f"text {run.__qualname__}", _MOST_PLAIN, loop):
         return None
     r, w = np.array(reals, dtype=np.float32), np.array(wholes, dtype=np.int64)
-    read = [[name for name in tape.asked if place[name][0] == row] for row in (0, 1)]
+    read = [[name for name in tape.outputs if place[name][0] == row] for row in (0, 1)]
     got = np.empty((len(read[0]), tape.scans), dtype=np.float32), np.empty((len(read[1]), tape.scans), dtype=np.int64)
     puts = [(_rows(given, tape.scans, kind), _places(given, place)) for given, kind in (
         (tape.reals, np.float32), (tape.wholes, np.int64))]

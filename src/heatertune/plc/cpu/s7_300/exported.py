@@ -72,7 +72,7 @@ class ExportedS7(ExportedInPlc):
         self.start()
 
     @abstractmethod
-    def asked(self, counts: int) -> int:
+    def setpoint_bits(self, counts: int) -> int:
         """Return the setpoint's bits for an analog value."""
 
     @abstractmethod
@@ -106,7 +106,7 @@ class ExportedS7(ExportedInPlc):
         """Run OB35."""
         cpu = self._cpu
         if self._asked not in (None, asked):
-            cpu.put(self._setpoint, self.asked(int(asked)))
+            cpu.put(self._setpoint, self.setpoint_bits(int(asked)))
         self._asked, self._begun = asked, True
         cpu.memory["P"][_INPUT : _INPUT + 2] = counts.to_bytes(2, "big")
         cpu.run("OB 35")
@@ -115,7 +115,7 @@ class ExportedS7(ExportedInPlc):
     def _followed(self) -> Number:
         if self._led is not None:
             return signed_number(self._cpu.get(self._led), 16)
-        as_asked = self._asked is not None and self._cpu.get(self._setpoint) == self.asked(int(self._asked))
+        as_asked = self._asked is not None and self._cpu.get(self._setpoint) == self.setpoint_bits(int(self._asked))
         return cast("Number", self._asked) if as_asked else math.nan
 
     @final
