@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from heatertune import files
+from heatertune import writing as files
 from heatertune.cli import main, targets
 from heatertune.errors import InputError
 

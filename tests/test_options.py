@@ -9,7 +9,7 @@ import pytest
 
 import heatertune as ht
 from heatertune import options
-from heatertune.batch.study_file import KEYS
+from heatertune.batch.studies import KEYS
 from heatertune.cli import parser
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.search.robust import ROBUST

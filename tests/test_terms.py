@@ -6,7 +6,7 @@ import pytest
 
 from heatertune.cli import main
 from heatertune.errors import InputError
-from heatertune.report.glossary import glossary
+from heatertune.report.page import glossary
 from heatertune.terms import TERMS, terms_in, the_term
 
 

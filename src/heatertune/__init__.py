@@ -14,9 +14,8 @@ The functions here are the whole chain, stage by stage, beside the values that t
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from heatertune.hooks import run_by
 from heatertune.lazy import lazy_attributes
-from heatertune.show import shown_by
+from heatertune.show import run_by, shown_by
 
 __version__ = "0.9.0"
 
@@ -97,12 +96,12 @@ if TYPE_CHECKING:
     from heatertune.live.serve import virtual_plc
     from heatertune.log.values import Log
     from heatertune.model.experiment.fisher import ReadingNoise
-    from heatertune.model.intervals import Interval
     from heatertune.model.manual_model import model_by_hand
+    from heatertune.model.statistics import Interval
     from heatertune.model.values import FittedModel, Fopdt, TwoLag
     from heatertune.pid.alternatives import alternatives
     from heatertune.pid.pareto import front
-    from heatertune.pid.search.uncertain import draw_heaters
+    from heatertune.pid.search.robust import draw_heaters
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
     from heatertune.plc.word_selection import choose_words
@@ -125,11 +124,11 @@ __getattr__, __dir__ = lazy_attributes(__name__, {
     "log.values": ("Log",),
     "model.manual_model": ("model_by_hand",),
     "model.experiment.fisher": ("ReadingNoise",),
-    "model.intervals": ("Interval",),
+    "model.statistics": ("Interval",),
     "model.values": ("FittedModel", "Fopdt", "TwoLag"),
     "pid.alternatives": ("alternatives",),
     "pid.pareto": ("front",),
-    "pid.search.uncertain": ("draw_heaters",),
+    "pid.search.robust": ("draw_heaters",),
     "pid.values": ("PidDesign",),
     "plc": ("Scaling", "Words"),
     "plc.word_selection": ("choose_words",),

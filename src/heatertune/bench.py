@@ -21,8 +21,7 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Controller, Scaling, Words, controller_for
 from heatertune.plc.open_points import settings_of
-from heatertune.processors import processors
-from heatertune.progress import ProgressCallback
+from heatertune.processors import ProgressCallback, processors
 from heatertune.proof import Actuator, LoopLimits, SampleRequest, SampleSpread, Scenario, simulate
 from heatertune.proof.monte_carlo.draw import measure
 from heatertune.units import check

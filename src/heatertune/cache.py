@@ -24,10 +24,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from heatertune.documents import to_json
+from heatertune.codec import to_json
 from heatertune.errors import HeatertuneError, InputError
-from heatertune.files import read_bytes, state_folder
-from heatertune.writing import write_files
+from heatertune.writing import read_bytes, state_folder, write_files
 
 __all__ = ["cache_disabled", "folder", "is_as_imported", "load_or_compute", "not_private", "release", "source_digest"]
 

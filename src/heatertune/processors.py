@@ -1,4 +1,7 @@
-"""The processors that this process has, and work on all of them at once."""
+"""The processors that this process has, and work on all of them at once.
+
+How long work says what begins.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,12 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Final, TypeVar
 
-__all__ = ["on_one", "processors", "threaded_list", "threaded_map"]
+__all__ = ["ProgressCallback", "on_one", "processors", "threaded_list", "threaded_map"]
+
+
+#: called with a short message when something begins
+ProgressCallback = Callable[[str], object]
+
 
 _Item = TypeVar("_Item")
 _Value = TypeVar("_Value")

@@ -195,7 +195,7 @@ class WordSettings:
         refined: whether the gains are refined in the loop of the proof, see `heatertune.proof.refine.refine`.
         setpoint_ramp: [°C/min], "auto" or "none", see `heatertune.proof.setpoint_ramp.prove_ramped`; None: as the words
             have it; of a design, where nothing else helps.
-        boost: "auto" or "none", see `heatertune.proof.redesign.boosts`.
+        boost: "auto" or "none", see `heatertune.proof.redesign.redesign_search`.
         as_is: the plain design, even where another one would pass, see `heatertune.proof.redesign.find_passing_design`.
     """
 
@@ -246,7 +246,7 @@ class SensorSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeedForwardSettings:
-    """How the PLC sees a measured disturbance, see `heatertune.chain.feed_forward`.
+    """How the PLC sees a measured disturbance, see `heatertune.chain.pipeline`.
 
     Attributes:
         disturbance_range: the disturbance at the lowest and highest reading of its sensor; None: the levels logged.
@@ -315,7 +315,7 @@ class Conditions:
         pwm_resolution_s: None: a tick of the target's clock, see `heatertune.plc.pwm.tick_for`.
         limit_degC: None: the end of the sensor range.
         spec: a preset's name or a specification's file; None: the general one, see `heatertune.proof.spec_file`.
-        profile: file of ramps and soaks, see `heatertune.proof.profile_file`; None: the specification's, if it has one.
+        profile: file of ramps and soaks, see `heatertune.proof.profile`; None: the specification's, if it has one.
         limit: limits of one's own, NAME=VALUE; several of one name hold together.
         tolerance_degC, step_power_pct: likewise, by their names; None: the specification's.
         switches: open point → its setting, where it is known of this very controller.

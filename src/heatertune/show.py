@@ -4,17 +4,35 @@ The six values of the chain take `NotebookDisplay` as a base, so every front end
 (Jupyter, VS
 Code, marimo) finds `_repr_html_` on them, whichever was imported first. Pictures and sentences belong to the report,
 the last stage: the package hands it in from above, so that no stage knows one that sorts after it.
+
+Who makes words run: the package hands it in from above, as in `heatertune.show`, for words know no controller.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Artist", "NotebookDisplay", "shown_by"]
+__all__ = ["Artist", "NotebookDisplay", "run_by", "runner", "shown_by"]
+
+
+#: (words, switch → setting) → the running controller
+Runner = Callable[[Any, Mapping[str, str]], Any]
+
+_runners: Final[list[Runner]] = []
+
+
+def run_by(who: Runner) -> None:
+    """Let words be run by a function; it is called when words are to run, not before."""
+    _runners.append(who)
+
+
+def runner() -> Runner:
+    """Return who makes words run."""
+    return _runners[-1]
 
 
 class Artist(Protocol):

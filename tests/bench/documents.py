@@ -8,14 +8,25 @@ import numpy as np
 
 from heatertune import chain
 from heatertune.chain.pipeline import dossier
-from heatertune.documents import to_json
+from heatertune.codec import to_json
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
-from heatertune.model.check_results import Half, HeldOut, InputCorrelation, Validation
 from heatertune.model.findings import Finding
-from heatertune.model.intervals import Interval
 from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, OneLog, Residuals, TwoLag
+from heatertune.model.statistics import Interval
+from heatertune.model.values import (
+    Candidate,
+    FitOutcome,
+    FittedModel,
+    Fopdt,
+    Half,
+    HeldOut,
+    InputCorrelation,
+    OneLog,
+    Residuals,
+    TwoLag,
+    Validation,
+)
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import Margins, PidDesign, Promise
 from heatertune.plc import controller_for

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from heatertune.log.values import Log
-from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.regressors import Readings
 
 DRAWN = 5  # records of one heater, of new noise
 GRID, RATIOS, BEST = 48, (0.02, 0.06, 0.15, 0.3, 0.5, 0.7, 0.9), 6

@@ -40,9 +40,9 @@ from heatertune.pid.loop.robustness import margins
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.proof import Acceptance, Coverage, prove_models
-from heatertune.proof.presets import PRESETS
 from heatertune.proof.prove_words import actuator_for, course_for, limits_of
 from heatertune.proof.spec_file import specification_of
+from heatertune.proof.specification import PRESETS
 from heatertune.settings import Conditions
 from tests.bench.close_calls import apart, by_a_hair, differ, named
 from tests.bench.second_opinion import (

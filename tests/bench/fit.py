@@ -16,8 +16,8 @@ from scipy.signal import lfilter
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.regressors import Readings
 from heatertune.model.values import Fopdt
 
 PLANT = Fopdt(gain_degC_per_pct=0.9, time_constant_s=180.0, dead_time_s=12.3, ambient_degC=20.0)

@@ -1,6 +1,6 @@
 """Is the cause right, and do the words cure? python -m tests.bench.health [-n 200] [--words].
 
---ticks, --down and --at-once attack what `heatertune.loops.pwm_reconstruction` finds: a switch that works in another way.
+--ticks, --down and --at-once attack what `heatertune.loops.unlogged_loads` finds: a switch that works in another way.
 
 Loops of `tests.bench.loops`, whose causes are known, go through `heatertune.batch.loops` as `heatertune health` runs it.
 The words that are proposed are then typed into PID_v1 as `tests.witness.arduino_pid` has it, in front of this bench's own

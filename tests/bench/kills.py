@@ -26,8 +26,7 @@ from heatertune.live.experiment import restore
 from heatertune.live.plc_state import PlcState
 from heatertune.live.serve import read_folder
 from heatertune.live.signal_map import places_of
-from heatertune.live.write.write_budget import Budget
-from heatertune.live.write.write_record import read_lines
+from heatertune.live.write.write_record import Budget, read_lines
 from heatertune.log.cells import read_sheet
 from tests.bench.sessions import folder_in, is_stable, words_in
 from tests.live.conftest import CONDITIONS, words_of, write_design

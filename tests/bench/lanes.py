@@ -37,11 +37,11 @@ from heatertune.proof import (
     Scenario,
     TemperatureStep,
 )
-from heatertune.proof.events import PlcPower
 from heatertune.proof.lanes import choice
 from heatertune.proof.loop import scans_of
-from heatertune.proof.measured_runs import measure_runs
 from heatertune.proof.monte_carlo.draw import measure
+from heatertune.proof.runs import measure_runs
+from heatertune.proof.scenario import PlcPower
 from tests.proof.test_lanes import ROOMS, default_drawing
 
 PERIODS = (0.5, 1.0, 3.0, 7.3, 10.0, 21.0)

@@ -15,7 +15,7 @@ Measured, seed 0 (no text run, no hysteresis, no noise). fb41, heaters 0 to 99: 
 takes a ramp on none; a preload passes on 28 and is cheaper on 7, on 3 of them in place of gains or a limit of the output: not worth
 its program. weg, heaters 0 to 59: all fail as asked for, closing takes a ramp on 42; a preload, had the block an input,
 passes on 53 and is cheaper on 45 (settled after 0.59 of the time, median), "cold" passes on 23 and is cheaper on all (0.61).
-That is built since, as a boost (`heatertune.plc.boost`), with hysteresis and nearer distances, too; closing goes without here.
+That is built since, as a boost (`heatertune.plc.ramp`), with hysteresis and nearer distances, too; closing goes without here.
 """
 
 import argparse

@@ -41,7 +41,7 @@ from heatertune.log import read_log
 from heatertune.model.document import to_document
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, controller_for
-from heatertune.proof.criterion_table import columns_of
+from heatertune.proof.criteria import columns_of
 from heatertune.proof.design_request import DesignRequest
 from heatertune.proof.loop import scans_of
 from heatertune.proof.monte_carlo.draw import measure

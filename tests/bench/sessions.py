@@ -34,9 +34,8 @@ from heatertune.live.serve import read_folder
 from heatertune.live.signal_map import places_of
 from heatertune.live.write import writer
 from heatertune.live.write.apply import apply_write
-from heatertune.live.write.identity_check import Declared
 from heatertune.live.write.plc_block import LinkSettings
-from heatertune.live.write.proven_words import ProvenWords, read_proven
+from heatertune.live.write.proven_words import Declared, ProvenWords, read_proven
 from heatertune.live.write.write_plan import WriteRequest
 
 SESSIONS = 10_000

@@ -17,7 +17,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
 
 from heatertune.proof import LoopLimits
-from heatertune.proof.criterion_table import columns_of
+from heatertune.proof.criteria import columns_of
 from heatertune.proof.monte_carlo.draw import measure
 from heatertune.proof.verdict import verdict_of_samples
 from tests.proof.test_lanes import default_drawing

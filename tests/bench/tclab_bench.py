@@ -23,8 +23,7 @@ from pathlib import Path
 import numpy as np
 
 import heatertune as ht
-from heatertune.codec import decode
-from heatertune.documents import plain
+from heatertune.codec import decode, plain
 from heatertune.errors import HeatertuneError
 from heatertune.log.values import Log
 from heatertune.proof.as_left import as_left

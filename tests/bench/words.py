@@ -14,8 +14,8 @@ import numpy as np
 from heatertune.errors import HeatertuneError
 from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
-from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
+from heatertune.pid.loop.sampled import iae_load
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.design import encode

@@ -12,7 +12,9 @@ import pytest
 from tests.chain.batch_work import COLUMNS, batch_of, expected_row
 from tests.conftest import ROOT
 
-from heatertune.batch import Chunk, in_processes, parts, processes, run, table
+from heatertune.batch import Chunk, in_processes, processes, run
+from heatertune.batch import engine as parts
+from heatertune.batch import engine as table
 from heatertune.errors import DocumentError, InputError, OutOfRange
 
 
@@ -184,7 +186,7 @@ def test_a_row_may_hold_anything_that_breaks_lines_elsewhere(out):
 HOLDER = """
 import sys
 from pathlib import Path
-from heatertune.batch.lock import hold_lock
+from heatertune.batch.engine import hold_lock
 with hold_lock(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

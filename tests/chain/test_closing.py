@@ -11,15 +11,14 @@ from heatertune.codec import decode
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
-from heatertune.pid.design_provenance import DesignProvenance
-from heatertune.pid.document import PidView, to_document
+from heatertune.pid.document import DesignProvenance, PidView, to_document
 from heatertune.plc import Scaling
 from heatertune.proof import TestSequence
 from heatertune.proof.design_request import DesignRequest, plainly
 from heatertune.proof.nearest_specification import passing_settings, tolerance_that_passes
-from heatertune.proof.rebuild_words import apply_provenance, demand_same_files, files_of, made_again
 from heatertune.proof.redesign import find_passing_design, redesign_search
 from heatertune.proof.redesign.design_changes import DesignChange
+from heatertune.proof.repetition import apply_provenance, demand_same_files, files_of, made_again
 from heatertune.proof.ripple_and_wear import ripple_degC
 from heatertune.proof.specification import Specification
 from heatertune.settings import Conditions, TuneSettings

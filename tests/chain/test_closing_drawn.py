@@ -17,9 +17,9 @@ from heatertune.pid.document import PidView, to_document
 from heatertune.proof.design_request import DesignRequest
 from heatertune.proof.document import check_document
 from heatertune.proof.monte_carlo.run import run_samples, with_samples
-from heatertune.proof.rebuild_words import made_again
 from heatertune.proof.redesign import closed_on_runs, on_samples
 from heatertune.proof.redesign.on_samples import closed_on_samples
+from heatertune.proof.repetition import made_again
 from heatertune.proof.verdict import verdict_line
 from heatertune.settings import Conditions, SampleSettings
 

@@ -18,7 +18,7 @@ from heatertune.plc.design import encode, tune
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.word_selection import choose_words
 from heatertune.proof import TestSequence
-from heatertune.proof.ideal import simulate_wish
+from heatertune.proof.pictures import simulate_wish
 from heatertune.proof.prove_words import prove
 from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.proof.scenario import TemperatureStep, scenario_for

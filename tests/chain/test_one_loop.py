@@ -5,8 +5,8 @@ import math
 
 import pytest
 
-from heatertune.model.intervals import Interval
 from heatertune.model.manual_model import model_by_hand
+from heatertune.model.statistics import Interval
 from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt
 from heatertune.plc import Scaling
 from heatertune.proof import prove

@@ -8,19 +8,17 @@ from dataclasses import replace
 import pytest
 
 from heatertune.errors import DocumentError, NotRepresentable
-from heatertune.model.intervals import Interval
 from heatertune.model.manual_model import model_by_hand
+from heatertune.model.statistics import Interval
 from heatertune.model.values import Fopdt
 from heatertune.pid.document import from_document, to_document
-from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins, noise_gain
-from heatertune.pid.search.robust import Open
-from heatertune.pid.search.uncertain import draw_heaters
+from heatertune.pid.loop.sampled import iae_load
+from heatertune.pid.search.robust import Open, draw_heaters
 from heatertune.pid.values import Promise
 from heatertune.plc import controller_for
 from heatertune.plc.design import encode, tune
-from heatertune.plc.word_choice import RealisedResult, WordChoice, WordSearch
-from heatertune.plc.word_selection import choose_words
+from heatertune.plc.word_selection import RealisedResult, WordChoice, WordSearch, choose_words
 from heatertune.proof.refine import _RefinementLoop
 
 SLOW = Fopdt(gain_degC_per_pct=0.8, time_constant_s=480.0, dead_time_s=60.0, ambient_degC=22.0)

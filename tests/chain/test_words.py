@@ -8,11 +8,11 @@ import pytest
 
 from heatertune.batch.zone import zone_row
 from heatertune.errors import NotRepresentable, UnknownName
-from heatertune.model.intervals import Interval
 from heatertune.model.manual_model import model_by_hand
+from heatertune.model.statistics import Interval
 from heatertune.model.values import Fopdt
-from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
+from heatertune.pid.loop.sampled import iae_load
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.plc import controller_for, word_selection
 from heatertune.plc.design import encode, tune

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from heatertune.documents import to_json
+from heatertune.codec import to_json
 from heatertune.model import document
 from heatertune.model.findings import Finding
 from heatertune.model.manual_model import model_by_hand

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from heatertune.documents import to_json
+from heatertune.codec import to_json
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for

@@ -7,8 +7,8 @@ import pytest
 
 from heatertune.cli.saved_design import in_force
 from heatertune.errors import InputError
-from heatertune.pid.design_provenance import DesignProvenance
-from heatertune.proof.rebuild_words import scaling_of
+from heatertune.pid.document import DesignProvenance
+from heatertune.proof.repetition import scaling_of
 from heatertune.settings import Conditions
 
 #: a long dead time and an optimum with little robustness: in the paper's story it overshoots, and a ramp mends that

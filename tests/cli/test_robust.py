@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from heatertune.documents import to_json
+from heatertune.codec import to_json
 from heatertune.model.document import to_document
-from heatertune.model.intervals import Interval
 from heatertune.model.manual_model import model_by_hand
+from heatertune.model.statistics import Interval
 from heatertune.model.values import Fopdt
 
 

@@ -8,7 +8,7 @@ import pyarrow.parquet
 import pytest
 from tests.conftest import ROOT
 
-from heatertune.batch.study_file import KEYS, read_study
+from heatertune.batch.studies import KEYS, read_study
 from heatertune.errors import DocumentError
 from heatertune.options import options_of
 from heatertune.settings import FitSettings, SampleSettings

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from heatertune.cli import main
-from heatertune.files import display_name
+from heatertune.writing import display_name
 
 COMMAND = f"{sys.executable} -m heatertune"
 

@@ -12,9 +12,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from heatertune.cli import COMMANDS, main, parser, printing, terminal
-from heatertune.cli.parsing import again
-from heatertune.cli.terminal import Line
+from heatertune.cli import COMMANDS, main, parser, printing
+from heatertune.cli import printing as terminal
+from heatertune.cli.common import again
+from heatertune.cli.printing import Line
 from heatertune.errors import InputError
 from heatertune.plc import TARGETS
 
@@ -77,7 +78,7 @@ def test_json_and_a_pipe_have_no_escapes(run, by_hand):
 def line(monkeypatch):
     """A terminal's line that moves, drawn by hand."""
     err = _Terminal()
-    monkeypatch.setattr("heatertune.cli.terminal.sys", SimpleNamespace(stderr=err))
+    monkeypatch.setattr("heatertune.cli.printing.sys", SimpleNamespace(stderr=err))
     monkeypatch.setattr(printing.LINE, "_beat", lambda _: None)
     yield err
     printing.LINE.end()
@@ -148,8 +149,8 @@ def test_the_line_lives_by_itself_while_something_takes_long(monkeypatch):
                 drawn.set()
             return super().write(text)
 
-    monkeypatch.setattr("heatertune.cli.terminal.sys", SimpleNamespace(stderr=_Waits()))
-    monkeypatch.setattr("heatertune.cli.terminal._BEAT_S", 0.001)
+    monkeypatch.setattr("heatertune.cli.printing.sys", SimpleNamespace(stderr=_Waits()))
+    monkeypatch.setattr("heatertune.cli.printing._BEAT_S", 0.001)
     line.show(lambda: str(next(texts)))
     assert drawn.wait(10.0)
     line.end()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tests.model.twins import doublet, logged
 
-from heatertune.documents import to_json
+from heatertune.codec import to_json
 from heatertune.model.document import to_document
 from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt

@@ -14,7 +14,7 @@ from typing import Any, Final
 import matplotlib as mpl
 
 from heatertune.report import plots
-from heatertune.report.style import to_svg
+from heatertune.report.plots import to_svg
 
 PICTURES: Final = Path(__file__).parents[2] / "docs" / "pictures"
 #: of one picture: a forge shows it at once

@@ -8,7 +8,7 @@ pulse width SMW70.
 from typing import NamedTuple
 
 from heatertune.plc import controller_for
-from heatertune.plc.cpu.s7_200.arithmetic import add_integers, divide_integers, high_word, multiply_integers, to_signed
+from heatertune.plc.cpu.s7_200.cpu import add_integers, divide_integers, high_word, multiply_integers, to_signed
 from heatertune.plc.s7_200_paper.step import S7200PaperAssumptions
 
 FIRST_EDGE = 3  # S Q0.0,1 reaches I0.0 behind its input filter, some scans after the first

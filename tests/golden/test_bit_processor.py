@@ -12,17 +12,19 @@ from hypothesis import strategies as st
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.plc.cpu.one_bit import programs as p
-from heatertune.plc.cpu.one_bit.assembler import Names, assemble, disassemble
-from heatertune.plc.cpu.one_bit.instructions import (
+from heatertune.plc.cpu.one_bit.assembler import (
     MNEMONICS,
+    Names,
     OneBitInstruction,
     OneBitProgram,
     Op,
+    assemble,
+    disassemble,
     from_image,
     from_words,
 )
 from heatertune.plc.cpu.one_bit.machine import MOST_STEPS, START, OneBitState, Wiring, scan
-from heatertune.plc.cpu.one_bit.microprogram import OFF, ROM, ControlUnit, clock
+from heatertune.plc.cpu.one_bit.programs import OFF, ROM, ControlUnit, clock
 
 BITS = [False, True]
 

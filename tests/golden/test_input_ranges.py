@@ -28,8 +28,7 @@ from heatertune.plc.inputs import INPUTS, sensor_scaling
 from heatertune.plc.pwm import Actuator
 from heatertune.proof import Scenario, prove, simulate
 from heatertune.proof.scenario import delay_heater
-from heatertune.proof.sequence_plan import LoopTiming
-from heatertune.proof.test_sequence import story_for
+from heatertune.proof.test_sequence import LoopTiming, story_for
 from heatertune.settings import Conditions
 
 S7 = ("s7-300", "fb41")

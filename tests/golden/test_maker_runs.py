@@ -23,7 +23,7 @@ from tests.plc.test_maker_texts import STUB
 from tests.witness.marlin import MarlinPid
 from tests.witness.pband import PBand
 
-from heatertune.cli.parsing import again
+from heatertune.cli.common import again
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt

@@ -14,7 +14,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.dump_reader import realised_design
 from heatertune.plc.replay import read_inputs
-from heatertune.plc.s5_ob251.image import oddities, to_image
+from heatertune.plc.s5_ob251.export import oddities, to_image
 from heatertune.plc.s5_ob251.step import (
     AUTO,
     COLD,

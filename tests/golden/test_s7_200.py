@@ -15,15 +15,13 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.cpu.s7_200 import COLD, assemble, cycle, run
-from heatertune.plc.cpu.s7_200.arithmetic import add_integers, divide_integers, high_word, multiply_integers
-from heatertune.plc.cpu.s7_200.cpu import carry_out
+from heatertune.plc.cpu.s7_200.assembler import block_number
+from heatertune.plc.cpu.s7_200.cpu import add_integers, carry_out, divide_integers, high_word, multiply_integers
 from heatertune.plc.cpu.s7_200.cycle import run_cycle, timed_program
-from heatertune.plc.cpu.s7_200.instructions import block_number
 from heatertune.plc.cpu.s7_200.state import own
-from heatertune.plc.s7_200.listing import COUNTDOWN, repaired_program
+from heatertune.plc.s7_200.export import COUNTDOWN, repaired_program
 from heatertune.plc.s7_200_paper import step
-from heatertune.plc.s7_200_paper.faults import faults
-from heatertune.plc.s7_200_paper.listing import printed_program
+from heatertune.plc.s7_200_paper.export import faults, printed_program
 from heatertune.plc.s7_200_paper.step import S7200PaperAssumptions
 from heatertune.plc.s7_200_paper.words import paper_words
 from heatertune.proof import Scenario, simulate

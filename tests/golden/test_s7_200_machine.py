@@ -22,8 +22,8 @@ from heatertune.plc.cpu.s7_200 import assemble
 from heatertune.plc.cpu.s7_200.cpu import carry_out
 from heatertune.plc.words import FORMATS
 from heatertune.proof import Scenario
-from heatertune.proof.events import PlcPower
 from heatertune.proof.loop import in_loop, run_loop
+from heatertune.proof.scenario import PlcPower
 
 ROOMS = ("s7-200", "s7-200-pid", "s7-200-paper")
 DESIGN = PidDesign(gain_pct_per_degC=1.4, integral_time_s=150.0, derivative_time_s=4.0, sample_time_s=2.0, structure="pid",

@@ -15,8 +15,7 @@ from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run
-from heatertune.plc.s7_200_pid.image import to_image
-from heatertune.plc.s7_200_pid.listing import pid_program
+from heatertune.plc.s7_200_pid.export import pid_program, to_image
 from heatertune.plc.s7_200_pid.words import NO_INTEGRAL
 from heatertune.proof import Scenario, simulate
 

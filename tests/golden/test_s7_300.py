@@ -14,7 +14,7 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange, UnknownN
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
-from heatertune.plc.cpu.s7_300.real import real
+from heatertune.plc.cpu.s7_300.machine import real
 from heatertune.plc.s7_300.step import COLD, PidTipAssumptions, PidTipParameters, PidTipState, call, manual
 from heatertune.proof import Actuator, Scenario, TemperatureStep, simulate
 

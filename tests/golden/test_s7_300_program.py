@@ -22,8 +22,7 @@ from heatertune.plc.commissioning import commissioning
 from heatertune.plc.pwm import Actuator, on_time, pid_compact, pulsegen
 from heatertune.proof import simulate
 from heatertune.proof.scenario import PlcPower, delay_heater
-from heatertune.proof.sequence_plan import LoopTiming
-from heatertune.proof.test_sequence import story_for
+from heatertune.proof.test_sequence import LoopTiming, story_for
 
 HEATER = Fopdt(gain_degC_per_pct=0.9, time_constant_s=40.0, dead_time_s=3.0, ambient_degC=20.0)
 NAMES = {"s7-300": "s7_300_pid.awl", "fb41": "fb41_cont_c.awl"}

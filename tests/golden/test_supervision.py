@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.bench import supervise
 
-from heatertune.supervision import printers
+from heatertune.supervision import supervise as printers
 
 
 @pytest.mark.long(seconds=5)

@@ -20,7 +20,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Scaling, WordField, controller_for
 from heatertune.plc.cpu.s5.machine import S5Cpu
 from heatertune.plc.cpu.s7_300.machine import S7300Cpu as S7Cpu
-from heatertune.plc.cpu.s7_300.memory import read
+from heatertune.plc.cpu.s7_300.machine import read
 from heatertune.plc.cpu.s7_300.source import as_real, bits_of
 from heatertune.plc.pwm import Actuator
 

@@ -20,8 +20,7 @@ from heatertune.plc.pwm import Actuator, on_time, pid_compact
 from heatertune.plc.replay import replay
 from heatertune.proof import simulate
 from heatertune.proof.scenario import delay_heater
-from heatertune.proof.sequence_plan import LoopTiming
-from heatertune.proof.test_sequence import story_for
+from heatertune.proof.test_sequence import LoopTiming, story_for
 
 ROOM = controller_for("weg")
 HEATER = Fopdt(gain_degC_per_pct=0.9, time_constant_s=40.0, dead_time_s=3.0, ambient_degC=20.0)

@@ -20,8 +20,8 @@ NAMING_EXTRAS = {
     "__init__.py": "the Python package offers fleet, study and virtual_plc",
 }
 STAGES = ("heater", "log", "model", "pid", "plc", "proof", "report")
-FREE = ("units", "terms", "errors", "options", "progress", "settings", "documents", "codec", "files", "writing", "cache",
-        "compiled", "compiler", "native", "plain", "lazy", "show", "hooks", "commissioned", "processors")
+FREE = ("units", "terms", "errors", "options", "settings", "codec", "writing", "cache", "compiled", "compiler", "native", "plain", "lazy", "show",
+        "commissioned", "processors")
 MODULES = sorted(SOURCE.rglob("*.py"))
 
 
@@ -109,7 +109,7 @@ def test_an_extra_imports_the_core_and_the_extras_before_it(extra):
 
 def test_the_studios_logic_knows_no_browser():
     knowing = {path.stem for path in (SOURCE / "studio").glob("*.py") if "from nicegui" in path.read_text(encoding="utf-8")}
-    assert knowing == {"controls", "as_left_card", "monte_carlo_card", "stale", "live_card", "loop_card", "page", "parts", "server", "sheet_card"}
+    assert knowing == {"controls", "page", "server", "sheet_card", "stale"}
 
 
 def _dotted(path):

@@ -24,9 +24,8 @@ from heatertune.live.client.client import connect
 from heatertune.live.memory import DEAD_MAN, OWN, OWN_LENGTH
 from heatertune.live.signal_map import places_of
 from heatertune.plc import Certificate, controller_for
-from heatertune.plc.boost import Boost
 from heatertune.plc.core import ControllerState
-from heatertune.plc.ramp import Ramp
+from heatertune.plc.ramp import Boost, Ramp
 
 TARGETS = tuple(SERVED)
 #: whose state is whole in the block

@@ -12,9 +12,8 @@ from tests.live.conftest import DB, LENGTH, PROTOCOLS
 from heatertune.errors import DocumentError, InputError, LinkDown, LinkError, PlcRefused, ReplyLost, UnknownName
 from heatertune.live.client.address import address_of
 from heatertune.live.client.client import connect
-from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
+from heatertune.live.memory import OWN, OWN_LENGTH, Signal, SimulatorStatus
 from heatertune.live.signal_map import places_in, places_of
-from heatertune.live.word_codec import Signal
 
 NETWORKS = PROTOCOLS[:3]
 

@@ -21,7 +21,7 @@ from heatertune.errors import DocumentError, OutOfRange
 from heatertune.live.experiment import Experiment, ExperimentObserver, restore
 from heatertune.live.plc_state import PlcState
 from heatertune.live.schedule import AbortLimits, Aims, RelaySchedule, Steps, read_plan
-from heatertune.model.intervals import Interval
+from heatertune.model.statistics import Interval
 
 FAST = {"step": False, "rate": 2000.0, "dead_man": 3000}
 PLAN = Steps(steps=((0.0, 0.0), (100.0, 60.0), (500.0, 20.0)))

@@ -345,7 +345,7 @@ def test_a_state_folder_that_cannot_be_read_is_told_in_one_line(tmp_path, monkey
 
 
 def test_a_link_that_stays_dead_is_said_to_be_unknown_with_the_command_that_works(gateway, weg, capsys, monkeypatch):
-    monkeypatch.setattr("heatertune.live.manual.RETRY_S", 2.0)
+    monkeypatch.setattr("heatertune.live.experiment.RETRY_S", 2.0)
 
     def seen(number):
         gateway.silent = number == 3  # 90 % stands there: no more answers

@@ -19,7 +19,7 @@ from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
 
 ua = pytest.importorskip("asyncua.ua", reason="asyncua is not installed")
 sync = pytest.importorskip("asyncua.sync")
-nodes = pytest.importorskip("heatertune.live.nodes")
+nodes = pytest.importorskip("heatertune.live.opcua")
 opcua = pytest.importorskip("heatertune.live.opcua")
 theirs = pytest.importorskip("heatertune.live.client.opcua")
 pytestmark = PROTOCOLS[2].marks

@@ -12,12 +12,11 @@ from heatertune.live.band_watch import BandWatch
 from heatertune.live.client.address import address_of
 from heatertune.live.experiment import Experiment
 from heatertune.live.poller import Snapshot as Seen
-from heatertune.live.reading_check import StillSensor, reading_problem
+from heatertune.live.poller import StillSensor, reading_problem
 from heatertune.live.schedule import AbortLimits, Steps
-from heatertune.live.write.block_image import block_image
-from heatertune.live.write.plc_block import BlockSnapshot
+from heatertune.live.write.band import watch_response
+from heatertune.live.write.plc_block import BlockSnapshot, block_image
 from heatertune.live.write.proven_words import read_proven
-from heatertune.live.write.response_watch import watch_response
 from heatertune.live.write.write_record import WriteRecord
 from heatertune.model.values import Fopdt
 

@@ -24,13 +24,11 @@ from heatertune import InputError, read_log
 from heatertune.cli import main
 from heatertune.errors import LinkDown, OutOfRange, PlcRefused
 from heatertune.live.client.address import address_of
-from heatertune.live.memory import OWN
+from heatertune.live.memory import OWN, Signal
 from heatertune.live.poller import Poller
 from heatertune.live.recorder import RecordingSetup, record
 from heatertune.live.signal_map import Counter, Places, places_of
-from heatertune.live.word_codec import Signal
-from heatertune.log.cells import read_sheet
-from heatertune.log.recorder_log import TORN
+from heatertune.log.cells import TORN, read_sheet
 
 #: those that can be read within a scan of the fast ones here
 QUICK = PROTOCOLS[:2]

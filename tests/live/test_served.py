@@ -18,7 +18,7 @@ from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
 from heatertune.plc import controller_for
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.open_points import settings_to_prove
-from heatertune.plc.s5_ob251.image import from_image
+from heatertune.plc.s5_ob251.export import from_image
 from heatertune.proof import replay
 from heatertune.proof.monte_carlo.run import drawing_for
 

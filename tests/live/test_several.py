@@ -16,8 +16,7 @@ from tests.live.test_recorder import rows_of
 
 from heatertune import InputError
 from heatertune.cli import main
-from heatertune.live.health_recording import record_addresses
-from heatertune.live.multi_recorder import RecordedLoop, record_all
+from heatertune.live.health_recording import RecordedLoop, record_addresses, record_all
 from heatertune.live.recorder import RecordingSetup
 from heatertune.live.signal_map import places_of
 

@@ -22,7 +22,7 @@ from heatertune.live.online_monitor import OnlineMonitor
 from heatertune.live.poller import Snapshot
 from heatertune.live.write.band import Band
 from heatertune.live.write.proven_words import read_proven
-from heatertune.model.intervals import Interval
+from heatertune.model.statistics import Interval
 from heatertune.settings import Conditions
 from heatertune.supervision.document import read_supervision
 from heatertune.supervision.supervise import SampleCounts, bench_of

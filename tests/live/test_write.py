@@ -32,12 +32,10 @@ from heatertune.live import plc_state
 from heatertune.live.client.address import address_of
 from heatertune.live.plc_state import PlcState, WayBack
 from heatertune.live.serve import read_folder
-from heatertune.live.write.band import Band, Reach, carried_s
-from heatertune.live.write.block_image import BlockImage, WritePart
-from heatertune.live.write.plc_block import Peer
+from heatertune.live.write.band import Band, Reach, _Watch, carried_s
+from heatertune.live.write.plc_block import BlockImage, Peer, WritePart
 from heatertune.live.write.proven_words import read_proven
-from heatertune.live.write.response_watch import _Watch
-from heatertune.live.write.write_order import NoOrder, in_order
+from heatertune.live.write.write_plan import NoOrder, in_order
 from heatertune.live.write.write_record import WriteRecord, read_lines
 from heatertune.proof.document import with_digest
 from heatertune.proof.repetition import repeat_proof

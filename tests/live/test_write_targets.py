@@ -16,7 +16,7 @@ from heatertune import virtual_plc
 from heatertune.errors import InputError
 from heatertune.live.client.address import address_of
 from heatertune.live.serve import read_folder
-from heatertune.live.write.block_image import block_image
+from heatertune.live.write.plc_block import block_image
 from heatertune.plc.single_precision import single
 from heatertune.plc.targets import NAMES
 

@@ -13,7 +13,7 @@ from heatertune import read_log
 from heatertune.chain import encode, prove
 from heatertune.chain.pipeline import redraw, write_report
 from heatertune.cli import main
-from heatertune.documents import read_document
+from heatertune.codec import read_document
 from heatertune.errors import DocumentError
 from heatertune.live.write_history import written_in
 from heatertune.pid.document import read_design

@@ -13,9 +13,8 @@ from heatertune.cli import main
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
 from heatertune.loops.cure import cure_words
-from heatertune.loops.diagnosis import diagnose
-from heatertune.loops.inventory import list_loops, read_list
-from heatertune.loops.loop_values import Cause, LoopEntry
+from heatertune.loops.diagnosis import day, diagnose, ideal, times_worse
+from heatertune.loops.loop_values import Cause, LoopEntry, list_loops, read_list
 from heatertune.loops.measures import (
     at_limit,
     average_log,
@@ -25,12 +24,10 @@ from heatertune.loops.measures import (
     swings,
     switchings_per_h,
 )
-from heatertune.loops.pwm_reconstruction import with_duty
-from heatertune.loops.same_day import day, ideal, times_worse
-from heatertune.loops.unlogged_loads import without_loads
+from heatertune.loops.unlogged_loads import with_duty, without_loads
 from heatertune.model.fit import fit
-from heatertune.model.intervals import Interval
 from heatertune.model.manual_model import model_by_hand
+from heatertune.model.statistics import Interval
 from heatertune.model.values import Fopdt
 from heatertune.pid.search.quick import quick_tune
 from heatertune.plc import Scaling

@@ -6,6 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from heatertune.log.values import Log
+from heatertune.model.outliers import undisturbed_part
 from heatertune.model.temperature import evidence
 from heatertune.model.temperature.evidence import (
     evidence_notes,
@@ -14,7 +15,6 @@ from heatertune.model.temperature.evidence import (
     rise_bound,
     saturated_heat_up,
 )
-from heatertune.model.windows import undisturbed_part
 
 GAIN, LAG, AMBIENT = 0.6, 300.0, 22.0
 

@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 from tests.model.twins import DEAD, GAIN, LAG, doublet, logged
 
-from heatertune.documents import to_json
-from heatertune.model.check_results import Half, Validation, disagreeing_parameters
+from heatertune.codec import to_json
 from heatertune.model.document import from_document, to_document
 from heatertune.model.fit import fit
-from heatertune.model.intervals import Interval
-from heatertune.model.power.cross_validation import halves, held_out
-from heatertune.model.power.fit_checks import check_fit, judgement_remarks
-from heatertune.model.power.log_arrays import Readings
+from heatertune.model.power.fit_checks import check_fit, halves, held_out, judgement_remarks
 from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.regressors import Readings
+from heatertune.model.statistics import Interval
+from heatertune.model.values import Half, Validation, disagreeing_parameters
 
 NOISE = 0.1
 TRUE = np.array([[np.log(LAG), DEAD, 0.0]])

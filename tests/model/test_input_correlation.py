@@ -8,10 +8,10 @@ from scipy.signal import lfilter
 from tests.model.twins import DEAD, GAIN, LAG, coloured, doublet, logged
 
 from heatertune.model.fit import fit
+from heatertune.model.power.feedback import _filtered, input_correlation
 from heatertune.model.power.fit_checks import correlation_of
-from heatertune.model.power.input_correlation import _filtered, input_correlation
-from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.regressors import Readings
 
 TRUE = np.array([[np.log(LAG), DEAD, 0.0]])
 

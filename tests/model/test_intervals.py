@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from heatertune.model.intervals import Interval, interval
+from heatertune.model.statistics import Interval, interval
 
 
 def test_drawn_values_of_which_none_is_a_number_leave_both_ends_open():

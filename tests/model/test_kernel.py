@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from heatertune.model.temperature.kernel import simulate_many
+from heatertune.model.temperature.closed_loop import simulate_many
 from heatertune.plc.s7_200_paper.laws import LAWS
 
 

@@ -6,8 +6,8 @@ from tests.conftest import load_csv
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.regressors import Readings
 from heatertune.model.values import FitOutcome, Fopdt, TwoLag
 
 

@@ -7,9 +7,9 @@ from tests.bench import causes
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.power.log_arrays import Readings
-from heatertune.model.power.open_circuit import opened_at_s
+from heatertune.model.power.explanation import opened_at_s
 from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.regressors import Readings
 
 
 def _opened(seed, *, loop):

@@ -7,10 +7,10 @@ from tests.model.twins import doublet, logged
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.intervals import RATIO
-from heatertune.model.power.half_logs import interval_widening, widening_notes
-from heatertune.model.power.log_arrays import Readings
+from heatertune.model.power.fit_power import interval_widening, widening_notes
 from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.regressors import Readings
+from heatertune.model.statistics import RATIO
 
 GAINS = (0.4, 0.6)
 

@@ -6,9 +6,9 @@ from tests.bench import causes
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit, fit_together
-from heatertune.model.power.log_arrays import Readings
+from heatertune.model.power.diagnosis import contributions_of
 from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.power_share import contributions_of
+from heatertune.model.power.regressors import Readings
 
 
 def _log(case, name="made"):

@@ -5,9 +5,8 @@ import pytest
 from tests.bench.identification import answer
 
 from heatertune.log.values import Log
-from heatertune.model.power.log_arrays import Readings
-from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.projection import _solve
+from heatertune.model.power.open_loop import PowerProblem, _solve
+from heatertune.model.power.regressors import Readings
 from heatertune.model.values import Fopdt
 
 

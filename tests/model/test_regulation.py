@@ -7,7 +7,7 @@ import pytest
 from tests.bench import blind
 
 from heatertune.log.values import Log
-from heatertune.model.temperature.regulation import is_open_loop, steady_swing
+from heatertune.model.temperature.evidence import is_open_loop, steady_swing
 
 
 def _log(readings, interval=2.0):

@@ -8,10 +8,10 @@ from tests.bench import causes, identification
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log import read_log
-from heatertune.log.recorder_log import MARK, SWITCHED
+from heatertune.log.cells import MARK, SWITCHED
 from heatertune.log.values import Log
 from heatertune.model.fit import fit
-from heatertune.model.intervals import holds
+from heatertune.model.statistics import holds
 
 
 def test_pulses_have_the_asked_mean_and_begin_each_period():

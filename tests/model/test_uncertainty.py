@@ -3,8 +3,8 @@ import pytest
 from tests.bench.identification import answer, noise
 
 from heatertune.log.values import Log
-from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.regressors import Readings
 from heatertune.model.power.uncertainty import _profile, bound_crossing, noise_of
 from heatertune.model.statistics import ar1_weighted
 from heatertune.model.values import Fopdt

@@ -5,8 +5,8 @@ import pytest
 
 from heatertune.errors import OutOfRange
 from heatertune.model.document import from_document, to_document
-from heatertune.model.intervals import Interval
 from heatertune.model.manual_model import model_by_hand
+from heatertune.model.statistics import Interval
 from heatertune.model.values import Fopdt, TwoLag
 
 

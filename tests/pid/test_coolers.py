@@ -6,14 +6,14 @@ import pytest
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.cooler_mirror import cools, mirror_heater
-from heatertune.model.intervals import RATIO, Interval
 from heatertune.model.manual_model import model_by_hand
+from heatertune.model.statistics import RATIO, Interval
 from heatertune.model.values import Candidate, Fopdt, TwoLag
 from heatertune.pid.alternatives import alternatives
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.pareto import front
 from heatertune.pid.search.quick import quick_tune
-from heatertune.pid.search.uncertain import draw_heaters, interval_ends
+from heatertune.pid.search.robust import draw_heaters, interval_ends
 from heatertune.pid.tune import tune
 
 HEATER = Fopdt(gain_degC_per_pct=0.4, time_constant_s=160.0, dead_time_s=16.0, ambient_degC=20.0)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from heatertune.errors import InputError
-from heatertune.pid.forms import ideal_to_parallel, ideal_to_series, other_forms, series_to_ideal
+from heatertune.pid.values import ideal_to_parallel, ideal_to_series, other_forms, series_to_ideal
 from heatertune.report.text import forms_lines
 
 gains = st.floats(1e-3, 1e3)

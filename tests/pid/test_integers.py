@@ -11,10 +11,9 @@ import pytest
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.loop.linear import control_margins, loop_transfer_function
-from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
-from heatertune.pid.search.bounds import bounds_of, norms
-from heatertune.pid.search.integers import Integers, best_integers
+from heatertune.pid.loop.sampled import iae_load
+from heatertune.pid.search.integers import Integers, best_integers, bounds_of, norms
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 

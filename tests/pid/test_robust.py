@@ -12,11 +12,11 @@ from scipy.integrate import trapezoid
 from scipy.signal import lti, step
 
 from heatertune.errors import InputError, UnknownName
-from heatertune.model.intervals import RATIO, Interval
 from heatertune.model.manual_model import model_by_hand
+from heatertune.model.statistics import RATIO, Interval
 from heatertune.model.values import Candidate, Fopdt
 from heatertune.pid.loop.robustness import noise_gain
-from heatertune.pid.search.uncertain import draw_heaters
+from heatertune.pid.search.robust import draw_heaters
 from heatertune.pid.tune import tune
 
 _SPEC = importlib.util.spec_from_file_location("brute_force", Path(__file__).with_name("brute_force.py"))

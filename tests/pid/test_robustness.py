@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.loop import response
+from heatertune.pid.loop import sampled as response
 from heatertune.pid.loop.linear import control_margins, loop_transfer_function
-from heatertune.pid.loop.response import dominant_time_s, iae_load, iae_setpoint, respond
 from heatertune.pid.loop.robustness import loop_response, margins
+from heatertune.pid.loop.sampled import dominant_time_s, iae_load, iae_setpoint, respond
 from heatertune.pid.values import PidDesign
 
 PLANTS = {

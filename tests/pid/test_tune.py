@@ -8,8 +8,8 @@ from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag
 from heatertune.pid.document import from_document, to_document
-from heatertune.pid.loop.response import dominant_time_s, iae_load
 from heatertune.pid.loop.robustness import margins
+from heatertune.pid.loop.sampled import dominant_time_s, iae_load
 from heatertune.pid.rules import apply_rule
 from heatertune.pid.search import feasible
 from heatertune.pid.search.feasible import Problem, largest_gain, search

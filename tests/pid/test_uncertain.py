@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from heatertune.errors import OutOfRange
-from heatertune.model.intervals import Interval
 from heatertune.model.manual_model import model_by_hand
+from heatertune.model.statistics import Interval
 from heatertune.model.values import Candidate, Fopdt, TwoLag
 from heatertune.pid.loop.robustness import margins
-from heatertune.pid.search.uncertain import draw_heaters, ms_over
+from heatertune.pid.search.robust import draw_heaters, ms_over
 from heatertune.pid.values import PidDesign
 
 HEATER = Fopdt(gain_degC_per_pct=0.4, time_constant_s=160.0, dead_time_s=12.0)

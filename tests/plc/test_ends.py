@@ -13,12 +13,12 @@ from heatertune.plc.cpu.one_bit.assembler import assemble as single_bit
 from heatertune.plc.cpu.one_bit.machine import START, Wiring, scan
 from heatertune.plc.cpu.one_bit.programs import HEATER_NAMES, HEATER_PRINTED, ON_OFF_NAMES, TWO_LEVEL_NAMES
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run
-from heatertune.plc.cpu.s7_200.arithmetic import divide_integers
-from heatertune.plc.cpu.s7_200.cells import SIZE, cell
+from heatertune.plc.cpu.s7_200.cpu import divide_integers
+from heatertune.plc.cpu.s7_200.memory import SIZE, cell
 from heatertune.plc.dump_reader import read_machine
 from heatertune.plc.on_off.step import OnOffState
 from heatertune.plc.on_off.step import step as direct
-from heatertune.plc.s7_200_paper.faults import faults
+from heatertune.plc.s7_200_paper.export import faults
 from heatertune.plc.s7_200_paper.words import paper_words
 from heatertune.plc.words import round_to_word
 

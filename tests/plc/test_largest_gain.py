@@ -5,8 +5,8 @@ import pytest
 
 from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
-from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
+from heatertune.pid.loop.sampled import iae_load
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.design import tune

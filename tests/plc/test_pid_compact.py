@@ -12,8 +12,7 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, controller_for
 from heatertune.plc.cpu.iec.machine import Firmware
 from heatertune.plc.dump_reader import read_machine
-from heatertune.plc.pid_compact.exported import LAW, FirmwareInstruction, load_program
-from heatertune.plc.pid_compact.source import literal, load
+from heatertune.plc.pid_compact.export import LAW, FirmwareInstruction, literal, load, load_program
 from heatertune.plc.pid_compact.step import PidCompactAssumptions
 from heatertune.plc.pid_compact.words import COMPACT, PARAMETERS, TEMP, fields_of
 from heatertune.plc.pwm import Actuator, pid_compact

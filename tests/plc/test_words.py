@@ -9,7 +9,7 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, WordField, Words, controller_for
-from heatertune.plc.s5_ob251.image import to_image
+from heatertune.plc.s5_ob251.export import to_image
 from heatertune.plc.s5_ob251.words import most_gain
 from heatertune.plc.words import check_fields, holds, kept_by, round_half_away, round_to_word
 

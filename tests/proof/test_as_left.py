@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from heatertune import chain
-from heatertune.codec import decode, encode
-from heatertune.documents import plain
+from heatertune.codec import decode, encode, plain
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.manual_model import model_by_hand

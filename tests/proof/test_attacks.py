@@ -10,12 +10,11 @@ from heatertune.errors import DocumentError, ExportRefused, HeatertuneError, Inp
 from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, Words, controller_for
-from heatertune.proof.criteria import worst_of
-from heatertune.proof.criterion_table import columns_of
+from heatertune.proof.criteria import columns_of, worst_of
 from heatertune.proof.document import check_document, with_digest
 from heatertune.proof.loop import in_loop, noise_of, plant_row, scans_of
-from heatertune.proof.measured_runs import measure_runs
 from heatertune.proof.prove_words import prove
+from heatertune.proof.runs import measure_runs
 from heatertune.proof.trace_criteria import _measured
 from heatertune.proof.verdict import combined_verdict, derived_verdict, verdict_of_samples
 from heatertune.proof.words_file import certificate

@@ -11,8 +11,7 @@ from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.plc.design import encode, tune
-from heatertune.proof.long_outage import heat_up, nights_of
-from heatertune.proof.outage_timing import OutageTiming
+from heatertune.proof.long_outage import OutageTiming, heat_up, nights_of
 from heatertune.proof.prove_words import course_for, prove
 from heatertune.proof.scenario import Mains, NewSetpoint, PlcPower, Scenario, kinds_of
 from heatertune.settings import Conditions

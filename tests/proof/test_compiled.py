@@ -22,12 +22,12 @@ from heatertune.plc import COOLING, TARGETS, Scaling, controller_for
 from heatertune.plc.core import as_it_is
 from heatertune.plc.single_precision import single, to_single
 from heatertune.proof import Actuator, Load, LoopLimits, Scenario, TemperatureStep, judge, simulate
-from heatertune.proof.criterion_table import columns_of
+from heatertune.proof.criteria import columns_of
 from heatertune.proof.kernel import run
 from heatertune.proof.loop import in_loop, run_loop
-from heatertune.proof.measured_runs import _medians
 from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, measure, replay
 from heatertune.proof.monte_carlo.quantiles import prove_samples
+from heatertune.proof.runs import _medians
 
 LOOPS = ("weg", "s5-ob251")  # single precision and whole numbers; the other rooms differ from them in `step` alone
 HEATERS = (

@@ -18,12 +18,12 @@ from heatertune.plc import Scaling, controller_for
 from heatertune.plc.cooler import with_cooling
 from heatertune.plc.pwm import pid_compact
 from heatertune.proof import LoopLimits, SampleRequest, SampleSpread, judge, replay, simulate
-from heatertune.proof.criterion_table import columns_of
+from heatertune.proof.criteria import columns_of
 from heatertune.proof.loop import in_loop, noise_of, plant_row, scans_of
-from heatertune.proof.measured_runs import measure_runs
 from heatertune.proof.monte_carlo.draw import measure
 from heatertune.proof.prove_words import actuator_for, course_for, prove
 from heatertune.proof.redesign import DesignRequest, find_passing_design
+from heatertune.proof.runs import measure_runs
 from heatertune.proof.scenario import Load, Mains, NewSetpoint, PlcPower, Scenario, TemperatureStep
 from heatertune.proof.switch_edges import heat_after, period_of, switched_off, times_on
 from heatertune.proof.text_comparison import ComparisonResult, compare_text

@@ -18,17 +18,15 @@ from heatertune.plain import bound
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.plc.core import as_it_is
 from heatertune.proof import Actuator, Load, LoopLimits, Mains, NewSetpoint, Scenario, TemperatureStep
-from heatertune.proof.events import PlcPower, SetpointRampEvent
 from heatertune.proof.lanes import choice
 from heatertune.proof.lanes import passes as one
 from heatertune.proof.lanes import two_lags as two
 from heatertune.proof.lanes.choice import fits
-from heatertune.proof.lanes.parts import PhaseLimits
+from heatertune.proof.lanes.passes import PhaseLimits
 from heatertune.proof.lanes.rows import LANES, constant_function, rows_of
-from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, _parts, measure
-from heatertune.proof.monte_carlo.philox import parts
+from heatertune.proof.monte_carlo.draw import BLOCK, SampleRequest, SampleSpread, _all_drawn, _parts, measure, parts
 from heatertune.proof.monte_carlo.run import drawing_for
-from heatertune.proof.monte_carlo.scan_noise import BLOCK, _all_drawn
+from heatertune.proof.scenario import PlcPower, SetpointRampEvent
 from heatertune.settings import Conditions
 
 HEATER = Fopdt(gain_degC_per_pct=0.41, time_constant_s=166.0, dead_time_s=14.3, ambient_degC=24.0)

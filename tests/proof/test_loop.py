@@ -14,8 +14,8 @@ from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Ramp
 from heatertune.proof import Actuator, Load, Scenario, TemperatureStep, simulate, simulate_wish
-from heatertune.proof.ideal import _IdealState, _law_of, _step
 from heatertune.proof.loop import noise_of
+from heatertune.proof.pictures import _IdealState, _law_of, _step
 
 FAST = Actuator(pwm_period_s=10.0)
 

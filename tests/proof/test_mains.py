@@ -20,7 +20,7 @@ from heatertune.plc.design import encode, tune
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.proof import prove
 from heatertune.proof.document import check_document, with_digest
-from heatertune.proof.mains import MAINS_POWERS, mains_label, scale_power
+from heatertune.proof.heaters import MAINS_POWERS, mains_label, scale_power
 from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.settings import Conditions

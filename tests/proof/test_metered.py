@@ -27,10 +27,10 @@ from heatertune.proof import (
     runs,
     simulate,
 )
-from heatertune.proof.criterion_table import CriterionColumn, CriterionTable, columns_of
+from heatertune.proof.criteria import CriterionColumn, CriterionTable, columns_of
 from heatertune.proof.loop import in_loop
-from heatertune.proof.measured_runs import measure_runs
 from heatertune.proof.meter import COLUMNS, HIGHEST, LOWEST, SETTLED, TOTALS, begin, is_led, no_meter
+from heatertune.proof.runs import measure_runs
 from heatertune.proof.scenario import SetpointRampEvent, delay_heater, phases_of
 
 #: between both ways: they add up in another order and take exponentials over other times

@@ -11,7 +11,7 @@ from heatertune.model.values import Fopdt
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.proof import judge, simulate
 from heatertune.proof.criteria import Criterion
-from heatertune.proof.noise import DRAWS, draw_noise, nearest
+from heatertune.proof.proof import DRAWS, draw_noise, nearest
 from heatertune.proof.prove_words import prove
 from heatertune.proof.scenario import delay_heater
 from heatertune.proof.verdict import verdict_line
@@ -56,7 +56,7 @@ def test_words_that_pass_with_one_draw_fail_where_another_breaks_a_limit(monkeyp
 
 @pytest.mark.parametrize("interlock", [None, "heater-fan"])
 def test_words_that_pass_with_all_draws_say_on_the_verdicts_line_what_that_means(monkeypatch, interlock):
-    monkeypatch.setattr("heatertune.proof.noise.DRAWS", 3)
+    monkeypatch.setattr("heatertune.proof.proof.DRAWS", 3)
     proof = prove(WORDS, FITTED, replace(NOISY, tolerance_degC=1.0, interlock=interlock))
     line = verdict_line(proof.to_document())
     assert line.startswith("PASS at 40 °C in 3 runs")  # at the rated power, and at 81 % and 121 % of it

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from heatertune import compiled as machine
-from heatertune.proof.monte_carlo.philox import normal, uniform, words
-from heatertune.proof.monte_carlo.scan_noise import BLOCK, STREAM, block_of, normals
+from heatertune.proof.monte_carlo.draw import BLOCK, STREAM, block_of, normal, normals, uniform, words
 
 # Random123 (J. K. Salmon et al., SC11), file kat_vectors, lines "philox4x32 10": counter, key, answer
 KNOWN = [

@@ -26,11 +26,10 @@ from heatertune.proof import (
     story_for,
 )
 from heatertune.proof.document import check_document
-from heatertune.proof.profile import Profile, Segment
-from heatertune.proof.profile_file import read_profile
+from heatertune.proof.profile import Profile, Segment, read_profile
 from heatertune.proof.scenario import PlcPower, Scenario, SetpointRampEvent, delay_heater, kinds_of, phases_of
-from heatertune.proof.sequence_plan import LoopTiming
 from heatertune.proof.spec_file import in_force, read_spec, spec_text
+from heatertune.proof.test_sequence import LoopTiming
 from heatertune.proof.verdict import told_of, verdict_line
 
 #: 100 s of lag; at full power it can go up to 120 °C

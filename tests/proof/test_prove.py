@@ -24,7 +24,7 @@ from heatertune.proof import (
     runs,
     simulate,
 )
-from heatertune.proof.measured_runs import measure_runs
+from heatertune.proof.runs import measure_runs
 
 PWM = Actuator(pwm_period_s=10.0)
 PAPER = paper_scenario(duration_s=3000.0)

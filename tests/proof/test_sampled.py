@@ -24,13 +24,13 @@ from heatertune.proof import (
     prove_samples,
     replay,
 )
-from heatertune.proof.criterion_table import columns_of
+from heatertune.proof.criteria import columns_of
 from heatertune.proof.document import SamplesView
-from heatertune.proof.events import PlcPower
 from heatertune.proof.monte_carlo.draw import measure
 from heatertune.proof.monte_carlo.quantiles import hardest_setting
 from heatertune.proof.monte_carlo.run import sample_document
 from heatertune.proof.prove_words import prove
+from heatertune.proof.scenario import PlcPower
 from heatertune.report.text import samples_rows
 from heatertune.settings import Conditions
 

@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 
 from heatertune.errors import DocumentError, HeatertuneError, InputError, OutOfRange, UnknownName
 from heatertune.proof.criteria import LoopLimits
-from heatertune.proof.presets import PRESETS, preset
 from heatertune.proof.prove_words import told_of_aim, tune_settings_for
 from heatertune.proof.spec_file import in_force, read_spec, spec_text, specification_of
-from heatertune.proof.specification import LIMITS, limits_from
+from heatertune.proof.specification import LIMITS, PRESETS, limits_from, preset
 from heatertune.proof.test_sequence import TestSequence
 from heatertune.settings import Conditions, TuneSettings
 

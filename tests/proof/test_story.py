@@ -32,7 +32,7 @@ from heatertune.proof import (
 )
 from heatertune.proof.long_outage import nights_of
 from heatertune.proof.scenario import delay_heater, kinds_of, phases_of
-from heatertune.proof.sequence_plan import LoopTiming
+from heatertune.proof.test_sequence import LoopTiming
 
 #: 100 s of lag and 10 s of dead time; 40 % of the power hold 60 °C
 HEATER = Fopdt(gain_degC_per_pct=1.0, time_constant_s=100.0, dead_time_s=10.0, ambient_degC=20.0)

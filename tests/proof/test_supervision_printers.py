@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from heatertune.supervision.printers import Protection, VerifyHeater, klipper, lines_of, marlin
+from heatertune.supervision.supervise import Protection, VerifyHeater, klipper, lines_of, marlin
 
 MARLIN = Protection(hysteresis=4.0, period=40.0, watch_increase=2.0, watch_period=20.0, min_temp=5.0, max_temp=260.0)
 KLIPPER = VerifyHeater(hysteresis=5.0, max_error=120.0, heating_gain=2.0, check_gain_time=20.0, min_temp=0.0, max_temp=260.0)

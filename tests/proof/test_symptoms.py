@@ -7,7 +7,7 @@ import pytest
 
 from heatertune.errors import OutOfRange
 from heatertune.plc.weg.advice import Symptom
-from heatertune.proof.symptoms import observe
+from heatertune.proof.advice import observe
 
 TIME = np.arange(0.0, 1200.0, 2.0)
 

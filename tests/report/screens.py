@@ -9,14 +9,13 @@ from pathlib import Path
 from tests.report.conftest import DESIGN, HEATER
 
 from heatertune.codec import encode as as_json
-from heatertune.documents import plain
+from heatertune.codec import plain
 from heatertune.model import document as model_document
 from heatertune.model.manual_model import model_by_hand
 from heatertune.pid import document as pid_document
 from heatertune.plc import TARGETS, Certificate, Scaling, controller_for
 from heatertune.plc.design import encode
-from heatertune.proof.presets import preset
-from heatertune.proof.specification import GENERAL
+from heatertune.proof.specification import GENERAL, preset
 from heatertune.report.verdict_summary import design_brief
 
 GOLDEN = Path(__file__).with_name("screens.txt")

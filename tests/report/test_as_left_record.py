@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from tests.report.test_record import _Seen
 
-from heatertune.chain.as_left import as_left_in, files_of, related_documents
+from heatertune.chain.pipeline import as_left_in, files_of, related_documents
 from heatertune.cli import main
-from heatertune.codec import encode
-from heatertune.documents import data_folder, existing_path, plain, to_json
+from heatertune.codec import data_folder, encode, existing_path, plain, to_json
 from heatertune.log import read_log
 
 

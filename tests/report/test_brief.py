@@ -17,7 +17,7 @@ from heatertune.plc.design import encode
 from heatertune.plc.keyed_entry import as_typed
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.nearest_specification import limits_that_pass
-from heatertune.proof.presets import preset
+from heatertune.proof.specification import preset
 from heatertune.report.layout import LINES, WIDTH, command, labelled_lines, notes_within, wrap_text
 from heatertune.report.targets import targets_brief
 from heatertune.report.text import keyed_entries

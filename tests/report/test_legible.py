@@ -7,7 +7,7 @@ from matplotlib.colors import to_hex
 from matplotlib.text import Annotation
 
 from heatertune.report import plots
-from heatertune.report.style import LOOK
+from heatertune.report.plots import LOOK
 
 TIME = np.linspace(0.0, 3000.0, 301)
 RISE = 20.0 + 20.0 * (1.0 - np.exp(-TIME / 300.0))

@@ -14,7 +14,7 @@ from heatertune.plc import NAMES, Certificate, Ramp, Scaling, Words, controller_
 from heatertune.plc.dump_reader import read_machine
 from heatertune.plc.keyed_entry import setpoint_entry, typed_table, typed_words
 from heatertune.proof.words_file import certificate, words_of
-from heatertune.report.commissioning_record import record
+from heatertune.report.page import record
 from heatertune.report.text import words_table
 from heatertune.report.verdict_summary import design_brief
 from heatertune.studio import views

@@ -19,10 +19,9 @@ from heatertune.plc import TARGETS, controller_for
 from heatertune.plc.commissioning import SECTIONS, commissioning
 from heatertune.proof.spec_file import in_force
 from heatertune.report import render
-from heatertune.report.commissioning_record import head, record
-from heatertune.report.conditions import specification
 from heatertune.report.html import table, text_of, tick, with_code
 from heatertune.report.live import panels, panels_json
+from heatertune.report.page import head, record, specification
 from heatertune.report.plots import plot_fit, plot_loop, plot_pwm, plot_robustness, plot_wish
 from heatertune.report.verdict_summary import design_brief
 

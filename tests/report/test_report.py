@@ -6,7 +6,7 @@ import pytest
 
 from heatertune import chain
 from heatertune.chain.documents import without_curves
-from heatertune.documents import plain
+from heatertune.codec import plain
 from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.plc import Ramp
@@ -15,7 +15,7 @@ from heatertune.proof.verdict import verdict_first
 from heatertune.proof.words_file import export_first
 from heatertune.report import plots
 from heatertune.report.layout import table
-from heatertune.report.style import LOOK, to_svg
+from heatertune.report.plots import LOOK, to_svg
 from heatertune.report.text import criteria_table, criterion_value, design_lines, ramp_note
 
 LABELS = {"temperature [°C]", "residual [°C]", "requested power [%]", "difference [°C]", "heater [%]", "Re L [1]",

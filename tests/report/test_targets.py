@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from heatertune.chain import compare, prove
-from heatertune.documents import plain
+from heatertune.codec import plain
 from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of

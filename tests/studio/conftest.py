@@ -7,7 +7,7 @@ from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.studio import work as work_module
 from heatertune.studio.session import Session
-from heatertune.studio.sheet import DroppedFile
+from heatertune.studio.sheet_card import DroppedFile
 from heatertune.studio.work import Work
 
 

@@ -8,11 +8,10 @@ import pytest
 from heatertune import report
 from heatertune.commissioned import AsLeftSettings
 from heatertune.log.values import Log
-from heatertune.studio import downloads
-from heatertune.studio.as_left_session import figures, left_chart, left_sentence
-from heatertune.studio.sheet import DroppedFile, change_sheet
-from heatertune.studio.sheet_view import sheet
+from heatertune.studio import work as downloads
+from heatertune.studio.sheet_card import DroppedFile, change_sheet, sheet
 from heatertune.studio.wording import for_page
+from heatertune.studio.work import figures, left_chart, left_sentence
 
 
 def trace_of(proof, *, degC=0.0):

@@ -10,8 +10,7 @@ from tests.studio.conftest import MALFORMED
 
 from heatertune.log import read_log
 from heatertune.settings import FitSettings
-from heatertune.studio.sheet import IGNORED, DroppedFile, change_sheet
-from heatertune.studio.sheet_view import preview, sheet
+from heatertune.studio.sheet_card import IGNORED, DroppedFile, change_sheet, preview, sheet
 from heatertune.studio.wording import for_page
 
 CSV = "time [s];T [°C];power [%];room\n" + "".join(

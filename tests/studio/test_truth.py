@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from tests.bench.documents import DESIGN, HEATER, write_all
 
-from heatertune.documents import to_json
+from heatertune.codec import to_json
 from heatertune.model.manual_model import model_by_hand
 from heatertune.pid.document import to_document
 

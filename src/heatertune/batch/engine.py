@@ -1,26 +1,303 @@
-"""Cases → chunks → parts → table."""
+"""Cases → chunks → parts → table.
+
+The finished chunks of a batch, one file each, in a folder beside the table until that is written.
+
+One run at a time writes a table: whoever comes second is refused, and a dead run's lock is nobody's.
+
+Rows → one Parquet file, streamed in row groups, written whole or not at all.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
+import shutil
 import sys
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from functools import cache, partial
+from hashlib import sha256
 from importlib import metadata
+from itertools import islice
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
-from heatertune.batch.lock import hold_lock
-from heatertune.batch.parts import Parts
-from heatertune.batch.table import demand_parquet, read_note, write_table
-from heatertune.batch.values import CaseBatch, Chunk, Progress, Row, Task, Workers, silent
+from heatertune.batch.values import CaseBatch, Chunk, Progress, Row, TableColumn, Task, Workers, silent
 from heatertune.cache import source_digest
-from heatertune.errors import InputError
+from heatertune.codec import read_document, to_json
+from heatertune.errors import DocumentError, InputError
+from heatertune.writing import write_files
 
-__all__ = ["run"]
+__all__ = ["Parts", "demand_parquet", "hold_lock", "read_note", "read_rows", "run", "write_table"]
+
+
+_SCHEMA: Final = "heatertune/parts/1"
+_MANIFEST: Final = "manifest.json"
+_MOST_CASES: Final = 16  # of a chunk: a kill costs no more than these again
+_MANY: Final = 2000  # chunks, from which on they grow
+_DIGITS: Final = 9  # of the number that a part's name begins with
+
+
+class Parts:
+    """The folder `<table>.parts`: a manifest, and one file of JSON lines per finished chunk.
+
+    Which cases make a chunk depends on their number alone; a part's name tells what they held, so one whose cases have
+    changed since is no part of the table any more.
+
+    Attributes:
+        folder: of the parts.
+        total: number of cases.
+        size: cases of a chunk, the last one excepted.
+        outdated: number of cases that were done before they changed; they are missing again.
+    """
+
+    def __init__(self, table: Path, total: int) -> None:
+        self.folder = table.with_name(f"{table.name}.parts")
+        self.total = total
+        self.size = min(max(total // _MANY, 1), _MOST_CASES)
+        self.outdated = 0
+        self._names: dict[int, str] = {}
+
+    def open(self, identity: Mapping[str, Any], *, resume: bool) -> None:
+        """Make the folder, or find it as a stopped run left it.
+
+        Args:
+            identity: of the batch; a folder of another one is refused.
+            resume: whether there may be parts already.
+
+        Raises:
+            InputError: parts are there and not to be used, or they are of another batch.
+        """
+        if self.folder.exists() and not resume:
+            raise InputError(
+                f"{self.folder}: the parts of a run that was stopped; --resume goes on with it, else remove the folder")
+        if (self.folder / _MANIFEST).exists():
+            earlier = read_document(self.folder / _MANIFEST, _SCHEMA).get("identity")
+            other = _differences(earlier, json.loads(json.dumps(identity)))
+            if other:
+                raise InputError(
+                    f"{self.folder}: the parts of another run, with other {', '.join(other)}; "
+                    "give what that run was given, or remove the folder")
+        else:
+            write_files(self.folder, {_MANIFEST: to_json({"schema": _SCHEMA, "identity": identity})})
+
+    def starts(self) -> range:
+        """Return the number of the first case of each chunk."""
+        return range(0, self.total, self.size)
+
+    def missing(self, chunks: Iterable[Chunk]) -> Iterator[int]:
+        """Return the numbers of the first cases of those chunks that are not finished as they are now."""
+        before = {path.name for path in self.folder.glob("[0-9]*.jsonl")}
+        began = {name[:_DIGITS] for name in before}
+        for chunk in chunks:
+            name = self._named(chunk)
+            if name in before and self._whole(name, len(chunk.cases)):
+                continue
+            self.outdated += len(chunk.cases) if name not in before and name[:_DIGITS] in began else 0
+            yield chunk.start
+
+    def write(self, chunk: Chunk, rows: Sequence[Row]) -> None:
+        """Keep the rows of a chunk."""
+        # a number that is not finite is kept as such: "never settled" is no missing value
+        lines = "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows)
+        write_files(self.folder, {self._named(chunk): lines})
+
+    def rows(self) -> Iterator[Row]:
+        """Return all rows in order.
+
+        Raises:
+            DocumentError: a part is no longer as it was written.
+        """
+        for start in self.starts():
+            path = self.folder / self._names[start]
+            try:
+                rows = [json.loads(line) for line in path.read_bytes().split(b"\n")[:-1]]
+            except (OSError, ValueError) as problem:
+                raise DocumentError(f"{path}: no part of a table; remove it, --resume makes it again") from problem
+            yield from rows
+
+    def contents(self) -> list[str]:
+        """Return what tells the contents of all chunks, as they were done, from others."""
+        return [self._names[start] for start in self.starts()]
+
+    def remove(self) -> None:
+        """Remove the folder; a kill meanwhile leaves none that looks like parts of a stopped run."""
+        done = self.folder.with_name(f".{self.folder.name}.done")
+        shutil.rmtree(done, ignore_errors=True)
+        self.folder.rename(done)
+        shutil.rmtree(done, ignore_errors=True)
+
+    def length(self, start: int) -> int:
+        """Return the number of cases of the chunk that begins with this one."""
+        return min(self.size, self.total - start)
+
+    def _whole(self, name: str, rows: int) -> bool:
+        """Return whether a part is there with all its rows: a power cut may leave a name without its content."""
+        try:
+            lines = (self.folder / name).read_bytes().split(b"\n")
+        except OSError:
+            return False
+        return len(lines) == rows + 1 and all(line.endswith(b"}") for line in lines[:-1])
+
+    def _named(self, chunk: Chunk) -> str:
+        """Return the name of a chunk's part, and keep it in mind."""
+        content = sha256(repr(chunk.cases).encode(errors="backslashreplace")).hexdigest()[:32]
+        name = self._names[chunk.start] = f"{chunk.start:0{_DIGITS}d}-{content}.jsonl"
+        return name
+
+
+def _differences(earlier: object, identity: Mapping[str, Any]) -> list[str]:
+    """Return the names of what two identities do not share."""
+    if not isinstance(earlier, dict):
+        return sorted(identity)
+    return sorted(name for name in {*earlier, *identity} if earlier.get(name) != identity.get(name))
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _take(file: IO[str]) -> None:
+        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+else:
+    import fcntl
+
+    def _take(file: IO[str]) -> None:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+@contextmanager
+def hold_lock(
+    table: Path, instead: str = ", or give another table", *, what: str | None = None, holder: str = ""
+) -> Iterator[None]:
+    """Hold the lock of a table, or of another file, within the block.
+
+    The system holds it for the process, not the file: with the process ends the lock, however that ended.
+
+    Args:
+        table: the file.
+        instead: what can be done beside waiting, the end of the error.
+        what: beginning of the error of whoever comes second; None: that another run writes the table.
+        holder: said of this process in that error, behind its number.
+
+    Raises:
+        InputError: another run holds it, or the file beside the table cannot be written.
+    """
+    path = table.with_name(f".{table.name}.lock")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.open("a+", encoding="utf-8")
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be written: {problem.strerror}") from problem
+    with file:
+        _demand(file, path, what or f"{table}: another run writes it", instead)
+        with suppress(OSError):  # on a full disk the lock holds all the same
+            os.write(file.fileno(), f"process {os.getpid()}{holder}".encode())
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
+
+
+def _demand(file: IO[str], path: Path, what: str, instead: str) -> None:
+    """Lock an open file that is still the one of this name: its last owner takes it away when it ends."""
+    try:
+        _take(file)
+        mine = path.exists() and os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except OSError:
+        mine = False
+    if not mine:
+        file.seek(0)
+        raise InputError(f"{what} ({file.read() or 'just begun'}); wait for its end{instead}")
+    file.truncate(0)
+
+
+_GROUP: Final = 4096  # rows: a few hundred kB
+_NOTE: Final = b"heatertune"
+
+
+def demand_parquet() -> Any:
+    """Return pyarrow.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        import pyarrow  # noqa: PLC0415 - an extra
+        import pyarrow.parquet  # noqa: PLC0415
+    except ImportError as problem:
+        raise InputError("a Parquet table needs pyarrow: pip install 'heatertune[fleet]'") from problem
+    return pyarrow
+
+
+def write_table(
+    path: Path, columns: Sequence[TableColumn], rows: Iterable[Row], note: Callable[[], Mapping[str, Any]]
+) -> None:
+    """Write a table; same rows, same bytes.
+
+    Args:
+        path: of the file; another one of this name is replaced.
+        columns: every row has these, and no others.
+        rows: in order; held in memory one row group at a time.
+        note: JSON object kept with the table, asked for when all rows are written.
+
+    Raises:
+        InputError: the file cannot be written, or pyarrow is missing.
+    """
+    arrow = demand_parquet()
+    kinds = {"text": arrow.string(), "float": arrow.float64(), "int": arrow.int64(), "bool": arrow.bool_()}
+    schema = arrow.schema([arrow.field(c.name, kinds[c.kind], metadata={"what": c.description}) for c in columns])
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        # opened here: pyarrow takes no name that is not UTF-8
+        with temporary.open("wb") as file, arrow.parquet.ParquetWriter(file, schema) as writer:
+            for group in _groups(rows):
+                writer.write_table(arrow.Table.from_pylist(group, schema=schema))
+            writer.add_key_value_metadata({_NOTE: _bytes(json.dumps(note(), ensure_ascii=False))})
+        temporary.replace(path)
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be written: {problem.strerror or problem}") from problem
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read_note(path: Path) -> dict[str, Any] | None:
+    """Return the note of a table, None where there is no such table or no note in it."""
+    arrow = demand_parquet()
+    try:
+        with path.open("rb") as file:
+            notes = arrow.parquet.read_metadata(file).metadata or {}
+    except (OSError, arrow.ArrowInvalid):
+        return None
+    return dict(json.loads(notes[_NOTE])) if _NOTE in notes else None
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Return the rows of a table.
+
+    Raises:
+        InputError: it cannot be read, or is no Parquet file; pyarrow is missing.
+    """
+    arrow = demand_parquet()
+    try:
+        with path.open("rb") as file:
+            return list(arrow.parquet.read_table(file).to_pylist())
+    except (OSError, arrow.ArrowInvalid) as problem:
+        raise InputError(f"{path}: no table: {problem}") from problem
+
+
+def _groups(rows: Iterable[Row]) -> Iterator[list[Row]]:
+    left = iter(rows)
+    while group := list(islice(left, _GROUP)):
+        yield [{name: _bytes(cell) if isinstance(cell, str) else cell for name, cell in row.items()} for row in group]
+
+
+def _bytes(text: str) -> bytes:
+    """Return a text as UTF-8; a name that is none is escaped where it is not."""
+    return text.encode(errors="backslashreplace")
+
 
 _EXAMPLES: Final = 3  # rows told of each outcome that is not PASS
 _DIED: Final = "every process that worked on it died (out of memory?)"

@@ -17,13 +17,13 @@ from heatertune.batch import CaseBatch, Progress, Row, TableColumn, Workers, run
 from heatertune.batch.zone import HEAD, RESULT, lost_row, word_columns, zone_row
 from heatertune.chain.stages import fit
 from heatertune.errors import InputError, LogError
-from heatertune.files import read_bytes, read_text
 from heatertune.log import read_log
 from heatertune.model.values import FittedModel
 from heatertune.plc import controller_for
 from heatertune.proof.redesign import DesignRequest
 from heatertune.proof.spec_file import specification_of
 from heatertune.settings import FitSettings, ReadSettings
+from heatertune.writing import read_bytes, read_text
 
 __all__ = ["SCHEMA", "ZoneSettings", "find_logs", "fleet"]
 

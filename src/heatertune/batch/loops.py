@@ -14,17 +14,15 @@ import numpy as np
 
 from heatertune import cache
 from heatertune.batch import CaseBatch, Progress, Row, TableColumn, Workers, run, silent
+from heatertune.batch.engine import read_rows
 from heatertune.batch.fleets import find_logs
-from heatertune.batch.table import read_rows
-from heatertune.documents import data_folder, read_document
+from heatertune.codec import data_folder, read_document
 from heatertune.errors import HeatertuneError, InputError, LogError
-from heatertune.files import read_bytes
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.loops.cure import Cure, cure_words
 from heatertune.loops.diagnosis import Diagnosis, diagnose
-from heatertune.loops.inventory import list_loops, read_list
-from heatertune.loops.loop_values import Cause, LoopEntry
+from heatertune.loops.loop_values import Cause, LoopEntry, list_loops, read_list
 from heatertune.loops.measures import at_limit
 from heatertune.model import document as model_document
 from heatertune.model.manual_model import model_by_hand
@@ -35,6 +33,7 @@ from heatertune.proof.design_request import DesignRequest
 from heatertune.proof.known_controller_check import controllers
 from heatertune.proof.words_file import WORDS_SCHEMA, words_of
 from heatertune.settings import ReadSettings
+from heatertune.writing import read_bytes
 
 __all__ = ["SCHEMA", "HealthSettings", "health", "last_table", "rank_rows"]
 

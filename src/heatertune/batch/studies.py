@@ -1,34 +1,243 @@
-"""A study: every case of a STUDY.toml taken through the chain, one row of a table each."""
+"""A study: every case of a STUDY.toml taken through the chain, one row of a table each.
+
+STUDY.toml → cases: every combination of a grid, and cases listed one by one.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import fields, replace
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache, partial
+from itertools import product
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 from heatertune.batch import CaseBatch, Progress, Row, TableColumn, Workers, run, silent
-from heatertune.batch.study_file import KEYS, Study, read_study, scaling_of
 from heatertune.batch.zone import HEAD, RESULT, lost_row, word_columns, zone_row
 from heatertune.chain.stages import fit
-from heatertune.documents import read_document
-from heatertune.errors import DocumentError
-from heatertune.files import read_bytes
+from heatertune.codec import decode, read_document, read_toml
+from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.log import read_log
 from heatertune.log.tables import BUILT_IN
 from heatertune.model.document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.document import from_document
 from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import FittedModel, Fopdt, TwoLag
-from heatertune.options import options_of
-from heatertune.proof.profile_file import read_profile
+from heatertune.options import Option, options_of
+from heatertune.pid.tune import METHODS
+from heatertune.plc import NAMES, Scaling, controller_for
+from heatertune.plc.open_points import settings_of
+from heatertune.proof.profile import read_profile
 from heatertune.proof.redesign import DesignRequest
 from heatertune.proof.spec_file import in_force
-from heatertune.settings import Conditions, FitSettings, SampleSettings, TuneSettings
+from heatertune.settings import Conditions, FitSettings, SampleSettings, SensorSettings, TuneSettings, WordSettings
+from heatertune.writing import read_bytes
 
-__all__ = ["SCHEMA", "study"]
+__all__ = ["KEYS", "SCHEMA", "Study", "read_study", "scaling_of", "study"]
+
+
+def _key(kind: type, what: str, **more: Any) -> Option:
+    return Option(kind=kind, default=None, quantity=what, **more)
+
+
+def _keys(kind: type) -> dict[str, Option]:
+    """Return the keys of a dataclass of options; texts that may be repeated are no setting of a case."""
+    return {name: one for name, one in options_of(kind).items() if one.kind in _TYPES}
+
+
+#: kind of a key → what the file holds
+_TYPES: Final[Mapping[type, Any]] = {float: float, int: int, str: str, bool: bool, dict: dict[str, str]}
+
+#: every key of a study, in the order of the chain
+KEYS: Final[Mapping[str, Option]] = {
+    "log": _key(str, "a log to fit: a CSV file, table3 or table4"),
+    "model": _key(str, "model.json as written by fit"),
+    "gain_degC_per_pct": _key(float, "process gain of a model entered by its numbers", unit="°C/%"),
+    "time_constant_s": _key(float, "its time constant", unit="s"),
+    "second_time_constant_s": _key(float, "its second time constant", unit="s"),
+    "dead_time_s": _key(float, "its dead time", unit="s"),
+    **_keys(FitSettings),
+    "target": _key(str, "the controller", choices=tuple(NAMES)),
+    **_keys(TuneSettings) | {"method": replace(_keys(TuneSettings)["method"], choices=METHODS)},
+    "words": options_of(WordSettings)["words_by"],
+    "as_is": options_of(WordSettings)["as_is"],
+    "range_low_degC": _key(float, "temperature at the sensor's lowest reading", unit="°C"),
+    "range_high_degC": _key(float, "temperature at the sensor's highest reading", unit="°C"),
+    "input": options_of(SensorSettings)["input"],
+    **_keys(Conditions),
+    "samples": _key(int, "drawn heaters on which the design is closed, too", least=0.0),
+}
+
+_RANGE: Final = ("range_low_degC", "range_high_degC")
+_PARTS: Final = ("fixed", "grid", "case")
+_SOURCES: Final = ("log", "model", "gain_degC_per_pct")
+_BY_HAND: Final = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
+#: key → the one without which it means nothing
+_NEEDS: Final = {
+    "second_time_constant_s": "gain_degC_per_pct", "time_constant_s": "gain_degC_per_pct",
+    "dead_time_s": "gain_degC_per_pct", **{name: "log" for name in _keys(FitSettings) if name != "ambient_degC"},
+    **{name: its.needs for name, its in options_of(Conditions).items() if its.needs},
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Study:
+    """The cases of a study: the grid's, its first key varying slowest, then the listed ones; made when asked for.
+
+    Attributes:
+        fixed: what all cases share, unless a listed one sets it itself.
+        grid: key → settings.
+        listed: what each listed case sets.
+    """
+
+    fixed: Mapping[str, Any]
+    grid: Mapping[str, Sequence[Any]]
+    listed: Sequence[Mapping[str, Any]]
+
+    @property
+    def keys(self) -> list[str]:
+        """The keys that any case sets, in the order of `KEYS`."""
+        used = {*self.fixed, *self.grid, *(key for case in self.listed for key in case)}
+        return [key for key in KEYS if key in used]
+
+    def settings_of(self, key: str) -> list[Any]:
+        """Return every setting of a key, each once, in the order of the file."""
+        single = [part[key] for part in (self.fixed, *self.listed) if key in part]
+        return list(dict.fromkeys([*single, *self.grid.get(key, ())]))
+
+    def __len__(self) -> int:
+        return self._combinations + len(self.listed)
+
+    def case(self, number: int) -> Mapping[str, Any]:
+        """Return what a case sets; the first is number 0."""
+        if number >= self._combinations:
+            return {**self.fixed, **self.listed[number - self._combinations]}
+        chosen: dict[str, Any] = {}
+        for key in reversed(list(self.grid)):
+            number, which = divmod(number, len(self.grid[key]))
+            chosen[key] = self.grid[key][which]
+        return {**self.fixed, **chosen}
+
+    @property
+    def _combinations(self) -> int:
+        return math.prod(map(len, self.grid.values())) if self.grid else 0
+
+
+def read_study(path: str | Path) -> Study:
+    """Return the cases of a study.
+
+    The file has up to three parts: ``[fixed]`` what all cases share, ``[grid]`` lists of which every combination is a
+    case, ``[[case]]`` one further case each. Their keys are those of `KEYS`.
+
+    Raises:
+        DocumentError: no such file, no TOML, an unknown key, a setting of the wrong type, an unknown name, an empty
+            list, a case without heater or target.
+    """
+    content = read_toml(path)
+    for part in content:
+        _demand_known(path, "part", part, _PARTS)
+    study = Study(
+        fixed=_settings(f"{path}, [fixed]", content.get("fixed", {})),
+        grid=_grid(f"{path}, [grid]", content.get("grid", {})),
+        listed=_listed(path, content.get("case", [])),
+    )
+    if not len(study):
+        raise DocumentError(f"{path}: no case; expected [grid] with lists, or [[case]]")
+    for where, case in _shapes(path, study):
+        _check(where, case)
+    return study
+
+
+def _grid(where: str, given: object) -> dict[str, list[Any]]:
+    lists: dict[str, list[Any]] = {}
+    for key, settings in _table(where, given).items():
+        _demand_known(where, "key", key, KEYS)
+        if not isinstance(settings, list) or not settings:
+            raise DocumentError(f"{where}: {key} is {settings!r}; expected a list of at least one setting")
+        lists[key] = [_setting(where, key, setting) for setting in settings]
+        if any(setting in lists[key][:k] for k, setting in enumerate(lists[key])):
+            raise DocumentError(f"{where}: {key} is {settings!r}; expected each setting once")
+    return lists
+
+
+def _listed(path: str | Path, given: object) -> list[dict[str, Any]]:
+    if not isinstance(given, list):
+        raise DocumentError(f"{path}: case is {given!r}; expected [[case]], once per case")
+    return [_settings(f"{path}, [[case]] {k}", case) for k, case in enumerate(given, start=1)]
+
+
+def _settings(where: str, given: object) -> dict[str, Any]:
+    settings = _table(where, given)
+    for key in settings:
+        _demand_known(where, "key", key, KEYS)
+    return {key: _setting(where, key, value) for key, value in settings.items()}
+
+
+def _table(where: str, given: object) -> dict[str, Any]:
+    if not isinstance(given, dict):
+        raise DocumentError(f"{where}: {given!r}; expected a table of key = setting")
+    return given
+
+
+def _setting(where: str, key: str, value: Any) -> Any:
+    """Return a setting of its kind and in its range, numbers as floats."""
+    if isinstance(value, list):
+        raise DocumentError(f"{where}: {key} is {value!r}; lists belong in [grid]")
+    setting = decode(_TYPES[KEYS[key].kind], value, where, key)
+    try:
+        KEYS[key].check(setting, key)
+    except InputError as problem:
+        raise DocumentError(f"{where}: {problem}") from problem
+    return setting
+
+
+def _demand_known(where: str | Path, kind: str, name: str, allowed: Any) -> None:
+    if name not in allowed:
+        raise DocumentError(f"{where}: {UnknownName(kind, name, allowed)}")
+
+
+def _shapes(path: str | Path, study: Study) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Return one case of each shape with its place: those that differ only in numbers need no second look."""
+    if study.grid:
+        chosen = {key: settings if key in ("target", "switches", "input", "samples") else settings[:1]
+                  for key, settings in study.grid.items()}
+        for settings in product(*chosen.values()):
+            yield f"{path}, [grid]", {**study.fixed, **dict(zip(chosen, settings, strict=True))}
+    for k, case in enumerate(study.listed, start=1):
+        yield f"{path}, [[case]] {k}", {**study.fixed, **case}
+
+
+def _check(where: str, case: Mapping[str, Any]) -> None:
+    """Refuse a case without a heater or a target, or with a key that needs another one."""
+    sources = [key for key in _SOURCES if key in case]
+    if len(sources) != 1:
+        named = " and ".join(sources) or "no heater"
+        raise DocumentError(f"{where}: {named}; expected one of {', '.join(_SOURCES)}")
+    if "target" not in case:
+        raise DocumentError(f"{where}: no target; expected one of {', '.join(NAMES)}")
+    for key, needed in _NEEDS.items():
+        if key in case and needed not in case:
+            raise DocumentError(f"{where}: {key} without {needed}, which it belongs to")
+    if case.get("samples") and "interlock" in case:
+        raise DocumentError(f"{where}: samples behind an interlock, which they are run without: leave out either")
+    missing = [key for key in _BY_HAND if key not in case]
+    if "gain_degC_per_pct" in case and missing:
+        raise DocumentError(f"{where}: no {missing[0]}; a model entered by its numbers needs {', '.join(_BY_HAND)}")
+    try:
+        settings_of(controller_for(case["target"]).switches, case.get("switches", {}))
+        scaling_of(case)
+    except InputError as problem:
+        raise DocumentError(f"{where}: {case['target']}: {problem}") from problem
+
+
+def scaling_of(case: Mapping[str, Any]) -> Scaling:
+    """Return the sensor's range of a case; errors as `heatertune.plc.inputs.sensor_scaling`."""
+    low, high = _RANGE
+    plain = options_of(SensorSettings)["range_degC"].default
+    return controller_for(case["target"]).scaled(case.get("input"), (case.get(low, plain[0]), case.get(high, plain[1])))
+
 
 SCHEMA: Final = "heatertune/study/1"
 

@@ -20,23 +20,21 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from heatertune.chain.experiment import plan
+    from heatertune.chain.facade import plan, validate
     from heatertune.chain.pipeline import design, write_report
     from heatertune.chain.stages import encode, export, fit, fit_known, fit_together
-    from heatertune.chain.validation import validate
     from heatertune.log import read_log
     from heatertune.plc.design import tune
     from heatertune.proof import prove
-    from heatertune.proof.targets import compare
+    from heatertune.proof.comparison import compare
 
 # imported when it is first used: an export needs no fit, and a worker no report
 __getattr__, __dir__ = lazy_attributes(__name__, {
-    "chain.experiment": ("plan",),
+    "chain.facade": ("plan", "validate"),
     "chain.stages": ("encode", "export", "fit", "fit_known", "fit_together"),
-    "chain.validation": ("validate",),
     "chain.pipeline": ("design", "write_report"),
     "log": ("read_log",),
     "plc.design": ("tune",),
     "proof": ("prove",),
-    "proof.targets": ("compare",),
+    "proof.comparison": ("compare",),
 })

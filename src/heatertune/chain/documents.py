@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.codec import construct_from, decode, encode, schema_of
-from heatertune.documents import data_folder, plain, read_document
+from heatertune.codec import construct_from, data_folder, decode, encode, plain, read_document, schema_of
 from heatertune.errors import DocumentError
 from heatertune.log.values import Log
 from heatertune.model.document import ModelView
@@ -15,8 +14,7 @@ from heatertune.pid import document as pid_document
 from heatertune.pid.document import PidView
 from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof
-from heatertune.proof.document import ProofView, check_document
-from heatertune.proof.document_views import ComparisonView, LogView, PicturesView, TakenView
+from heatertune.proof.document import ComparisonView, LogView, PicturesView, ProofView, TakenView, check_document
 from heatertune.proof.repetition import demand_consistent
 from heatertune.proof.verdict import FIRST, verdict_first
 from heatertune.proof.words_file import FieldView, WholeWordsView, demand_same_words

@@ -1,22 +1,107 @@
-"""Doors for a session by hand: the stages' own functions, for whatever heater and words are at hand."""
+"""Doors for a session by hand: the stages' own functions, for whatever heater and words are at hand.
+
+What is believed of a heater → the experiment that makes it known.
+
+A model against another log; where that holds no power, its known controller gives it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import Any
 
+from heatertune.cache import load_or_compute
 from heatertune.errors import InputError
+from heatertune.log.values import Log
+from heatertune.model.experiment.fisher import ExperimentSetup, ReadingNoise, prior_by_hand, prior_of
+from heatertune.model.experiment.plan import propose, to_document
+from heatertune.model.power.known_controller import replay_controller
+from heatertune.model.validate import Verdict
+from heatertune.model.validate import validate as judge
 from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.pid.loop import response, robustness
+from heatertune.pid.loop import robustness
+from heatertune.pid.loop.sampled import iae_load as load_iae
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.scan_by_scan import RunningController
+from heatertune.processors import ProgressCallback
 from heatertune.proof import Actuator, Interlock, Scenario, Trace
 from heatertune.proof import simulate as simulate_loop
+from heatertune.proof.heaters import ROOM_DEGC
+from heatertune.proof.known_controller_check import controllers
 from heatertune.proof.prove_words import actuator_for, course_for
 from heatertune.proof.scenario import delay_heater
-from heatertune.settings import Conditions
+from heatertune.settings import Conditions, ValidateSettings
 
-__all__ = ["controller", "decode", "iae_load", "margins", "simulate"]
+__all__ = ["controller", "decode", "iae_load", "margins", "plan", "simulate", "validate"]
+
+
+def plan(
+    believed: FittedModel | Mapping[str, tuple[float, float]], *, limit_degC: float, noise: ReadingNoise,
+    ambient_degC: float | None = None, longest_s: float | None = None, kind: str = "best",
+    progress: ProgressCallback = str, **settings: float,
+) -> dict[str, Any]:
+    """Return the experiment that makes a heater known best, and what it would make known, as a document.
+
+    It is kept: the search takes seconds, see `heatertune.cache`.
+
+    Args:
+        believed: a fitted model, or quantity → (low, high), see `experiment.QUANTITIES`.
+        limit_degC: temperature that no heater of the prior may pass [°C].
+        noise: of the readings; see `heatertune.model.experiment.fisher.noise_of`.
+        ambient_degC: ambient, where the fit after the experiment will be told it [°C].
+        longest_s: longest duration [s]; None: six times the slowest heater's lags and dead time.
+        kind: "doublet", "relay", or "best" of both.
+        progress: told what begins.
+        settings: base_pct, least_pct, most_pct, aim, see `experiment.ExperimentSetup`.
+
+    Raises:
+        OutOfRange, InputError: as `propose`; a range that is missing or no heater's.
+    """
+    if isinstance(believed, FittedModel):
+        prior = prior_of(believed, ambient_degC=ambient_degC, assumed_degC=ROOM_DEGC)
+    else:
+        ambient = {} if ambient_degC is None else {"ambient_degC": (ambient_degC, ambient_degC)}
+        prior = prior_by_hand(dict(believed) | ambient, ambient_known=ambient_degC is not None)
+    setup = ExperimentSetup(
+        limit_degC=limit_degC, noise=noise, longest_s=prior.longest_s if longest_s is None else longest_s,
+        **settings,
+    )
+    inputs = {"models": {label: repr(model) for label, model in prior.models.items()}, "setup": asdict(setup),
+              "ambient_known": prior.ambient_known, "kind": kind}
+
+    def run() -> dict[str, Any]:
+        return to_document(prior, setup, propose(prior, setup, kind=kind, progress=progress))
+
+    return load_or_compute("plan", inputs, run, dict, progress=progress)
+
+
+def validate(
+    fitted: FittedModel, log: Log, settings: ValidateSettings | None = None, *, words: Words | None = None,
+    setpoint_degC: float | None = None, known: Mapping[str, str] | None = None, **changed: Any,
+) -> Verdict:
+    """Judge a model by another log of its heater; arguments and errors as `heatertune.model.validate.validate`.
+
+    Args:
+        fitted: the model.
+        log: with power, or without where words are given.
+        settings: how it is judged; None: as usual.
+        words: what the controller of a log without power held; its open points are taken at their defaults.
+        setpoint_degC: its setpoint [°C]; None: as logged.
+        known: switch → setting of what is known of this very controller.
+        changed: fields of `ValidateSettings` that are other than in `settings`.
+
+    Raises:
+        InputError: words for a log with power, or no setpoint.
+        UnknownName: no such switch or setting.
+    """
+    if words is None:
+        return judge(fitted, log, settings, **changed)
+    controller = controllers(words, known)[0]
+    verdict = judge(fitted, replay_controller(log, controller, setpoint_degC), settings, **changed)
+    note = f"The power was not logged; {controller.name} was run on the readings, from a cold start at the first one."
+    return replace(verdict, notes=(note, *verdict.notes))
 
 
 def controller(words: Words, **switches: str) -> RunningController:
@@ -42,7 +127,7 @@ def iae_load(heater: HeaterModel | FittedModel, what: PidDesign | Words) -> floa
 
     It is infinite where an offset stays or the loop is unstable; arguments and errors are as in `margins`.
     """
-    return response.iae_load(_model(heater), _design(what))
+    return load_iae(_model(heater), _design(what))
 
 
 def decode(words: Words) -> PidDesign:

@@ -1,4 +1,9 @@
-"""The whole chain in one call, and its report."""
+"""The whole chain in one call, and its report.
+
+A folder of `design` and a trace of the commissioned loop → as left, and the record with it.
+
+What `design` wrote of a log with a measured disturbance → feed-forward, run beside plain feedback.
+"""
 
 from __future__ import annotations
 
@@ -9,37 +14,178 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune import cache
-from heatertune.chain.as_left import as_left_in, files_of
-from heatertune.chain.as_left import related_documents as documents_beside
 from heatertune.chain.documents import log_document, read_documents, words_document
 from heatertune.chain.precompile import Worker, work_alongside
 from heatertune.chain.stages import export, fit
-from heatertune.codec import decode, encode
-from heatertune.commissioned import AsLeftSettings, RecordSettings
-from heatertune.documents import DATA, plain, to_json
+from heatertune.codec import DATA, data_folder, decode, encode, plain, read_document, to_json
+from heatertune.commissioned import RECORD_SCHEMA, AsLeftSettings, RecordSettings
+from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
+from heatertune.model.disturbance import DisturbanceEffect
+from heatertune.model.document import from_document, read_model
 from heatertune.model.values import FittedModel
+from heatertune.options import merge_options
 from heatertune.pid import document as pid_document
-from heatertune.pid.design_provenance import DesignProvenance
+from heatertune.pid.document import DesignProvenance
 from heatertune.pid.values import PidDesign
-from heatertune.plc import controller_for
+from heatertune.plc import Words, controller_for
 from heatertune.plc.design import loop_fit
+from heatertune.plc.feed_forward import feed_forward as line_for
 from heatertune.plc.word_selection import search_document
-from heatertune.progress import ProgressCallback
+from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
+from heatertune.proof.as_left import AS_LEFT_SCHEMA, AsLeft, as_left
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.proof.design_request import DesignRequest, DesignResult
-from heatertune.proof.document_views import ComparisonView
+from heatertune.proof.document import ComparisonView, ProofView, check_document
+from heatertune.proof.feed_forward import FeedForwardProof, PlainLoop, prove_feed_forward
+from heatertune.proof.heaters import holding_heaters
 from heatertune.proof.pictures import pictures, robustness
 from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.proof.text_comparison import as_exported
-from heatertune.proof.write_comparison import WriteHistory
-from heatertune.settings import FitSettings, ReadSettings
+from heatertune.proof.verdict import PROOF_SCHEMA
+from heatertune.proof.words_file import WORDS_SCHEMA, certificate, demand_same_words, read_words, words_of
+from heatertune.proof.write_comparison import WRITTEN_SCHEMA, WriteHistory
+from heatertune.settings import FeedForwardSettings, FitSettings, ReadSettings
 from heatertune.writing import write_files
 
-__all__ = ["TYPICAL_S", "ChainResult", "design", "dossier", "redraw", "write_report"]
+__all__ = [
+    "TYPICAL_S",
+    "ChainResult",
+    "FedForward",
+    "as_left_in",
+    "design",
+    "dossier",
+    "feed_forward",
+    "files_of",
+    "redraw",
+    "related_documents",
+    "write_report",
+]
+
+
+def as_left_in(
+    directory: str | Path, documents: Mapping[str, Mapping[str, Any]], log: Log,
+    settings: AsLeftSettings | None = None, progress: ProgressCallback = str,
+) -> AsLeft:
+    """Return a trace beside the proof of a design.
+
+    Args:
+        directory: names the documents in an error.
+        documents: of its stages, as `read_documents` returns them.
+        log: the trace.
+        settings: what is known beside it.
+        progress: told how far the runs are.
+
+    Raises:
+        InputError, OutOfRange: as `heatertune.proof.as_left.as_left`.
+        DocumentError: a document is not whole.
+    """
+    held, folder = documents["words"], data_folder(directory)
+    words = words_of(held, held["target"], folder / "words.json")
+    proof = decode(ProofView, dict(documents["proof"]), folder / "proof.json")
+    return as_left(log, words, from_document(documents["model"]), proof, settings, progress=progress)
+
+
+def related_documents(directory: str | Path, proof: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return what lies beside the documents of a design: "as_left" and "written" of this proof, and "record".
+
+    Raises:
+        DocumentError: one of them is not whole.
+    """
+    folder, found = data_folder(directory), {}
+    for name, schema, kind in (("as_left", AS_LEFT_SCHEMA, AsLeft), ("written", WRITTEN_SCHEMA, WriteHistory),
+                               ("record", RECORD_SCHEMA, RecordSettings)):
+        path = folder / f"{name}.json"
+        if path.exists():
+            document = read_document(path, schema)
+            decode(kind, document, path)
+            if name == "record" or document["digest"] == proof["digest"]:
+                found[name] = document
+    return found
+
+
+def files_of(directory: str | Path, documents: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """Return what is written of them beside the documents of a design, name → content."""
+    folder = data_folder(directory).relative_to(directory)
+    return {str(folder / f"{name}.json"): to_json(documents[name]) for name in ("as_left", "written", "record")
+            if name in documents}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FedForward:
+    """Feed-forward for the words of a design.
+
+    Attributes:
+        proof: beside plain feedback.
+        files: name → content: the document, and the PLC's program where it is to be used or was forced.
+    """
+
+    proof: FeedForwardProof
+    files: Mapping[str, str]
+
+
+def feed_forward(
+    directory: str | Path, settings: FeedForwardSettings | None = None, *, force: bool = False
+) -> FedForward:
+    """Return feed-forward of the disturbance in the log of a design.
+
+    Args:
+        directory: as `heatertune.chain.design` wrote it.
+        settings: how the PLC sees the disturbance; None: an analog sensor over the levels logged.
+        force: return the program whatever the verdicts.
+
+    Raises:
+        InputError: no disturbance in the design, one that the log does not show to act, or not as power; a target
+            without an input for it; no power left over.
+        DocumentError: a document is missing or is none.
+        ExportRefused: the words themselves are not proven, and nothing is forced.
+        NotRepresentable, OutOfRange: the input cannot hold the line.
+    """
+    asked, folder = merge_options(FeedForwardSettings, settings, {}), data_folder(directory)
+    effect = _effect(folder)
+    document = check_document(read_document(folder / "proof.json", PROOF_SCHEMA), folder / "proof.json")
+    demand_same_words(read_document(folder / "words.json", WORDS_SCHEMA), document, folder / "proof.json")
+    plain = decode(ProofView, document, folder / "proof.json")
+    words = _words(folder, plain.target)
+    feed = controller_for(words.target).feed
+    if feed is None:
+        raise InputError(f"{words.target} has no input for a measured disturbance (see: heatertune targets)")
+    proven = certificate(document, force=force)
+    low, high = asked.disturbance_range or (effect.calm, effect.strong)
+    line = line_for(feed, column=effect.column, pct_per_unit=effect.pct_per_unit, calm=effect.calm, low=low, high=high,
+                    switched=asked.contact)
+    loop = PlainLoop(setpoint_degC=plain.scenario.setpoint_degC, actuator=plain.actuator, limits=plain.limits,
+                     noise_degC=plain.scenario.noise_degC, stated_settings=plain.stated_settings)
+    models = holding_heaters(read_model(folder / "model.json"), loop.setpoint_degC)
+    proof = prove_feed_forward(words, line, effect, models, loop)
+    files = {f"{DATA}/feed_forward.json": to_json(proof.to_document())}
+    if force or not proof.refusal:
+        files |= feed.listing(line,
+                              replace(proven, lines=(*proven.lines, *proof.summary), forced=proven.forced or force))
+    return FedForward(proof=proof, files=files)
+
+
+def _effect(folder: Path) -> DisturbanceEffect:
+    effect = read_model(folder / "model.json").disturbance
+    if effect is None:
+        raise InputError(f"{folder}: its log has no disturbance: design with --disturbance-column NAME first")
+    if not effect.acts:
+        raise InputError(effect.sentence)
+    if not effect.as_power:
+        raise InputError(
+            f"{effect.sentence} Feed-forward of a straight line is proven only for what acts as power does.")
+    return effect
+
+
+def _words(folder: Path, target: str) -> Words:
+    words = read_words(folder / "words.json", target)
+    if words is None:
+        raise ExportRefused(f"{folder / 'words.json'} holds no words")
+    return words
+
 
 #: stage → what is told where it begins, and how long it takes as a rule, its machine code being kept [s]
 _STAGES: Final = {
@@ -229,7 +375,7 @@ def redraw(
         InputError: the directory cannot be written; as `heatertune.proof.as_left.as_left`.
     """
     documents = read_documents(directory)
-    documents |= documents_beside(directory, documents["proof"])
+    documents |= related_documents(directory, documents["proof"])
     if record is not None and record != RecordSettings():
         own = {name: text for name, text in encode(record).items() if text is not None}
         documents["record"] = encode(RecordSettings()) | documents.get("record", {}) | own

@@ -13,14 +13,14 @@ from heatertune.log import read_log
 from heatertune.log.from_objects import log_of
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
-from heatertune.model.temperature.pool import pool_candidates
+from heatertune.model.temperature.fit_temperature import pool_candidates
 from heatertune.model.values import FittedModel
 from heatertune.options import merge_options
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.design import encode as round_words
 from heatertune.plc.word_selection import choose_words
-from heatertune.progress import ProgressCallback
+from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
 from heatertune.proof.known_controller_check import closed_again, controllers
 from heatertune.proof.words_file import certificate

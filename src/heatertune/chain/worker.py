@@ -93,7 +93,7 @@ def _work(asked: SimpleQueue[Any], drawn: set[int], compiles: bool) -> None:
 
 def _draw_first() -> None:
     """Draw nothing: the first picture takes longest."""
-    from heatertune.report.style import new_figure, to_svg  # noqa: PLC0415 - matplotlib
+    from heatertune.report.plots import new_figure, to_svg  # noqa: PLC0415 - matplotlib
 
     to_svg(new_figure(1, 1.0)[0])
 

@@ -18,8 +18,8 @@ from typing import Any, Final
 
 from heatertune import __version__
 from heatertune.cli.command_table import COMMAND_MODULES, command_module
-from heatertune.cli.parsing import CommandParser, CommandStub
-from heatertune.cli.terminal import LINE, colourise, to_nobody
+from heatertune.cli.common import CommandParser, CommandStub
+from heatertune.cli.printing import LINE, colourise, to_nobody
 from heatertune.errors import ExportRefused, HeatertuneError, InputError, did_you_mean, one_line
 
 __all__ = ["main"]

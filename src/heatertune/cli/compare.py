@@ -10,7 +10,7 @@ from typing import Any
 from heatertune import chain, options, report
 from heatertune.cli import common, printing
 from heatertune.cli.saved_design import in_force
-from heatertune.documents import DATA, plain, to_json
+from heatertune.codec import DATA, plain, to_json
 from heatertune.errors import InputError
 from heatertune.settings import SensorSettings
 from heatertune.writing import write_files
@@ -36,7 +36,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.proof.rebuild_words import scaling_of  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.repetition import scaling_of  # noqa: PLC0415 - the help must not wait for it
 
     design, fitted, kept = common.design_and_model(settings)
     progress, (recipe, notes) = printing.Progress(settings), in_force(settings, kept, settings.pid)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import chain, options, plc, report
 from heatertune.cli import common, printing
-from heatertune.cli.parsing import again
+from heatertune.cli.common import again
 from heatertune.settings import FitSettings, SampleSettings, WordSettings
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import Any
 from heatertune import chain, plc, report
 from heatertune.cli import common, printing
 from heatertune.cli.saved_design import ProofSource, proof_source
-from heatertune.documents import DATA, to_json
+from heatertune.codec import DATA, to_json
 from heatertune.errors import DocumentError, ExportRefused
 from heatertune.writing import write_files
 

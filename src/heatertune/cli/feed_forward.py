@@ -33,7 +33,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.chain.feed_forward import feed_forward  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.chain.pipeline import feed_forward  # noqa: PLC0415 - the help must not wait for it
 
     fed = feed_forward(settings.directory, options.of(FeedForwardSettings, settings), force=settings.force)
     out, document = settings.out or settings.directory, fed.proof.to_document()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import chain, options, report
 from heatertune.cli import common, printing
-from heatertune.cli.known_controller_options import add_known_options, known_words
+from heatertune.cli.saved_design import add_known_options, known_words
 from heatertune.settings import FitSettings
 
 if TYPE_CHECKING:

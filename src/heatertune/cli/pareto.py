@@ -8,7 +8,7 @@ from typing import Any
 
 from heatertune import options, report
 from heatertune.cli import common, printing
-from heatertune.documents import plain
+from heatertune.codec import plain
 from heatertune.errors import InputError
 from heatertune.settings import TuneSettings
 from heatertune.writing import write_files
@@ -61,8 +61,11 @@ def _run(settings: argparse.Namespace) -> int:
 
 
 def _draw(document: dict[str, Any], path: str, suffix: str) -> None:
-    from heatertune.report.plots import plot_pareto  # noqa: PLC0415
-    from heatertune.report.style import to_png, to_svg  # noqa: PLC0415
+    from heatertune.report.plots import (  # noqa: PLC0415
+        plot_pareto,
+        to_png,
+        to_svg,
+    )
 
     figure = plot_pareto(document)
     picture: str | bytes = to_svg(figure) if suffix == ".svg" else to_png(figure)

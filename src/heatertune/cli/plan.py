@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import chain, report
 from heatertune.cli import printing
-from heatertune.documents import plain
+from heatertune.codec import plain
 from heatertune.errors import InputError
 from heatertune.writing import write_files
 
@@ -66,7 +66,7 @@ def _add_prior_options(command: argparse.ArgumentParser) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.model.experiment.noise import noise_of  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.model.experiment.fisher import noise_of  # noqa: PLC0415 - the help must not wait for it
 
     fitted = None if settings.model is None else _model(settings)
     low, high = settings.power

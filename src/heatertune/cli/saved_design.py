@@ -1,30 +1,72 @@
-"""What `pid.json` says of the words that were proven, and the options that take its place."""
+"""What `pid.json` says of the words that were proven, and the options that take its place.
+
+The options of a known controller behind a log without power.
+"""
 
 from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune import options, plc
 from heatertune.cli import common
-from heatertune.cli.parsing import again
+from heatertune.cli.common import again
 from heatertune.errors import InputError
 from heatertune.options import Option, options_of
+from heatertune.plc import NAMES
 from heatertune.plc.targets import REPAIRED
 from heatertune.settings import Conditions, SensorSettings, WordSettings
 
 if TYPE_CHECKING:
+    from heatertune.log.values import Log
     from heatertune.model.values import FittedModel
-    from heatertune.pid.design_provenance import DesignProvenance
+    from heatertune.pid.document import DesignProvenance
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Words
-    from heatertune.plc.word_choice import WordChoice
+    from heatertune.plc.word_selection import WordChoice
 
-__all__ = ["ProofSource", "in_force", "proof_source", "redesign_command"]
+__all__ = ["ProofSource", "add_known_options", "in_force", "known_words", "proof_source", "redesign_command"]
+
+
+def add_known_options(command: argparse.ArgumentParser) -> None:
+    """Add --controller, --words, --setpoint and --switch."""
+    group = command.add_argument_group("a log without power, from a known controller")
+    group.add_argument("--controller", metavar="NAME", help=f"the controller of this log: one of {', '.join(NAMES)}")
+    group.add_argument("--words", metavar="FILE", help="its parameters: words.json as written by export-db")
+    group.add_argument("--setpoint", type=float, nargs=1, metavar="°C",
+                       help="its setpoint, if the log does not contain it [°C]")
+    options.add(group, Conditions, "switches",
+                help="known setting of an open point (see: heatertune targets); may be repeated")
+
+
+def known_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | None:
+    """Return the words of the controller that is named, None where none is.
+
+    Raises:
+        InputError: words without a controller, a controller without words or with several logs.
+        UnknownName: no such controller.
+    """
+    if settings.controller is None:
+        for name in ("words", "setpoint", "switch"):
+            if getattr(settings, name):
+                raise InputError(f"--{name} needs --controller: it tells what that controller holds")
+        return None
+    from heatertune.proof.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
+
+    plc.controller_for(settings.controller)  # an unknown name is refused before the file is opened
+    if settings.words is None:
+        raise InputError("--controller needs --words: without its words a controller is not known")
+    if len(logs) > 1:
+        raise InputError("--controller takes one log: the words are of one run")
+    words = read_words(settings.words, settings.controller)
+    if words is None:
+        raise InputError(f"{settings.words}: no words; expected words.json as written by export-db")
+    return words
+
 
 #: an option in what was found to pass when a design was made
 _OPTION: Final = re.compile(r"(--[a-z][a-z-]*) ([^\s,;:]+)")
@@ -67,7 +109,7 @@ def proof_source(settings: argparse.Namespace) -> ProofSource:
         InputError: the file holds no model and none is given by hand; words of another target; as `in_force`.
         NotRepresentable, OutOfRange: the words do not fit.
     """
-    from heatertune.proof.rebuild_words import made_again  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.repetition import made_again  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.words_file import read_words  # noqa: PLC0415
 
     words, by = read_words(settings.pid, common.target(settings)), options.of(WordSettings, settings)
@@ -135,8 +177,8 @@ def in_force(settings: argparse.Namespace, kept: DesignProvenance | None, where:
         InputError: a file of the specification has changed since; another controller whose module gives no degrees;
             as `heatertune.options.of`.
     """
-    from heatertune.pid.design_provenance import DesignProvenance  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.rebuild_words import demand_same_files  # noqa: PLC0415
+    from heatertune.pid.document import DesignProvenance  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.repetition import demand_same_files  # noqa: PLC0415
 
     target = common.target(settings) if hasattr(settings, "target") else None
     sensor, own = options.provided_options(SensorSettings, settings), options.provided_options(Conditions, settings)

@@ -34,8 +34,8 @@ def add_to(commands: Any) -> None:
 
 
 def _run(settings: argparse.Namespace) -> int:
-    from heatertune.proof.presets import PRESETS  # noqa: PLC0415 - the help must not wait for it
     from heatertune.proof.spec_file import in_force, spec_text  # noqa: PLC0415
+    from heatertune.proof.specification import PRESETS  # noqa: PLC0415 - the help must not wait for it
 
     if settings.list:
         document = {"schema": "heatertune/presets/1",

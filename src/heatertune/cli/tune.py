@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import chain, options, report
 from heatertune.cli import common, printing
-from heatertune.cli.parsing import again
+from heatertune.cli.common import again
 from heatertune.errors import InputError
 from heatertune.settings import Conditions, TuneSettings, WordSettings
 
@@ -49,7 +49,7 @@ def add_to(commands: Any) -> None:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.pid.alternatives import alternatives  # noqa: PLC0415 - the help must not wait for it
     from heatertune.pid.document import to_document  # noqa: PLC0415
-    from heatertune.pid.forms import other_forms  # noqa: PLC0415
+    from heatertune.pid.values import other_forms  # noqa: PLC0415
     from heatertune.plc.design import loop_fit  # noqa: PLC0415
     from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from heatertune import chain, options, report
 from heatertune.cli import common, printing
-from heatertune.cli.known_controller_options import add_known_options, known_words
+from heatertune.cli.saved_design import add_known_options, known_words
 from heatertune.settings import ValidateSettings
 
 __all__ = ["add_to"]
@@ -36,7 +36,7 @@ def add_to(commands: Any) -> None:
 
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.model.document import read_model  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.model.validate_document import to_document  # noqa: PLC0415
+    from heatertune.model.validate import to_document  # noqa: PLC0415
 
     progress = printing.Progress(settings)
     model = read_model(settings.model)

@@ -15,11 +15,9 @@ from typing import Any, Final
 
 from heatertune.errors import InputError, LinkError
 from heatertune.live.client.address import Address
-from heatertune.live.poller import Snapshot
-from heatertune.live.reading_check import StillSensor, reading_problem
+from heatertune.live.poller import Snapshot, StillSensor, reading_problem
 from heatertune.live.write.band import Band, band_degC, watched_s
-from heatertune.live.write.block_image import block_image
-from heatertune.live.write.plc_block import LinkSettings, Peer
+from heatertune.live.write.plc_block import LinkSettings, Peer, block_image
 from heatertune.live.write.proven_words import ProvenWords
 from heatertune.plc.keyed_entry import value_texts
 from heatertune.proof.heaters import labelled_heaters

@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any, Final, Protocol
 
 from heatertune.live.layout import RegisterRange
-from heatertune.live.word_codec import Signal
+from heatertune.live.memory import Signal
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import assumptions_from

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Any, Final
 
 from heatertune.live.layout import CellAddress, Laid, Layout
-from heatertune.live.word_codec import Signal
+from heatertune.live.memory import Signal
 from heatertune.plc.core import ControllerState
-from heatertune.plc.cpu.s7_300.memory import place
+from heatertune.plc.cpu.s7_300.machine import place
 from heatertune.plc.fb41.step import ContCState, call, outcome, scale_reading
 from heatertune.plc.fb41.words import FIELDS
 from heatertune.plc.ramp import Number

@@ -21,12 +21,12 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 from heatertune.live.layout import MODBUS, CellAddress, Laid, Layout, registers
-from heatertune.live.word_codec import Signal
+from heatertune.live.memory import Signal
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState
+from heatertune.plc.pband.export import number_of
 from heatertune.plc.pband.makes import MAKES, Make
-from heatertune.plc.pband.readback import number_of
 from heatertune.plc.pband.words import COUNTS
 from heatertune.plc.ramp import Number
 

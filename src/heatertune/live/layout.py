@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.live.word_codec import STRUCTS, Signal, field_of, to_word_format
+from heatertune.live.memory import STRUCTS, Signal, field_of, to_word_format
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState
@@ -34,7 +34,7 @@ class CellAddress(NamedTuple):
 
     Attributes:
         byte: its first.
-        format: BOOL, or of `heatertune.live.word_codec.STRUCTS`.
+        format: BOOL, or of `heatertune.live.memory.STRUCTS`.
         bit: of that byte, for a BOOL.
         turned: whether the two words of a REAL stand with the low one first.
     """
@@ -308,7 +308,7 @@ class Laid:
         return begin, bytes(image[begin:end])
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
-        """Write one word; errors as `heatertune.live.word_codec`."""
+        """Write one word; errors as `heatertune.live.memory`."""
         wanted = field_of([each for each in self._controller.fields if each.name in self.layout.words], name)
         self.layout.words[name].write(cells, to_word_format(wanted, value))
 

@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from typing import Final
 
 from heatertune.live.layout import BLOCKS, RegisterRange
-from heatertune.live.word_codec import Signal, bytes_of, field_of
+from heatertune.live.memory import Signal, bytes_of, field_of
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.ramp import Number
 from heatertune.plc.s5_ob251.blocks import DB
-from heatertune.plc.s5_ob251.image import LENGTH, PLACES, from_cells, to_image
+from heatertune.plc.s5_ob251.export import LENGTH, PLACES, from_cells, to_image
 from heatertune.plc.s5_ob251.step import (
     AUTO,
     COLD,
@@ -128,7 +128,7 @@ class Ob251Block:
         return _CONTROL, struct.pack(">Hh", steu, round(power_pct / 100.0 * FULL_SCALE))
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
-        """Write one word; errors as `heatertune.live.word_codec`."""
+        """Write one word; errors as `heatertune.live.memory`."""
         content, place = bytes_of(field_of(self._fields, name), value), 2 * PLACES[name]
         cells[place : place + len(content)] = content
 

@@ -24,9 +24,9 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune import files
-from heatertune.batch.lock import hold_lock
-from heatertune.documents import read_document
+from heatertune import writing as files
+from heatertune.batch.engine import hold_lock
+from heatertune.codec import read_document
 from heatertune.errors import DocumentError, InputError
 from heatertune.live.client.address import Address
 from heatertune.writing import write_files

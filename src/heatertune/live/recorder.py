@@ -19,13 +19,12 @@ from types import TracebackType
 from typing import Final, Self
 
 from heatertune.errors import InputError, LinkError
-from heatertune.files import read_bytes
 from heatertune.live.client.address import Address
 from heatertune.live.poller import Poller, Snapshot
 from heatertune.live.signal_map import ROLES, Places
-from heatertune.log.recorder_log import MARK, SWITCHED, TORN, without_torn
+from heatertune.log.cells import MARK, SWITCHED, TORN, without_torn
 from heatertune.units import check
-from heatertune.writing import settle
+from heatertune.writing import read_bytes, settle
 
 __all__ = ["RecordingSetup", "RecordingState", "record"]
 

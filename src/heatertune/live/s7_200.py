@@ -12,13 +12,12 @@ from typing import Any, Final
 
 from heatertune.errors import InputError
 from heatertune.live.layout import BLOCKS, CellAddress, RegisterRange
-from heatertune.live.word_codec import Signal, bytes_of, field_of
+from heatertune.live.memory import Signal, bytes_of, field_of
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.cpu.s7_200 import S7200State
-from heatertune.plc.cpu.s7_200.cells import V_BEGIN, V_END, cell
 from heatertune.plc.cpu.s7_200.cycle import run_cycle
-from heatertune.plc.cpu.s7_200.memory import put_word
+from heatertune.plc.cpu.s7_200.memory import V_BEGIN, V_END, cell, put_word
 from heatertune.plc.cpu.s7_200.state import own, warm_start
 from heatertune.plc.cpu.s7_200.wiring import COUNTS
 from heatertune.plc.ramp import Number
@@ -94,7 +93,7 @@ class _VMemory:
         raise InputError("the exported programs of the S7-200 have no manual mode: switch manually, and record it")
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
-        """Write one word that stands in V memory; errors as `heatertune.live.word_codec`."""
+        """Write one word that stands in V memory; errors as `heatertune.live.memory`."""
         field = field_of(self._fields, name)
         content, place = bytes_of(field, value), int(field.address[2:])
         cells[place : place + len(content)] = content

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Final
 
 from heatertune.live.layout import WORDS, CellAddress, Laid, Layout
-from heatertune.live.word_codec import Signal
+from heatertune.live.memory import Signal
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.memory import place
+from heatertune.plc.cpu.s7_300.machine import place
 from heatertune.plc.s7_300.words import FIELDS
 
 __all__ = ["LAYOUT", "MODE", "POWER", "READING", "SETPOINT", "PidTipBlock"]

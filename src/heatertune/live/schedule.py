@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.files import read_text
 from heatertune.model.values import FittedModel
 from heatertune.units import check
+from heatertune.writing import read_text
 
 __all__ = ["RATE_ROWS", "AbortLimits", "Aims", "RelaySchedule", "Steps", "read_plan"]
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.documents import read_toml
+from heatertune.codec import read_toml
 from heatertune.errors import DocumentError, InputError
 from heatertune.live.blocks import SERVED, block_for
-from heatertune.live.word_codec import STRUCTS, Signal
+from heatertune.live.memory import STRUCTS, Signal
 from heatertune.plc import Words, controller_for
 from heatertune.plc.words import FLOATS
 

@@ -10,8 +10,7 @@ from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 
-from heatertune.codec import decode
-from heatertune.documents import data_folder, read_document
+from heatertune.codec import data_folder, decode, read_document
 from heatertune.errors import DocumentError, HeatertuneError, InputError
 from heatertune.live.write.rollback import Before, before_of
 from heatertune.plc import Words

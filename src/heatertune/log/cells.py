@@ -1,4 +1,14 @@
-"""A text file → rows of cells, each with the number of its line."""
+"""A text file → rows of cells, each with the number of its line.
+
+The lines above the readings: titles, the names of the columns, their units.
+
+What a printer with Klipper or Kalico writes of its heaters → one table; text that is none of these is left alone.
+
+Read are the lines Stats of klippy.log, one a second, and what PID_CALIBRATE writes with WRITE_FILE=1: Klipper's
+heattest.txt, and Kalico's heattest.csv, whose second table tells of the peaks.
+
+What a log of `heatertune record` has that others have not: lines that a kill tore, and gaps that are marked.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +16,273 @@ import codecs
 import csv
 import io
 import re
+from bisect import bisect_right
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final, NamedTuple
 
 from heatertune.errors import LogError
-from heatertune.files import read_bytes
-from heatertune.log.header import take_header
-from heatertune.log.klippy import PrinterTable, printer_table
-from heatertune.log.quantities import is_number, plain_quantities
-from heatertune.log.recorder_log import MARK, pwm_period_of, without_torn
+from heatertune.log.quantities import is_number, is_quantity, plain_quantities, role_of, says_nothing, stamp
 from heatertune.units import count
+from heatertune.writing import read_bytes
 
-__all__ = ["Sheet", "is_number", "plain_cells", "read_sheet"]
+__all__ = [
+    "MARK",
+    "SWITCHED",
+    "TORN",
+    "PrinterTable",
+    "Sheet",
+    "is_number",
+    "plain_cells",
+    "printer_table",
+    "pwm_period_of",
+    "read_sheet",
+    "take_header",
+    "without_torn",
+]
+
+
+_UNIT: Final = re.compile(
+    r"[\[(]?(m?s|sec|min|h|°?[CFK]|deg ?[CF]|%|pct|m?V|m?A|k?W|[-–/]|bool|u?s?d?l?int|l?real|float|d?word|string"
+    r"|date|time|datetime|double)?[\])]?", re.IGNORECASE)
+_HEADER_SAMPLE: Final = 50  # rows at the end that show what a reading looks like
+_MOST_TITLES: Final = 200  # rows above the first reading
+
+
+def take_header(
+    file: Path, lines: list[int], rows: list[list[str]], repairs: list[str]
+) -> tuple[tuple[str, ...], int]:
+    """Remove all that stands above the readings; return the columns' names with their units, and the lines above them.
+
+    Raises:
+        LogError: a row whose cells are not as many as those of the readings.
+    """
+    width = Counter(len(row) for row in rows[-_HEADER_SAMPLE:]).most_common(1)[0][0]
+    first = _first_reading(rows, width)
+    words = [k for k in range(first) if len(rows[k]) == width and _is_words(rows[k])]
+    chosen = _names_row(rows, words)
+    if chosen is not None:
+        begin = next((k for k in range(chosen + 1, first) if k not in words), first)
+    else:
+        begin = next((k for k in range(first) if not _is_title(rows[k], width)), first)
+    names = () if chosen is None else _named(lines, rows, chosen, [k for k in words if k > chosen], repairs)
+    titles = begin if chosen is None else chosen
+    above = lines[titles - 1] if titles else 0
+    if titles:
+        repairs.append(f"{count(titles, 'title line')} above the table skipped (up to line {above}).")
+    del rows[:begin], lines[:begin]
+    _drop_repeats(names, lines, rows, repairs)
+    _demand_one_width(file, lines, rows, width)
+    return names, above
+
+
+def _first_reading(rows: Sequence[list[str]], width: int) -> int:
+    """Return the first row that looks like those at the end of the file."""
+    sample = [row for row in rows[-_HEADER_SAMPLE:] if len(row) == width]
+    values = [i for i in range(width) if sum(_is_value(row[i]) for row in sample) >= 0.5 * len(sample)]
+    for k, row in enumerate(rows[:_MOST_TITLES]):
+        if len(row) == width and values and all(_is_value(row[i]) or says_nothing(row[i]) for i in values) and any(
+            _is_value(row[i]) for i in values
+        ):
+            return k
+    return 0 if any(is_number(cell) for cell in rows[0]) else 1
+
+
+def _is_value(cell: str) -> bool:
+    return is_number(cell) or is_quantity(cell) or stamp(cell) is not None
+
+
+def _is_words(row: Sequence[str]) -> bool:
+    return not any(map(_is_value, row))
+
+
+def _names_row(rows: Sequence[list[str]], words: Sequence[int]) -> int | None:
+    """Return which of the rows of words names the columns: the one that tells most roles, of equals the last."""
+    if not words:
+        return None
+    named = [k for k in words if not _is_units(rows[k]) and sum(map(bool, rows[k])) >= len(rows[k]) / 2]
+    named = named or list(words[:1])
+    return max(named, key=lambda k: (len({role_of(cell) for cell in rows[k]} - {None}), k))
+
+
+def _is_units(row: Sequence[str]) -> bool:
+    return all(map(_UNIT.fullmatch, row))
+
+
+def _is_title(row: Sequence[str], width: int) -> bool:
+    """Return whether a row above readings without names is none of them: not one cut short, nor too few names."""
+    is_reading = len(row) == width or (len(row) > 1 and _is_value(row[0]))
+    return not is_reading and not (len(row) > 1 and any(map(role_of, row)))
+
+
+def _other_width(file: Path, line: int, row: Sequence[str], width: int, like: int) -> LogError:
+    expected = f"{width} as in line {like} (a line that is no reading may begin with #)"
+    return LogError(f"{count(len(row), 'cell')} in this row", file=file, line=line, expected=expected)
+
+
+def _named(
+    lines: Sequence[int], rows: Sequence[list[str]], chosen: int, below: Sequence[int], repairs: list[str]
+) -> tuple[str, ...]:
+    """Return the names, with the units of a row below them."""
+    names = list(rows[chosen])
+    for k in below:
+        if any(map(_UNIT.fullmatch, filter(None, rows[k]))):
+            repairs.append(f"Line {lines[k]} was read as the units of the columns.")
+            units = [unit.strip("[]() ") for unit in rows[k]]
+            names = [f"{name} [{unit}]" if unit.strip("-–/") else name for name, unit in zip(names, units, strict=True)]
+        else:
+            repairs.append(f"Line {lines[k]}, below the names of the columns, skipped.")
+    return tuple(names)
+
+
+def _drop_repeats(names: Sequence[str], lines: list[int], rows: list[list[str]], repairs: list[str]) -> None:
+    """Remove rows that repeat the names: the logger began anew."""
+    again = [k for k, row in enumerate(rows) if row[0] == names[0] and tuple(row) == tuple(names)] if names else []
+    if again:
+        repairs.append(f"{count(len(again), 'repeat')} of the header skipped (line {lines[again[0]]}).")
+    for k in reversed(again):
+        del rows[k], lines[k]
+
+
+def _demand_one_width(file: Path, lines: Sequence[int], rows: Sequence[list[str]], width: int) -> None:
+    like = next((line for line, row in zip(lines, rows, strict=True) if len(row) == width), 0)
+    for line, row in zip(lines, rows, strict=True):
+        if len(row) != width:
+            raise _other_width(file, line, row, width, like)
+
+
+#: begins a line of klippy.log: seconds of the host's clock
+_STATS: Final = re.compile(r"Stats (\d+\.\d+): ")
+_HEATER: Final = re.compile(r"(?:^|\s)(\S+): target=(-?\d+) temp=(-?\d+\.\d+) pwm=(\d\.\d+)(?=\s|$)")
+_PWM: Final = re.compile(r"pwm: (-?\d+\.\d+) (-?\d+\.\d+)\s*")
+_TEMPERATURE: Final = re.compile(r"(-?\d+\.\d+) (-?\d+\.\d+)\s*")
+_KALICO: Final = re.compile(r"time, temp, pwm, target\s*")
+_PEAKS: Final = re.compile(r"sample, low time, low, high time, high, max power\s*")
+
+#: the heater that is read where none is asked for
+_USUAL: Final = "extruder"
+_HEADER: Final = ("time [s]", "temperature [degC]", "power [0...1]")
+_LEAST: Final = 2
+
+_Line = tuple[int, str]
+
+
+class PrinterTable(NamedTuple):
+    """A table of one heater: names of the columns, cells, number of each row's line, and what was passed over."""
+
+    header: tuple[str, ...]
+    rows: list[list[str]]
+    lines: list[int]
+    repairs: list[str]
+
+
+def printer_table(path: Path, numbered: Sequence[_Line], tag: str | None) -> PrinterTable | None:
+    """Return what a printer wrote of one heater; None: the lines are something else.
+
+    Args:
+        path: the file, for error messages.
+        numbered: number and content of each line.
+        tag: the heater's name, "extruder", "heater_bed"; None: the extruder where there is one, else the only one.
+
+    Raises:
+        LogError: no such heater; several, none of them the extruder; a line that is cut.
+    """
+    stats = [(number, found, line) for number, line in numbered if (found := _STATS.match(line)) is not None]
+    if sum(_HEATER.search(line) is not None for _, _, line in stats[:50]) >= _LEAST:
+        return _of_stats(path, len(numbered), stats, tag)
+    if numbered and tag is None:
+        if _PWM.fullmatch(numbered[0][1]):
+            return _of_test(path, numbered)
+        if _KALICO.fullmatch(numbered[0][1]):
+            return _of_kalico(numbered)
+    return None
+
+
+def _of_stats(
+    path: Path, total: int, stats: Sequence[tuple[int, re.Match[str], str]], tag: str | None
+) -> PrinterTable:
+    heaters: dict[str, list[tuple[int, list[str]]]] = {}
+    for number, found, line in stats:
+        for name, target, temperature, pwm in _HEATER.findall(line[found.end():]):
+            heaters.setdefault(name, []).append((number, [found[1], name, temperature, pwm, target]))
+    wanted = tag or (_USUAL if _USUAL in heaters else None) or (next(iter(heaters)) if len(heaters) == 1 else None)
+    if wanted not in heaters:
+        problem = "the printer has several heaters" if tag is None else "the printer has no such heater"
+        raise LogError(problem, file=path, value=", ".join(heaters) if tag is None else tag,
+                       expected=f"--tag and one of {', '.join(heaters)}")
+    rows = heaters[wanted]
+    repairs = [f"klippy.log: {count(len(rows), 'line')} Stats of {wanted!r} read, {total - len(rows)} others passed "
+               "over; power is what was sent last before each of them."]
+    others = [name for name in heaters if name != wanted]
+    if others:
+        repairs.append(f"Other heaters in it: {', '.join(others)} (--tag).")
+    header = (_HEADER[0], "name", *_HEADER[1:], "setpoint [degC]")
+    return PrinterTable(header, [row for _, row in rows], [number for number, _ in rows], repairs)
+
+
+def _of_test(path: Path, numbered: Sequence[_Line]) -> PrinterTable:
+    """Return the readings of heattest.txt, each with the power that is in effect."""
+    times, powers, rows, lines = [], [], [], []
+    for number, line in numbered:
+        sent, read = _PWM.fullmatch(line), _TEMPERATURE.fullmatch(line)
+        if sent is not None:
+            times.append(float(sent[1]))
+            powers.append(sent[2])
+        elif read is not None:
+            before = bisect_right(times, float(read[1]))
+            rows.append([read[1], read[2], powers[before - 1] if before else "0.000"])
+            lines.append(number)
+        elif line.strip():
+            raise LogError("a line that PID_CALIBRATE does not write", file=path, line=number, value=line[:60],
+                           expected="pwm, time and duty, or time and temperature")
+    if times != sorted(times):
+        raise LogError("the times of pwm do not rise", file=path, expected="the file of one PID_CALIBRATE")
+    repairs = [f"heattest.txt of PID_CALIBRATE: {count(len(times), 'change')} of the power, each from its instant on."]
+    return PrinterTable(_HEADER, rows, lines, repairs)
+
+
+def _of_kalico(numbered: Sequence[_Line]) -> PrinterTable:
+    """Return the first table of heattest.csv."""
+    end = next((k for k, (_, line) in enumerate(numbered) if _PEAKS.fullmatch(line)), len(numbered))
+    kept = [(number, [cell.strip() for cell in line.split(",")]) for number, line in numbered[1:end] if line.strip()]
+    peaks = count(len(numbered) - end, "line")
+    repairs = [f"heattest.csv of Kalico's PID_CALIBRATE: {peaks} of its peaks passed over."]
+    return PrinterTable((*_HEADER, "setpoint [degC]"), [row for _, row in kept], [number for number, _ in kept],
+                        repairs)
+
+
+#: begins the first line
+MARK: Final = "# heatertune record"
+#: in the first line, before the PWM period of the switch [s]
+SWITCHED: Final = "; PWM period: "
+#: ends a line that was torn, once the file has been continued; else it is the last and has no line's end
+TORN: Final = "#torn"
+_GAP: Final = "# gap "
+_SHOWN: Final = 3
+_PERIOD: Final = re.compile(re.escape(SWITCHED) + r"(\d+(?:\.\d+)?(?:e-?\d+)?) s\b")
+
+
+def pwm_period_of(text: str) -> float:
+    """Return the PWM period that the first line tells, 0 where it tells none [s]."""
+    told = _PERIOD.search(text.split("\n", 1)[0])
+    return float(told[1]) if told else 0.0
+
+
+def without_torn(text: str, repairs: list[str]) -> str:
+    """Return the text with its torn lines blank, as many lines as before; what it marks is told in the repairs."""
+    lines = text.split("\n")
+    torn = [i for i, line in enumerate(lines) if line.endswith(TORN) or (line and i == len(lines) - 1)]
+    for i in torn:
+        repairs.append(f"Line {i + 1} was torn when the recording was cut off, and is left out: {lines[i]!r}.")
+        lines[i] = ""
+    gaps = [line.removeprefix(_GAP) for line in lines if line.startswith(_GAP)]
+    if gaps:
+        more = f"; and {len(gaps) - _SHOWN} more" if len(gaps) > _SHOWN else ""
+        repairs.append(f"The recording marks {count(len(gaps), 'gap')}: {'; '.join(gaps[:_SHOWN])}{more}.")
+    return "\n".join(lines)
+
 
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 _BEFORE_CLOCK = re.compile(r"(?<=\d) (?=\d{1,2}:\d\d)")
@@ -62,7 +326,7 @@ class Sheet:
 def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag: str | None = None) -> Sheet:
     """Return the cells of a CSV file, or of a printer's log; with `content`, the path only names it.
 
-    `tag` is the heater of a printer's log, see `heatertune.log.klippy.printer_table`.
+    `tag` is the heater of a printer's log, see `heatertune.log.cells.printer_table`.
 
     Raises:
         LogError: the file cannot be read, is empty, is no text, or a row has another number of cells than the others.

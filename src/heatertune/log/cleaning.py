@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet
-from heatertune.log.columns import Columns
-from heatertune.log.numbers import Array, cell_error
+from heatertune.log.columns import Array, Columns, cell_error
 from heatertune.log.values import MIN_SAMPLES
 from heatertune.units import count
 

@@ -10,10 +10,18 @@ import numpy as np
 
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet, is_number
-from heatertune.log.columns import NO_COLUMN, Columns
-from heatertune.log.names import is_scaled, role_of
-from heatertune.log.numbers import Array, cell_error, numbers
-from heatertune.log.stamps import STAMPS, is_clock, is_date, is_day_or_month, is_hours_or_minutes, month_first, stamp
+from heatertune.log.columns import NO_COLUMN, Array, Columns, cell_error, numbers
+from heatertune.log.quantities import (
+    STAMPS,
+    is_clock,
+    is_date,
+    is_day_or_month,
+    is_hours_or_minutes,
+    is_scaled,
+    month_first,
+    role_of,
+    stamp,
+)
 
 __all__ = ["ASSUMED", "TIME_UNITS", "forwards", "likely_time_unit", "seconds", "with_dates"]
 

@@ -10,10 +10,8 @@ import numpy as np
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet
 from heatertune.log.clock import ASSUMED
-from heatertune.log.columns import Columns
-from heatertune.log.names import is_scaled
-from heatertune.log.numbers import Array, cell_error, numbers
-from heatertune.log.quantities import on_or_off
+from heatertune.log.columns import Array, Columns, cell_error, numbers
+from heatertune.log.quantities import is_scaled, on_or_off
 
 __all__ = ["Power", "power_of"]
 

@@ -1,8 +1,13 @@
-"""File → Log."""
+"""File → Log.
+
+Rows of one instant: repeats are dropped, and rows that are not of one heater are refused.
+
+What was found while reading → what was taken, in one value.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
@@ -11,30 +16,259 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import InputError, LogError, OutOfRange
-from heatertune.files import display_name
-from heatertune.log.cells import Sheet, plain_cells, read_sheet
+from heatertune.log.cells import Sheet, is_number, plain_cells, read_sheet
 from heatertune.log.cleaning import no_readings, one_run, tell_gaps
-from heatertune.log.clock import forwards, seconds, with_dates
-from heatertune.log.columns import Columns, find_columns, with_names
-from heatertune.log.names import ROLES, is_scaled
-from heatertune.log.numbers import Array, cell_error, numbers
+from heatertune.log.clock import ASSUMED, TIME_UNITS, forwards, likely_time_unit, seconds, with_dates
+from heatertune.log.columns import NO_COLUMN, Array, Columns, cell_error, find_columns, numbers, with_names
 from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
-from heatertune.log.power import power_of
-from heatertune.log.provenance import SIGNS, FileNotation, RowCounts, TemperatureUnit, stated_units, taken_of
-from heatertune.log.quantities import on_or_off, says_nothing
-from heatertune.log.read_summary import ReadSummary
-from heatertune.log.repeats import kept_rows
+from heatertune.log.power import Power, power_of
+from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
+from heatertune.log.read_summary import UNIT_OPTIONS, Option, ReadSummary
 from heatertune.log.tables import BUILT_IN, BuiltIn, built_in
-from heatertune.log.tags import TagSelection, by_tags
+from heatertune.log.tags import TagSelection, TagTable, by_tags
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC, Log
 from heatertune.options import merge_options
 from heatertune.settings import ReadSettings
 from heatertune.units import count, degF_to_degC, kelvin_to_degC
+from heatertune.writing import display_name
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-__all__ = ["read_log"]
+__all__ = [
+    "SIGNS",
+    "FileNotation",
+    "RowCounts",
+    "TemperatureUnit",
+    "kept_rows",
+    "read_log",
+    "stated_units",
+    "taken_of",
+]
+
+
+Rows = npt.NDArray[np.intp]
+_SHOWN: Final = 5  # line numbers told
+_MOST_LOST: Final = 0.1  # share of the rows that a clock with coarse steps may cost
+_MOST_TAGS: Final = 100
+_HOUR_S: Final = 3600.0
+_TOLD: Final = 0.95  # of the instants a column has to tell apart
+
+
+def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> tuple[npt.NDArray[np.bool_], int]:
+    """Return which rows stay, of rows with the same time only the first, and how many of the others repeat it.
+
+    The times [s] and what stays are of shape (n,), one for each row.
+
+    Raises:
+        LogError: a time that goes backwards; many rows of one instant that read otherwise.
+    """
+    steps = np.diff(time)
+    if np.any(steps < 0):
+        row = int(np.flatnonzero(steps < 0)[0]) + 1
+        before = sheet.rows[row - 1][columns.index["time"]]
+        raise cell_error(sheet, columns, "time", row, "the time goes backwards:",
+                         f"not before {before}{_put_back_repeats(steps)}")
+    dropped = np.flatnonzero(steps == 0) + 1
+    kept = np.ones(len(time), dtype=np.bool_)
+    kept[dropped] = False
+    if not len(dropped):
+        return kept, 0
+    firsts = np.flatnonzero(kept)[np.cumsum(kept)[dropped] - 1]
+    other = _otherwise(sheet, columns, dropped, firsts)
+    if other:
+        _demand_one_heater(sheet, columns, dropped, firsts, other)
+    lines = ", ".join(str(sheet.lines[row]) for row in dropped[:_SHOWN])
+    lines += f" and {len(dropped) - _SHOWN} more" if len(dropped) > _SHOWN else ""
+    note = f"{count(len(dropped), 'row')} at the time of the row before dropped (line {lines})"
+    repairs.append(f"{note}; {len(other)} of them with another reading." if other else f"{note}.")
+    return kept, len(dropped) - len(other)
+
+
+def _put_back_repeats(steps: Array) -> str:
+    """Return what helps where a clock was put back by an hour, once, as at the end of summer time; else nothing."""
+    usual = float(np.median(steps))
+    if np.count_nonzero(steps < 0) > 1 or not abs(float(steps.min()) + _HOUR_S - usual) <= max(usual, 1.0):
+        return ""
+    return f"; where the clock was put back by an hour (end of summer time), --log-interval {usual:g} counts the rows"
+
+
+def _otherwise(sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows) -> list[int]:
+    """Return the rows that read otherwise than the first of their instant."""
+    used = [i for role, i in columns.index.items() if role not in ("time", "date")]
+    return [row for row, first in zip(dropped, firsts, strict=True)
+            if any(sheet.rows[row][i] != sheet.rows[first][i] for i in used)]
+
+
+def _demand_one_heater(
+    sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows, other: Sequence[int]
+) -> None:
+    for i in range(len(sheet.rows[0])):
+        if i not in columns.index.values() and (tags := _tags(sheet, i, dropped, firsts)):
+            name = sheet.header[i] if sheet.header else f"{i + 1}"
+            raise LogError(
+                f"line {sheet.lines[other[0]]} is of the same instant as the row before, with another reading; column "
+                f"{name!r} tells them apart ({', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''})",
+                file=sheet.file, expected=f"--tag {_quoted(tags[0])} --tag-column {_quoted(name)} to read one of them")
+    if len(other) > _MOST_LOST * len(sheet.rows):
+        problem = f"{len(other)} rows of {len(sheet.rows)} share an instant with another reading, the first:"
+        raise cell_error(sheet, columns, "time", other[0], problem,
+                      "a finer clock, or --log-interval with the seconds between two rows")
+
+
+def _tags(sheet: Sheet, i: int, dropped: Rows, firsts: Rows) -> list[str]:
+    """Return the few values of a column that differ within each instant; none where it does not tell rows apart."""
+    tags = list(dict.fromkeys(row[i] for row in sheet.rows))
+    figures = sum(is_number(tag) and not tag.isdigit() for tag in tags)
+    if not 2 <= len(tags) <= min(_MOST_TAGS, len(sheet.rows) / 4) or figures:
+        return []
+    apart = sum(sheet.rows[row][i] != sheet.rows[first][i] for row, first in zip(dropped, firsts, strict=True))
+    return tags if apart >= _TOLD * len(dropped) else []
+
+
+def _quoted(text: str) -> str:
+    return f'"{text}"' if " " in text else text
+
+
+#: unit of a temperature → how it is written
+SIGNS: Final = {
+    "degC": "°C", "degF": "°F", "K": "K", "0.1degC": "0.1 °C", "0.01degC": "0.01 °C", "0.1degF": "0.1 °F"}
+
+
+class TemperatureUnit(NamedTuple):
+    """Unit of the temperature.
+
+    Attributes:
+        name: the unit.
+        assumed: whether neither the file nor the user states it.
+        evidence: of an assumed unit, what excludes every other; empty: nothing does.
+        likely: of an assumed unit, the unit to propose.
+    """
+
+    name: str
+    assumed: bool
+    evidence: str = ""
+    likely: str = ""
+
+
+class FileNotation(NamedTuple):
+    """How time, temperature and power were written; without a power None; which of the units the user states."""
+
+    clock: str
+    temperature: TemperatureUnit
+    power: Power | None
+    stated: frozenset[str] = frozenset()
+
+
+class RowCounts(NamedTuple):
+    """Rows of a file.
+
+    Attributes:
+        read: that could have been readings, those aside that `TagTable` left out.
+        repeats: that only repeated the one before.
+        filled: in which a setpoint was put in.
+        put_back: that the file does not hold because nothing had changed.
+    """
+
+    read: int
+    repeats: int
+    filled: int
+    put_back: int = 0
+
+
+def taken_of(
+    file: str, sheet: Sheet, columns: Columns, tagged: TagTable, *, time: Array, written: FileNotation,
+    counts: RowCounts,
+    options: Mapping[str, Option],
+) -> ReadSummary:
+    """Return what was taken.
+
+    Args:
+        file: its name, as told to people.
+        sheet: the rows that were read.
+        columns: which column is what.
+        tagged: what was done about tags and flags.
+        time: of the readings that stayed, shape (n,) [s].
+        written: how its numbers were written.
+        counts: how many rows were what.
+        options: what the user or the file said about its rows.
+    """
+    clock, temperature, power, stated = written
+    grounds = temperature.evidence or "assumed"
+    how = {
+        "time": clock, "temperature": SIGNS[temperature.name] + (f", {grounds}" if temperature.assumed else ""),
+        "power": "" if power is None else power.written, "setpoint": "", "disturbance": "",
+    }
+    used = {role: (_names(sheet, columns, role), how[role]) for role in columns.index if role in how}
+    if clock == "counted":
+        used["time"] = ("row", f"{options['sample_time_s']:g} s")
+    if power is None:
+        used.pop("power", None)
+    return ReadSummary(
+        file=file, rows=len(time), interval_s=float(np.median(np.diff(time))) if len(time) > 1 else 0.0, columns=used,
+        rows_read=counts.read + tagged.lost, left_out=counts.read + tagged.lost + counts.put_back - len(time),
+        repeats=counts.repeats, repaired=counts.filled, unused=tagged.unused or _unused(sheet, columns, tagged, clock),
+        reading=_reading(sheet, columns, tagged, written, options), assumed=_assumed(written, time), stated=stated,
+    )
+
+
+def stated_units(asked: ReadSettings) -> frozenset[str]:
+    """Return the roles whose unit the user states."""
+    stated = {role for role, option in UNIT_OPTIONS.items() if getattr(asked, option) is not None}
+    return frozenset(stated | ({"time"} if asked.sample_time_s is not None else set()))
+
+
+def _assumed(written: FileNotation, time: Array) -> dict[str, str]:
+    """Return role → option that states its unit, of each unit without evidence: the likeliest one, to be checked."""
+    likely = {}
+    if written.clock.endswith(ASSUMED):
+        likely["time"] = likely_time_unit(time)
+    if written.temperature.assumed and not written.temperature.evidence:
+        likely["temperature"] = written.temperature.likely or written.temperature.name
+    if written.power is not None and written.power.written.endswith(ASSUMED):
+        likely["power"] = f"{written.power.likely_full_scale:g}"
+    return {role: f"--{UNIT_OPTIONS[role].replace('_', '-')} {unit}" for role, unit in likely.items()}
+
+
+def _names(sheet: Sheet, columns: Columns, role: str) -> str:
+    """Return a column as it is told: 'T1', 'Date' + 'Time', column 3 of a file without names."""
+    roles = ("date", role) if role == "time" and "date" in columns.index else (role,)
+    names = [columns.names[part] for part in roles]
+    return " + ".join(f"'{name}'" if sheet.header else f"column {name}" for name in names)
+
+
+def _unused(sheet: Sheet, columns: Columns, tagged: TagTable, clock: str) -> tuple[str, ...]:
+    used = {i for role, i in columns.index.items() if role != "time" or clock != "counted"}
+    flags = {tagged.options.get("quality_column"), tagged.options.get("tag_column")}
+    names = sheet.header or [f"{i + 1}" for i in range(len(sheet.rows[0]))]
+    return tuple(name for i, name in enumerate(names) if i not in used and name not in flags)
+
+
+def _reading(
+    sheet: Sheet, columns: Columns, tagged: TagTable, written: FileNotation, options: Mapping[str, Option]
+) -> dict[str, Option]:
+    """Return the options that repeat the reading, in the order in which people read a command."""
+    reading: dict[str, Option] = {name: value for name, value in options.items() if value}
+    if not tagged.is_long:
+        reading |= {f"{role}_column": _reference(sheet, i) for role, i in columns.index.items()
+                    if role != "time" or written.clock != "counted"}
+        reading |= {f"{role}_column": NO_COLUMN for role in ("power", "setpoint") if role not in columns.index}
+    reading |= tagged.options
+    unit = written.clock.partition(",")[0]
+    if unit in TIME_UNITS:
+        reading["time_unit"] = unit
+    reading["temperature_unit"] = written.temperature.name
+    if written.power is not None:
+        reading["power_full_scale"] = written.power.full_scale
+    return reading
+
+
+def _reference(sheet: Sheet, i: int) -> str:
+    """Return the name of a column where it has one of its own, else its number."""
+    name = sheet.header[i] if sheet.header else ""
+    is_own = name and sheet.header.count(name) == 1 and not name.isdecimal() and name != NO_COLUMN
+    return name if is_own else f"{i + 1}"
+
 
 _TO_DEGC: Final[dict[str, Callable[[Any], Any]]] = {
     "degC": lambda value: value, "degF": degF_to_degC, "K": kelvin_to_degC, "0.1degC": lambda value: 0.1 * value,

@@ -7,9 +7,8 @@ from typing import Final
 
 from heatertune import cache
 from heatertune.errors import HeatertuneError
-from heatertune.loops.diagnosis import Diagnosis
+from heatertune.loops.diagnosis import Diagnosis, day, times_worse
 from heatertune.loops.loop_values import Cause, LoopEntry
-from heatertune.loops.same_day import day, times_worse
 from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words

@@ -4,27 +4,222 @@ A door, a batch of goods, a draught act like steps of power through the heater's
 did, they bend the heater, the more the better its controller answers them. So both are sought at once: for given lags
 and dead time everything else is linear, and the load that explains most of what is left is added, one after the other,
 as long as the criterion of `heatertune.model.statistics.ar1_bic` falls. The readings without them then go to the fit.
+
+What a running loop's log has to say of its heater: power that was given, and readings, both at few rows.
+
+What a switch made of the duty that was logged: it waits for its next period, and it counts whole ticks.
+
+A PWM of 50 ticks gives power in steps of 2 %, whatever a controller asks for. In a loop that hardly moves the rest that
+it leaves out stays for minutes, and a heater that is found without it is bent by that rest: its dead time most of all.
+How many ticks there are nobody logs. But a wrong count explains nothing.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
+from scipy.signal import lfilter
 
 from heatertune.log.values import Log
-from heatertune.loops.excitation import PowerCourse, power_course, risen
 from heatertune.loops.measures import average_log, found_period_s
-from heatertune.loops.pwm_reconstruction import DutySwitch, phases, reconstruct_power, with_duty
 from heatertune.model.statistics import ar1_bic
 
-__all__ = ["LoadFreeLog", "LoadStep", "without_loads"]
+__all__ = [
+    "DutySwitch", "LoadFreeLog", "LoadStep", "PowerCourse", "phases", "power_course", "reconstruct_power", "risen",
+    "with_duty", "without_loads",
+]
+
 
 Array = npt.NDArray[np.float64]
+
+_ROWS: Final = 3000  # of the power's course
+_READINGS: Final = 400  # averages that are explained
+
+
+@dataclass(slots=True)
+class PowerCourse:
+    """What is to be explained.
+
+    Attributes:
+        time: of the rows, from 0 on [s], shape (n,); equally spaced.
+        power: held from each row to the next [%], shape (n,).
+        before: power before the first row [%].
+        readings: averages of so many rows each [°C], shape (m,).
+        middle: of the rows of each [s], shape (m,).
+        rest: whether the temperature had come to rest with that power.
+    """
+
+    time: Array
+    power: Array
+    before: float
+    readings: Array
+    middle: Array
+    rest: bool = False
+
+    @property
+    def step(self) -> float:
+        """Time between two rows [s]."""
+        return float(self.time[1])
+
+    @property
+    def length(self) -> float:
+        """Time of the last row [s]."""
+        return float(self.time[-1])
+
+    def mean(self, rows: Array) -> Array:
+        """Return averages of (n,) or (n, p), shape (m,) or (m, p)."""
+        m = len(self.readings)
+        each = len(self.time) // m
+        return np.asarray(rows[:m * each].reshape(m, each, *rows.shape[1:]).mean(axis=1))
+
+    def answer(self, lag: float, ratio: float, delay: float) -> Array:
+        """Return the power behind its lags and dead time [%], shape (m,)."""
+        keep = math.exp(-self.step / lag)
+        moved = lfilter([0.0, 1.0 - keep], [1.0, -keep], self.power - self.before)
+        if ratio > 0.0:
+            keep = math.exp(-self.step / (ratio * lag))
+            moved = lfilter([1.0 - keep], [1.0, -keep], moved)
+        return self.mean(np.interp(self.time - delay, self.time, moved, left=0.0))
+
+    def basis(self, lag: float, ratio: float, delay: float, loads: Sequence[float] | Array) -> Array:
+        """Return the columns of power, ambient, state at the start and loads, shape (m, …)."""
+        lags = [] if self.rest else [lag, ratio * lag] if ratio > 0.0 else [lag]
+        decays = [np.exp(-self.middle / each) for each in lags]
+        return np.column_stack([
+            self.answer(lag, ratio, delay), np.ones(len(self.readings)), *decays,
+            risen(self.middle, np.asarray(loads), lag, ratio)])
+
+
+def risen(time: Array, instants: Array, lag: float, ratio: float) -> Array:
+    """Return unit steps at the instants (p,) behind the lags, shape (n, p)."""
+    since = np.maximum(time[:, None] - instants[None, :], 0.0)
+    if ratio <= 0.0:
+        return np.asarray(1.0 - np.exp(-since / lag))
+    return np.asarray(1.0 - (np.exp(-since / lag) - ratio * np.exp(-since / (ratio * lag))) / (1.0 - ratio))
+
+
+def power_course(log: Log, before: float, pwm_period_s: float | None, *, rest: bool) -> PowerCourse:
+    """Return the course of a log.
+
+    Args:
+        log: with power.
+        before: power before it [%].
+        pwm_period_s: of its switch; None: not known.
+        rest: whether the temperature had come to rest with that power.
+    """
+    assert log.power_pct is not None
+    since = log.time_s - log.time_s[0]
+    step = max(float(np.median(np.diff(since))), float(since[-1]) / _ROWS)
+    time = step * np.arange(int(since[-1] / step + 1e-9) + 1, dtype=np.float64)
+    held = np.concatenate([[0.0], np.cumsum(log.power_pct[:-1] * np.diff(since))])
+    energy = np.interp(np.append(time, time[-1] + step), since, held)
+    power = np.append(np.diff(energy)[:-1] / step, log.power_pct[-1])
+    # averages over less than a PWM period would not be independent
+    each = max(1, len(time) // _READINGS, math.ceil((pwm_period_s or 0.0) / step - 1e-9))
+    course = PowerCourse(time, power, before, np.zeros(len(time) // each), np.zeros(0), rest)
+    course.middle, course.readings = course.mean(time), course.mean(np.interp(time, since, log.temperature_degC))
+    return course
+
+
+_PWM_RECONSTRUCTION_ROWS: Final = 3.0  # in a period: with fewer the log does not tell where it begins
+_PHASES: Final = 12
+_BY_LAW: Final = 20  # periods that a P and an I part are sought in, at least
+_ENDS_PCT: Final = (0.5, 99.5)  # duties that are no limit
+_OFF: Final = 0.5  # of a row's share of the period: as far as a duty may be from that of the rows, root mean square
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DutySwitch:
+    """How a duty becomes power.
+
+    Attributes:
+        ticks: of a period, of which a whole number is on; None: as many as it takes.
+        down: whether a part of a tick is left out; else the nearest number counts.
+        phase_s: when its first period begins, from the begin of the log on [s]; None: a duty acts at once.
+    """
+
+    ticks: int | None = None
+    down: bool = False
+    phase_s: float | None = None
+
+
+def phases(log: Log, period_s: float | None) -> list[float]:
+    """Return instants at which the first period may begin, from the begin of the log on [s]; none: too few rows."""
+    if period_s is None or period_s < _PWM_RECONSTRUCTION_ROWS * float(np.median(np.diff(log.time_s))):
+        return []
+    return [period_s * place / _PHASES for place in range(_PHASES)]
+
+
+def reconstruct_power(log: Log, switch: DutySwitch, period_s: float | None) -> Log:
+    """Return a log with the mean power of each row, as the switch gave it.
+
+    Args:
+        log: with the duty as its power.
+        switch: what makes power of it.
+        period_s: of the switch; None: not known, and its phase is not asked for.
+    """
+    assert log.power_pct is not None
+    power = log.power_pct
+    if switch.ticks is not None:
+        asked = power * (switch.ticks / 100.0)
+        power = (np.floor(asked + 1e-9) if switch.down else np.round(asked)) * (100.0 / switch.ticks)
+    if switch.phase_s is not None:
+        assert period_s is not None
+        first, last = float(log.time_s[0]), float(log.time_s[-1])
+        begins = np.arange(first + switch.phase_s - period_s, last + 2.0 * period_s, period_s)
+        taken = power[np.maximum(np.searchsorted(log.time_s, begins + 1e-9 * period_s, side="right") - 1, 0)]
+        energy = np.concatenate([[0.0], np.cumsum(taken[:-1]) * period_s])
+        ends = np.append(log.time_s, 2.0 * last - log.time_s[-2])
+        power = np.diff(np.interp(ends, begins, energy)) / np.diff(ends)
+    return replace(log, power_pct=np.clip(power, 0.0, 100.0))
+
+
+def with_duty(log: Log, period_s: float) -> Log:
+    """Return a log of a switch with the duty that its controller asked for, finer than its rows tell.
+
+    Whatever the controller, its duty is P on the error, its integral and a constant, where the rows say so: these three
+    are found from all periods together, each of which tells its duty to a row. Where no such law keeps to the rows, the
+    log is returned as it is.
+
+    Args:
+        log: whose power is on or off, with its setpoint.
+        period_s: of the switch.
+    """
+    assert log.power_pct is not None
+    if log.setpoint_degC is None:
+        return log
+    time, on = log.time_s, log.power_pct
+    rises = time[1:][np.diff((on > 50.0).astype(int)) > 0]
+    count = np.round((rises - rises[0]) / period_s)
+    phase = float((rises - count * period_s).mean())
+    begins = phase + period_s * np.arange(math.ceil((time[0] - phase) / period_s), int((time[-1] - phase) / period_s))
+    duty = np.diff(_energy(time, on, np.append(begins, begins[-1] + period_s))) / period_s
+    between = (duty > _ENDS_PCT[0]) & (duty < _ENDS_PCT[1])
+    if np.count_nonzero(between) < _BY_LAW:
+        return log
+    error = log.setpoint_degC - log.temperature_degC
+    seen = error[np.maximum(np.searchsorted(time, begins + 1e-9 * period_s, side="right") - 1, 0)]
+    mean = np.diff(_energy(time, error, np.append(begins, begins[-1] + period_s)))
+    summed = np.concatenate([[0.0], np.cumsum(np.where(between, mean, 0.0))[:-1]])
+    law = np.column_stack([seen, summed, np.ones(len(begins))])
+    told = np.clip(law @ np.linalg.lstsq(law[between], duty[between], rcond=None)[0], 0.0, 100.0)
+    row = 100.0 * float(np.median(np.diff(time))) / period_s
+    if float(np.sqrt(np.mean((told - duty)[between] ** 2))) > _OFF * row:
+        return log
+    rows = np.maximum(np.searchsorted(begins, time + 1e-9 * period_s, side="right") - 1, 0)
+    return replace(log, power_pct=np.where(between, told, np.clip(duty, 0.0, 100.0))[rows])
+
+
+def _energy(time: Array, held: Array, at: Array) -> Array:
+    """Return the integral of what is held from each row to the next, at instants."""
+    return np.asarray(np.interp(at, time, np.concatenate([[0.0], np.cumsum(held[:-1] * np.diff(time))])))
+
 
 _INSTANTS: Final = 120  # tried for a load
 _EDGES: Final = (0.08, 0.97)  # of the log: what happens before is the start's, and after it nobody sees it answered

@@ -8,7 +8,7 @@ from typing import Final, TypeVar
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.model.intervals import RATIO, Interval
+from heatertune.model.statistics import RATIO, Interval
 from heatertune.model.values import Candidate, FittedModel, HeaterModel
 
 __all__ = ["cools", "middle_degC", "mirror_heater", "mirrored_log", "mirrored_model"]

@@ -11,7 +11,7 @@ import numpy as np
 from heatertune.log.read_summary import ReadSummary
 from heatertune.log.values import Log
 from heatertune.model.findings import Finding
-from heatertune.model.intervals import Interval
+from heatertune.model.statistics import Interval
 from heatertune.model.values import FitOutcome, FittedModel
 from heatertune.units import degF_to_degC
 

@@ -12,16 +12,38 @@ from typing import Any
 
 import numpy as np
 
-from heatertune.codec import FLAT, LEFT_OUT, OrUnknown, construct_from, decode, encode, register_schema
-from heatertune.documents import plain, read_document
+from heatertune.codec import (
+    FLAT,
+    LEFT_OUT,
+    OrUnknown,
+    construct_from,
+    decode,
+    encode,
+    plain,
+    read_document,
+    register_schema,
+)
 from heatertune.errors import DocumentError
-from heatertune.model.check_results import Half, HeldOut, InputCorrelation, Validation, disagreeing_parameters
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.findings import Finding
-from heatertune.model.intervals import Interval
 from heatertune.model.manual_model import model_by_hand
+from heatertune.model.statistics import Interval
 from heatertune.model.validation import LJUNG_BOX_95
-from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, HeaterModel, OneLog, Residuals, TwoLag
+from heatertune.model.values import (
+    Candidate,
+    FitOutcome,
+    FittedModel,
+    Fopdt,
+    Half,
+    HeaterModel,
+    HeldOut,
+    InputCorrelation,
+    OneLog,
+    Residuals,
+    TwoLag,
+    Validation,
+    disagreeing_parameters,
+)
 
 __all__ = [
     "SCHEMA", "CorrelationView", "ModelView", "ValidationView", "WhitenessView", "from_document", "read_model",

@@ -18,6 +18,7 @@ from heatertune.model.diagnostics import Remark, findings_of, unit_findings
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.findings import Finding
 from heatertune.model.manual_model import model_by_hand
+from heatertune.model.outliers import undisturbed_part
 from heatertune.model.power.explanation import Explanation, explain_log
 from heatertune.model.power.feedback import loop_remarks
 from heatertune.model.power.fit_logs import fit_logs
@@ -26,11 +27,9 @@ from heatertune.model.power.known_controller import KnownController, compare, of
 from heatertune.model.power.load_steps import is_sensible
 from heatertune.model.power.regressors import AMBIENT
 from heatertune.model.relay.relay_log import with_relay
-from heatertune.model.temperature.closed_loop import Bounds
+from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
 from heatertune.model.temperature.fit_temperature import fit_temperature
-from heatertune.model.temperature.law import ControllerLaw
 from heatertune.model.values import FitOutcome, FittedModel
-from heatertune.model.windows import undisturbed_part
 from heatertune.options import merge_options
 from heatertune.settings import FitSettings
 from heatertune.units import check

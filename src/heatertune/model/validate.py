@@ -2,35 +2,36 @@
 
 The simulation runs free: no reading corrects it. Only the heater's state at the first reading is fitted, as nothing
 logs it; the ambient is the model's own, or a given one, since a room differs from day to day.
+
+Verdict → the JSON document that `heatertune validate` writes.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.codec import construct_from, encode, register_schema
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.model.check_results import InputCorrelation
 from heatertune.model.cooler_mirror import cools, middle_degC, mirror_heater, mirrored_log, mirrored_model
-from heatertune.model.outliers import replace_outliers
-from heatertune.model.power.feedback import feedback_notes
-from heatertune.model.power.input_correlation import input_correlation
-from heatertune.model.power.log_arrays import Readings
+from heatertune.model.document import CorrelationView, WhitenessView
+from heatertune.model.outliers import replace_outliers, undisturbed_part
+from heatertune.model.power.feedback import feedback_notes, input_correlation
 from heatertune.model.power.open_loop import FixedUnknowns, PowerProblem
-from heatertune.model.power.regressors import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE
+from heatertune.model.power.regressors import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE, Readings
 from heatertune.model.statistics import fit_pct
 from heatertune.model.validation import ljung_box
-from heatertune.model.values import FittedModel, HeaterModel, TwoLag
-from heatertune.model.windows import undisturbed_part
+from heatertune.model.values import FittedModel, HeaterModel, InputCorrelation, TwoLag
 from heatertune.options import merge_options
 from heatertune.settings import ValidateSettings
 
-__all__ = ["MOST_BIAS_PCT", "ValidationRun", "Verdict", "validate"]
+__all__ = ["MOST_BIAS_PCT", "ValidationRun", "Verdict", "VerdictView", "to_document", "validate"]
+
 
 Array = npt.NDArray[np.float64]
 
@@ -223,3 +224,60 @@ def _verdict_notes(
             f"by chance up to {seen.limit:.2f}): gain, lags or dead time are not quite those of this log."
         )
     return notes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _CriterionDocument:
+    value: float
+    limit: float
+    unit: str
+    ok: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Criteria:
+    fit: _CriterionDocument
+    bias: _CriterionDocument
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Run:
+    label: str
+    ambient_degC: float
+    fit_pct: float
+    bias_degC: float
+    rmse_degC: float
+    free_fit_pct: float
+    free_ambient_degC: float
+    whiteness: WhitenessView
+    input_crosscorrelation: CorrelationView | None
+
+
+@register_schema("heatertune/validation/1")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerdictView:
+    """What is written of a verdict: the criteria with their limits, and every model's run."""
+
+    log: str
+    verdict: Literal["PASS", "FAIL"]
+    fails: tuple[str, ...]
+    worst: str
+    criteria: _Criteria
+    runs: tuple[_Run, ...]
+    notes: tuple[str, ...]
+
+
+def to_document(verdict: Verdict) -> dict[str, Any]:
+    """Return the document of a verdict."""
+    worst = verdict.runs[verdict.worst]
+    runs = tuple(construct_from(
+        _Run, run, whiteness=WhitenessView.of(run.ljung_box),
+        input_crosscorrelation=CorrelationView.of(run.input_correlation)) for run in verdict.runs)
+    document: dict[str, Any] = encode(construct_from(
+        VerdictView, verdict, verdict="FAIL" if verdict.fails else "PASS", worst=worst.label, runs=runs,
+        criteria=_Criteria(
+            fit=_CriterionDocument(value=worst.fit_pct, limit=verdict.least_fit_pct, unit="%",
+                                   ok="fit" not in verdict.fails),
+            bias=_CriterionDocument(value=verdict.bias_degC, limit=verdict.most_bias_degC, unit="°C",
+                            ok="bias" not in verdict.fails))))
+    return document

@@ -11,8 +11,8 @@ from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
 from heatertune.pid.continuous.optimum import margins as continuous_margins
 from heatertune.pid.continuous.tune import assess_design
-from heatertune.pid.loop.response import iae_load
 from heatertune.pid.loop.robustness import margins
+from heatertune.pid.loop.sampled import iae_load
 from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.values import PidDesign
 

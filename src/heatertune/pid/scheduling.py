@@ -12,7 +12,7 @@ from heatertune.pid.values import PidDesign
 __all__ = ["told_about_faces"]
 
 #: how the law of a candidate ends that is one face of a heater with two time constants, and what the heater does then;
-#: `heatertune.model.power.fit_power` writes it, `heatertune.model.power.state_dependent` finds it
+#: `heatertune.model.power.fit_power` writes it, `heatertune.model.power.nonlinear` finds it
 _FACES: Final = {"heating": "warms", "cooling": "cools"}
 
 Alone = Callable[[HeaterModel], tuple[PidDesign, Callable[[PidDesign], float]]]

@@ -14,8 +14,8 @@ from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.options import merge_options, options_of
 from heatertune.pid.continuous.tune import tune_continuous
 from heatertune.pid.explain import explain
-from heatertune.pid.loop.response import dominant_time_s, iae_load, iae_setpoint
 from heatertune.pid.loop.robustness import margins, noise_gain, worst
+from heatertune.pid.loop.sampled import dominant_time_s, iae_load, iae_setpoint
 from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.scheduling import told_about_faces
 from heatertune.pid.search.feasible import Problem, search

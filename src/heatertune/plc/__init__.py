@@ -11,11 +11,10 @@ from heatertune.lazy import lazy_attributes
 from heatertune.plc.targets import ALIKE, COOLING, GROUPS, NAMES, TARGETS
 
 if TYPE_CHECKING:
-    from heatertune.plc.boost import Boost
     from heatertune.plc.controller import Controller, controller_for
     from heatertune.plc.core import ControllerState, Scan, StepFunctions, Timing, count
     from heatertune.plc.open_points import OpenPoint
-    from heatertune.plc.ramp import Number, Ramp
+    from heatertune.plc.ramp import Boost, Number, Ramp
     from heatertune.plc.words import Certificate, Scaling, WordField, Words
 
 __all__ = [
@@ -42,10 +41,9 @@ __all__ = [
 ]
 
 __getattr__, __dir__ = lazy_attributes(__name__, {
-    "plc.boost": ("Boost",),
+    "plc.ramp": ("Boost", "Number", "Ramp"),
     "plc.controller": ("Controller", "controller_for"),
     "plc.core": ("StepFunctions", "ControllerState", "Scan", "Timing", "count"),
     "plc.open_points": ("OpenPoint",),
-    "plc.ramp": ("Number", "Ramp"),
     "plc.words": ("Certificate", "Scaling", "WordField", "Words"),
 })

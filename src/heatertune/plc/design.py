@@ -14,7 +14,7 @@ from heatertune.options import merge_options
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
-from heatertune.progress import ProgressCallback
+from heatertune.processors import ProgressCallback
 from heatertune.settings import TuneSettings
 
 __all__ = ["encode", "loop_fit", "tune"]

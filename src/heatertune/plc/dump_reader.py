@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.files import read_bytes
 from heatertune.pid.values import PidDesign
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import settings_of
 from heatertune.plc.readback import lines_of, text_of, wrong
 from heatertune.plc.words import Scaling, Words, check_fields
+from heatertune.writing import read_bytes
 
 __all__ = ["Machine", "content_of", "read_machine", "realised_design"]
 

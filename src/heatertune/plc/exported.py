@@ -11,8 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.plc.boost import Boost
-from heatertune.plc.ramp import Number
+from heatertune.plc.ramp import Boost, Number
 
 __all__ = ["CallInputs", "CallOutputs", "CallResult", "ExportedInPlc", "Loads", "Numbers", "TextSettings"]
 

@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from heatertune.errors import LogError
-from heatertune.files import read_bytes
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import Scan
 from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import FLOATS, FORMATS, Words, holds
+from heatertune.writing import read_bytes
 
 __all__ = ["powers", "read_inputs", "replay"]
 

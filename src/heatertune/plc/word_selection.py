@@ -1,4 +1,9 @@
-"""Which words a design becomes: each rounded on its own, or the best whole numbers the controller can hold."""
+"""Which words a design becomes: each rounded on its own, or the best whole numbers the controller can hold.
+
+Words that were chosen, and how they were found.
+
+Whether words keep what their design promises on the heaters drawn from a fit: rounding may break it.
+"""
 
 from __future__ import annotations
 
@@ -14,20 +19,146 @@ import numpy as np
 from heatertune import cache
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.pid.loop.response import iae_load
+from heatertune.pid.document import promise_document
 from heatertune.pid.loop.robustness import sensitivity_peaks
+from heatertune.pid.loop.sampled import iae_load
 from heatertune.pid.search.integers import IntegerOptimum, Integers, Vector, best_integers
-from heatertune.pid.search.robust import Open
-from heatertune.pid.search.uncertain import draw_heaters, ms_over
-from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, Words, controller_for
+from heatertune.pid.search.robust import ROBUST, BrokenLimit, Open, draw_heaters, ms_over
+from heatertune.pid.values import PidDesign, Promise
+from heatertune.plc import Number, Scaling, Words, controller_for
 from heatertune.plc.design import encode, loop_fit, tune
-from heatertune.plc.robustness_check import broken_by, demand_kept
-from heatertune.plc.word_choice import Optimum, RealisedResult, WordChoice, WordSearch
-from heatertune.progress import ProgressCallback
+from heatertune.processors import ProgressCallback
 from heatertune.settings import TuneSettings
 
-__all__ = ["WAYS", "choose_words", "realised_as", "search_document", "tune_for_words"]
+__all__ = [
+    "WAYS",
+    "Optimum",
+    "RealisedResult",
+    "WordChoice",
+    "WordSearch",
+    "broken_by",
+    "choose_words",
+    "demand_kept",
+    "realised_as",
+    "search_document",
+    "tune_for_words",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RealisedResult:
+    """What words are on the heaters; a number that is not finite, and all of a controller that is no PID, are None.
+
+    Attributes:
+        iae_load: mean load IAE [°C·s].
+        gap_pct: how much more than that of the unrounded design [%].
+        ms: the worst Ms.
+    """
+
+    iae_load: float | None
+    gap_pct: float | None
+    ms: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Optimum:
+    """What a search over whole numbers shows, and what plain rounding would have been.
+
+    Attributes:
+        proven: whether no other words are better.
+        left_open_pct: by how much others may be [%].
+        rounded_words: the words of plain rounding.
+        rounded: what they are on the heaters.
+    """
+
+    proven: bool
+    left_open_pct: float
+    rounded_words: Mapping[str, Number]
+    rounded: RealisedResult
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WordSearch:
+    """How words were found.
+
+    Attributes:
+        way: "rounded", "optimum" or "refined".
+        realised: what the words are on the heaters.
+        ms_limit: they had to keep; None: the design itself is not stable on all heaters.
+        iae_load_wished: mean load IAE of the unrounded design [°C·s]; None: without end.
+        notes: one sentence each.
+        optimum: what the search shows; None: the words are rounded.
+        promise: what they keep on drawn heaters, too.
+    """
+
+    way: str
+    realised: RealisedResult
+    ms_limit: float | None
+    iae_load_wished: float | None
+    notes: tuple[str, ...]
+    optimum: Optimum | None = None
+    promise: Promise | None = None
+
+    def to_document(self) -> dict[str, Any]:
+        """Return the JSON object."""
+        document: dict[str, Any] = {
+            "way": self.way, **asdict(self.realised), "ms_limit": self.ms_limit,
+            "iae_load_wished": self.iae_load_wished}
+        if self.optimum is not None:
+            plain = self.optimum.rounded
+            document |= {
+                "proven": self.optimum.proven, "left_open_pct": self.optimum.left_open_pct,
+                "rounded": {"words": dict(self.optimum.rounded_words), "iae_load": plain.iae_load, "ms": plain.ms,
+                            "gap_pct": plain.gap_pct}}
+        document["notes"] = list(self.notes)
+        return document if self.promise is None else document | {"robust": promise_document(self.promise)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WordChoice:
+    """Words, and how they were found."""
+
+    words: Words
+    search: WordSearch
+
+    def with_note(self, note: str) -> WordChoice:
+        """Return the same with one more sentence."""
+        return replace(self, search=replace(self.search, notes=(*self.search.notes, note)))
+
+
+def broken_by(words: Words, heaters: Open, promise: Promise) -> BrokenLimit | None:
+    """Return where words break a promise, None where they keep it, are no PID controller, or have no heaters."""
+    design = controller_for(words.target).decode(words)
+    return None if design is None else heaters.broken(promise, design)
+
+
+def demand_kept(words: Words, promise: Promise, fitted: FittedModel, *, told_only: bool = False) -> str:
+    """Return the sentence that tells whether words keep a promise.
+
+    Args:
+        words: what the PLC will hold.
+        promise: on the heaters drawn from the fit.
+        fitted: what they are drawn from.
+        told_only: words that break the promise are told, not refused.
+
+    Raises:
+        NotRepresentable: the words break it.
+    """
+    heaters, where = Open.of(fitted, promise.way), ROBUST[promise.way]
+    if not len(heaters):
+        return "Whether the words keep the limits on drawn heaters cannot be told: this model has no intervals."
+    broken = broken_by(words, heaters, promise)
+    if broken is None:
+        return f"Of the {len(heaters)} heaters drawn from the fit, {where} keep the limits with the words too."
+    name, limit = broken.name.capitalize(), promise.limits[broken.name]
+    if not told_only:
+        raise NotRepresentable(
+            f"{name} of the words on the heaters drawn from the fit ({where})", broken.value, f"<= {limit:g}",
+            "a slower TA makes the words finer (--sample-time words seeks one), or loosen the limit",
+        )
+    return (f"Rounding breaks the limits that were asked for on the heaters drawn from the fit ({where}): {name} is "
+            f"{broken.value:.4g}, {100.0 * (broken.value / limit - 1.0):.2g} % above {limit:g}.")
+
 
 #: how words are found; auto: the optimum for a design that is an optimum itself, else what was asked for is kept
 WAYS: Final = ("auto", "optimum", "rounded")

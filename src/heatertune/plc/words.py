@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING, Final, cast
 
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.hooks import runner
 from heatertune.pid.timer import Timer
-from heatertune.plc.boost import Boost
 from heatertune.plc.pwm import Actuator
-from heatertune.plc.ramp import Number, Ramp
+from heatertune.plc.ramp import Boost, Number, Ramp
 from heatertune.plc.single_precision import is_single, single
-from heatertune.show import NotebookDisplay
+from heatertune.show import NotebookDisplay, runner
 from heatertune.units import check
 
 if TYPE_CHECKING:

@@ -6,14 +6,13 @@ from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from heatertune.plc.pwm import Actuator, pid_compact, pulsegen
-    from heatertune.proof.acceptance import Acceptance
-    from heatertune.proof.coverage import Coverage
+    from heatertune.proof.acceptance import Acceptance, Coverage
     from heatertune.proof.criteria import Criterion, LoopLimits
-    from heatertune.proof.ideal import simulate_wish
     from heatertune.proof.interlock import Interlock
     from heatertune.proof.loop import simulate
     from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, replay
     from heatertune.proof.monte_carlo.quantiles import SampleProof, prove_samples
+    from heatertune.proof.pictures import simulate_wish
     from heatertune.proof.proof import Proof, RunResult, prove_models
     from heatertune.proof.prove_words import prove
     from heatertune.proof.scenario import (
@@ -66,11 +65,10 @@ __all__ = [
 
 __getattr__, __dir__ = lazy_attributes(__name__, {
     "plc.pwm": ("Actuator", "pid_compact", "pulsegen"),
-    "proof.acceptance": ("Acceptance",),
-    "proof.coverage": ("Coverage",),
+    "proof.acceptance": ("Acceptance", "Coverage"),
     "proof.criteria": ("Criterion", "LoopLimits"),
     "proof.prove_words": ("prove",),
-    "proof.ideal": ("simulate_wish",),
+    "proof.pictures": ("simulate_wish",),
     "proof.interlock": ("Interlock",),
     "proof.trace_criteria": ("judge",),
     "proof.loop": ("simulate",),

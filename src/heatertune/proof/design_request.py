@@ -5,21 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from heatertune.model.values import FittedModel
-from heatertune.pid.design_provenance import DesignProvenance
+from heatertune.pid.document import DesignProvenance
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.cooler import with_cooling
 from heatertune.plc.cycle import with_pwm_period
 from heatertune.plc.design import tune
-from heatertune.plc.word_choice import WordChoice
-from heatertune.plc.word_selection import choose_words, tune_for_words
-from heatertune.progress import ProgressCallback
+from heatertune.plc.word_selection import WordChoice, choose_words, tune_for_words
+from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
 from heatertune.proof.interlock import demand_none
 from heatertune.proof.prove_words import told_of_aim, tune_settings_for
 from heatertune.proof.pwm_period import with_pwm
-from heatertune.proof.rebuild_words import files_of, recorded_conditions
 from heatertune.proof.refine import refine
+from heatertune.proof.repetition import files_of, recorded_conditions
 from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.settings import Conditions, SampleSettings, TuneSettings, WordSettings
 from heatertune.units import count

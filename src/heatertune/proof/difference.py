@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from heatertune.documents import data_folder, existing_path, peek_schema, read_document
+from heatertune.codec import data_folder, existing_path, peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused, InputError
 from heatertune.pid.document import SCHEMA as DESIGN_SCHEMA
 from heatertune.pid.document import read_design
@@ -153,7 +153,7 @@ def _designed(path: str, given: DeclaredWords, other: Side | None) -> Side:
     schema = peek_schema(path)
     if schema != DESIGN_SCHEMA:
         raise DocumentError(f"{path}: schema is {schema!r}; expected {WORDS_SCHEMA!r} or {DESIGN_SCHEMA!r}")
-    from heatertune.proof.rebuild_words import apply_provenance, made_again  # noqa: PLC0415 - dumps need none of its libraries
+    from heatertune.proof.repetition import apply_provenance, made_again  # noqa: PLC0415 - dumps need none of its libraries
 
     design, model, recipe = read_design(path)
     is_own = recipe is not None and given.target in (None, recipe.target) and not given.scales

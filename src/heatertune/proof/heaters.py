@@ -1,10 +1,21 @@
-"""The heaters that a fit leaves possible, as a proof takes them."""
+"""The heaters that a fit leaves possible, as a proof takes them.
+
+Mains voltage that is low or high from the heat-up to the end of the test sequence.
+
+EN 50160 allows ±10 % of the voltage, which is 81 and 121 % of the power. A controller that keeps its limits while the
+voltage changes at rest may still wind up, overshoot or stay outside its window where the heater has less or more power
+for the whole sequence. So each plausible heater also runs with its gain times these shares.
+
+Criteria of time and cost (settling and recovery time as specified, IAE, power reserve) hold for the rated power alone:
+less power takes longer, whatever the controller does. All others hold at each power. How long a part may take then
+follows from what the heater can do at that power.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -13,12 +24,81 @@ from heatertune.model.cooler_mirror import cools
 from heatertune.model.findings import Finding
 from heatertune.model.outliers import replace_outliers
 from heatertune.model.values import FitOutcome, FittedModel, HeaterModel
-from heatertune.proof.scenario import can_hold
+from heatertune.proof.criteria import LoopLimits
+from heatertune.proof.scenario import Scenario, can_hold
 
 __all__ = [
-    "ROOM_DEGC", "beyond_log", "covered_degC", "default_setpoint", "holding_heaters", "labelled_heaters", "left_out",
-    "range_is_unknown", "unreachable_findings",
+    "MAINS_POWERS",
+    "RATED_ONLY",
+    "RESERVE_PCT",
+    "ROOM_DEGC",
+    "MainsScenario",
+    "Supply",
+    "beyond_log",
+    "covered_degC",
+    "default_setpoint",
+    "holding_heaters",
+    "labelled_heaters",
+    "left_out",
+    "limits_off_rated",
+    "mains_label",
+    "range_is_unknown",
+    "scale_power",
+    "unreachable_findings",
 ]
+
+
+#: ±10 % of the voltage (EN 50160), as a share of the rated power
+MAINS_POWERS: Final = (0.9**2, 1.1**2)
+#: power that is left over where a load or a low mains voltage is tested [%]
+RESERVE_PCT: Final = 5.0
+#: criteria that hold for the rated power alone
+RATED_ONLY: Final = frozenset({"iae", "power_reserve"})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MainsScenario:
+    """The test sequence at another mains voltage.
+
+    Attributes:
+        mains_power: full power as a share of the rated one.
+        scenario: of each run at this power.
+    """
+
+    mains_power: float
+    scenario: Scenario
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Supply:
+    """The heaters that run at another mains voltage.
+
+    Attributes:
+        mains_power: full power as a share of the rated one.
+        scenario: of each run at this power.
+        models: (label, heater with its gain at this power).
+    """
+
+    mains_power: float
+    scenario: Scenario
+    models: tuple[tuple[str, HeaterModel], ...]
+
+
+def scale_power(model: HeaterModel, mains_power: float) -> HeaterModel:
+    """Return a heater whose full power is this share of the rated one."""
+    return replace(model, gain_degC_per_pct=mains_power * model.gain_degC_per_pct)
+
+
+def mains_label(mains_power: float) -> str:
+    """Return a mains voltage as people know it: "mains −10 %"."""
+    volts_pct = round(100.0 * (math.sqrt(mains_power) - 1.0))
+    return f"mains {'−' if volts_pct < 0 else '+'}{abs(volts_pct)} %"
+
+
+def limits_off_rated(limits: LoopLimits) -> LoopLimits:
+    """Return the limits that hold at other than the rated power: those of time and cost do not."""
+    return replace(limits, settling_s=None, recovery_s=None, iae_degC_s=None, power_reserve_pct=None)
+
 
 #: ambient assumed where neither the log nor the user tells it [°C]
 ROOM_DEGC: Final = 20.0

@@ -21,13 +21,13 @@ from heatertune.plc.pwm import INSTANT_S, Actuator
 from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import single, to_single
 from heatertune.plc.words import Words
-from heatertune.proof.event_table import events_of
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import LoopBatch, TraceArrays, run, run_all
 from heatertune.proof.meter import Meter, no_meter
 from heatertune.proof.scenario import (
     Scenario,
     conditions,
+    events_of,
     temperatures,
 )
 from heatertune.proof.setpoint_program import SetpointProgram, asked_now

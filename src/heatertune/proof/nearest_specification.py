@@ -16,11 +16,10 @@ from heatertune.plc import Words, controller_for
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.document import LIMIT_OF
 from heatertune.proof.heaters import ROOM_DEGC
-from heatertune.proof.presets import default_limit
 from heatertune.proof.proof import Proof
 from heatertune.proof.prove_words import prove
 from heatertune.proof.spec_file import specification_of
-from heatertune.proof.specification import LIMITS, quantity
+from heatertune.proof.specification import LIMITS, default_limit, quantity
 from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import Conditions
 from heatertune.units import written

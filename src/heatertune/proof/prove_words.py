@@ -16,27 +16,29 @@ from heatertune.plc import Words, controller_for
 from heatertune.plc.cooler import with_cooler
 from heatertune.plc.inputs import has_ends
 from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
-from heatertune.progress import ProgressCallback
-from heatertune.proof.acceptance import Acceptance
-from heatertune.proof.coverage import Coverage, Run
-from heatertune.proof.criteria import LoopLimits
-from heatertune.proof.criterion_table import band_of
+from heatertune.processors import ProgressCallback
+from heatertune.proof.acceptance import Acceptance, Coverage, Run
+from heatertune.proof.criteria import LoopLimits, band_of
 from heatertune.proof.heaters import (
+    MAINS_POWERS,
+    RESERVE_PCT,
+    Supply,
     beyond_log,
     default_setpoint,
     holding_heaters,
     left_out,
+    limits_off_rated,
+    mains_label,
     range_is_unknown,
+    scale_power,
     unreachable_findings,
 )
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.loop import MOST_SCANS
-from heatertune.proof.mains import MAINS_POWERS, RESERVE_PCT, Supply, limits_off_rated, mains_label, scale_power
 from heatertune.proof.proof import Proof, prove_models
-from heatertune.proof.sequence_plan import LoopTiming, SequencePlan
 from heatertune.proof.spec_file import specification_of
 from heatertune.proof.specification import Specification
-from heatertune.proof.test_sequence import story_for
+from heatertune.proof.test_sequence import LoopTiming, SequencePlan, story_for
 from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions, TuneSettings
 

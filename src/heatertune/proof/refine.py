@@ -19,10 +19,8 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.cooler import with_cooling
 from heatertune.plc.design import encode, loop_fit
-from heatertune.plc.robustness_check import broken_by
-from heatertune.plc.word_choice import WordChoice
-from heatertune.plc.word_selection import realised_as
-from heatertune.progress import ProgressCallback
+from heatertune.plc.word_selection import WordChoice, broken_by, realised_as
+from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, prove
 from heatertune.settings import Conditions
 from heatertune.units import written

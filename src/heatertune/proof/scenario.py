@@ -1,17 +1,26 @@
-"""What a loop has to live through: heat-up, then disturbances, and a sensor that is not quiet."""
+"""What a loop has to live through: heat-up, then disturbances, and a sensor that is not quiet.
+
+What may happen to a loop, each at its instant: disturbances, other setpoints, power that fails.
+
+What happens to many loops, as the kernel is told it: each disturbance at its instant, the earliest first.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
-from heatertune.proof.events import Disturbance, Load, Mains, NewSetpoint, PlcPower, SetpointRampEvent, TemperatureStep
+from heatertune.proof.kernel import JUMP, LOAD, MAINS, PHASE
 from heatertune.units import check
 
 __all__ = [
@@ -30,12 +39,138 @@ __all__ = [
     "conditions",
     "delay_heater",
     "event_name",
+    "events_of",
     "kinds_of",
     "paper_scenario",
     "phases_of",
     "scenario_for",
     "temperatures",
 ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TemperatureStep:
+    """The temperature of every lag jumps at once: cold goods, an opened door.
+
+    Attributes:
+        time_s: [s].
+        temperature_degC: the jump, signed [°C].
+    """
+
+    time_s: float
+    temperature_degC: float
+
+    def __post_init__(self) -> None:
+        check("time_s", self.time_s, above=0.0)
+        check("temperature_degC", self.temperature_degC)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Load:
+    """A power that is added at the heater's input from then on: a draught, a second source of heat.
+
+    It acts after the dead time, as the heater's own power does.
+
+    Attributes:
+        time_s: [s].
+        power_pct: added to all that is there already, signed [% of full power].
+    """
+
+    time_s: float
+    power_pct: float
+
+    def __post_init__(self) -> None:
+        check("time_s", self.time_s, above=0.0)
+        check("power_pct", self.power_pct)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewSetpoint:
+    """Another temperature is asked for from then on.
+
+    Attributes:
+        time_s: [s].
+        setpoint_degC: [°C]. A ramp on the way to it belongs to the words.
+        small: True: the change is so small that its overshoot is judged as a share of it; None: as one of the rise.
+        unheld: True: no power holds it, so the heater cools down towards its ambient and no criterion judges the phase;
+            None: every heater holds it.
+    """
+
+    time_s: float
+    setpoint_degC: float
+    small: bool | None = field(default=None, metadata=LEFT_OUT)
+    unheld: bool | None = field(default=None, metadata=LEFT_OUT)
+
+    def __post_init__(self) -> None:
+        check("time_s", self.time_s, above=0.0)
+        check("setpoint_degC", self.setpoint_degC)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mains:
+    """The mains change: the heater's power is multiplied from then on, which acts after the dead time.
+
+    Attributes:
+        time_s: [s].
+        share: of the rated power that full power then is; 0: the heater's circuit is open, and the PLC runs on.
+    """
+
+    time_s: float
+    share: float
+
+    def __post_init__(self) -> None:
+        check("time_s", self.time_s, above=0.0)
+        check("share", self.share, least=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlcPower:
+    """The PLC loses its supply, and the heater with it, or gets it back and starts up.
+
+    Attributes:
+        time_s: [s].
+        on: whether it has its supply from then on.
+    """
+
+    time_s: float
+    on: bool
+
+    def __post_init__(self) -> None:
+        check("time_s", self.time_s, above=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetpointRampEvent:
+    """The program around the controller leads the setpoint straight from one temperature to another, and stays there.
+
+    It is set anew at each scan. A PLC without supply gets it and starts up.
+
+    Attributes:
+        time_s: [s].
+        from_degC: setpoint at the begin [°C].
+        setpoint_degC: setpoint at the end; the same: a soak [°C].
+        duration_s: of the way [s].
+    """
+
+    time_s: float
+    from_degC: float
+    setpoint_degC: float
+    duration_s: float
+
+    def __post_init__(self) -> None:
+        check("time_s", self.time_s, above=0.0)
+        check("from_degC", self.from_degC)
+        check("setpoint_degC", self.setpoint_degC)
+        check("duration_s", self.duration_s, above=0.0)
+
+    @property
+    def degC_per_s(self) -> float:
+        """How fast the setpoint moves [°C/s]."""
+        return (self.setpoint_degC - self.from_degC) / self.duration_s
+
+
+Disturbance = TemperatureStep | Load | NewSetpoint | Mains | PlcPower | SetpointRampEvent
+
 
 #: The paper's record (Tables 3 and 4): disturbance in the 27th minute, last row at 40 min [s].
 _PAPER_STEP_S: Final = 1620.0
@@ -360,3 +495,63 @@ def scenario_for(
     step = max((setpoint_degC - conditions(plain, model)[0] for model in models), key=abs)
     fall = -_TEMPERATURE_STEP_SHARE * step if temperature_step_degC is None else temperature_step_degC
     return replace(plain, disturbances=(TemperatureStep(time_s=stretch * _PAPER_STEP_S, temperature_degC=fall),))
+
+
+Array = npt.NDArray[np.float64]
+
+
+def events_of(
+    scenario: Scenario, dead_times_s: Sequence[float], sizes: Array | None = None,
+    marks: Sequence[tuple[float, int]] = (),
+) -> tuple[Array, npt.NDArray[np.int64], Array]:
+    """Return the disturbances as three arrays of a `Batch`: instants, kinds and values, each of shape (n, events).
+
+    Args:
+        scenario: whose disturbances.
+        dead_times_s: of the n heaters [s].
+        sizes: by what each disturbance is multiplied, shape (n, disturbances); None: by nothing.
+        marks: (instant, kind) of what divides what is measured.
+    """
+    dead = np.array(dead_times_s)
+    happening = zip(scenario.disturbances, _powers(scenario), strict=True)
+    acting = [event for number, (what, power) in enumerate(happening) for event in _acting(number, what, power)]
+    acting += [*(_Acting(time, kind, 0.0) for time, kind in marks), _Acting(math.inf, LOAD, 0.0)]
+    begins, kind, value, late, sized = zip(*acting, strict=True)
+    times = np.add(begins, np.multiply.outer(dead, late))
+    values = np.broadcast_to(np.array(value), times.shape)
+    if sizes is not None:
+        values = values * np.column_stack([sizes, np.ones(len(dead))])[:, sized]  # behind them that of what has none
+    kinds = np.broadcast_to(np.array(kind, dtype=np.int64), times.shape)
+    order = np.lexsort((values, kinds, times), axis=1)
+    times, kinds, values = (np.take_along_axis(each, order, axis=1) for each in (times, kinds, values))
+    return times, kinds, values
+
+
+class _Acting(NamedTuple):
+    """What the kernels are told of: an instant [s], kind and value, and what differs from heater to heater.
+
+    `late` is by how many dead times it is, `sized` the number of the disturbance whose size counts, −1: of none.
+    """
+
+    time_s: float
+    kind: int
+    value: float
+    late: float = 0.0
+    sized: int = -1
+
+
+def _powers(scenario: Scenario) -> list[float]:
+    """Return what full power is from each disturbance on, as a share of the rated one: none while the PLC is off."""
+    return [mains * supplied for mains, supplied in zip(scenario.mains, scenario.supplied, strict=True)][1:]
+
+
+def _acting(number: int, event: Disturbance, power: float) -> list[_Acting]:
+    """Return what the kernels are told of a disturbance; temperature steps, loads and full power have a size."""
+    if isinstance(event, TemperatureStep):
+        return [_Acting(event.time_s, JUMP, event.temperature_degC, sized=number)]
+    begins = _Acting(event.time_s, PHASE, 0.0)
+    if isinstance(event, Load):
+        return [begins, _Acting(event.time_s, LOAD, event.power_pct, 1.0, number)]
+    if isinstance(event, NewSetpoint):
+        return [begins]
+    return [begins, _Acting(event.time_s, MAINS, power, 1.0, number)]  # also where a PLC gets its supply

@@ -14,9 +14,9 @@ from heatertune.errors import OutOfRange
 from heatertune.model.cooler_mirror import cools
 from heatertune.model.values import FittedModel
 from heatertune.plc import Ramp, Words, controller_for
-from heatertune.progress import ProgressCallback
+from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, prove
-from heatertune.proof.criterion_table import band_of
+from heatertune.proof.criteria import band_of
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.long_outage import sums_up
 from heatertune.proof.runs import judged_once

@@ -9,19 +9,19 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from heatertune.documents import read_toml
+from heatertune.codec import read_toml
 from heatertune.errors import DocumentError, HeatertuneError, UnknownName, one_line
-from heatertune.proof.presets import PRESETS, preset
-from heatertune.proof.profile import Profile
-from heatertune.proof.profile_file import profile_of_table, read_profile, table_of
+from heatertune.proof.profile import Profile, profile_of_table, read_profile, table_of
 from heatertune.proof.specification import (
     GENERAL,
     LIMITS,
     NOTHING,
+    PRESETS,
     STORY,
     SequencePart,
     Specification,
     limits_from,
+    preset,
     split,
 )
 from heatertune.proof.test_sequence import TestSequence

@@ -1,11 +1,19 @@
-"""What a user specifies: limits in the units of the plant, and the story that words live through."""
+"""What a user specifies: limits in the units of the plant, and the story that words live through.
+
+Specifications to begin from: one for each kind of user, each limit with its reason and where it comes from.
+
+Sources: AMS 2750F (pyrometry: classes of furnaces), IPC/JEDEC J-STD-020 (reflow), DIN 12876 (laboratory baths),
+DIN 12880 (heating ovens), the defaults of Marlin's Configuration.h, and the practice of the trades where no standard
+says anything: such a reason is called practice.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from heatertune.codec import LEFT_OUT
@@ -16,10 +24,25 @@ from heatertune.proof.test_sequence import TestSequence
 from heatertune.units import check
 
 __all__ = [
-    "GENERAL", "LIMITS", "NOTHING", "STORY", "Limit", "Measure", "SequencePart", "Specification", "limit_of",
+    "GENERAL",
+    "LIMITS",
+    "NOTHING",
+    "PRESETS",
+    "STORY",
+    "Limit",
+    "Measure",
+    "Preset",
+    "SequencePart",
+    "Specification",
+    "default_limit",
+    "limit_of",
     "limits_from",
-    "quantity", "split",
+    "preset",
+    "quantity",
+    "relaxed_limits",
+    "split",
 ]
+
 
 #: what holds where nothing is said
 GENERAL: Final = "general"
@@ -338,3 +361,174 @@ def quantity(name: str, text: str) -> tuple[float, str]:
     except OutOfRange as problem:
         raise OutOfRange(f"limit {name}", number, problem.rule) from None
     return number, unit
+
+
+_ROUNDING: Final = 1e-9  # of a limit
+
+
+class Preset(NamedTuple):
+    """What a kind of user asks for beyond the general: whose it is, limits with their reasons, parts of the story."""
+
+    description: str
+    limits: Mapping[str, tuple[str, str]]
+    story: Mapping[str, str] = MappingProxyType({})
+
+
+PRESETS: Final[dict[str, Preset]] = {
+    GENERAL: Preset("any heater", {}),
+    "paper": Preset("the record of the paper: heat-up, and a fall in the 27th minute", {}, {"paper-times": "on"}),
+    "teaching": Preset("a first course in control", {
+        "overshoot": ("25 %", "a quarter decay, as the first tuning rules aimed at, still passes"),
+        "recovery-overshoot": ("25 %", "likewise"),
+        "reheat-overshoot": ("50 %", "likewise, twice"),
+    }),
+    "furnace": Preset("heat treatment: no overshoot, slow ramps", {
+        "tolerance": ("1.5 degC", "a quarter of the ±6 °C of class 2, AMS 2750F: the rest is the furnace's uniformity"),
+        "overshoot": ("1.5 degC", "no sensor above the class's limit at any time, AMS 2750F"),
+        "recovery-overshoot": ("3 degC", "half of the class"),
+        "reheat-overshoot": ("6 degC", "the class itself"),
+    }),
+    "kiln": Preset("ceramics and glass", {
+        "tolerance": ("3 degC", "hold within 2 to 3 °C: practice"),
+        "overshoot": ("5 degC", "3 to 5 °C: practice; cones answer to the peak"),
+        "reheat-overshoot": ("10 degC", "twice that of the heat-up"),
+    }),
+    "extruder": Preset("extruder and injection barrels", {
+        "tolerance": ("1 degC", "±1 °C, ±0.5 °C is good: practice"),
+        "overshoot": ("5 degC", "3 to 5 °C, or the melt is damaged: practice"),
+        "recovery-overshoot": ("3 degC", "practice"),
+        "reheat-overshoot": ("10 degC", "twice that of the heat-up"),
+    }),
+    "hot-end": Preset("3D printer's nozzle", {
+        "tolerance": ("1 degC", "TEMP_WINDOW of Marlin's Configuration.h"),
+        "overshoot": ("10 degC", "MAXTEMP stands 15 °C above the hottest setpoint (HOTEND_OVERSHOOT, Marlin): a third "
+                      "is kept"),
+        "recovery-overshoot": ("5 degC", "practice"),
+        "reheat-overshoot": ("15 degC", "HOTEND_OVERSHOOT, Marlin"),
+    }),
+    "reflow": Preset("reflow soldering", {
+        "tolerance": ("5 degC", "time within 5 °C of the peak counts, J-STD-020"),
+        "overshoot": ("5 degC", "the peak may not be exceeded by more than its own window, J-STD-020"),
+        "reheat-overshoot": ("10 degC", "twice that of the heat-up"),
+        "settling": ("8 min", "25 °C to peak in 8 min at most, J-STD-020 (lead-free)"),
+    }),
+    "bath": Preset("laboratory bath", {
+        "tolerance": ("0.1 degC", "half of the difference of largest and smallest reading over 30 min, DIN 12876"),
+        "overshoot": ("0.5 degC", "practice"),
+        "recovery-overshoot": ("0.5 degC", "practice"),
+        "reheat-overshoot": ("2 degC", "practice"),
+    }),
+    "oven": Preset("drying or heating oven", {
+        "tolerance": ("1 degC", "±1 to ±2 °C in time, DIN 12880"),
+        "overshoot": ("2 degC", "practice: goods must not get hotter than the setpoint"),
+        "recovery-overshoot": ("2 degC", "likewise"),
+        "reheat-overshoot": ("4 degC", "twice that of the heat-up"),
+    }),
+}
+
+#: overshoot after a small change of the setpoint, of that change [%]
+SMALL_CHANGE_PCT: Final = 65.0
+
+#: why the general limits are as they are
+_REASONS: Final = {
+    "tolerance": "acceptable for most heaters",
+    "overshoot": "this project's choice for heaters; use less where the goods require it",
+    "recovery-overshoot": "as on heat-up",
+    "reheat-overshoot": "twice that of the heat-up: a fault, not use; a controller that winds up without end breaks it",
+    "small-change-overshoot": "what a PI at the limit Ms 2 does on a slow heater with a short dead time, 55 to 60 %; "
+                              "a quarter to a half at Ms 1.6",
+    "ms": "K. J. Åström, T. Hägglund, Advanced PID Control, ISA 2006",
+    "gain-margin": "D. E. Seborg, T. F. Edgar, D. A. Mellichamp, Process Dynamics and Control: 1.7 to 4",
+    "phase-margin": "Seborg, Edgar, Mellichamp: 30 to 45°",
+    "step-power": "a reading that flickers by one step must not make the heater flicker",
+}
+
+
+def preset(name: str) -> Specification:
+    """Return a specification to begin from.
+
+    Raises:
+        UnknownName: there is none of that name.
+    """
+    if name not in PRESETS:
+        raise UnknownName("specification", name, PRESETS)
+    own = PRESETS[name].limits
+    return Specification(
+        name=name, story=dict(PRESETS[name].story),
+        limits={**_general(), **{limit: (value,) for limit, (value, _) in own.items()}},
+        reasons={**_REASONS, **{limit: why for limit, (_, why) in own.items()}})
+
+
+def relaxed_limits(spec: Specification, rise_degC: float) -> tuple[str, ...]:
+    """Return what a specification asks less of than its preset does, such as "overshoot 30 % (default 20 %)".
+
+    Limits in other units than the preset's are compared by the rise; parts of the test sequence count as well.
+
+    Args:
+        spec: in force; of a file its preset is `base`.
+        rise_degC: from ambient to the setpoint [°C].
+    """
+    usual = preset(spec.base or (spec.name if spec.name in PRESETS else GENERAL))
+    limits = [_told(name, own, values) for name, values in usual.limits.items()
+              if any(_asks_less(name, own := spec.limits.get(name, ()), value, rise_degC) for value in values)]
+    mild, hard = spec.story_at(None), usual.story_at(None)
+    parts = [f"{name} {_part_told(part, mild)} (default {_part_told(part, hard)})" for name, part in STORY.items()
+             if _is_milder(getattr(mild, part.field), getattr(hard, part.field), inverted=name == "paper-times")]
+    return (*limits, *parts)
+
+
+def default_limit(spec: Specification, name: str, unit: str) -> float | None:
+    """Return what the preset of a specification asks for in a unit; None: nothing."""
+    usual = preset(spec.base or (spec.name if spec.name in PRESETS else GENERAL))
+    return next((number for number, its in (quantity(name, value) for value in usual.limits.get(name, ()))
+                 if its == unit), None)
+
+
+def _asks_less(name: str, own: Sequence[str], usual: str, rise_degC: float) -> bool:
+    """Return whether the values of a limit, all of which hold, allow more than the usual one."""
+    number, unit = quantity(name, usual)
+    sign = -1.0 if LIMITS[name].at_least else 1.0
+    values = [_in_unit(name, value, its, unit, rise_degC) for value, its in (quantity(name, each) for each in own)]
+    known = [sign * value for value in values if value is not None]
+    return not known or min(known) > sign * number + _ROUNDING * abs(number)
+
+
+def _in_unit(name: str, value: float, unit: str, wanted: str, rise_degC: float) -> float | None:
+    """Return a value of a limit in another unit; None: it has no meaning there."""
+    units = LIMITS[name].units
+    if unit == wanted:
+        return value
+    if units[unit].field == units[wanted].field and "T+L" not in (unit, wanted):
+        return value * units[unit].factor / units[wanted].factor
+    if {unit, wanted} == {"%", "degC"} and rise_degC > 0.0:
+        return 100.0 * value / rise_degC if wanted == "%" else value * rise_degC / 100.0
+    return None
+
+
+def _is_milder(own: float | bool, usual: float | bool, *, inverted: bool) -> bool:
+    return own > usual if inverted else own < usual
+
+
+def _told(name: str, own: Sequence[str], usual: Sequence[str]) -> str:
+    def text(values: Sequence[str]) -> str:
+        pairs = (quantity(name, value) for value in values)
+        return " and ".join(f"{number:.6g} {unit}".strip() for number, unit in pairs).replace("degC", "°C") or NOTHING
+
+    return f"{name.replace('-', ' ')} {text(own)} (default {text(usual)})"
+
+
+def _part_told(part: SequencePart, story: TestSequence) -> str:
+    value = getattr(story, part.field)
+    return ("on" if value else "off") if not part.unit else f"{value / part.factor:g} {part.unit}"
+
+
+def _general() -> dict[str, tuple[str, ...]]:
+    """Return the defaults of `Limits` as a user would write them."""
+    defaults = {one.name: one.default for one in fields(LoopLimits)}
+    limits: dict[str, tuple[str, ...]] = {}
+    defaults["small_change_overshoot_pct"] = SMALL_CHANGE_PCT
+    for name, kind in LIMITS.items():
+        measures = {measure.field: unit for unit, measure in kind.units.items() if measure.factor == 1.0}
+        limits[name] = tuple(f"{defaults[field]:g} {unit}".strip() for field, unit in measures.items()
+                             if unit != "T+L" and defaults[field] is not None)
+    return limits

@@ -9,8 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.pid.values import Margins
-from heatertune.proof.criteria import Criterion, LoopLimits
-from heatertune.proof.criterion_table import CriterionTable, band_of, columns_of, periods_at_rest, phases_measured
+from heatertune.proof.criteria import (
+    Criterion,
+    CriterionTable,
+    LoopLimits,
+    band_of,
+    columns_of,
+    periods_at_rest,
+    phases_measured,
+)
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.loop import plant_row
 from heatertune.proof.scenario import Phase, SetpointRampEvent

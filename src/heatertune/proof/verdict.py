@@ -12,10 +12,9 @@ from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding, remedy_of
 from heatertune.model.statistics import share_bounds
 from heatertune.proof.heaters import ROOM_DEGC
-from heatertune.proof.presets import relaxed_limits
 from heatertune.proof.profile import Profile
 from heatertune.proof.ripple_and_wear import life
-from heatertune.proof.specification import GENERAL, NOTHING, Specification
+from heatertune.proof.specification import GENERAL, NOTHING, Specification, relaxed_limits
 from heatertune.units import count
 
 __all__ = [

@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.codec import LEFT_OUT, construct_from, decode, register_schema
-from heatertune.documents import data_folder, peek_schema, read_document
+from heatertune.codec import LEFT_OUT, construct_from, data_folder, decode, peek_schema, read_document, register_schema
 from heatertune.errors import DocumentError, ExportRefused
-from heatertune.pid.design_provenance import BoostView
+from heatertune.pid.document import BoostView
 from heatertune.plc import Boost, Certificate, Ramp, Scaling, Words, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
-from heatertune.proof.mains import mains_label
+from heatertune.proof.heaters import mains_label
 from heatertune.proof.verdict import (
     FIRST,
     PROOF_SCHEMA,

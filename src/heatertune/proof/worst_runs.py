@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words
-from heatertune.proof.coverage import Run
+from heatertune.proof.acceptance import Run
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.long_outage import JUDGED, wound
 from heatertune.proof.proof import Proof, RunResult

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
-    from heatertune.report.difference import difference_lines
     from heatertune.report.loops import loops_lines, loops_page
     from heatertune.report.page import render, sections
-    from heatertune.report.plan import plan_csv, plan_lines
     from heatertune.report.supervision import supervision_html, supervision_page
     from heatertune.report.targets import render_targets, targets_brief, targets_table
     from heatertune.report.text import (
@@ -19,12 +17,15 @@ if TYPE_CHECKING:
         alternatives_table,
         criteria_table,
         design_lines,
+        difference_lines,
         feed_forward_lines,
         forms_lines,
         hypothesis_table,
         model_lines,
         outcome_lines,
         pareto_table,
+        plan_csv,
+        plan_lines,
         ramp_note,
         samples_table,
         summary,
@@ -43,16 +44,14 @@ __all__ = [
 ]
 
 __getattr__, __dir__ = lazy_attributes(__name__, {
-    "report.difference": ("difference_lines",),
+    "report.text": (
+        "difference_lines", "plan_csv", "plan_lines", "advice_table", "alternatives_table", "criteria_table",
+        "design_lines", "feed_forward_lines", "forms_lines", "hypothesis_table", "model_lines", "outcome_lines",
+        "pareto_table", "ramp_note", "samples_table", "summary", "validation_lines", "words_table"),
     "report.loops": ("loops_lines", "loops_page"),
     "report.page": ("render", "sections"),
-    "report.plan": ("plan_csv", "plan_lines"),
     "report.supervision": ("supervision_html", "supervision_page"),
     "report.targets": ("render_targets", "targets_brief", "targets_table"),
-    "report.text": (
-        "advice_table", "alternatives_table", "criteria_table", "design_lines", "feed_forward_lines", "forms_lines",
-        "hypothesis_table", "model_lines", "outcome_lines", "pareto_table", "ramp_note", "samples_table", "summary",
-        "validation_lines", "words_table"),
     "report.verdict_summary": ("design_brief", "model_brief", "tune_brief", "verify_brief"),
     "report.write_report_section": ("written_brief",),
 })

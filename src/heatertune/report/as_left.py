@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from heatertune.report.layout import LINES, cut, notes_within, screen, table, wrap_text
-from heatertune.report.style import LOOK, key, label_levels, new_figure
+from heatertune.report.plots import LOOK, key, label_levels, new_figure
 from heatertune.report.text import limit_text, quantity, readable_name
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from heatertune.documents import plain
+from heatertune.codec import plain
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
@@ -19,7 +19,7 @@ from heatertune.plc.keyed_entry import typed_table, typed_words
 from heatertune.proof import Proof, Trace
 from heatertune.report.html import bullets, table, text_of
 from heatertune.report.pictures import draw_figure
-from heatertune.report.style import to_svg
+from heatertune.report.plots import to_svg
 from heatertune.report.text import criterion_value, figure, model_rows
 
 __all__ = ["card"]

@@ -10,7 +10,7 @@ from importlib.resources import files
 from typing import Any, Final
 
 from heatertune.report import live
-from heatertune.report.style import to_svg
+from heatertune.report.plots import to_svg
 
 __all__ = ["BLANK", "Markup", "bullets", "page", "picture", "steps", "table", "text_of", "tick", "with_code"]
 

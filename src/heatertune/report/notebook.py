@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from heatertune.documents import plain
+from heatertune.codec import plain
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel

@@ -14,7 +14,7 @@ from heatertune.pid.reaction import reaction
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.proof import Proof, Trace
-from heatertune.report.style import LOOK, key, label_levels, new_figure, power_limits
+from heatertune.report.plots import LOOK, key, label_levels, new_figure, power_limits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.report.html import bullets, page, picture, table, text_of
-from heatertune.report.style import LOOK, key, new_figure
+from heatertune.report.plots import LOOK, key, new_figure
 from heatertune.units import written
 
 if TYPE_CHECKING:

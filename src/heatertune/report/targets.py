@@ -10,7 +10,7 @@ import numpy as np
 from heatertune.report.html import page, picture, text_of
 from heatertune.report.html import table as html_table
 from heatertune.report.layout import cut, table, wrap_text
-from heatertune.report.style import LOOK, new_figure
+from heatertune.report.plots import LOOK, new_figure
 from heatertune.report.text import figure
 
 if TYPE_CHECKING:

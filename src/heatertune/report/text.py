@@ -1,12 +1,18 @@
-"""Tables a person reads in ten seconds, from the documents of the stages."""
+"""Tables a person reads in ten seconds, from the documents of the stages.
+
+What tells two word sets apart, as text.
+
+A proposed experiment: what is known before and after it, and how to carry it out.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from heatertune.plc.controller import controller_for
+from heatertune.plc.inputs import INPUTS
 from heatertune.plc.keyed_entry import KeyedEntry, setpoint_entry, typed_table, typed_words, word_text
 from heatertune.plc.targets import GROUPS, NAMES, TARGETS
 from heatertune.proof.verdict import samples_told, verdict_line
@@ -15,37 +21,13 @@ from heatertune.report.layout import table
 from heatertune.units import NOMENCLATURE, written
 
 __all__ = [
-    "NOT_IDENTIFIED",
-    "advice_table",
-    "alternatives_table",
-    "criteria_table",
-    "criterion_value",
-    "design_lines",
-    "feed_forward_lines",
-    "figure",
-    "forms_lines",
-    "holder",
-    "hypothesis_rows",
-    "hypothesis_table",
-    "keyed_entries",
-    "limit_text",
-    "main_file",
-    "model_lines",
-    "model_rows",
-    "outcome_lines",
-    "pareto_table",
-    "quantity",
-    "ramp_note",
-    "readable_name",
-    "samples_rows",
-    "samples_table",
-    "search_notes",
-    "setpoint_text",
-    "summary",
-    "unit_text",
-    "validation_lines",
-    "words_table",
+    "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
+    "difference_lines", "feed_forward_lines", "figure", "forms_lines", "holder", "hypothesis_rows",
+    "hypothesis_table", "keyed_entries", "limit_text", "main_file", "model_lines", "model_rows", "outcome_lines",
+    "pareto_table", "plan_csv", "plan_lines", "quantity", "ramp_note", "readable_name", "samples_rows",
+    "samples_table", "search_notes", "setpoint_text", "summary", "unit_text", "validation_lines", "words_table",
 ]
+
 
 Document = Mapping[str, Any]
 
@@ -386,4 +368,148 @@ def _interval(pair: Sequence[float | None] | None) -> str:
     if pair is None:
         return NOT_IDENTIFIED
     low, high = ("open" if end is None else figure(end, 3) for end in pair)
+    return f"{low} … {high}"
+
+
+def difference_lines(document: Document) -> str:
+    """Return quantities, words, oddities and proofs of two word sets, side by side; the last line is the outcome."""
+    a, b = document["a"], document["b"]
+    blocks = [table([("", a["source"], b["source"], ""), *_terms(document)], right=(1, 2))]
+    if rows := list(_words(document)):
+        blocks.append(table([("address", "word", "before", "after", "meaning"), *rows], right=(2, 3)))
+    notes = [f"{side['source']}: {sentence}" for side in (a, b) for sentence in _of_side(side)]
+    notes += [f"no longer: {sentence}" for sentence in document["odd_in_a_alone"]]
+    notes += [f"now: {sentence}" for sentence in document["odd_in_b_alone"]]
+    notes += [_covers(proof) for proof in document["proofs"]]
+    if document["conditions"] is not None:
+        unlike = ", ".join(document["conditions"])
+        notes.append(f"the proofs differ in {unlike}" if unlike else "both proofs were made under the same conditions")
+    return "\n".join([*blocks, *(f"- {note}" for note in notes), _outcome(document)])
+
+
+def _terms(document: Document) -> Iterator[tuple[str, str, str, str]]:
+    """Yield the quantities; what is in neither set is left out."""
+    for term in document["terms"]:
+        one, two = term["a"], term["b"]
+        if one is None and two is None:
+            continue
+        shown = [f"{figure(value)} {term['unit']}" if value is not None else "none" for value in (one, two)]
+        yield term["name"], shown[0], shown[1], _change(term)
+
+
+def _change(term: Document) -> str:
+    if term["a"] == term["b"]:
+        return "as before"
+    if term["change_pct"] is None:
+        return "changed"
+    return f"{term['change_pct']:+.2g} %" if abs(term["change_pct"]) < 1e3 else f"{term['b'] / term['a']:.3g} times"
+
+
+def _words(document: Document) -> Iterator[tuple[str, str, str, str, str]]:
+    for one in document["words"]:
+        live = " (written by the program: no difference)" if one["written"] else ""
+        yield one["address"], one["name"], one["a_text"], one["b_text"], f"{one['comment']}{live}"
+
+
+def _of_side(side: Document) -> Iterator[str]:
+    if side["kind"] == "design":
+        yield f"a design, made words of {side['target']}"
+    if side["input"] is not None:
+        yield f"its sensor is {INPUTS[side['input']]}"
+    yield from side["notes"]
+
+
+def _covers(proof: Document) -> str:
+    head = f"the proof of {proof['proof_of']} ({proof['verdict']})"
+    if not proof["covers"]:
+        return f"{head} does not cover {proof['words_of']}: another {', another '.join(proof['why_not'])}"
+    provided = f", where these are as proven: {', '.join(proof['provided'])}" if proof["provided"] else ""
+    return f"{head} covers {proof['words_of']}{provided}"
+
+
+def _outcome(document: Document) -> str:
+    if document["same"]:
+        return "SAME WORDS"
+    unlike = [*document["around"], *(f"word {one['name']}" for one in document["words"] if not one["written"])]
+    return f"DIFFERENT: {', '.join(unlike)}"
+
+
+def plan_lines(plan: Document) -> str:
+    """Return the experiment, the table of before and after, and whether it is worth heating."""
+    parts = [
+        f"== {plan['kind']}, {figure(plan['duration_s'])} s, at most {figure(plan['highest_degC'])} °C "
+        f"(limit {figure(plan['conditions']['limit_degC'])} °C) on {len(plan['heaters'])} plausible heaters",
+        _relay(plan["relay"]) if "relay" in plan else _schedule(plan["schedule"]),
+        _before_and_after(plan["quantities"]),
+        *(f"- {line}" for line in _words_plan(plan)),
+    ]
+    return "\n".join(parts)
+
+
+def plan_csv(plan: Document) -> str:
+    """Return what is to be set, as CSV: instants and powers, or the relay's settings."""
+    if "relay" in plan:
+        names = ("rest_s", "on_degC", "off_degC", "high_pct", "low_pct")
+        values = [plan["relay"][name] for name in names] + [plan["duration_s"]]
+        return f"{','.join(names)},duration_s\n{','.join(f'{value:.10g}' for value in values)}\n"
+    schedule = plan["schedule"]
+    rows = [(0.0, schedule["base_pct"]), *zip(schedule["time_s"], schedule["power_pct"], strict=True)]
+    return "time_s,power_pct\n" + "".join(f"{time:.10g},{power:.10g}\n" for time, power in rows)
+
+
+def _schedule(schedule: Document) -> str:
+    rows = [("from s", "power %"), ("0", figure(schedule["base_pct"]))]
+    rows += [(figure(t, 6), figure(p)) for t, p in zip(schedule["time_s"], schedule["power_pct"], strict=True)]
+    return table(rows, right=(0, 1))
+
+
+def _relay(relay: Document) -> str:
+    shortest, longest = relay["period_s"]
+    return (
+        f"log {figure(relay['rest_s'])} s at rest; then {figure(relay['high_pct'])} % until "
+        f"{figure(relay['off_degC'])} °C, {figure(relay['low_pct'])} % until {figure(relay['on_degC'])} °C, and so on\n"
+        f"(setpoint {figure(relay['setpoint_degC'])} °C, hysteresis ±{figure(relay['hysteresis_degC'])} °C); expected "
+        f"period {figure(shortest, 3)} to {figure(longest, 3)} s"
+    )
+
+
+def _before_and_after(quantities: Document) -> str:
+    rows = [("", "before", "after, 95 %", "worst ±", "unit", "worst on")]
+    for name, quantity in quantities.items():
+        _, called, unit = NOMENCLATURE[name]
+        share = quantity["worst_share"]
+        worst = _share(share) if share is not None else f"±{figure(quantity['worst_half_width'], 2)}"
+        rows.append((called, _range(quantity["before"]), _range(quantity["after"]), worst, unit, quantity["worst_on"]))
+    return table(rows)
+
+
+def _words_plan(plan: Document) -> list[str]:
+    """Return whether it is worth heating, and what the figures rest on."""
+    conditions, noise = plan["conditions"], plan["conditions"]["noise"]
+    aim = _share(conditions["aim"])
+    worth = [f"worth it: every interval is expected within {aim} on every heater"]
+    if not plan["reached"]:
+        worth = [f"the aim of {aim} is not reached: a longer test, a higher limit or less noise would help"]
+    for name, quantity in plan["quantities"].items():
+        low, high = quantity["before"]
+        half = quantity["worst_half_width"]
+        if high > low and (half is None or half >= 0.5 * (high - low)):
+            worth.append(f"it would not tell the {NOMENCLATURE[name][1]} better than it is known before")
+    tried = [f"{_share(test['worst_share'])} in {figure(test['duration_s'])} s" for test in plan["durations"]]
+    step = f"a plain step of {figure(plan['duration_s'])} s: {_share(plan['step_worst_share'])}"
+    return [
+        *worth,
+        f"worst interval: {', '.join(tried)}; {step}",
+        f"readings every {figure(noise['sample_time_s'])} s, noise {figure(noise['std_degC'], 2)} °C with correlation "
+        f"{figure(noise['correlation'], 2)}, resolution {figure(noise['resolution_degC'], 2)} °C",
+        "the time constant is the sum of both where there are two lags",
+    ]
+
+
+def _share(value: float | None) -> str:
+    return "no end" if value is None else f"±{100.0 * value:.2g} %"
+
+
+def _range(pair: Any) -> str:
+    low, high = (figure(end, 3) for end in pair)
     return f"{low} … {high}"

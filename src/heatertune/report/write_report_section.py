@@ -13,7 +13,7 @@ from heatertune.plc.keyed_entry import KeyedEntry, value_texts
 from heatertune.proof.words_file import words_of
 from heatertune.report.html import BLANK, bullets, picture, table, text_of, with_code
 from heatertune.report.layout import screen, wrap_text
-from heatertune.report.style import LOOK, key, label_levels, new_figure
+from heatertune.report.plots import LOOK, key, label_levels, new_figure
 from heatertune.report.text import figure, keyed_entries
 
 if TYPE_CHECKING:

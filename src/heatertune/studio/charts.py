@@ -13,8 +13,8 @@ import numpy.typing as npt
 from heatertune.heater.exact import since_step
 from heatertune.log.values import Log
 from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.pid.search.uncertain import interval_ends
-from heatertune.report.style import LOOK
+from heatertune.pid.search.robust import interval_ends
+from heatertune.report.plots import LOOK
 from heatertune.studio.downsample import downsample, step_corners, straight
 from heatertune.studio.live_log import RecordedTrace
 from heatertune.studio.loop import LoopView

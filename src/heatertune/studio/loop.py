@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from heatertune import chain
 from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.pid.design_provenance import DesignProvenance
+from heatertune.pid.document import DesignProvenance
 from heatertune.pid.loop.robustness import margins, worst
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
@@ -17,7 +17,7 @@ from heatertune.plc.cooler import with_cooling
 from heatertune.plc.cycle import with_pwm_period
 from heatertune.plc.design import loop_fit
 from heatertune.plc.word_selection import search_document
-from heatertune.progress import ProgressCallback
+from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, Trace, simulate_wish
 from heatertune.proof.design_request import made_for
 from heatertune.proof.monte_carlo.run import sample_document

@@ -1,33 +1,347 @@
-"""The page: where everything stands, and what is told when. What is computed, and how, is `work`'s and `session`'s."""
+"""The page: where everything stands, and what is told when. What is computed, and how, is `work`'s and `session`'s.
+
+The card of the commissioned loop: one sentence, the trace over what was proven, and its figures.
+
+The card of drawn heaters: one sentence and a table of quantiles, once they are asked for.
+
+The card of the loop: one sentence, the picture with its zoom and its key, and the same in numbers.
+
+The card of a running loop: where it is read, its trace as it grows, and the way from there to a fit.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+from weakref import WeakSet
 
 from nicegui import background_tasks, events, ui
 
 from heatertune.errors import HeatertuneError, InputError
+from heatertune.proof import Proof
+from heatertune.proof.as_left import AsLeft
 from heatertune.proof.pwm_period import with_pwm
-from heatertune.proof.verdict import NOT_PROVEN
+from heatertune.proof.verdict import NOT_PROVEN, samples_told
+from heatertune.report.html import text_of
+from heatertune.report.text import samples_rows
 from heatertune.studio import charts, views
 from heatertune.studio.access import LARGEST_LOG
-from heatertune.studio.as_left_card import LeftCard
-from heatertune.studio.controls import Controls
-from heatertune.studio.live_card import LiveCard
-from heatertune.studio.loop_card import LoopCard
-from heatertune.studio.monte_carlo_card import DrawnCard
-from heatertune.studio.parts import card, chart, draw, html
-from heatertune.studio.sheet import DroppedFile
-from heatertune.studio.sheet_card import SheetCard
+from heatertune.studio.charts import live_charts
+from heatertune.studio.controls import Controls, card, chart, draw, html
+from heatertune.studio.live_log import LiveLog, RecordingRequest
+from heatertune.studio.loop import DRAWN, LoopView
+from heatertune.studio.picture import Picture, picture_of
+from heatertune.studio.session import PinnedDesign
+from heatertune.studio.sheet_card import DroppedFile, SheetCard
 from heatertune.studio.stale import NUMBER_SEEN, Grey
 from heatertune.studio.suggest import assumed_told
 from heatertune.studio.wording import for_page
-from heatertune.studio.work import Work
+from heatertune.studio.work import Work, figures, left_chart, left_sentence
+from heatertune.writing import read_bytes
 
-__all__ = ["Page"]
+__all__ = ["DrawnCard", "LeftCard", "LiveCard", "LoopCard", "Page"]
+
+
+_HEIGHT_PX = 300
+
+
+class LeftCard:
+    """A trace beside the proven design in front; `away` is called where the user wants it no more."""
+
+    def __init__(self, away: Callable[[], object]) -> None:
+        self._shown: AsLeft | None = None
+        with card("As left: the commissioned loop and its proof", "data-field=as-left", wide=True) as self._card:
+            self._sentence = ui.label().classes("verdict").props("role=status data-field=left-sentence")
+            self._chart = chart("The trace over the band of the proven runs, in °C over seconds; shaded: outside of it",
+                                _HEIGHT_PX, "left-figures")
+            self._figures = html().props("id=left-figures")
+            with ui.element("div").classes("actions"):
+                ui.button("Put the trace away", on_click=away).props("outline dense")
+        self._card.set_visibility(False)
+
+    def show(self, left: AsLeft | None, verdict: str) -> None:
+        """Show a trace beside the proof, which ended in a verdict; None: there is none for the design in front."""
+        if left is self._shown:
+            return
+        self._shown = left
+        self._card.set_visibility(left is not None)
+        if left is not None:
+            self._sentence.set_text(left_sentence(left, verdict))
+            kept = (left.verdict, verdict) == ("AS PROVEN", "PASS")
+            self._sentence.classes(remove="pass fail", add="pass" if kept else "fail")
+            self._figures.set_content(figures(left))
+            draw(self._chart, left_chart(left))
+
+
+_TEXTS: Final = (0, 6)  # columns that are no numbers: the criterion and its unit
+_WHAT: Final = (
+    "The proof runs the heaters that the log leaves possible. Here heater, mains, room, goods and sensor are drawn at "
+    "random for each of many days, as for the samples of heatertune verify.")
+
+
+class DrawnCard:
+    """What the design in front does on drawn heaters; `draw` is called where the user wants to know."""
+
+    def __init__(self, draw: Callable[[], object]) -> None:
+        self._shown: Mapping[str, Any] | None = None
+        with card("On many drawn heaters", "data-field=drawn", wide=True):
+            ui.html(f"<p>{_WHAT}</p>", sanitize=False)
+            self._sentence = ui.label().classes("verdict").props("role=status data-field=drawn-sentence")
+            self._table = html()
+            with ui.element("div").classes("actions"):
+                self._button = ui.button(f"Run {DRAWN:,} drawn heaters", on_click=draw).props("outline dense")
+        self._sentence.set_visibility(False)
+
+    def show(self, samples: Mapping[str, Any] | None, *, ready: bool) -> None:
+        """Show what was seen, None: nothing yet of the design in front; `ready`: whether it can be asked for."""
+        self._button.set_enabled(ready and samples is None)
+        if samples is self._shown:
+            return
+        self._shown = samples
+        self._sentence.set_visibility(samples is not None)
+        self._table.set_content("" if samples is None else _table(samples))
+        if samples is not None:
+            verdict = samples["verdict"]
+            self._sentence.set_text(f"{verdict}: {samples_told(samples)}. The worst is number {samples['worst_seed']}.")
+            self._sentence.classes(remove="pass fail", add="pass" if verdict == "PASS" else "fail")
+
+
+def _table(samples: Mapping[str, Any]) -> str:
+    """Return the quantiles of each criterion as HTML; on a telephone each cell bears its head."""
+    heads, *rows = samples_rows(samples)
+    kinds = ["" if place in _TEXTS else ' class="n"' for place in range(len(heads))]
+    head = "".join(f'<th scope="col"{kind}>{text_of(name)}</th>' for kind, name in zip(kinds, heads, strict=True))
+    body = "".join("<tr>" + "".join(
+        f'<td{kind} data-label="{text_of(name)}">{text_of(cell)}</td>'
+        for kind, name, cell in zip(kinds, heads, row, strict=True)) + "</tr>" for row in rows)
+    return f'<table class="drawn"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
+
+
+_LOOP_CARD_HEIGHT_PX: Final = 470
+_KEPT: Final = 8
+_REST_S: Final = 0.3  # a verdict is read first; a design that moved on by then wants no picture of all its runs
+#: of the last proofs; every window shows the same ones
+_pictures: dict[int, tuple[Proof, Picture]] = {}
+#: on their way, number of the proof → its picture
+_drawn: dict[int, asyncio.Task[Picture]] = {}
+
+_first_picture = lru_cache(_KEPT)(picture_of)
+_loop_chart = lru_cache(_KEPT)(charts.loop_chart)
+
+
+class _WindowGone(Exception):
+    """No window shows the proof any more."""
+
+
+class LoopCard:
+    """The loop of the design in front."""
+
+    def __init__(self) -> None:
+        self._shown: tuple[object, ...] = ()
+        self._picture: Picture | None = None
+        _cards.add(self)
+        self._zooms: list[tuple[str, float, float]] = []
+        with card("The loop", wide=True):
+            self._sentence = ui.label().classes("sentence").props("data-field=sentence")
+            self._buttons = ui.element("div").classes("actions zooms").props('role=group aria-label="Show"')
+            self._chart = chart("Temperature of the proven loop, and requested power, over time", _LOOP_CARD_HEIGHT_PX,
+                                "loop-numbers").classes("loop-chart")
+            self._key = html()
+            with ui.element("details").classes("numbers"):
+                ui.html("The picture in numbers", sanitize=False, tag="summary")
+                self._numbers = html().props("id=loop-numbers")
+
+    def show(self, look: LoopView, proof: Proof | None, pinned: Sequence[PinnedDesign]) -> None:
+        """Show a loop; `proof`: its full one, None until it is done."""
+        wanted = (look, proof, *((pin.name, pin.look) for pin in pinned))
+        if len(wanted) == len(self._shown) and all(a is b or a == b for a, b in zip(wanted, self._shown, strict=True)):
+            return
+        verdict_alone = self._shown[:1] + self._shown[2:] == wanted[:1] + wanted[2:]
+        self._shown = wanted
+        self._sentence.set_text(views.sentence(proof or look.proof, look.settings.switch_kind))
+        known = None if proof is None else _pictures.get(id(proof))
+        picture = known[1] if known else _first_picture(look.proof)
+        if not (verdict_alone and picture is self._picture):
+            self._draw(look, picture, pinned)
+        if proof is not None and known is None:
+            background_tasks.create(self._with_all_runs(wanted, look, proof, pinned))
+
+    def shows(self, proof: Proof) -> bool:
+        """Return whether this is the proof that is seen."""
+        return len(self._shown) > 1 and self._shown[1] is proof
+
+    async def _with_all_runs(
+        self, shown: tuple[object, ...], look: LoopView, proof: Proof, pinned: Sequence[PinnedDesign]
+    ) -> None:
+        await asyncio.sleep(_REST_S)
+        while self._shown is shown:
+            try:
+                picture = await _picture_with_all_runs(proof)
+            except _WindowGone:  # and wanted again meanwhile
+                continue
+            if self._shown is shown:
+                self._draw(look, picture, pinned)
+            return
+
+    def _draw(self, look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign]) -> None:
+        self._picture = picture
+        draw(self._chart, _loop_chart(look, picture, tuple(pinned)))
+        self._key.set_content(views.key(charts.key_of(look, picture, pinned)))
+        self._numbers.set_content(views.in_words(picture, picture.runs))
+        zooms = charts.zooms(picture)
+        if [name for name, *_ in zooms] != [name for name, *_ in self._zooms]:
+            self._buttons.clear()
+            with self._buttons:
+                for number, (name, *_) in enumerate(zooms):
+                    ui.button(name, on_click=lambda number=number: self._zoom(number)).props("flat dense")
+        self._zooms = zooms
+
+    def _zoom(self, number: int) -> None:
+        _, begin_s, end_s = self._zooms[number]
+        self._chart.run_chart_method("dispatchAction", {"type": "dataZoom", "startValue": begin_s, "endValue": end_s})
+
+
+_cards: WeakSet[LoopCard] = WeakSet()
+
+
+async def _picture_with_all_runs(proof: Proof) -> Picture:
+    """Return the picture of a proof, made once for all windows; raise `_Abandoned` once none shows the proof."""
+    known = _pictures.get(id(proof))
+    if known is not None:
+        return known[1]
+    if id(proof) not in _drawn:
+        cards = [*_cards]  # those that the thread asks; a window that opens meanwhile asks anew
+
+        def before_run() -> None:
+            if not any(card.shows(proof) for card in cards):
+                raise _WindowGone
+
+        _drawn[id(proof)] = asyncio.create_task(asyncio.to_thread(picture_of, proof, before_run))
+        _drawn[id(proof)].add_done_callback(lambda _: _drawn.pop(id(proof)))
+    picture = await asyncio.shield(_drawn[id(proof)])
+    _pictures[id(proof)] = proof, picture
+    if len(_pictures) > _KEPT:
+        del _pictures[next(iter(_pictures))]
+    return picture
+
+
+_LIVE_CARD_HEIGHT_PX: Final = 260
+_POWER_PX: Final = 140
+_ADDRESSES: Final = "s7://192.168.0.10/0/2/db30"
+
+
+class LiveCard:
+    """A card that is seen once it is asked for, or a loop is being recorded.
+
+    Args:
+        work: that records.
+        use: called with name and content of the log once the user wants it read.
+    """
+
+    def __init__(self, work: Work, use: Callable[[str, bytes], Awaitable[object]]) -> None:
+        self._work, self._use = work, use
+        self._asked_for = False
+        self._drawn: Any = None
+        with card("Record a running loop", "data-field=live", wide=True) as self._card:
+            self._card.classes("live")
+            self._build_form()
+            self._error = ui.label().classes("error").props("role=alert data-field=live-error")
+            self._state = ui.label().classes("verdict").props("role=status data-field=live-state")
+            self._now = ui.label().props("id=live-now data-field=live-now")
+            self._temperature = chart("Temperature and setpoint so far, in °C over seconds", _LIVE_CARD_HEIGHT_PX,
+                                      "live-now")
+            self._power = chart("Power so far, in percent over seconds", _POWER_PX, "live-now")
+            with ui.element("div").classes("actions"):
+                self._start = ui.button("Start", on_click=self._begin).props("dense")
+                self._stop = ui.button("Stop and read the log", on_click=self._end).props("dense")
+                self._read = ui.button("Read the log", on_click=self._open).props("outline dense")
+                self._away = ui.button("Put it away", on_click=self._put_away).props("outline dense")
+        self.show()
+
+    def _build_form(self) -> None:
+        with ui.element("div").classes("fields") as self._form:
+            self._address = _text("Address of the PLC", _ADDRESSES)
+            self._where = _text("Folder of its design, or map (TOML)", "out/")
+            self._log = _text("Log to write", "log.csv")
+            self._every = _text("Least time between two rows, in s", "each scan")
+            self._append = ui.checkbox("continue an existing log").props("dense")
+
+    def ask(self) -> None:
+        """Show the card, the keyboard in its first field."""
+        self._asked_for = True
+        self.show()
+        self._address.run_method("focus")
+
+    def show(self) -> None:
+        """Show the recording as it is now."""
+        live, error = self._work.live, self._work.live_error
+        runs = live is not None and not live.is_over
+        self._card.set_visibility(self._asked_for or live is not None)
+        self._form.set_visibility(not runs)
+        self._error.set_text(f"error: {for_page(error)}" if error else "")
+        self._state.set_text("" if live is None else live.state)
+        self._now.set_text("" if live is None else live.latest)
+        for element, seen in (
+                (self._error, bool(error)), (self._state, bool(self._state.text)), (self._now, bool(self._now.text)),
+                (self._start, not runs), (self._stop, runs), (self._away, not runs),
+                (self._read, not runs and live is not None and live.rows > 0)):
+            element.set_visibility(seen)
+        self._stop.set_enabled(live is not None and not live.is_ending)
+        self._draw(live)
+
+    def _draw(self, live: LiveLog | None) -> None:
+        rows = 0 if live is None else live.rows
+        if self._drawn == (live, rows):
+            return
+        self._drawn = live, rows
+        shown = [None, None] if live is None or not rows else live_charts(live.trace)
+        for element, options in zip((self._temperature, self._power), shown, strict=True):
+            element.set_visibility(options is not None)
+            if options is not None:
+                draw(element, options)
+
+    async def _begin(self) -> None:
+        await self._work.record(RecordingRequest(address=self._address.value, where=self._where.value,
+                                                 log=self._log.value,
+                                      every=self._every.value, append=self._append.value))
+
+    async def _end(self) -> None:
+        await self._work.end_recording()
+        await self._open()
+
+    async def _open(self) -> None:
+        live = self._work.live
+        if live is None or not live.rows:
+            return
+        try:
+            content = await asyncio.to_thread(_content, live)
+        except HeatertuneError as problem:
+            self._work.tell_recording(problem)
+        else:
+            await self._use(live.path.name, content)
+
+    def _put_away(self) -> None:
+        self._asked_for = False
+        self._work.put_recording_away()
+
+
+def _text(label: str, example: str) -> ui.input:
+    return ui.input(label, placeholder=example, value="").props("outlined dense stack-label")
+
+
+def _content(live: LiveLog) -> bytes:
+    """Return what the log holds; raise InputError where it is too large, or is gone."""
+    try:
+        if live.path.stat().st_size > LARGEST_LOG:
+            raise InputError(f"{live.path}: is larger than {LARGEST_LOG / 1e6:.0f} MB; heatertune fit reads it")
+        return read_bytes(live.path)
+    except OSError as problem:
+        raise InputError(f"{live.path}: cannot be read: {problem.strerror}") from None
+
 
 _CSS = (Path(__file__).with_name("look.css")).read_text(encoding="utf-8")
 #: a file that is dropped anywhere on the page, and words that are copied

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.proof import Proof, Trace
-from heatertune.proof.criterion_table import band_of, phases_measured
+from heatertune.proof.criteria import band_of, phases_measured
 from heatertune.proof.loop import plant_row
 from heatertune.proof.scenario import WAYS, Phase, event_name
 from heatertune.studio.downsample import downsample, straight

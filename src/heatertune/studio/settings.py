@@ -11,9 +11,8 @@ from heatertune.model.values import FittedModel
 from heatertune.plc import NAMES, Scaling, controller_for
 from heatertune.plc.inputs import has_ends
 from heatertune.proof.heaters import default_setpoint, labelled_heaters
-from heatertune.proof.presets import PRESETS
 from heatertune.proof.ripple_and_wear import SWITCHES
-from heatertune.proof.specification import GENERAL
+from heatertune.proof.specification import GENERAL, PRESETS
 from heatertune.settings import Conditions, TuneSettings
 from heatertune.units import check
 
@@ -75,7 +74,7 @@ class StudioSettings:
         limits: of the proof that are other than its own, as "overshoot=24%".
         assumptions: open point of the controller's manual and the setting that is taken as known.
         switch_kind: one of `heatertune.proof.ripple_and_wear.SWITCHES`; it tells how long contacts last.
-        spec: what words must keep, one of `heatertune.proof.presets.PRESETS`.
+        spec: what words must keep, one of `heatertune.proof.specification.PRESETS`.
 
     Raises:
         OutOfRange, UnknownName: a value without meaning.

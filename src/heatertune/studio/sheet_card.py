@@ -1,19 +1,550 @@
-"""The sheet that a dropped file opens on the page."""
+"""The sheet that a dropped file opens on the page.
+
+A dropped file as it is understood: first rows, the role and unit of each column, assumptions; all can be changed.
+
+The log's reader decides; what the user changes becomes its options, see `heatertune.log.read_log`.
+
+A dropped file as it is understood → HTML; what can be changed has `data-change`, `data-place` and `data-key`.
+"""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+import numpy.typing as npt
 from nicegui import ui
 
-from heatertune.report.html import text_of
-from heatertune.studio.sheet import DroppedFile, change_sheet
-from heatertune.studio.sheet_view import sheet
+from heatertune.commissioned import AsLeftSettings
+from heatertune.errors import HeatertuneError, InputError, LogError
+from heatertune.log import read_log
+from heatertune.log.cells import Sheet, plain_cells, read_sheet
+from heatertune.log.columns import NO_COLUMN, find_columns, with_names
+from heatertune.log.on_change import is_quality
+from heatertune.log.quantities import role_of
+from heatertune.log.tags import TagSelection, places
+from heatertune.log.values import Log
+from heatertune.report.html import bullets, text_of
+from heatertune.settings import FitSettings, ReadSettings
+from heatertune.studio.downsample import downsample, step_corners
 from heatertune.studio.stale import NUMBER_SEEN
+from heatertune.studio.wording import for_page
+from heatertune.units import check
 
-__all__ = ["SheetCard"]
+__all__ = [
+    "IGNORED",
+    "ROLES",
+    "TAG_ROLES",
+    "DroppedFile",
+    "SheetAssumptions",
+    "SheetCard",
+    "SheetColumn",
+    "change_sheet",
+    "preview",
+    "sheet",
+]
+
+
+IGNORED: Final = "ignored"
+#: of a column, as the user chooses them
+ROLES: Final = ("time", "date", "temperature", "power", "setpoint", "disturbance", "zone", IGNORED)
+#: of a tag of a long table
+TAG_ROLES: Final = ("temperature", "power", "setpoint", IGNORED)
+#: of a column of a long table
+_LONG_ROLES: Final = ("time", "tags", "values", "quality", IGNORED)
+_TAG_OPTIONS: Final = {"temperature": "tag", "power": "power_tag", "setpoint": "setpoint_tag"}
+_LONG_OPTIONS: Final = {
+    "time": "time_column", "date": "date_column", "tags": "tag_column", "values": "temperature_column",
+    "quality": "quality_column"}
+_OPTIONS: Final = {role: f"{role}_column" for role in ROLES if role not in ("zone", IGNORED)} | {"zone": "tag_column"}
+_ROWS: Final = 6
+_LINES: Final = 8  # of a file that is no table
+_LONGEST: Final = 200  # characters of one of them
+_MOST_TAGS: Final = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SheetColumn:
+    """One column of a file, or one tag of a long table.
+
+    Attributes:
+        name: as the file has it, else its number.
+        role: what it was taken as.
+        roles: what it may be.
+        unit: as the reader took it; for a power its reading at full power; "" where there is none to tell.
+        cells: of the first rows.
+    """
+
+    name: str
+    role: str
+    roles: tuple[str, ...]
+    unit: str = ""
+    cells: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SheetAssumptions:
+    """What the file does not say and the user may.
+
+    Attributes:
+        ambient_degC: temperature without power; None: found by the fit [°C].
+        power_before_pct: before the first reading; None: found by the fit [%].
+        power_pct: throughout a log that holds no power; None: not known [%].
+        setpoint_degC, begins_s, load_at_s: of a trace of the commissioned loop, see `AsLeftSettings`.
+
+    Raises:
+        OutOfRange: a value without meaning.
+    """
+
+    ambient_degC: float | None = None
+    power_before_pct: float | None = None
+    power_pct: float | None = None
+    setpoint_degC: float | None = None
+    begins_s: float | None = None
+    load_at_s: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.power_pct is not None:
+            check("constant power", self.power_pct, least=0.0, most=100.0)
+        _ = self.fit_settings, self.about
+
+    @property
+    def fit_settings(self) -> FitSettings:
+        """What the fit is told; a constant power begins from none, where nothing else is said."""
+        before = 0.0 if self.power_before_pct is None and self.power_pct is not None else self.power_before_pct
+        return FitSettings(ambient_degC=self.ambient_degC, power_before_pct=before)
+
+    @property
+    def about(self) -> AsLeftSettings:
+        """What is known beside a trace of the commissioned loop."""
+        return AsLeftSettings(setpoint_degC=self.setpoint_degC, ambient_degC=self.ambient_degC, begins_s=self.begins_s,
+                              load_at_s=self.load_at_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DroppedFile:
+    """A file and how it is understood.
+
+    Attributes:
+        name, content: of the file.
+        settings: how it is read.
+        assumed: what the user adds.
+        log: None where it cannot be read.
+        problem: why not, in one line, else "".
+        columns: in the order of the file; empty where it is no table.
+        tags: of a long table, else empty.
+        zones: what the column that tells zones apart holds, else empty; `zone` is the one that is read.
+        lines: first lines of a file that is no table.
+    """
+
+    name: str
+    content: bytes = field(repr=False)
+    settings: ReadSettings = field(default_factory=ReadSettings)
+    assumptions: SheetAssumptions = field(default_factory=SheetAssumptions)
+    log: Log | None = None
+    problem: str = ""
+    columns: tuple[SheetColumn, ...] = ()
+    tags: tuple[SheetColumn, ...] = ()
+    zones: tuple[str, ...] = ()
+    lines: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls, name: str, content: bytes, settings: ReadSettings | None = None, assumed: SheetAssumptions | None = None
+    ) -> DroppedFile:
+        """Return how a file is understood; whatever it holds, this never fails."""
+        plain = Path(name.replace("\\", "/").replace("\0", "")).name or "log.csv"
+        settings, assumed = settings or ReadSettings(), assumed or SheetAssumptions()
+        log, problem = None, ""
+        try:
+            log = _assuming(replace(read_log(plain, settings, content=content), source=plain), assumed)
+        except HeatertuneError as refused:
+            problem = _spreadsheet(content) or str(refused)
+        given: dict[str, Any] = {"settings": settings, "assumptions": assumed, "log": log, "problem": problem}
+        try:
+            sheet = plain_cells(with_names(read_sheet(Path(plain), content, settings.skip_rows, settings.tag)))
+        except (LogError, IndexError):
+            text = "" if _spreadsheet(content) else content[:_LINES * _LONGEST].decode("utf-8", "replace")
+            lines = tuple(line[:_LONGEST] for line in text.splitlines()[:_LINES])
+            return cls(name=plain, content=content, lines=lines, **given)
+        reading = _reading(sheet, settings) if log is None or log.taken is None else log.taken.reading
+        columns, tags = _columns(sheet, reading, log), _tags(sheet, reading)
+        place = next((i for i, column in enumerate(columns) if column.role == "zone"), None)
+        zones = () if place is None else tuple(islice(dict.fromkeys(row[place] for row in sheet.rows), _MOST_TAGS))
+        return cls(name=plain, content=content, columns=columns, tags=tags, zones=zones, **given)
+
+    @property
+    def is_long(self) -> bool:
+        """Whether the file is a long table: a row for each tag."""
+        return bool(self.tags)
+
+    def with_role(self, number: int, role: str, *, tag: bool = False) -> DroppedFile:
+        """Return the file with another role of a column, or of a tag; who had that role has none."""
+        known, options = (self.tags, _TAG_OPTIONS) if tag else (self.columns, _options(long=self.is_long))
+        roles = [IGNORED if one.role == role else one.role for one in known]
+        roles[number] = role
+        changed: dict[str, Any] = dict.fromkeys(options.values())
+        for role_, option in options.items():
+            if role_ in roles:
+                place = roles.index(role_)
+                changed[option] = known[place].name if tag else _reference(known, place)
+            elif role_ in ("power", "setpoint", "quality", "date"):
+                changed[option] = NO_COLUMN
+        if not (self.is_long or tag):
+            changed["tag"] = self.columns[roles.index("zone")].cells[0] if "zone" in roles else None
+        return self.read(**changed)
+
+    @property
+    def run(self) -> int | None:
+        """Which of several runs is read, 1 = first; None: the file holds one."""
+        run = None if self.log is None or self.log.taken is None else self.log.taken.reading.get("run")
+        return self.settings.run if run is None else int(run)
+
+    @property
+    def zone(self) -> str:
+        """The zone whose rows are read, "" where no column tells zones apart."""
+        return self.settings.tag or "" if self.zones else ""
+
+    def read(self, **changed: Any) -> DroppedFile:
+        """Return the file read with other settings; what is out of range is told and changes nothing."""
+        try:
+            return DroppedFile.of(self.name, self.content, replace(self.settings, **changed), self.assumptions)
+        except HeatertuneError as refused:
+            return self.with_problem(refused)
+
+    def assume(self, **changed: float | None) -> DroppedFile:
+        """Return the file with other assumptions; errors as in `read`."""
+        try:
+            return DroppedFile.of(self.name, self.content, self.settings, replace(self.assumptions, **changed))
+        except HeatertuneError as refused:
+            return self.with_problem(refused)
+
+    def with_problem(self, problem: HeatertuneError) -> DroppedFile:
+        """Return the file with what is wrong with the last change."""
+        return replace(self, problem=str(problem), log=None)
+
+    def to_log(self) -> tuple[Log, FitSettings]:
+        """Return the log, and what is known beside it.
+
+        Raises:
+            InputError: it cannot be read.
+        """
+        if self.log is None:
+            raise InputError(self.problem)
+        return self.log, self.assumptions.fit_settings
+
+
+def change_sheet(dropped: DroppedFile, change: str, place: int, value: str) -> DroppedFile:
+    """Return a file with one thing changed as the page names it; a value without meaning is told.
+
+    Args:
+        dropped: the file.
+        change: "column", "tag" (its role), a field of `SheetAssumptions`, or one of `_SAID`.
+        place: of the column or tag.
+        value: as typed or chosen.
+    """
+    if change in ("column", "tag"):
+        return dropped.with_role(place, value, tag=change == "tag")
+    try:
+        if change in SheetAssumptions.__slots__:
+            return dropped.assume(**{change: _number_sheet(value)})
+        option, meant = _SAID[change]
+        return dropped.read(**{option: meant(value)})
+    except HeatertuneError as refused:
+        return dropped.with_problem(refused)
+
+
+def _number_sheet(text: str) -> float | None:
+    """Return a typed number, with decimal point or comma; None where nothing is typed."""
+    try:
+        return float(text.replace(",", ".")) if text.strip() else None
+    except ValueError as problem:
+        raise InputError(f"{text!r} is no number") from problem
+
+
+def _whole(text: str) -> int | None:
+    number = _number_sheet(text)
+    if number is not None and number != int(number):
+        raise InputError(f"{text!r} is no whole number")
+    return None if number is None else int(number)
+
+
+#: what the page can change → option of the reader, and how a text becomes its value
+_SAID: Final[Mapping[str, tuple[str, Callable[[str], Any]]]] = {
+    "zone": ("tag", str),
+    "temperature_unit": ("temperature_unit", lambda text: text or None),
+    "time_unit": ("time_unit", lambda text: text or None),
+    "skip_empty": ("skip_empty", bool),
+    "run": ("run", _whole),
+    "skip_rows": ("skip_rows", lambda text: _whole(text) or 0),
+    "power_full_scale": ("power_full_scale", _number_sheet),
+    "sample_time_s": ("sample_time_s", _number_sheet),
+}
+
+
+def _options(*, long: bool) -> Mapping[str, str]:
+    return _LONG_OPTIONS if long else _OPTIONS
+
+
+def _assuming(log: Log, assumed: SheetAssumptions) -> Log:
+    """Return a log without power with a constant one, which is told, where the user says so."""
+    if assumed.power_pct is None or log.power_pct is not None:
+        return log
+    told = f"The power is not in the file; taken as {assumed.power_pct:g} % throughout, as you say."
+    return replace(log, power_pct=np.full(len(log.time_s), assumed.power_pct), repairs=(*log.repairs, told))
+
+
+def _spreadsheet(content: bytes) -> str:
+    return "this is a workbook, not a text file; save the sheet as CSV and drop that" if content[:2] == b"PK" else ""
+
+
+def _reading(sheet: Sheet, settings: ReadSettings) -> dict[str, Any]:
+    """Return the options of a reading that failed: what the user says, else what the names tell."""
+    said = {name: getattr(settings, name) for name in ReadSettings.__slots__}
+    said = {name: value for name, value in said.items() if value is not None}
+    tag, value = _long_places(sheet, settings)
+    if tag is not None and value is not None:
+        named = {"time_column": next((i for i, name in enumerate(sheet.header) if role_of(name) == "time"), None),
+                 "quality_column": next((i for i, name in enumerate(sheet.header) if is_quality(name)), None),
+                 "tag_column": tag, "temperature_column": value}
+        return {option: str(place + 1) for option, place in named.items() if place is not None} | said
+    wanted = {role: said[option] for role, option in _OPTIONS.items()
+              if option in said and role not in ("date", "zone")}
+    try:
+        columns = find_columns(sheet, wanted)
+    except LogError:
+        return said
+    units = {option: unit for role, option in (("time", "time_unit"), ("temperature", "temperature_unit"))
+             if role in columns.index and (unit := columns.unit(role)) is not None}
+    return {f"{role}_column": str(place + 1) for role, place in columns.index.items()} | units | said
+
+
+def _long_places(sheet: Sheet, settings: ReadSettings) -> tuple[int | None, int | None]:
+    asked = TagSelection(
+        temperature=settings.tag, power=settings.power_tag, setpoint=settings.setpoint_tag, column=settings.tag_column,
+        value=settings.temperature_column)
+    try:
+        return places(sheet, asked)
+    except LogError:
+        return None, None
+
+
+def _columns(sheet: Sheet, reading: Mapping[str, Any], log: Log | None) -> tuple[SheetColumn, ...]:
+    long = reading.get("tag_column") is not None and bool(_tags(sheet, reading))
+    taken: dict[int, str] = {}
+    for role, option in _options(long=long).items():
+        place = _place(sheet, reading.get(option))
+        if place is not None:
+            taken.setdefault(place, role)
+    names = sheet.header or tuple(f"{i + 1}" for i in range(len(sheet.rows[0])))
+    return tuple(
+        SheetColumn(name=name, role=taken.get(i, IGNORED), roles=_LONG_ROLES if long else ROLES,
+               unit=_unit_sheet(taken.get(i, IGNORED), reading, log),
+               cells=tuple(row[i] for row in islice(sheet.rows, _ROWS)))
+        for i, name in enumerate(names))
+
+
+def _unit_sheet(role: str, reading: Mapping[str, Any], log: Log | None) -> str:
+    """Return the unit of a column as the page shows it, "" where the user has to choose it: a select shows "unit?"."""
+    if log is not None and log.taken is not None and ("temperature" if role == "values" else role) in log.taken.assumed:
+        return ""
+    if role == "time":
+        stamps = log is not None and log.taken is not None and log.taken.columns.get("time", ("", ""))[1] == "stamps"
+        return "stamps" if stamps else str(reading.get("time_unit", ""))
+    if role in ("temperature", "values"):
+        return str(reading.get("temperature_unit", ""))
+    return f"{reading['power_full_scale']:g}" if role == "power" and "power_full_scale" in reading else ""
+
+
+def _tags(sheet: Sheet, reading: Mapping[str, Any]) -> tuple[SheetColumn, ...]:
+    """Return the tags of a long table with their first values; none of a table with a column for each."""
+    tag, value = (_place(sheet, reading.get(name)) for name in ("tag_column", "temperature_column"))
+    wide = "power_column" in reading or tag is None or value is None or tag == value
+    if tag is None or value is None or wide:
+        return ()
+    cells: dict[str, list[str]] = {}
+    for row in sheet.rows:
+        cells.setdefault(row[tag], []).append(row[value])
+    taken = {reading.get(option): role for role, option in _TAG_OPTIONS.items()}
+    return tuple(
+        SheetColumn(name=name, role=taken.get(name, IGNORED), roles=TAG_ROLES, cells=tuple(held[:_ROWS]),
+               unit=_unit_sheet(taken.get(name, IGNORED), reading, None))
+        for name, held in islice(cells.items(), _MOST_TAGS))
+
+
+def _place(sheet: Sheet, said: Any) -> int | None:
+    """Return the column of a name or number, None where there is none."""
+    if said is None or said == NO_COLUMN:
+        return None
+    if str(said) in sheet.header:
+        return sheet.header.index(str(said))
+    number = int(said) if str(said).isdecimal() else 0
+    return number - 1 if 1 <= number <= len(sheet.rows[0]) else None
+
+
+def _reference(columns: tuple[SheetColumn, ...], place: int) -> str:
+    """Return the name of a column where it has one of its own, else its number."""
+    names = [column.name for column in columns]
+    own = names.count(names[place]) == 1 and not names[place].isdecimal() and names[place] not in ("", NO_COLUMN)
+    return names[place] if own else f"{place + 1}"
+
+
+Array = npt.NDArray[np.float64]
+
+_UNITS: Final[Mapping[str, Mapping[str, str]]] = {
+    "temperature": {
+        "degC": "°C", "degF": "°F", "K": "K", "0.1degC": "0.1 °C", "0.01degC": "0.01 °C", "0.1degF": "0.1 °F"},
+    "time": {"s": "s", "ms": "ms", "min": "min", "h": "h", "d": "days"},
+}
+_MOST_COLUMNS: Final = 40
+_WIDE, _HIGH, _LOW = 640, 150, 34  # of the preview: its width, the temperature's height, the power's
+_EDGE: Final = 8
+
+
+def sheet(dropped: DroppedFile) -> str:
+    """Return first rows with the role and unit of each column, preview and assumptions."""
+    return "".join((_told(dropped), _table(dropped), _rest(dropped), preview(dropped.log) if dropped.log else "",
+                    _assumptions(dropped), _repairs(dropped.log)))
+
+
+def _told(dropped: DroppedFile) -> str:
+    if dropped.problem:
+        return f'<p class="error" role="alert">error: {text_of(for_page(dropped.problem))}</p>'
+    assert dropped.log is not None
+    time = dropped.log.time_s
+    line = (f"{len(time)} readings every {float(np.median(np.diff(time))):.4g} s, "
+            f"{dropped.log.temperature_degC.min():.4g} to {dropped.log.temperature_degC.max():.4g} °C")
+    return f'<p role="status" data-field="taken">{line}</p>'
+
+
+def _table(dropped: DroppedFile) -> str:
+    if not dropped.columns:
+        return f"<pre>{text_of(chr(10).join(dropped.lines))}</pre>" if dropped.lines else ""
+    shown = "".join(_column(column, place, "column") for place, column in enumerate(dropped.columns[:_MOST_COLUMNS]))
+    text = f'<h3>Columns, with their first rows</h3><div class="columns">{shown}</div>'
+    if dropped.tags:
+        tags = "".join(_column(column, place, "tag") for place, column in enumerate(dropped.tags))
+        text += f'<h3>Tags: each becomes a column</h3><div class="columns">{tags}</div>'
+    if dropped.zones:
+        text += _select("the zone that is read", "zone", 0, {zone: zone for zone in dropped.zones}, dropped.zone,
+                        label="Rows of the zone")
+    return text
+
+
+def _column(column: SheetColumn, place: int, kind: str) -> str:
+    """Return one column: its name, role, unit and first cells."""
+    name = text_of(column.name)
+    role = _select(f"role of {kind} {column.name}", kind, place, {role: role for role in column.roles}, column.role)
+    used = "" if column.role == IGNORED else " used"
+    cells = "".join(f"<li>{text_of(cell) or '&nbsp;'}</li>" for cell in column.cells)
+    return f'<div class="read-column{used}"><b>{name}</b>{role}{_unit(column, place)}<ol>{cells}</ol></div>'
+
+
+def _unit(column: SheetColumn, place: int) -> str:
+    if column.role == "power":
+        return _number("reading at full power", "power_full_scale", place, column.unit, "at full power")
+    if column.role == "time" and column.unit == "stamps":
+        return '<span class="unit">date and time</span>'
+    known = _UNITS.get("temperature" if column.role == "values" else column.role)
+    if known is None:
+        return ""
+    option = "time_unit" if column.role == "time" else "temperature_unit"
+    return _select(f"unit of {column.name}", option, place, {"": "unit?", **known}, column.unit)
+
+
+def _rest(dropped: DroppedFile) -> str:
+    """Return what else tells how the file is read."""
+    settings, parts = dropped.settings, []
+    if dropped.columns and not any(column.role == "time" for column in dropped.columns):
+        parts.append(_number("seconds between two rows", "sample_time_s", 0, settings.sample_time_s, "s between rows"))
+    parts.append(_number("title lines left out", "skip_rows", 0, settings.skip_rows or None, "title lines left out"))
+    if dropped.run is not None:
+        parts.append(_number("run that is read, 1 is the first", "run", 0, dropped.run, "run that is read"))
+    ticked = " checked" if settings.skip_empty else ""
+    parts.append('<label><input type="checkbox" data-change="skip_empty" data-place="0" data-key="skip_empty"'
+                 f"{ticked}> leave out rows without a reading</label>")
+    return f'<div class="fields">{"".join(parts)}</div>'
+
+
+def _assumptions(dropped: DroppedFile) -> str:
+    """Return what the file does not say: ambient, power before, and a constant power where none is logged."""
+    assumed, powered = dropped.assumptions, any(column.role == "power" for column in (*dropped.columns, *dropped.tags))
+    fields = [_number("ambient temperature in °C, if known", "ambient_degC", 0, assumed.ambient_degC,
+                      "°C ambient (empty: found by the fit)"),
+              _number("power before the log in percent, if known", "power_before_pct", 0, assumed.power_before_pct,
+                      "% power before the log (empty: found by the fit)")]
+    if not powered:
+        fields.append(_number("constant power in percent, if known", "power_pct", 0, assumed.power_pct,
+                              "% power throughout (empty: not known)"))
+    told = [_number("setpoint of the trace in °C", "setpoint_degC", 0, assumed.setpoint_degC,
+                    "°C setpoint (empty: as logged, else that of the proof)"),
+            _number("heat-up begins, in s", "begins_s", 0, assumed.begins_s, "s: heat-up begins (empty: found)"),
+            _number("load came, in s", "load_at_s", 0, assumed.load_at_s, "s: load came (empty: none)")]
+    return (f'<h3>Assumptions</h3><div class="fields">{"".join(fields)}</div><div class="of-trace">'
+            f'<h3>Of a trace of the commissioned loop</h3><div class="fields">{"".join(told)}</div></div>')
+
+
+def _repairs(log: Log | None) -> str:
+    """Return what the reader changed, assumed or finds odd; nothing of it is folded away."""
+    if log is None:
+        return ""
+    parts = (("Changed or assumed by the reader", log.repairs), ("Odd, but left as it is", log.warnings))
+    return "".join(f"<h3>{title}</h3>{bullets([for_page(item) for item in items])}" for title, items in parts if items)
+
+
+def _select(
+    name: str, change: str, place: int, options: Mapping[str, str], chosen: str, *, label: str = ""
+) -> str:
+    shown = "".join(
+        f'<option value="{text_of(value)}"{" selected" if value == chosen else ""}>{text_of(text)}</option>'
+        for value, text in options.items())
+    element = (f'<select aria-label="{text_of(name)}" data-change="{change}" data-place="{place}" '
+               f'data-key="{change}-{place}">{shown}</select>')
+    return f"<label>{label} {element}</label>" if label else element
+
+
+def _number(name: str, change: str, place: int, value: object, label: str) -> str:
+    held = "" if value is None else text_of(str(value))
+    return (f'<label class="number"><input type="text" inputmode="decimal" size="6" value="{held}" '
+            f'aria-label="{text_of(name)}" data-change="{change}" data-place="{place}" data-key="{change}-{place}"> '
+            f"<span>{text_of(label)}</span></label>")
+
+
+def preview(log: Log) -> str:
+    """Return the log as a small picture: temperature, and below it power where it is logged."""
+    time, temperature, power = log.time_s, log.temperature_degC, log.power_pct
+    low, high = float(temperature.min()), float(temperature.max())
+    below = 0 if power is None else _LOW + _EDGE
+    said = (f"Temperature from {low:.4g} to {high:.4g} °C in {time[-1] - time[0]:.4g} s"
+            + ("" if power is None else f", power from {power.min():.4g} to {power.max():.4g} %"))
+    lines = _path(time, temperature, (low, high), (_EDGE, _HIGH), "temperature")
+    if power is not None:
+        lines += _path(time, power, (0.0, 100.0), (_HIGH + _EDGE, _HIGH + _EDGE + _LOW), "power", held=True)
+    return (f'<figure class="preview"><svg viewBox="0 0 {_WIDE} {_HIGH + below + _EDGE}" role="img" '
+            f'aria-label="{text_of(said)}">{lines}</svg><figcaption>{text_of(said)}</figcaption></figure>')
+
+
+def _path(
+    time: Array, values: Array, range_: tuple[float, float], place: tuple[float, float], kind: str, *,
+    held: bool = False,
+) -> str:
+    (low, high), (top, bottom) = range_, place
+    time, values = step_corners(time, values) if held else (time, values)
+    kept = downsample(time, values, _WIDE // 2)
+    x, y = time[kept], values[kept]
+    across = (x - time[0]) / (time[-1] - time[0]) * _WIDE
+    down = bottom - (y - low) / max(high - low, 1e-9) * (bottom - top)
+    return f'<polyline class="{kind}" points="{_points(across, down)}"/>'
+
+
+def _points(x: Sequence[float] | Array, y: Sequence[float] | Array) -> str:
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+
 
 _CHANGED: Final = """(e) => { const t = e.target; if (!t.dataset.change) return;
   emit([t.dataset.change, Number(t.dataset.place), t.type === "checkbox" ? t.checked ? "1" : "" : t.value,

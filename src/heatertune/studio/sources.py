@@ -16,14 +16,13 @@ from heatertune.model.document import from_document
 from heatertune.model.values import FittedModel
 from heatertune.options import options_of
 from heatertune.pid import document as pid_document
-from heatertune.pid.design_provenance import DesignProvenance
+from heatertune.pid.document import DesignProvenance
 from heatertune.pid.values import PidDesign
 from heatertune.plc.word_selection import search_document
-from heatertune.progress import ProgressCallback
+from heatertune.processors import ProgressCallback
 from heatertune.proof.design_request import DesignResult
-from heatertune.proof.presets import PRESETS
-from heatertune.proof.rebuild_words import demand_same_files, made_again
-from heatertune.proof.specification import GENERAL
+from heatertune.proof.repetition import demand_same_files, made_again
+from heatertune.proof.specification import GENERAL, PRESETS
 from heatertune.settings import Conditions, FitSettings
 from heatertune.studio.loop import CandidateWords, DesignOutcome
 from heatertune.studio.settings import StudioSettings

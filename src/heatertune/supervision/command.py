@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from heatertune import report
 from heatertune.cli import common, printing
 from heatertune.cli.saved_design import proof_source
-from heatertune.documents import peek_schema, to_json
+from heatertune.codec import peek_schema, to_json
 from heatertune.errors import InputError
 from heatertune.writing import write_files
 

@@ -3,6 +3,10 @@
 Each limit is what loops in order need and a margin beyond. The windows are those that tell a switch that is stuck on,
 and a heater that is open, soonest. What was found is tried on heaters that no limit was made from; where one of them
 trips, the limits are made wider and others are drawn, until a whole batch passes.
+
+The least and the largest movement that a heater in order makes: planes over level and power, in whole numbers.
+
+What a loop in order shows a monitor: the numbers from which its limits are made.
 """
 
 from __future__ import annotations
@@ -11,26 +15,190 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.plc.pwm import Actuator
-from heatertune.processors import threaded_list
-from heatertune.progress import ProgressCallback
+from heatertune.processors import ProgressCallback, threaded_list
 from heatertune.proof.loop import LoopController, scans_of
 from heatertune.proof.scenario import Scenario
-from heatertune.supervision.envelope import plane_of
-from heatertune.supervision.faults import FAULTS, FaultKind
-from heatertune.supervision.loops import Card, Fault, Ran, card_of, ran
-from heatertune.supervision.monitor import RING, Numbers
-from heatertune.supervision.sample_heaters import FamilyMember, HeaterFamily
-from heatertune.supervision.tallies import first_alarm, tally, windows
+from heatertune.supervision.loops import FAULTS, Card, FamilyMember, Fault, FaultKind, HeaterFamily, Ran, card_of, ran
+from heatertune.supervision.monitor import RING, STATE, Numbers, is_full, restart, scan, scan_counts, watch, window_sums
 from heatertune.units import written
 
-__all__ = ["FRESH", "Bench", "MonitorDesign", "design"]
+__all__ = [
+    "FRESH",
+    "Bench",
+    "MonitorDesign",
+    "Plane",
+    "Tally",
+    "design",
+    "first_alarm",
+    "plane_of",
+    "tally",
+    "windows",
+]
+
+
+Table = npt.NDArray[np.int64]
+
+_BINS: Final = 48
+_ALL_WEIGHT: Final = 0.05  # of a plane's mean distance, beside that at the point it is made for
+#: what products of a monitor's numbers may reach: half of a 32-bit whole number
+_MOST: Final = 1 << 30
+_SCALES: Final = (4096, 1024, 256, 64, 16, 4, 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plane:
+    """movement · scale ≤ gain · power − loss · level + rest, as whole numbers; for the least movement ≥."""
+
+    scale: int
+    gain: int
+    loss: int
+    rest: int
+
+
+def plane_of(
+    rows: Table, points: npt.NDArray[np.float64], *, largest: bool, share: float, more: float,
+) -> Plane | None:
+    """Return the closest plane that no row crosses, None where no whole numbers hold it.
+
+    Args:
+        rows: movement, level and power of windows, shape (n, 3).
+        points: (level, power) at which it shall be close, shape (m, 2).
+        largest: whether it bounds the largest movement.
+        share: of the plane's distance from standstill at the first point that is left as a margin.
+        more: further margin, in the unit of the movement.
+    """
+    sign = 1.0 if largest else -1.0
+    move, level, power = (rows[:, column].astype(float) for column in range(3))
+    gain, loss, rest = _fitted(sign * move, level, power, points, sign)
+    # in the sense of the sign: move·s ≤ s·(gain·power − loss·level) + rest
+    left = float(np.max(sign * move - sign * (gain * power - loss * level) - rest))
+    at = points[0]
+    standing = abs(sign * (gain * at[1] - loss * at[0]) + rest + left)
+    rest += max(left, 0.0) + share * standing + more
+    for scale in _SCALES:
+        whole_gain, whole_loss = round(gain * scale), round(loss * scale)
+        # the rest takes up what rounding the others moved
+        moved = np.max(sign * ((gain * scale - whole_gain) * power - (loss * scale - whole_loss) * level))
+        whole_rest = int(np.ceil(rest * scale + max(float(moved), 0.0)))
+        reach = max(scale * np.abs(move).max() * 4, whole_gain * power.max() * 1.5, whole_loss * level.max() * 1.5)
+        if max(reach, abs(whole_rest)) < _MOST:
+            return Plane(scale=scale, gain=whole_gain, loss=whole_loss, rest=int(sign) * whole_rest)
+    return None
+
+
+def _fitted(
+    move: npt.NDArray[np.float64], level: npt.NDArray[np.float64], power: npt.NDArray[np.float64],
+    points: npt.NDArray[np.float64], sign: float,
+) -> tuple[float, float, float]:
+    """Return gain, loss and rest of the closest plane above the largest movement of each part of the field."""
+    from scipy.optimize import linprog  # noqa: PLC0415 - only a design needs it
+
+    units = max(np.abs(move).max(), 1.0), max(level.max(), 1.0), max(power.max(), 1.0)
+    m, r, u = move / units[0], level / units[1], power / units[2]
+    field = (np.clip(r * _BINS, 0, _BINS - 1).astype(int) * _BINS + np.clip(u * _BINS, 0, _BINS - 1).astype(int))
+    order = np.lexsort((m, field))
+    last = order[np.append(field[order][1:] != field[order][:-1], True)]
+    m, r, u = m[last], r[last], u[last]
+    above = np.column_stack([sign * u, -sign * r, np.ones(len(m))])
+    near = np.column_stack([sign * points[:, 1] / units[2], -sign * points[:, 0] / units[1], np.ones(len(points))])
+    cost = near.mean(axis=0) + _ALL_WEIGHT * above.mean(axis=0)
+    found = linprog(cost, A_ub=-above, b_ub=-m, bounds=[(0.0, None), (0.0, None), (None, None)], method="highs")
+    gain, loss, rest = found.x if found.success else (0.0, 0.0, float(m.max()))
+    return gain * units[0] / units[2], loss * units[0] / units[1], rest * units[0]
+
+
+#: places of `_tallied`
+_TALLIES: Final = 8
+
+
+class Tally(NamedTuple):
+    """Extremes of one loop: readings [counts], moves from scan to scan, and how long what lasted [scans].
+
+    `still_moved` is how long a reading stayed the same although the power moved; `grew` how many swings in a row grew.
+    """
+
+    low: int
+    high: int
+    jump: int
+    still: int
+    still_moved: int
+    full: int
+    grew: int
+    steady: int
+
+
+def _tallied(numbers: Numbers, state: Any, readings: Any, powers: Any, settled: int, begins: int, out: Any) -> None:
+    restart(state)
+    off, known, last, least, most = True, False, 0, 0, 0
+    for k in range(len(readings)):
+        reading, power = int(readings[k]), int(powers[k])
+        if power < 0:
+            off = True
+            continue
+        if off:
+            restart(state)
+            off, last = False, reading
+        scan(numbers, state, reading, power)
+        still, moved, full, grew, ended, level = scan_counts(state)
+        out[0], out[1] = min(out[0], reading), max(out[1], reading)
+        out[2] = max(out[2], reading - last, last - reading)
+        out[3], out[4], out[5], out[6] = max(out[3], still), max(out[4], moved), max(out[5], full), max(out[6], grew)
+        if begins <= k < settled and ended:
+            least, most = (min(least, level), max(most, level)) if known else (level, level)
+            out[7], known = most - least, True
+        last = reading
+
+
+def _windows(
+    numbers: Numbers, state: Any, readings: Any, powers: Any, blocks: int, largest: bool, out: Any,
+) -> int:
+    restart(state)
+    off, rows = False, 0
+    for k in range(len(readings)):
+        if powers[k] < 0:
+            off = True
+            continue
+        if off:
+            restart(state)
+            off = False
+        scan(numbers, state, int(readings[k]), int(powers[k]))
+        if is_full(numbers, state, blocks):
+            out[rows, 0], out[rows, 1], out[rows, 2] = window_sums(numbers, state, blocks, largest)
+            rows += 1
+    return rows
+
+
+def tally(numbers: Numbers, one: Ran, rest: tuple[int, int]) -> Tally:
+    """Return the extremes of a loop in order; within the scans `rest` it is at rest."""
+    out = np.zeros(_TALLIES, dtype=np.int64)
+    out[0] = 1 << 40
+    compile_function(_tallied)(numbers, _state(), one.counts, one.power, rest[1], rest[0], out)
+    return Tally(*out.tolist())
+
+
+def windows(numbers: Numbers, one: Ran, blocks: int, *, largest: bool) -> npt.NDArray[np.int64]:
+    """Return movement, level and power of each window of a loop, shape (n, 3)."""
+    out = np.empty((len(one.counts) // numbers.block + 1, 3), dtype=np.int64)
+    return out[:compile_function(_windows)(numbers, _state(), one.counts, one.power, blocks, largest, out)]
+
+
+def first_alarm(numbers: Numbers, one: Ran, first: int = 0) -> tuple[int, int]:
+    """Return the scan of the first alarm from a scan on, -1 for none, and the alarm."""
+    at, alarm = compile_function(watch)(numbers, _state(), one.counts, one.power, first)
+    return int(at), int(alarm)
+
+
+def _state() -> npt.NDArray[np.int64]:
+    return np.zeros(STATE, dtype=np.int64)
+
 
 _DRAWN: Final = 200  # heaters beside the corners
 _TURNS: Final = 2  # how often each corner is run, with other noise and loads

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from heatertune.codec import decode, register_schema
-from heatertune.documents import read_document
+from heatertune.codec import decode, read_document, register_schema
 from heatertune.errors import DocumentError
 from heatertune.supervision.monitor import RING, Numbers
 from heatertune.supervision.text.program_check import MonitorProgram

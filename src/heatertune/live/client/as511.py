@@ -17,7 +17,7 @@ import serial
 
 from heatertune.errors import LinkDown, PlcRefused, ReplyLost
 from heatertune.live.client.address import Address
-from heatertune.live.client.base import RequestConnection
+from heatertune.live.client.client import RequestConnection
 from heatertune.live.memory import OWN
 
 __all__ = ["As511Client", "open_client"]

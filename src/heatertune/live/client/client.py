@@ -1,17 +1,103 @@
-"""A client of a PLC: bytes of its blocks, read and written one request at a time, and never a write twice."""
+"""A client of a PLC: bytes of its blocks, read and written one request at a time, and never a write twice.
+
+What clients of every protocol have in common: one request, what it ends in, and the end.
+
+What a simulated PLC says of itself to a client that asks for it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+import socket
+import struct
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from types import TracebackType
-from typing import Final, Protocol, Self
+from typing import Any, Final, Protocol, Self, TypeVar
 
-from heatertune.errors import InputError
+from heatertune.errors import InputError, LinkDown, PlcRefused, ReplyLost
 from heatertune.live.client.address import Address
+from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
 
-__all__ = ["LIBRARIES", "Client", "connect", "demand_library"]
+__all__ = [
+    "LIBRARIES",
+    "Client",
+    "RequestConnection",
+    "close_by_reset",
+    "connect",
+    "demand_library",
+    "told_by",
+]
+
+
+Answer = TypeVar("Answer")
+
+#: on, and no time to linger; Windows has two short integers where others have two integers
+_LINGER: Final = struct.pack("hh" if os.name == "nt" else "ii", 1, 0)
+
+
+def close_by_reset(connection: Any) -> None:
+    """Have the system end a TCP connection by a reset, whoever closes its socket: this program, its library, its death.
+
+    An orderly end lets the system send again, for minutes, a request that has been given up: behind an outage of the
+    network it would reach the PLC long after. A reset discards what has not been acknowledged.
+
+    Args:
+        connection: socket of the connection, or asyncio's wrapper of one; None: there is none.
+    """
+    if connection is not None:
+        with suppress(OSError):  # closed already
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER)
+
+
+class RequestConnection:
+    """A connection that is closed at the first request without an answer."""
+
+    def __init__(self, address: Address) -> None:
+        """Belong to an address."""
+        self._address, self._open, self._under_way = address, True, False
+
+    def _asked(self, ask: Callable[[], Answer], what: str) -> Answer:
+        """Return what a request answers; `ask` raises `PlcRefused`, `LinkDown` or anything of the library's own."""
+        if not self._open:
+            raise LinkDown(f"{self._address.text}: the connection is closed")
+        self._under_way = True
+        try:
+            answer = ask()
+        except PlcRefused:
+            self._under_way = False
+            raise
+        except LinkDown:
+            self.close()
+            raise
+        except Exception as problem:  # whatever the library raises: what the PLC did is not known
+            self.close()
+            raise ReplyLost(f"{self._address.text}: no answer to {what}: {problem}") from None
+        self._under_way = False
+        return answer
+
+    def _refused(self, what: str, why: str) -> PlcRefused:
+        return PlcRefused(f"{self._address.text}: {what} refused: {why}")
+
+    def close(self) -> None:
+        """Close the connection."""
+        if self._open:
+            self._open = False
+            self._close()
+
+    def _close(self) -> None:
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
 
 #: protocol → the module that it needs, and the extra that brings it
 LIBRARIES: Final[Mapping[str, tuple[str, str]]] = {
@@ -94,3 +180,16 @@ def demand_library(protocol: str) -> None:
     module, extra = LIBRARIES[protocol]
     if find_spec(module) is None:
         raise InputError(f'{protocol} needs {module}: pip install "heatertune[{extra}]"')
+
+
+def told_by(client: Client) -> SimulatorStatus | None:
+    """Return what the simulator's own block says; None: this is no simulator.
+
+    Raises:
+        LinkError: no answer.
+    """
+    try:
+        told = SimulatorStatus(client.read(OWN, 0, OWN_LENGTH))
+    except PlcRefused:
+        return None
+    return told if told.marked else None

@@ -11,7 +11,7 @@ from pymodbus.pdu import ExceptionResponse
 
 from heatertune.errors import LinkDown
 from heatertune.live.client.address import Address
-from heatertune.live.client.base import RequestConnection, close_by_reset
+from heatertune.live.client.client import RequestConnection, close_by_reset
 from heatertune.live.memory import OWN
 
 __all__ = ["ModbusClient", "open_client"]

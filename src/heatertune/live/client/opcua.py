@@ -19,7 +19,7 @@ from asyncua import Client, ua
 
 from heatertune.errors import LinkDown, ReplyLost
 from heatertune.live.client.address import Address
-from heatertune.live.client.base import RequestConnection, close_by_reset
+from heatertune.live.client.client import RequestConnection, close_by_reset
 from heatertune.live.memory import OWN
 
 __all__ = ["OpcuaClient", "open_client"]

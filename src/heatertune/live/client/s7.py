@@ -14,7 +14,7 @@ from snap7.logo import Logo
 
 from heatertune.errors import LinkDown
 from heatertune.live.client.address import Address
-from heatertune.live.client.base import RequestConnection, close_by_reset
+from heatertune.live.client.client import RequestConnection, close_by_reset
 
 __all__ = ["S7Client", "open_client"]
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from heatertune import chain
 from heatertune.cli import printing
-from heatertune.cli.terminal import LINE
+from heatertune.cli.printing import LINE
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.live.client.address import address_of
 from heatertune.live.commands.record import ALL_SIGNALS, asked_to_end, live_line, tell

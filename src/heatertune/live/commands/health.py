@@ -10,7 +10,7 @@ from typing import Any
 from heatertune import options, report
 from heatertune.batch.commands.table_options import Bar, add_table_options, workers
 from heatertune.cli import common, printing
-from heatertune.cli.terminal import LINE
+from heatertune.cli.printing import LINE
 from heatertune.errors import InputError
 from heatertune.live.commands.record import asked_to_end
 from heatertune.settings import ReadSettings, WordSettings

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune.cli import printing
-from heatertune.cli.terminal import LINE, can_take
+from heatertune.cli.printing import LINE, can_take
 from heatertune.live.client.address import address_of
 
 if TYPE_CHECKING:

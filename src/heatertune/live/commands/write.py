@@ -82,8 +82,7 @@ def link_of(settings: argparse.Namespace) -> LinkSettings:
 def _run(settings: argparse.Namespace) -> int:
     from heatertune.live.plc_state import PlcState  # noqa: PLC0415
     from heatertune.live.write.apply import apply_write  # noqa: PLC0415
-    from heatertune.live.write.identity_check import Declared  # noqa: PLC0415
-    from heatertune.live.write.proven_words import read_proven  # noqa: PLC0415
+    from heatertune.live.write.proven_words import Declared, read_proven  # noqa: PLC0415
     from heatertune.live.write.rollback import unfinished_records  # noqa: PLC0415
     from heatertune.live.write.write_plan import PLAN_SCHEMA, WriteRequest, peer_of, plan_write  # noqa: PLC0415
 

@@ -12,13 +12,12 @@ from typing import Any
 from heatertune import __version__
 from heatertune.errors import LinkError
 from heatertune.live.plc_state import PlcState
-from heatertune.live.write.identity_check import refusal_reason
+from heatertune.live.write.band import watch_response
 from heatertune.live.write.plc_block import Peer
-from heatertune.live.write.response_watch import watch_response
+from heatertune.live.write.proven_words import refusal_reason
 from heatertune.live.write.rollback import record_outcome, unfinished_records
-from heatertune.live.write.write_budget import Budget
 from heatertune.live.write.write_plan import WritePlan, WriteRequest, peer_of, plan_write
-from heatertune.live.write.write_record import RECORD_SCHEMA, RecordBroken, WriteRecord, write_new
+from heatertune.live.write.write_record import RECORD_SCHEMA, Budget, RecordBroken, WriteRecord, write_new
 from heatertune.live.write.writer import WriteEnd, WriteOutcome, Writer
 
 __all__ = ["WriteResult", "apply_write"]

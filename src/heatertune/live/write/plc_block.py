@@ -1,22 +1,215 @@
-"""One block of one PLC over a link that may fail: what is read may be asked for again, what is written goes once."""
+"""One block of one PLC over a link that may fail: what is read may be asked for again, what is written goes once.
+
+Where the words of a controller stand in a PLC, and what is to be written there, request by request.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Any, Final, Self
 
-from heatertune.errors import LinkDown, LinkError, PlcRefused, ReplyLost
+from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
+from heatertune.live.blocks import SERVED, ServedBlock, block_for
 from heatertune.live.client.address import Address
-from heatertune.live.client.client import Client, connect
-from heatertune.live.client.simulator import told_by
-from heatertune.live.memory import RUNS, SimulatorStatus
-from heatertune.live.write.block_image import BlockImage, WritePart
+from heatertune.live.client.client import Client, connect, told_by
+from heatertune.live.memory import RUNS, Signal, SimulatorStatus, bytes_of, field_of
+from heatertune.plc import Controller, Words, controller_for
 from heatertune.plc.ramp import Number
 
-__all__ = ["BlockSnapshot", "LinkSettings", "Peer", "runs"]
+__all__ = ["BlockImage", "BlockSnapshot", "LinkSettings", "Peer", "WritePart", "block_image", "runs"]
+
+
+#: target → why its words are not written, though a virtual PLC serves it
+_OUT_OF_REACH: Final[Mapping[str, str]] = {
+    "s7-200": "the program types its words in itself, and keeps setpoint, scale and ticks where no client reaches them"}
+#: protocol over which words of one request do not reach the CPU together
+_WORD_BY_WORD: Final = "as511"
+
+
+@dataclass(frozen=True, slots=True)
+class WritePart:
+    """What one request writes.
+
+    Attributes:
+        names: the words in it.
+        start: its first byte in the block.
+        before, after: its bytes.
+    """
+
+    names: tuple[str, ...]
+    start: int
+    before: bytes
+    after: bytes
+
+    def to_document(self) -> dict[str, Any]:
+        """Return it as a record has it."""
+        return {"names": list(self.names), "start": self.start, "before": self.before.hex(), "after": self.after.hex()}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockImage:
+    """The words of a controller in one block of a PLC.
+
+    Attributes:
+        controller: whose words these are.
+        block: as a virtual PLC has it, too.
+        number: of the block in the PLC.
+        spans: first byte, and how many, of what has to be read: all words and what is watched.
+        whole: bytes that are written together at least: 2 where there are registers.
+        together: whether neighbours that one request writes reach the CPU together.
+    """
+
+    controller: Controller
+    block: ServedBlock
+    number: int
+    spans: tuple[tuple[int, int], ...]
+    whole: int
+    together: bool
+
+    @property
+    def begin(self) -> int:
+        """First byte that is read."""
+        return self.spans[0][0]
+
+    @property
+    def count(self) -> int:
+        """Bytes that are read."""
+        return sum(count for _, count in self.spans)
+
+    @property
+    def own(self) -> list[str]:
+        """The words that the program around does not write."""
+        return [name for name in self.block.words if name not in self.controller.written]
+
+    def at(self, start: int) -> int:
+        """Return where a byte of the block stands in what is read."""
+        before = 0
+        for begin, count in self.spans:
+            if begin <= start < begin + count:
+                return before + start - begin
+            before += count
+        raise ValueError(f"byte {start} is not read")
+
+    def read(self, client: Client) -> bytes:
+        """Return what stands there; errors as `Client.read`."""
+        return b"".join(client.read(self.number, begin, count) for begin, count in self.spans)
+
+    def values(self, content: bytes) -> dict[str, Number]:
+        """Return every word in the bytes of the block; a whole number is one."""
+        found = {name: self._of(content, signal) for name, signal in self.block.words.items()}
+        return {name: value if self.block.words[name].format == "REAL" else int(value)
+                for name, value in found.items()}
+
+    def bits(self, content: bytes) -> dict[str, int]:
+        """Return the words of one bit that the program around does not write; they are looked at alone."""
+        return {name: content[self.at(byte)] >> bit & 1 for name, (byte, bit) in self.block.bits.items()
+                if name not in self.controller.written}
+
+    def words(self, content: bytes, others: Words) -> Words:
+        """Return what a PLC runs; what does not stand in the block is as in other words."""
+        held = self.interval_s(content)
+        return replace(others, values={**others.values, **self.values(content), **self.bits(content)},
+                       sample_time_s=others.sample_time_s if held is None else held)
+
+    def interval_s(self, content: bytes) -> float | None:
+        """Return the interval at which the controller is called, where words in the block tell it [s]."""
+        found, told = {**self.values(content), **self.bits(content)}, self.controller.interval_s
+        return None if told is None or any(field.name not in found for field in self.controller.fields) else told(found)
+
+    def signal(self, content: bytes, role: str) -> float:
+        """Return a signal of the block, see `heatertune.live.blocks.ServedBlock.signals`."""
+        return self._of(content, self.block.signals[role])
+
+    def _of(self, content: bytes, signal: Signal) -> float:
+        return signal.of(content, signal.start - self.at(signal.start))
+
+    def with_words(self, content: bytes, values: Mapping[str, Number]) -> bytes:
+        """Return bytes of the block with words in them.
+
+        Raises:
+            OutOfRange: a number that its word does not hold.
+        """
+        cells = bytearray(content)
+        for name, value in values.items():
+            signal = self.block.words[name]
+            field = field_of(self.controller.fields, name)
+            one, at = bytes_of(replace(field, format=signal.format), value), self.at(signal.start)
+            cells[at : at + signal.size] = one[2:] + one[:2] if signal.turned else one
+        return bytes(cells)
+
+    def parts(self, content: bytes, values: Mapping[str, Number]) -> list[WritePart]:
+        """Return what is to be written so that words stand there: those that differ, neighbours together.
+
+        Args:
+            content: bytes of the block as they are.
+            values: the words that are to stand there; others stay.
+
+        Raises:
+            OutOfRange: as `typed`.
+        """
+        now, then = self.values(content), self.with_words(content, values)
+        runs: list[tuple[list[str], int, int]] = []
+        for name, signal in sorted(self._changed(now, values), key=lambda one: one[1].start):
+            begin, end = self._around(signal)
+            if runs and runs[-1][2] >= begin and self.together:
+                names, first, last = runs[-1]
+                runs[-1] = [*names, name], first, max(last, end)
+            else:
+                runs.append(([name], begin, end))
+        return [WritePart(tuple(names), first, content[self.at(first) : self.at(first) + last - first],
+                     then[self.at(first) : self.at(first) + last - first]) for names, first, last in runs]
+
+    def _changed(self, now: Mapping[str, Number], values: Mapping[str, Number]) -> Iterator[tuple[str, Signal]]:
+        return ((name, self.block.words[name]) for name, value in values.items() if now[name] != value)
+
+    def _around(self, signal: Signal) -> tuple[int, int]:
+        begin = signal.start - signal.start % self.whole
+        return begin, signal.start + signal.size + (signal.start + signal.size) % self.whole
+
+    def in_manual(self, content: bytes) -> bool:
+        """Return whether the controller is in manual."""
+        mode = self.block.mode
+        if not self.block.manual:
+            return False
+        at = self.at(mode.start)
+        return self.block.in_manual(bytes(mode.start) + content[at : at + mode.stop - mode.start])
+
+
+def block_image(words: Words, address: Address, switches: Mapping[str, str]) -> BlockImage:
+    """Return where words stand in the PLC of an address.
+
+    Raises:
+        InputError: heatertune does not know where this controller keeps them, or the protocol does not reach it.
+    """
+    why = _OUT_OF_REACH.get(words.target, "" if words.target in SERVED else
+                            "which cells of a PLC hold its words is not known")
+    controller = controller_for(words.target)
+    if not why:
+        block = block_for(controller, words, switches)
+        if address.protocol not in block.speaks:
+            why = f"it is reached over {' and '.join(block.speaks)}, not over {address.protocol}"
+    if why:
+        typed = ", ".join(f"{field.name} = {words.values[field.name]:.9g}" for field in controller.fields)
+        raise InputError(f"{words.target} at {address.text}: {why}; enter its parameters manually: {typed}")
+    number = block.number if address.protocol != "s7" or address.block is None else address.block
+    return BlockImage(controller=controller, block=block, number=number, spans=_spans(block),
+                    whole=2 if address.protocol == "modbus" else 1, together=address.protocol != _WORD_BY_WORD)
+
+
+def _spans(block: ServedBlock) -> tuple[tuple[int, int], ...]:
+    """Return what has to be read: all at once, or, of registers that are not in a row, run by run."""
+    if len(block.registers) > 1:
+        return tuple((2 * run.first, 2 * run.size) for run in block.registers)
+    cells = [slice(each.start, each.start + each.size) for each in (*block.words.values(), *block.signals.values())]
+    cells += [slice(byte, byte + 1) for byte, _ in block.bits.values()]
+    cells += [block.mode] if block.manual else []
+    begin, end = min(each.start for each in cells), max(each.stop for each in cells)
+    begin -= begin % 2  # whole registers
+    return ((begin, end + end % 2 - begin),)
+
 
 _SOON_S: Final = 0.002  # between two looks at a simulator, whose time may go fast
 _LEAST_WAIT_S: Final = 5.0

@@ -11,11 +11,9 @@ from typing import Any
 from heatertune.errors import DocumentError, HeatertuneError, InputError, LinkError
 from heatertune.live.client.address import Address, address_of
 from heatertune.live.plc_state import PlcState
-from heatertune.live.write.block_image import BlockImage, WritePart, block_image
-from heatertune.live.write.plc_block import BlockSnapshot, LinkSettings, Peer
+from heatertune.live.write.plc_block import BlockImage, BlockSnapshot, LinkSettings, Peer, WritePart, block_image
 from heatertune.live.write.proven_words import LEAST_YES, read_proven
-from heatertune.live.write.write_budget import MOST_WRITES, Budget
-from heatertune.live.write.write_record import Lines, WriteRecord, read_lines
+from heatertune.live.write.write_record import MOST_WRITES, Budget, Lines, WriteRecord, read_lines
 from heatertune.live.write.writer import WriteEnd, WriteOutcome, Writer
 from heatertune.plc.ramp import Number
 from heatertune.proof.words_file import words_of

@@ -1,23 +1,72 @@
-"""What a write would do: words that differ, whether the PLC is the right one, and the order of the requests."""
+"""What a write would do: words that differ, whether the PLC is the right one, and the order of the requests.
+
+In which order parts are written, so that whatever stands in the PLC in between is stable, too.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 from heatertune.live.client.address import Address
-from heatertune.live.write.block_image import BlockImage, WritePart, block_image
-from heatertune.live.write.identity_check import Check, Declared, checks, interval_found
-from heatertune.live.write.plc_block import BlockSnapshot, LinkSettings, Peer
-from heatertune.live.write.proven_words import ProvenWords
-from heatertune.live.write.write_budget import MOST_WRITES
-from heatertune.live.write.write_order import NoOrder, in_order
+from heatertune.live.write.plc_block import BlockImage, BlockSnapshot, LinkSettings, Peer, WritePart, block_image
+from heatertune.live.write.proven_words import Check, Declared, ProvenWords, checks, interval_found
+from heatertune.live.write.write_record import MOST_WRITES
 from heatertune.plc.ramp import Number
 from heatertune.proof.difference import Side, difference
 
-__all__ = ["PLAN_SCHEMA", "WritePlan", "WriteRequest", "peer_of", "plan_write"]
+__all__ = ["PLAN_SCHEMA", "NoOrder", "WritePlan", "WriteRequest", "in_order", "peer_of", "plan_write"]
+
+
+class NoOrder(Exception):
+    """Raised where every order leads through words that are not proven; the text says which, never a user's error."""
+
+
+def in_order(
+    parts: Sequence[WritePart], before: Mapping[str, Number], after: Mapping[str, Number],
+    open_in_between: Callable[[Mapping[str, Number]], str],
+) -> list[WritePart]:
+    """Return parts in an order in which every set of words in between is proven stable.
+
+    One request is whole or not there at all; between two, and for ever where the link breaks, the PLC runs what stands.
+
+    Args:
+        parts: what is to be written.
+        before: all words as they are.
+        after: all words as they are to be.
+        open_in_between: why words are not proven stable, nothing where they are.
+
+    Raises:
+        NoOrder: there is none.
+    """
+    why: dict[frozenset[int], str] = {}
+
+    def words(done: frozenset[int]) -> dict[str, Number]:
+        written = [name for number in done for name in parts[number].names]
+        return {**before, **{name: after[name] for name in written}}
+
+    def reached(order: tuple[int, ...]) -> tuple[int, ...] | None:
+        if len(order) == len(parts):
+            return order
+        done = frozenset(order)
+        if order and done not in why:
+            why[done] = open_in_between(words(done))
+        if why.get(done):
+            return None
+        for number in range(len(parts)):
+            if number not in done and not why.get(done | {number}) and (found := reached((*order, number))):
+                return found
+        return None
+
+    order = reached(())
+    if order is not None:
+        return [parts[number] for number in order]
+    first = min((done for done, told in why.items() if told), key=lambda done: (len(done), sorted(done)))
+    told = ", ".join(f"{name} = {after[name]:g}" for number in sorted(first) for name in parts[number].names)
+    raise NoOrder(f"no order of writing is proven: with {told} first, {why[first]}")
+
 
 PLAN_SCHEMA: Final = "heatertune/write/1"
 _SCANS: Final = 2
@@ -79,7 +128,7 @@ class WritePlan:
 
 
 def peer_of(wanted: WriteRequest) -> Peer:
-    """Return the PLC of an address, not connected to yet; errors as `heatertune.live.write.block_image.standing`."""
+    """Return the PLC of an address, not connected to yet; errors as `heatertune.live.write.plc_block.standing`."""
     words = wanted.proven_words.words
     there = block_image(words, wanted.address, wanted.proven_words.view.stated_settings)
     return Peer(wanted.address, there, words.sample_time_s, wanted.link)

@@ -14,10 +14,8 @@ from typing import Any, Final
 
 from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
 from heatertune.live.plc_state import PlcState
-from heatertune.live.write.block_image import BlockImage, WritePart
-from heatertune.live.write.plc_block import BlockSnapshot, Peer
-from heatertune.live.write.write_budget import Budget
-from heatertune.live.write.write_record import RecordBroken, WriteRecord
+from heatertune.live.write.plc_block import BlockImage, BlockSnapshot, Peer, WritePart
+from heatertune.live.write.write_record import Budget, RecordBroken, WriteRecord
 from heatertune.plc.ramp import Number
 
 __all__ = ["WriteEnd", "WriteOutcome", "Writer"]

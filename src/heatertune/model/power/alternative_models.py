@@ -11,19 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import Log
-from heatertune.model.check_results import HeldOut
-from heatertune.model.intervals import Interval, envelope, holds
-from heatertune.model.power.causality import follows_temperature
-from heatertune.model.power.feedback import is_feedback
+from heatertune.model.power.feedback import follows_temperature, is_feedback
 from heatertune.model.power.fit_checks import unseen
-from heatertune.model.power.load_steps import bic_of, is_sensible, lowest_degC
-from heatertune.model.power.log_arrays import GAP, Readings
+from heatertune.model.power.load_steps import bic_of, is_plain_rest, is_sensible, lowest_degC, starts
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
-from heatertune.model.power.regressors import AMBIENT
-from heatertune.model.power.start import is_plain_rest, starts
+from heatertune.model.power.regressors import AMBIENT, GAP, Readings
 from heatertune.model.power.uncertainty import held_at
-from heatertune.model.statistics import fit_pct
-from heatertune.model.values import Fopdt
+from heatertune.model.statistics import Interval, envelope, fit_pct, holds
+from heatertune.model.values import Fopdt, HeldOut
 
 __all__ = ["Rival", "lies_inside", "rivals_of", "widen_intervals"]
 

@@ -19,9 +19,8 @@ import numpy.typing as npt
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.disturbance import DisturbanceEffect
-from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import FAR, PowerProblem
-from heatertune.model.power.regressors import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE
+from heatertune.model.power.regressors import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE, Readings
 from heatertune.model.statistics import ar1_bic
 
 __all__ = ["without_disturbance"]

@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from heatertune.model.power.load_steps import bic_of, left_over, with_loads
+from heatertune.model.power.load_steps import bic_of, is_plain_rest, left_over, starts, with_loads
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
-from heatertune.model.power.start import is_plain_rest, starts
 
 __all__ = ["Way", "refit_all", "with_events", "without_events"]
 

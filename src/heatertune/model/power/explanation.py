@@ -1,30 +1,366 @@
-"""What explains a log with power: one lag and two, with the start, drift and loads that it asks for."""
+"""What explains a log with power: one lag and two, with the start, drift and loads that it asks for.
 
+Segments of a log with power: where it was disturbed, the heater stays the same and its state begins anew.
+
+A jump is sought in what a fit leaves over: the model knows the power and the time between two readings, so neither a
+kink of a fast heater at an edge nor a slope over a gap looks like one, and no heater's answer jumps.
+
+One lag fitted to a log with power without its outliers, in the segments that its disturbances make.
+
+A heater that stops answering: a fuse, a contactor or a wire opens within the log, and the power goes on.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.values import MIN_SAMPLES, Log
+from heatertune.model.outliers import replace_outliers, without_outliers
 from heatertune.model.power.aliasing import alias_of
-from heatertune.model.power.causality import WRONG_SIGN, demand_cause, explains, follows_temperature
-from heatertune.model.power.cleaning import clean_log
 from heatertune.model.power.events import refit_all, with_events, without_events
-from heatertune.model.power.feedback import is_feedback
-from heatertune.model.power.log_arrays import Readings
+from heatertune.model.power.feedback import WRONG_SIGN, demand_cause, explains, follows_temperature, is_feedback
+from heatertune.model.power.load_steps import bic_of
 from heatertune.model.power.nonlinear import Bend, judged_linear
-from heatertune.model.power.open_circuit import refuse_opened
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.regressors import Readings
 from heatertune.model.values import Fopdt
 
-__all__ = ["Explanation", "explain_log"]
+__all__ = [
+    "MOST",
+    "CleanedFit",
+    "Explanation",
+    "Segments",
+    "clean_log",
+    "explain_log",
+    "gaps",
+    "jumps",
+    "opened_at_s",
+    "part",
+    "refuse_opened",
+]
+
 
 Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
+
+#: more jumps or gaps than these are the way of the log, not disturbances
+MOST = 10
+
+_GAP = 10.0  # times as long as nine of ten steps of the clock
+_SHARE = 0.1  # of the log's span: a jump no heater makes between two readings
+_TIMES = 10.0  # the usual step of what is left over
+_BESIDE = 11  # readings before and after that the jump has to set apart: five odd ones in a row are outliers
+_LASTS = 0.3  # of the jump
+_FEWEST = 10  # readings of a segment: fewer carry nothing beside its own state
+_NAMED = 5  # instants that are listed
+
+
+class Segments(NamedTuple):
+    """Where the segments of a log after the first begin: places of their first readings."""
+
+    after_gaps: Places
+    after_jumps: Places
+
+    @property
+    def places(self) -> Places:
+        """All of them, in order, shape (n,)."""
+        return np.union1d(self.after_gaps, self.after_jumps)
+
+    def with_jumps(self, places: Places) -> Segments:
+        """Return the segments with these jumps (n,), too."""
+        return self._replace(after_jumps=np.union1d(self.after_jumps, np.setdiff1d(places, self.after_gaps)))
+
+    def long_enough(self, n: int) -> npt.NDArray[np.bool_]:
+        """Return which of n readings lie in a segment that is long enough to tell something, shape (n,)."""
+        starts = np.concatenate([[0], self.places])
+        sizes = np.diff(np.append(starts, n))
+        rows = np.repeat(sizes >= _FEWEST, sizes)
+        return rows if np.count_nonzero(rows) >= MIN_SAMPLES else np.ones(n, dtype=np.bool_)
+
+    def notes(self, log: Log) -> Iterator[str]:
+        """Tell where the segments begin, why, and what of the log is not in them."""
+        reasons = [f"{what} {_named(log.time_s[places])} s" for what, places in (
+            ("a gap in the clock before", self.after_gaps), ("a jump of the temperature before", self.after_jumps),
+        ) if len(places)]
+        if reasons:
+            yield (
+                f"The log is disturbed: {'; '.join(reasons)}. It was fitted in segments, each with an initial state of "
+                "its own, all of one heater."
+            )
+        left = log.time_s[~self.long_enough(len(log.time_s))]
+        if len(left):
+            yield (
+                "Readings between two disturbances, too few to tell anything, were left out: "
+                f"{len(left)} (at {_named(left)} s)."
+            )
+
+
+def gaps(log: Log) -> Segments:
+    """Return the segments that gaps in the clock make: the power in a gap is unknown."""
+    step = np.diff(log.time_s)
+    places = 1 + np.flatnonzero(step > _GAP * np.quantile(step, 0.9))
+    return Segments(places if len(places) <= MOST else places[:0], places[:0])
+
+
+def jumps(record: Array, simulated: Array) -> Places:
+    """Return the places of the first readings after a jump: what a fit leaves over goes elsewhere at once and stays.
+
+    Logged and simulated readings [°C] are of shape (n,), the places of shape (k,).
+    """
+    left = record - simulated
+    step = np.diff(left)
+    usual = 1.4826 * float(np.median(np.abs(step - np.median(step))))
+    limit = max(_SHARE * float(np.ptp(replace_outliers(record))), _TIMES * usual)
+    places = 1 + np.flatnonzero(np.abs(step) > limit)
+    lasting = [abs(_apart(left, int(place))) > _LASTS * abs(step[place - 1]) for place in places]
+    return places[np.array(lasting, dtype=np.bool_)]
+
+
+def part(log: Log, rows: npt.NDArray[np.bool_]) -> Log:
+    """Return those of a log's readings that the mask `rows`, shape (n,), takes."""
+    setpoint, power = log.setpoint_degC, log.power_pct
+    return replace(
+        log, time_s=log.time_s[rows], temperature_degC=log.temperature_degC[rows],
+        power_pct=None if power is None else power[rows], setpoint_degC=None if setpoint is None else setpoint[rows],
+    )
+
+
+def _apart(left: Array, place: int) -> float:
+    return float(np.median(left[place : place + _BESIDE]) - np.median(left[max(place - _BESIDE, 0) : place]))
+
+
+def _named(instants: Array) -> str:
+    named = ", ".join(f"{t:.6g}" for t in instants[:_NAMED])
+    return f"{named} and {len(instants) - _NAMED} more" if len(instants) > _NAMED else named
+
+
+_READINGS = 1000  # averaged, in the search; what is reported is simulated at every reading
+_PASSES = 4  # of finding outliers
+_ROUNDS = 3  # of finding jumps: a large one hides others
+
+
+class CleanedFit(NamedTuple):
+    """A log in segments with nothing but the outliers replaced, and one lag fitted to just that.
+
+    Attributes:
+        whole: the problem at every reading.
+        readings_degC: with the outliers put where their neighbours are, shape (n,).
+        outliers: their places.
+        problem: on averaged readings.
+        fit: its best fit.
+    """
+
+    whole: PowerProblem
+    readings_degC: Array
+    outliers: Places
+    problem: PowerProblem
+    fit: PowerFit
+
+    @property
+    def bic(self) -> float:
+        """Criterion of the fit; a reading set aside is one more unknown."""
+        return bic_of(self.problem, self.fit) + len(self.outliers) * math.log(len(self.readings_degC))
+
+    @property
+    def simulated_degC(self) -> Array:
+        """What the fit makes of every reading, shape (n,)."""
+        return np.asarray(self.fit.linear @ self.whole.basis(self.fit.vector))
+
+
+def clean_log(log: Log, problem: PowerProblem) -> tuple[Log, CleanedFit, tuple[str, ...]]:
+    """Return what is left of a log, one lag fitted to it, and sentences about its disturbances.
+
+    Args:
+        log: as given.
+        problem: of one lag at every reading.
+    """
+    segments = gaps(log)
+    clean = _without_outliers(_restarted(log, problem, segments))
+    for _ in range(_ROUNDS):
+        more = segments.with_jumps(_jumps(clean))
+        if len(more.places) == len(segments.places) or len(more.places) > MOST:
+            break
+        segments, clean = more, _without_outliers(_restarted(log, problem, more))
+    rows = segments.long_enough(len(log.time_s))
+    if not rows.all():
+        clean = _without_outliers(_part(clean.whole, rows))
+    return (log if rows.all() else part(log, rows)), clean, tuple(segments.notes(log))
+
+
+def _jumps(clean: CleanedFit) -> Places:
+    """Return the places of jumps, whichever power was on before the log."""
+    measured = clean.whole.readings.temperature_degC
+    places = jumps(measured, clean.simulated_degC)
+    if len(places) and clean.whole.power_before_pct is None and clean.whole.power_before != 0.0:
+        other = _without_outliers(replace(clean.whole, power_before_pct=0.0))
+        places = np.intersect1d(places, jumps(measured, other.simulated_degC))
+    return places
+
+
+def _restarted(log: Log, problem: PowerProblem, segments: Segments) -> PowerProblem:
+    return replace(problem, readings=replace(problem.readings, restart_s=log.time_s[segments.places]))
+
+
+def _part(problem: PowerProblem, rows: npt.NDArray[np.bool_]) -> PowerProblem:
+    """Return the problem on the readings of its long segments; the power is known all the time."""
+    r = problem.readings
+    starts = r.restart_s[rows[np.searchsorted(r.time_s, r.restart_s)]]
+    first = r.time_s[rows][0]
+    return replace(problem, readings=replace(
+        r, time_s=r.time_s[rows], half_s=r.half_s[rows], temperature_degC=r.temperature_degC[rows],
+        restart_s=starts[starts > first],
+    ))
+
+
+def _without_outliers(problem: PowerProblem) -> CleanedFit:
+    """Return one lag without the outliers, found from the readings as they are and with the wild ones tamed.
+
+    Wild readings would hide the others; but the pulses of a fast heater look wild too, and may not stay tamed.
+    """
+    measured = problem.readings.temperature_degC
+    smooth = replace_outliers(measured)
+    starts = [measured] if np.array_equal(smooth, measured) else [measured, smooth]
+    return min((_settled(problem, start) for start in starts), key=lambda clean: clean.bic)
+
+
+def _settled(problem: PowerProblem, start: Array) -> CleanedFit:
+    clean, readings = _fitted(problem, start, np.empty(0, dtype=np.intp)), problem.readings
+    begun = np.searchsorted(readings.time_s, readings.restart_s)
+    for _ in range(_PASSES):
+        last = clean
+        readings_degC, outliers = without_outliers(readings.temperature_degC, last.simulated_degC, begun)
+        if np.array_equal(readings_degC, last.readings_degC):
+            break
+        clean = _fitted(problem, readings_degC, outliers)
+        if len(outliers) and np.array_equal(outliers, last.outliers):
+            break
+    return clean
+
+
+def _fitted(problem: PowerProblem, readings_degC: Array, outliers: Places) -> CleanedFit:
+    thin = replace(problem, readings=replace(problem.readings, temperature_degC=readings_degC)).average(_READINGS)
+    return CleanedFit(problem, readings_degC, outliers, thin, thin.fit())
+
+
+_OPEN_CIRCUIT_READINGS: Final = 300  # averaged
+_PREFIXES: Final = np.linspace(0.2, 0.95, 16)  # of the log
+_INSTANTS: Final = 60
+_EXPLAINED: Final = 0.98  # share of the variance, before the instant and over the whole log
+_WITHOUT: Final = 0.1  # of the squares that the power as logged leaves after the instant
+_BETTER: Final = 0.25  # of the squares that a heater leaves which answers all the time
+_ON: Final = 0.1  # of the highest power: less was no power to answer to
+_OPEN_CIRCUIT_FEWEST: Final = 10  # readings after the instant
+_GIVES_WAY: Final = 0.1  # of the span, that the temperature falls after it
+
+
+class _Opened(NamedTuple):
+    """An instant at which the power ends to act, and the sum of squares that it leaves over the whole log."""
+
+    instant_s: float
+    squares: float
+
+
+def refuse_opened(log: Log, problem: PowerProblem) -> None:
+    """Refuse a log whose heater stops answering, with the instant.
+
+    Args:
+        log: for its name.
+        problem: of one lag.
+
+    Raises:
+        InputError: it does, see `opened_at_s`.
+    """
+    instant_s = opened_at_s(problem)
+    if instant_s is not None:
+        raise InputError(
+            f"{log.name}: the heater stops answering at t={instant_s:.4g} s: the power goes on, and the temperature "
+            "falls as without it (a fuse, a contactor, a thermal cut-out, a wire?); cut the log there: "
+            f"--until {instant_s:.4g}")
+
+
+def opened_at_s(problem: PowerProblem) -> float | None:
+    """Return when the heater stops answering for good [s]; None where it does not.
+
+    A heater is fitted to the beginning of the log. It stopped where it goes on to explain the log, once no power
+    reaches it, and leaves ten times as much with the power as it was logged.
+
+    Args:
+        problem: of one lag.
+    """
+    readings = replace(problem.readings, restart_s=np.empty(0))  # a heater that stops answering passes for a jump
+    thin = replace(problem, drift=False, loads_s=(), two_lags=True, readings=readings).average(_OPEN_CIRCUIT_READINGS)
+    tried = [opened for share in _PREFIXES if (opened := _after(thin, float(share))) is not None]
+    best = min(tried, key=lambda opened: opened.squares, default=None)
+    if best is None:
+        return None
+    record = thin.readings.temperature_degC
+    always = [problem.fit() for problem in (thin, replace(thin, two_lags=False))]
+    least = min((float(np.sum((record - fit.simulated_degC) ** 2)) for fit in always if fit.model), default=np.inf)
+    return best.instant_s if best.squares < _BETTER * least else None
+
+
+def _after(problem: PowerProblem, share: float) -> _Opened | None:
+    """Return when a heater that is fitted to the first share of the log stops answering, None where it does not."""
+    readings = problem.readings
+    time, record = readings.time_s, readings.temperature_degC
+    rows = time <= time[0] + share * float(np.ptp(time))
+    if np.count_nonzero(rows) < MIN_SAMPLES or np.count_nonzero(~rows) < _OPEN_CIRCUIT_FEWEST:
+        return None
+    begun = replace(problem, readings=_first(readings, rows))
+    if float(np.ptp(begun.readings.level_pct)) == 0.0 and problem.power_before_pct is None:
+        return None
+    fit = begun.fit()
+    if fit.model is None or not _explains(begun.readings.temperature_degC, fit.simulated_degC):
+        return None
+    instants = np.linspace(time[rows][len(time[rows]) // 2], time[-_OPEN_CIRCUIT_FEWEST], _INSTANTS)
+    squares = [float(np.sum((_without(problem, fit, instant) - record) ** 2)) for instant in instants]
+    place = int(np.argmin(squares))
+    instant, after = float(instants[place]), time > instants[place]
+    cut, kept = _without(problem, fit, instant), np.asarray(fit.linear @ problem.basis(fit.vector))
+    plain = float(np.sum((kept[after] - record[after]) ** 2))
+    left = float(np.sum((cut[after] - record[after]) ** 2))
+    falls = float(np.median(record[after][:3]) - np.median(record[-3:])) > _GIVES_WAY * float(np.ptp(record))
+    if left < _WITHOUT * plain and falls and _explains(record[after], cut[after]) and _is_on(readings, instant):
+        return _Opened(instant, squares[place])
+    return None
+
+
+def _first(readings: Readings, rows: npt.NDArray[np.bool_]) -> Readings:
+    """Return the first of the readings, shape of `rows` (n,), with the edges of the power until then."""
+    end = readings.time_s[rows][-1]
+    edges = readings.edge_s <= end
+    return replace(
+        readings, time_s=readings.time_s[rows], half_s=readings.half_s[rows],
+        temperature_degC=readings.temperature_degC[rows], edge_s=readings.edge_s[edges],
+        level_pct=readings.level_pct[edges])
+
+
+def _without(problem: PowerProblem, fit: PowerFit, instant_s: float) -> Array:
+    """Return the temperature where no power reaches the heater from an instant on, shape (n,) [°C]."""
+    readings = problem.readings
+    before = readings.edge_s < instant_s
+    edges, levels = np.append(readings.edge_s[before], instant_s), np.append(readings.level_pct[before], 0.0)
+    return np.asarray(fit.linear @ replace(
+        problem, power_before_pct=problem.power_before,
+        readings=replace(readings, edge_s=edges, level_pct=levels)).basis(fit.vector))
+
+
+def _is_on(readings: Readings, instant_s: float) -> bool:
+    """Return whether the power goes on after an instant."""
+    after = np.interp(readings.time_s, readings.edge_s, np.arange(len(readings.edge_s))).astype(np.intp)
+    levels = readings.level_pct[after][readings.time_s > instant_s]
+    return float(np.mean(levels)) > _ON * float(readings.level_pct.max())
+
+
+def _explains(record: Array, simulated: Array) -> bool:
+    return float(np.sum((record - simulated) ** 2)) < (1.0 - _EXPLAINED) * float(np.sum((record - record.mean()) ** 2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,25 +1,150 @@
-"""The checks of a fit with power, and what they say in plain words."""
+"""The checks of a fit with power, and what they say in plain words.
+
+What a fit with power is worth on windows it has not seen, and whether the halves of a log give the same heater.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
 
 from heatertune.log.values import Log
-from heatertune.model.check_results import HeldOut, InputCorrelation, Validation, disagreeing_parameters
 from heatertune.model.diagnostics import DROP_PCT, Remark
-from heatertune.model.intervals import identified_parts
-from heatertune.model.power.causality import follows_temperature
-from heatertune.model.power.cross_validation import halves, held_out
-from heatertune.model.power.feedback import is_feedback
-from heatertune.model.power.input_correlation import input_correlation
+from heatertune.model.power.feedback import follows_temperature, input_correlation, is_feedback
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
-from heatertune.model.power.uncertainty import sensitivities
-from heatertune.model.statistics import fit_pct
+from heatertune.model.power.uncertainty import reaches, sensitivities
+from heatertune.model.statistics import Interval, fit_pct, identified_parts
 from heatertune.model.validation import ljung_box
+from heatertune.model.values import Half, HeldOut, InputCorrelation, Validation, disagreeing_parameters
 from heatertune.units import NOMENCLATURE
 
-__all__ = ["check_fit", "correlation_of", "judgement_remarks", "predicts", "unseen"]
+__all__ = [
+    "check_fit", "correlation_of", "half_of", "halves", "held_out", "judgement_remarks", "plain_halves", "predicts",
+    "sides", "unseen",
+]
+
+
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.bool_]
+
+_WINDOWS = 6  # the first stays in every fit: without it nothing tells where the heater began
+_BEGUN = 5  # readings of a later segment
+_AS_WELL = 5.0  # fit [%] that may be lost
+_FEWEST = 20  # readings of a half
+_CROSS_VALIDATION_READINGS = 250  # averaged, of a half
+_SHOWN = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
+
+
+def held_out(problem: PowerProblem, fit: PowerFit) -> HeldOut:
+    """Return how well each window is foretold by a fit to all other readings; drift and load instants stay as found."""
+    time, record = problem.readings.time_s, problem.readings.temperature_degC
+    places = [place for window in np.array_split(np.arange(len(time)), _WINDOWS)[1:]
+              if len(place := np.setdiff1d(window, _begun(problem)))]
+    foretold = np.empty_like(record)
+    for place in places:
+        kept = np.ones(len(time), dtype=np.bool_)
+        kept[place] = False
+        foretold[place] = _foretold(problem, fit, kept)[place]
+    seen = np.concatenate(places)
+    error = foretold - record
+    still = np.ptp(record[seen]) == 0.0  # all that moved came before: the error is measured by that
+    return HeldOut(
+        fit_pct=100.0 * (1.0 - _rms(error[seen]) / float(np.std(record))) if still
+        else fit_pct(record[seen], foretold[seen]), rmse_degC=_rms(error[seen]),
+        windows_s=tuple((float(time[place[0]]), float(time[place[-1]])) for place in places),
+        rmses_degC=tuple(_rms(error[place]) for place in places),
+    )
+
+
+def _begun(problem: PowerProblem) -> npt.NDArray[np.intp]:
+    """Return the first readings of the segments, which stay in every fit: only they tell where each began."""
+    first = np.searchsorted(problem.readings.time_s, problem.readings.restart_s)
+    return np.asarray((first[:, None] + np.arange(_BEGUN)).ravel())
+
+
+def halves(problem: PowerProblem, fit: PowerFit) -> tuple[Half, Half] | None:
+    """Return one lag fitted to each half of the time, None where a half holds no heater or too few readings."""
+    first, second = (_half(problem, fit, rows) for rows in sides(problem))
+    return None if first is None or second is None else (first, second)
+
+
+def plain_halves(problem: PowerProblem, fit: PowerFit, with_all: Sequence[Half] | None) -> tuple[Half, ...]:
+    """Return the halves that are explained as well without the start, drift and loads that only the whole log tells."""
+    plain = replace(problem, at_rest=False, drift=False, loads_s=())
+    if with_all is None or not (problem.at_rest or problem.drift or problem.loads_s):
+        return ()
+    halves = (_half(plain, fit, rows) for rows in sides(plain))
+    return tuple(half for half, other in zip(halves, with_all, strict=True)
+                 if half is not None and half.fit_pct > other.fit_pct - _AS_WELL)
+
+
+def sides(problem: PowerProblem) -> tuple[Rows, Rows]:
+    """Return which readings lie in each half of the time."""
+    time = problem.readings.time_s
+    middle = 0.5 * float(time[0] + time[-1])
+    return time <= middle, time > middle
+
+
+def half_of(problem: PowerProblem, rows: Rows) -> PowerProblem | None:
+    """Return the problem on a half of its readings, None where these are too few or all the same."""
+    if np.count_nonzero(rows) < _FEWEST:
+        return None
+    part = _part(problem, rows).average(_CROSS_VALIDATION_READINGS)
+    if np.ptp(part.readings.temperature_degC) == 0.0:
+        return None
+    start, end = float(part.readings.time_s[0]), float(part.readings.time_s[-1])
+    # a load that began before is ambient, but for its start, which the free initial state takes
+    return replace(part, loads_s=tuple(t for t in problem.loads_s if start < t < end),
+                   at_rest=problem.at_rest and bool(rows[0]))
+
+
+def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
+    part = half_of(problem, rows)
+    if part is None:
+        return None
+    start, end = float(part.readings.time_s[0]), float(part.readings.time_s[-1])
+    refit = part.refine(np.array([fit.vector]))
+    if refit.model is None:
+        return None
+    values = {name: float(getattr(refit.model, name)) for name in _SHOWN}
+    reach = reaches(part, refit)
+    ends = {"dead_time_s": float(part.low[1])}
+    return Half(
+        window_s=(start, end), values=values, ambient_degC=refit.model.ambient_degC,
+        fit_pct=fit_pct(part.readings.temperature_degC, refit.simulated_degC),
+        rmse_degC=_rms(part.readings.temperature_degC - refit.simulated_degC),
+        ci95={name: _around(values[name], reach[name], ends.get(name, 0.0)) for name in _SHOWN},
+    )
+
+
+def _around(value: float, reach: float, least: float) -> Interval:
+    low = value - reach
+    return Interval(low=low if low > least else None, high=value + reach if math.isfinite(reach) else None)
+
+
+def _foretold(problem: PowerProblem, fit: PowerFit, kept: Rows) -> Array:
+    """Return the temperature at all readings by a fit to those that are kept."""
+    refit = _part(problem, kept).refine(fit.vector[None, :])
+    return np.asarray(refit.linear @ problem.basis(refit.vector))
+
+
+def _part(problem: PowerProblem, rows: Rows) -> PowerProblem:
+    """Return the problem on some of its readings; the power is known all the time."""
+    r = problem.readings
+    time = r.time_s[rows]
+    return replace(problem, readings=replace(
+        r, time_s=time, half_s=r.half_s[rows], temperature_degC=r.temperature_degC[rows],
+        restart_s=r.restart_s[(r.restart_s > time[0]) & (r.restart_s <= time[-1])],
+    ))
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
 
 _READINGS = 500  # averaged
 _SEED = 1

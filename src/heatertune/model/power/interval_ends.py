@@ -7,14 +7,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from heatertune.log.values import Log
-from heatertune.model.check_results import Half, disagreeing_parameters
-from heatertune.model.intervals import PERIOD, RATIO, Interval, identified_parts
 from heatertune.model.measures import ultimate_period_s
 from heatertune.model.power.load_steps import bic_of
 from heatertune.model.power.open_loop import FAR, PowerFit, PowerProblem
 from heatertune.model.power.uncertainty import READINGS, held_at, value_of
-from heatertune.model.statistics import fit_pct
-from heatertune.model.values import Candidate, Fopdt, HeaterModel
+from heatertune.model.statistics import PERIOD, RATIO, Interval, fit_pct, identified_parts
+from heatertune.model.values import Candidate, Fopdt, Half, HeaterModel, disagreeing_parameters
 
 __all__ = ["AtEnd", "ends_of", "halves_of", "held_by", "told_apart"]
 

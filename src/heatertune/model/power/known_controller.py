@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.regressors import Readings
 from heatertune.model.statistics import ar1_bic, fit_pct
 from heatertune.model.values import Candidate, HeaterModel
 

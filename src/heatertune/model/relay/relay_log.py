@@ -11,11 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import Log
-from heatertune.model.intervals import Interval
-from heatertune.model.power.log_arrays import Readings
 from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.regressors import Readings
 from heatertune.model.relay.relay import TwoLevelRelay
-from heatertune.model.statistics import student_t
+from heatertune.model.statistics import Interval, student_t
 from heatertune.model.values import FittedModel, Fopdt
 
 __all__ = ["RelayEstimate", "RelayRecord", "estimate", "find_relay", "oscillating_fopdt", "with_relay"]

@@ -10,13 +10,9 @@ from typing import Final
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel, TwoLag
-from heatertune.pid.forms import Settings, series_to_ideal
-from heatertune.pid.rules.direct import DIRECT
-from heatertune.pid.rules.integrals import INTEGRALS
-from heatertune.pid.rules.reaction import REACTION
-from heatertune.pid.rules.ultimate import ULTIMATE, ultimate_cycle
-from heatertune.pid.rules.usort import USORT
+from heatertune.pid.rules.direct import DIRECT, INTEGRALS, REACTION, ULTIMATE, USORT, ultimate_cycle
 from heatertune.pid.rules.values import Rule
+from heatertune.pid.values import Settings, series_to_ideal
 from heatertune.units import check
 
 __all__ = ["RULES", "Rule", "apply_rule", "model_for", "range_note", "ultimate_cycle"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from heatertune.errors import OutOfRange
 from heatertune.model.values import HeaterModel
-from heatertune.pid.forms import Settings
+from heatertune.pid.values import Settings
 
 __all__ = ["Formula", "Rule", "on_one_lag"]
 

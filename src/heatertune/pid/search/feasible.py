@@ -25,8 +25,8 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
-from heatertune.pid.loop.response import iae_load, iae_setpoint, itae_load
 from heatertune.pid.loop.robustness import noise_gain, plant_and_controller_response, sensitivity_peaks
+from heatertune.pid.loop.sampled import iae_load, iae_setpoint, itae_load
 from heatertune.pid.specs import ROOM, Specs
 from heatertune.pid.values import PidDesign, step_parts, structure_of
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from heatertune.plc.arduino_pid.export import export_words
-from heatertune.plc.arduino_pid.exported import loaders
-from heatertune.plc.arduino_pid.readback import from_text
+from heatertune.plc.arduino_pid.export import export_words, from_text, loaders
 from heatertune.plc.arduino_pid.step import FIRST_MS, ArduinoPidAssumptions, parameters_of, scan
 from heatertune.plc.arduino_pid.words import (
     COUNTS,

@@ -3,6 +3,8 @@
 Accumulators and status bits are its local names. What stands between two jumps is a part. The function goes through the
 parts from the first one on and leaves out those before the place where it is, so that a jump forwards only sets this
 place, and one backwards begins anew.
+
+The letters that every programming tool takes in comments: ASCII alone.
 """
 
 from __future__ import annotations
@@ -13,7 +15,16 @@ from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError
 
-__all__ = ["Accumulators", "Run", "StatementLine", "Translation"]
+__all__ = ["Accumulators", "Run", "StatementLine", "Translation", "in_ascii"]
+
+
+_PLAIN: Final = str.maketrans({"°": "deg", "…": "..", "·": "*", "×": "*", "≤": "<=", "≥": ">=", "−": "-", "–": "-"})
+
+
+def in_ascii(text: str) -> str:
+    """Return a text in ASCII: signs by what is written for them, any other letter as a question mark."""
+    return text.translate(_PLAIN).encode("ascii", "replace").decode("ascii")
+
 
 #: runs a block to its end on a CPU
 Run = Callable[[Any], None]

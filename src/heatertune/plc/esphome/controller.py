@@ -6,9 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState
-from heatertune.plc.esphome.export import entries, export_words
-from heatertune.plc.esphome.exported import loaders
-from heatertune.plc.esphome.readback import from_text
+from heatertune.plc.esphome.export import entries, export_words, from_text, loaders
 from heatertune.plc.esphome.step import EspHomeAssumptions, parameters_of, scan
 from heatertune.plc.esphome.words import COUNTS, FIELDS, TIMER, consistent, design_of, interval_s, oddities, values_of
 from heatertune.plc.parallel.step import COLD, PARALLEL, with_boost

@@ -7,11 +7,7 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, INPUT_S, RANGES, TICK_S, TIMER
-from heatertune.plc.fb41.export import export_words, setpoint_entry
-from heatertune.plc.fb41.exported import loaders
-from heatertune.plc.fb41.feed_forward import FEED
-from heatertune.plc.fb41.image import from_image, oddities
-from heatertune.plc.fb41.readback import from_text
+from heatertune.plc.fb41.export import FEED, export_words, from_image, from_text, loaders, oddities, setpoint_entry
 from heatertune.plc.fb41.step import ContCAssumptions, restart, scan, step
 from heatertune.plc.fb41.words import FIELDS, consistent, design_of, parameters_of, values_of
 from heatertune.plc.words import Words

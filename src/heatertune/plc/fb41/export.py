@@ -1,19 +1,180 @@
-"""CONT_C's instance data block as STL source with the whole program around it, and all words as CSV with offsets."""
+"""CONT_C's instance data block as STL source with the whole program around it, and all words as CSV with offsets.
+
+The exported program around CONT_C in its CPU; CONT_C itself, which comes with STEP 7, is the proof's.
+
+CONT_C's instance data block as a running CPU holds it.
+
+DISV, the disturbance variable of CONT_C in percent of LMN, and the function that writes it.
+
+LMN = P + I + D + DISV: it is added as it is, before the limits.
+
+CONT_C's words in STL source.
+"""
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable, Mapping
+from typing import Any, Final
 
-from heatertune.plc.cpu.s7_300 import awl
-from heatertune.plc.cpu.s7_300.cells import BlockMember
+from heatertune.errors import InputError
+from heatertune.plc.cpu.s7_300 import machine as memory
+from heatertune.plc.cpu.s7_300 import source as awl
+from heatertune.plc.cpu.s7_300.exported import ExportedS7
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.program import BlockProgram, by_hand, counts_of, whole_number
-from heatertune.plc.cpu.s7_300.real import quotient, real
-from heatertune.plc.cpu.s7_300.switch import PULSEGEN, PwmSource, like, pwm_source
-from heatertune.plc.fb41.words import FIELDS
-from heatertune.plc.words import Certificate, Words
+from heatertune.plc.cpu.s7_300.machine import S7300Cpu, clamp, quotient, real
+from heatertune.plc.cpu.s7_300.program import (
+    PULSEGEN,
+    BlockProgram,
+    PwmSource,
+    by_hand,
+    counts_of,
+    like,
+    pwm_source,
+    whole_number,
+)
+from heatertune.plc.cpu.s7_300.readback import read_source
+from heatertune.plc.cpu.s7_300.source import BlockMember, as_real, bits_of, signed_number
+from heatertune.plc.fb41.step import ContCAssumptions, ContCParameters, ContCState, scale_reading, scan
+from heatertune.plc.fb41.words import FIELDS, parameters_of
+from heatertune.plc.feed_forward import FeedForward, FeedForwardHooks
+from heatertune.plc.ramp import Number
+from heatertune.plc.readback import ReadBack
+from heatertune.plc.single_precision import single
+from heatertune.plc.words import FORMATS, Certificate, Words
 
-__all__ = ["export_words", "setpoint_entry", "source"]
+__all__ = [
+    "FEED", "export_words", "from_image", "from_text", "loaders", "oddities", "setpoint_entry", "source",
+]
+
+
+_FILE: Final = "fb41_cont_c.awl"
+_EXPORTED_LMN: Final = slice(72, 76)
+_REALS: Final = frozenset(field.name for field in FIELDS if field.format == "REAL")
+
+
+class ExportedContC(ExportedS7):
+    """See `heatertune.plc.exported.ExportedInPlc`."""
+
+    def __init__(self, source: str, assume: ContCAssumptions) -> None:
+        """Load a source; raise InputError where the source has what the CPU does not know."""
+        self._assume, self._state = assume, ContCState()
+        self._held: tuple[int, ...] = ()
+        super().__init__(source, {"FB 41": self._cont_c})
+
+    def setpoint_bits(self, counts: int) -> int:
+        """Return an analog value, which a ramp takes, or what it means in the unit of PV."""
+        if self._led is not None:
+            return counts
+        return bits_of(scale_reading(parameters_of(_values(self._cpu.words["DB 41"])), counts)[0])
+
+    def outcome(self) -> tuple[Number, float]:
+        """Return LMN, and it within 0…100 %."""
+        lmn = as_real(int.from_bytes(self._cpu.memory["DB 41"][_EXPORTED_LMN], "big"))
+        return lmn, clamp(lmn, 0.0, 100.0)
+
+    def force(self, output: Number) -> None:
+        """Write LMN."""
+        self._cpu.memory["DB 41"][_EXPORTED_LMN] = bits_of(output).to_bytes(4, "big")
+
+    def _cont_c(self, _cpu: S7300Cpu, words: dict[str, int]) -> None:
+        if not words["PVPER_ON"]:
+            raise InputError("FB 41: PVPER_ON is FALSE; so it reads PV_IN, and no analog value")
+        values = tuple(words[field.name] for field in FIELDS)
+        if values != self._held:
+            self._held, self._parameters = values, parameters_of(_values(words))
+        inputs = {"COM_RST": words["COM_RST"], "MAN_ON": words["MAN_ON"],
+                  "PV_PER": signed_number(words.get("PV_PER", 0), 16),
+                  "SP_INT": as_real(words.get("SP_INT", 0))}
+        self._state, _, lmn, _ = scan((self._parameters, self._assume), self._state, inputs)
+        self.force(lmn)
+
+
+def _values(words: Mapping[str, int]) -> dict[str, Number]:
+    return {field.name: as_real(words[field.name]) if field.name in _REALS else words[field.name] for field in FIELDS}
+
+
+def loaders(files: Mapping[str, str | bytes], assume: ContCAssumptions) -> dict[str, Callable[[], ExportedContC]]:
+    """Return what loads the source."""
+    return {_FILE: lambda: ExportedContC(str(files[_FILE]), assume)}
+
+
+_WRONG_CLOCK: Final = 1e-6
+
+
+def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, Number]:
+    """Return the values in a dumped instance data block of at least 72 bytes; after DISV follow outputs and statics.
+
+    Raises:
+        InputError: fewer than 72 bytes.
+    """
+    return memory.read(image, FIELDS, source)
+
+
+def oddities(words: Words) -> tuple[str, ...]:
+    """Return what is odd about a controller's words, one sentence each."""
+    v, called = words.values, 1000.0 * words.sample_time_s
+    half = v["CYCLE"] / 2.0
+    checks = [
+        (abs(v["CYCLE"] - called) > _WRONG_CLOCK * called,
+         f"CYCLE is {v['CYCLE']} ms, but the block is called every {called:g} ms: all times are "
+         f"{called / v['CYCLE']:.3g} times what the words say."),
+        (v["MAN_ON"], "MAN_ON is 1: the controller is in manual, LMN is MAN."),
+        (not v["P_SEL"] or v["GAIN"] == 0.0, "P_SEL or GAIN is 0: there is no proportional part."),
+        (not v["I_SEL"], "I_SEL is 0: there is no integral part."),
+        (v["I_SEL"] and v["INT_HOLD"], "INT_HOLD is 1: the integral part stands still."),
+        (v["I_SEL"] and v["I_ITL_ON"], "I_ITL_ON is 1: the integral part is I_ITLVAL for ever."),
+        (v["I_SEL"] and v["TI"] < half, f"TI is {v['TI']} ms: the block raises it to half a CYCLE."),
+        (v["D_SEL"] and v["TD"] < v["CYCLE"], f"TD is {v['TD']} ms: the block raises it to CYCLE."),
+        (v["D_SEL"] and v["TM_LAG"] < half, f"TM_LAG is {v['TM_LAG']} ms: the block raises it to half a CYCLE."),
+        (v["DEADB_W"] > 0.0, f"DEADB_W is {v['DEADB_W']:g}: inside it the temperature drifts."),
+        ((v["LMN_LLM"], v["LMN_HLM"]) != (0.0, 100.0),
+         f"LMN is limited to {v['LMN_LLM']:g}…{v['LMN_HLM']:g} %, not to 0…100 %."),
+        ((v["LMN_FAC"], v["LMN_OFF"]) != (1.0, 0.0), "LMN_FAC and LMN_OFF change the output: it is not in %."),
+        (v["GAIN"] * v["PV_FAC"] < 0.0, "the gain is negative: the output falls where the temperature is too low."),
+    ]
+    return tuple(sentence for is_odd, sentence in checks if is_odd)
+
+
+_DISV: Final = "DB41.DBD   68"
+
+
+def _listened(values: Mapping[str, Number]) -> Mapping[str, Number]:
+    return values
+
+
+def _given(parameters: tuple[ContCParameters, ContCAssumptions], value: Number) -> tuple[Any, ContCAssumptions]:
+    return parameters[0]._replace(disturbance=single(value)), parameters[1]
+
+
+def _listing(line: FeedForward, certificate: Certificate) -> dict[str, str]:
+    head = [
+        f"FC 41 writes DISV of DB 41: {line.pct_per_unit:+.4g} % of full power per unit of {line.column}",
+        f"DISV = {line.at_low:.6g} % at {line.low:g}, {line.at_high:.6g} % at {line.high:g}; about 0 at {line.calm:g}",
+        "in OB 35 write CALL FC 41 before CALL FB 41, whose own parameter DISV stays empty", *certificate.head,
+        "STL source, international mnemonics; not tried in STEP 7",
+    ]
+    body = _contact(line) if line.switched else _analog(line)
+    return {"feed_forward.awl": awl.text([
+        *(f"// {text}" for text in head), "FUNCTION FC 41 : VOID", "TITLE =disturbance variable of the controller",
+        "VERSION : 0.1", "BEGIN", "NETWORK", "TITLE =tie this to your input", *body, f"      T     {_DISV};",
+        "END_FUNCTION"])}
+
+
+def _contact(line: FeedForward) -> list[str]:
+    return ["      A     I      1.0;", "      JC    shut;", f"      L     {awl.real(line.at_low)};", "      JU    end;",
+            f"shut: L     {awl.real(line.at_high)};", "end:  NOP   0;"]
+
+
+def _analog(line: FeedForward) -> list[str]:
+    factor = single((line.at_high - line.at_low) / FULL_SCALE)
+    return ["      L     PIW  258;", "      ITD   ;", "      DTR   ;", f"      L     {awl.real(factor)};",
+            "      *R    ;", f"      L     {awl.real(line.at_low)};", "      +R    ;"]
+
+
+FEED: Final = FeedForwardHooks(
+    word="DISV", per_pct=1.0, most=FORMATS["REAL"][1], whole=False, listened=_listened, set_disturbance=_given,
+    listing=_listing)
+
 
 _DB: Final = 41
 _LMN: Final = f"DB{_DB}.DBD   72"
@@ -101,3 +262,11 @@ def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:
     """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
     value = _setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC)).value
     return f"SP (DBD 2 of DB 101) = {value:.9g} °C" if words.ramp is None else f"SP (DBW 2 of DB 101) = {value}"
+
+
+def from_text(text: str, _sample_time_s: float | None, origin: str) -> ReadBack:
+    """Return the words in the source of CONT_C's instance data block; errors as `read_source`.
+
+    A parameter that the source leaves out has the block's own default, which is not guessed: it is missing.
+    """
+    return read_source(text, FIELDS, origin, source)

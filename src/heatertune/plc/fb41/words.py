@@ -11,7 +11,7 @@ from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.cpu.s7_300.real import quotient, real
+from heatertune.plc.cpu.s7_300.machine import quotient, real
 from heatertune.plc.fb41.step import ContCParameters
 from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import single

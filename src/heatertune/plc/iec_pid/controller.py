@@ -6,9 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, Sensor, StepFunctions, count
-from heatertune.plc.iec_pid.export import entries, export_words, setpoint_entry
-from heatertune.plc.iec_pid.exported import loaders
-from heatertune.plc.iec_pid.readback import from_text
+from heatertune.plc.iec_pid.export import entries, export_words, from_text, loaders, setpoint_entry
 from heatertune.plc.iec_pid.step import COLD, IecPidAssumptions, block_of, scan, step
 from heatertune.plc.iec_pid.words import (
     COUNTS,

@@ -1,33 +1,162 @@
 """Words → structured text: the block, a program that calls it, and both as a PLCopen project.
 
 No file was tried in a vendor's tool; parsers of the language and the format read them.
+
+The block's parameters in text: its call in structured text, or a list of parameters, one a line.
+
+The block as a FUNCTION_BLOCK in structured text: `step.call`, one statement per line of it; the tests run both.
+
+TIME_TO_REAL gives seconds in one system and other units in others; the quotient by T#1s is seconds in all of them.
+
+The exported program in a machine for structured text.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Final
 
-from heatertune.plc.iec_pid.source import SOURCE
+from heatertune.plc.cpu.iec.machine import TextProgram
+from heatertune.plc.cpu.iec.text import units
+from heatertune.plc.iec_pid.step import IecPidAssumptions
 from heatertune.plc.iec_pid.words import COUNTS, FIELDS
 from heatertune.plc.keyed_entry import entry_texts
-from heatertune.plc.st.head import by_hand, head_of
+from heatertune.plc.readback import ReadBack
+from heatertune.plc.st.exported import ExportedProgram, check_project
 from heatertune.plc.st.plcopen import project
 from heatertune.plc.st.program import (
+    LARGEST,
+    BlockSource,
     ProgramLimits,
+    by_hand,
     clock_for,
+    comment,
     enable_condition,
+    function_block,
+    head_of,
     instance_call,
     literal,
     program,
     proven_setpoint,
     statements,
+    time_to_real,
     variables,
 )
-from heatertune.plc.st.source import comment, function_block
+from heatertune.plc.st.readback import ExpectedBlock, words_in
 from heatertune.plc.words import Certificate, WordField, Words
 
-__all__ = ["PROJECT", "TEXT", "constants", "entries", "export_words", "setpoint_entry"]
+__all__ = [
+    "PROJECT", "SOURCE", "TEXT", "UNITS", "constants", "entries", "export_words", "from_text", "loaders",
+    "setpoint_entry",
+]
+
+
+UNITS: Final = {"KP": "%/°C", "TR": "s", "TD": "s", "XMIN": "%", "XMAX": "%", "CYCLE": "ms"}
+
+
+def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
+    """Return the words in a text, and the inputs of the block that are none; errors as `words_in`."""
+    return words_in(text, source, ExpectedBlock(FIELDS, UNITS))
+
+
+SOURCE: Final = BlockSource("HT_IEC_PID", {
+    "VAR_INPUT": (
+        ("RUN", "BOOL", "", "FALSE: off, and the next call begins anew"),
+        ("AUTO", "BOOL", "", "FALSE: by hand"),
+        ("PV", "REAL", "", "temperature, degC"),
+        ("SP", "REAL", "", "setpoint, degC"),
+        ("X0", "REAL", "", "output by hand, %"),
+        ("KP", "REAL", "", "% per degC; above 0 for a heater, below 0 for a cooler"),
+        ("TR", "REAL", "", "reset time, s; 0: no I part"),
+        ("TD", "REAL", "", "derivative time, s"),
+        ("XMIN", "REAL", "", "lower limit of XOUT, %"),
+        ("XMAX", "REAL", "", "upper limit of XOUT, %"),
+        ("CYCLE", "TIME", "", "interval of the calls"),
+    ),
+    "VAR_OUTPUT": (
+        ("XOUT", "REAL", "", "%"),
+    ),
+    "VAR": (
+        ("Begun", "BOOL", "", "the memory below holds"),
+        ("Seconds", "REAL", "", "CYCLE, s"),
+        ("Error", "REAL", "", "SP - PV"),
+        ("Error1", "REAL", "", "of the call before"),
+        ("Error2", "REAL", "", "two calls ago"),
+        ("Error3", "REAL", "", "three calls ago"),
+        ("IntegralPart", "REAL", "", "I part, %"),
+        ("Proportional", "REAL", "", "P part, %"),
+        ("Slope", "REAL", "", "of the error, degC/s"),
+        ("Sum", "REAL", "", "new I part"),
+        ("Wanted", "REAL", "", "output before its limits"),
+    ),
+    "VAR CONSTANT": (
+        ("Largest", "REAL", LARGEST, "the largest REAL"),
+    ),
+}, """\
+IF NOT RUN THEN
+  Begun := FALSE;
+  XOUT := 0.0;
+ELSE
+  Seconds := TIME_TO_REAL(CYCLE) / TIME_TO_REAL(T#1s); (* whatever the unit of TIME_TO_REAL *)
+  Error := SP - PV;
+  Wanted := X0;
+  IF ABS(Error) <= Largest THEN
+    IF NOT Begun OR NOT AUTO THEN
+      Error1 := Error;
+      Error2 := Error;
+      Error3 := Error;
+    END_IF;
+    IF NOT Begun THEN
+      Begun := TRUE;
+      IntegralPart := 0.0;
+    END_IF;
+    Proportional := KP * Error;
+    IF AUTO THEN
+      IF TR <> 0.0 THEN
+        Sum := IntegralPart + ((KP * Seconds) / TR) * Error;
+        IF Sum < XMIN - Proportional THEN (* P and I part together stay within the limits *)
+          Sum := XMIN - Proportional;
+        END_IF;
+        IF Sum > XMAX - Proportional THEN
+          Sum := XMAX - Proportional;
+        END_IF;
+        IF ABS(Sum) <= Largest THEN
+          IntegralPart := Sum;
+        END_IF;
+      ELSE
+        IntegralPart := 0.0;
+      END_IF;
+      Wanted := Proportional + IntegralPart;
+      IF TD <> 0.0 THEN
+        Slope := (3.0 * (Error - Error3) + Error1 - Error2) / (10.0 * Seconds);
+        Wanted := Wanted + KP * (TD * Slope);
+      END_IF;
+      Error3 := Error2;
+      Error2 := Error1;
+      Error1 := Error;
+    END_IF;
+  ELSIF AUTO THEN (* a broken sensor or an overflow: nothing is remembered *)
+    Wanted := XMIN;
+  END_IF;
+  XOUT := Wanted;
+  IF NOT (XOUT >= XMIN) THEN (* also where it is no number: the heater goes off *)
+    XOUT := XMIN;
+  ELSIF XOUT > XMAX THEN
+    XOUT := XMAX;
+  END_IF;
+  IF ABS(Error) <= Largest AND NOT AUTO THEN (* so that the return to automatic is without a bump *)
+    Sum := 0.0;
+    IF TR <> 0.0 THEN
+      Sum := XOUT - Proportional;
+    END_IF;
+    IF ABS(Sum) <= Largest THEN
+      IntegralPart := Sum;
+    END_IF;
+  END_IF;
+END_IF;
+""")
+
 
 TEXT: Final = "iec_pid.st"
 PROJECT: Final = "iec_pid_plcopen.xml"
@@ -69,3 +198,12 @@ def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:
     """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
     value = literal(proven_setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC), COUNTS))
     return f"HeaterSetPoint = {value} °C"
+
+
+def loaders(
+    files: Mapping[str, str | bytes], assume: IecPidAssumptions
+) -> dict[str, Callable[[], ExportedProgram | None]]:
+    """Return what loads each file, for a system whose TIME_TO_REAL is as assumed."""
+    text, gives = str(files[TEXT]), partial(time_to_real, unit=assume.time_unit)
+    return {TEXT: lambda: ExportedProgram(TextProgram(units(text), {}, gives)),
+            PROJECT: lambda: check_project(str(files[PROJECT]), text, TEXT)}

@@ -15,7 +15,7 @@ from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.single_precision import LARGEST, divide_single, single
-from heatertune.plc.st.duration import NANOSECONDS, SECONDS, TENS_OF_MS, time_to_real
+from heatertune.plc.st.program import NANOSECONDS, SECONDS, TENS_OF_MS, time_to_real
 
 __all__ = ["COLD", "IecPidAssumptions", "IecPidConstants", "IecPidInputs", "IecPidState", "block_of", "call", "scan",
            "step"]
@@ -41,7 +41,7 @@ class IecPidConstants(NamedTuple):
     maximum: float
     growth: float  # of the I part per °C, KP·T/TR
     ten_t: float  # 10·T
-    within: float = math.inf  # see `heatertune.plc.boost.Boost`; infinite: there is none
+    within: float = math.inf  # see `heatertune.plc.ramp.Boost`; infinite: there is none
     again: float = math.inf
 
 

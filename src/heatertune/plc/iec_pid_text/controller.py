@@ -9,9 +9,8 @@ from heatertune.plc.core import ControllerState, StepFunctions
 from heatertune.plc.iec_pid.controller import measure
 from heatertune.plc.iec_pid.export import setpoint_entry
 from heatertune.plc.iec_pid.words import COUNTS, TIMER, interval_s
-from heatertune.plc.iec_pid_text.export import entries, export_words
+from heatertune.plc.iec_pid_text.export import entries, export_words, from_text
 from heatertune.plc.iec_pid_text.faults import faults
-from heatertune.plc.iec_pid_text.readback import from_text
 from heatertune.plc.iec_pid_text.step import COLD, StandardPidAssumptions, block_of, scan, step
 from heatertune.plc.iec_pid_text.words import FIELDS, design_of, values_of
 from heatertune.plc.pwm import HALF_WAVE_S

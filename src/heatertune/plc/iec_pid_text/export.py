@@ -1,28 +1,48 @@
-"""A program that calls the PID of the target's own library, with the faults of that in its head."""
+"""A program that calls the PID of the target's own library, with the faults of that in its head.
+
+The block's parameters in text: its call in structured text, or a list of parameters, one a line.
+"""
 
 from __future__ import annotations
 
 from typing import Final
 
-from heatertune.plc.iec_pid.export import constants
+from heatertune.errors import InputError
+from heatertune.plc.iec_pid.export import UNITS, constants
 from heatertune.plc.iec_pid.words import COUNTS
 from heatertune.plc.iec_pid_text.faults import faults
 from heatertune.plc.iec_pid_text.words import FIELDS
 from heatertune.plc.keyed_entry import entry_texts
-from heatertune.plc.st.head import head_of
+from heatertune.plc.readback import ReadBack
 from heatertune.plc.st.program import (
     ProgramLimits,
     clock_for,
+    comment,
+    head_of,
     instance_call,
     program,
     proven_setpoint,
     statements,
     variables,
 )
-from heatertune.plc.st.source import comment
+from heatertune.plc.st.readback import ExpectedBlock, words_in
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["TEXT", "entries", "export_words"]
+__all__ = ["TEXT", "entries", "export_words", "from_text"]
+
+
+def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
+    """Return the words in a text, and the inputs of the block that are none.
+
+    Raises:
+        InputError: as `words_in`; the text has limits, so it is the repaired block's, whose KP has the other sign.
+    """
+    read = words_in(text, source, ExpectedBlock(FIELDS, UNITS))
+    limits = [each for each in read.passed_over if each.upper().startswith(("XMIN ", "XMAX "))]
+    if limits:
+        raise InputError(f"{source}: {limits[0]}: the standard's block has no limits; these are words of iec-pid")
+    return read
+
 
 TEXT: Final = "iec_pid_text.st"
 

@@ -7,9 +7,7 @@ from typing import ClassVar
 from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions
-from heatertune.plc.klipper.export import entries, export_words
-from heatertune.plc.klipper.exported import loaders
-from heatertune.plc.klipper.readback import from_text
+from heatertune.plc.klipper.export import entries, export_words, from_text, loaders
 from heatertune.plc.klipper.step import COLD, FLAGS, KlipperAssumptions, loop_of, measure, step
 from heatertune.plc.klipper.words import FIELDS, REPORT_S, USUAL, design_of, interval_s, oddities, past_of, values_of
 from heatertune.plc.words import Words

@@ -6,9 +6,7 @@ from typing import ClassVar, Final
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState
-from heatertune.plc.marlin.export import entries, export_words
-from heatertune.plc.marlin.exported import loaders
-from heatertune.plc.marlin.readback import from_text
+from heatertune.plc.marlin.export import entries, export_words, from_text, loaders
 from heatertune.plc.marlin.step import MarlinAssumptions, parameters_of, scan
 from heatertune.plc.marlin.words import COUNTS, FIELDS, TIMER, design_of, interval_s, oddities, values_of
 from heatertune.plc.parallel.step import COLD, PARALLEL

@@ -7,8 +7,7 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.cpu.one_bit.machine import START
-from heatertune.plc.on_off.export import export_words, from_image, setpoint_entry
-from heatertune.plc.on_off.readback import from_text
+from heatertune.plc.on_off.export import export_words, from_image, from_text, setpoint_entry
 from heatertune.plc.on_off.step import OnOffState, listing_step, step
 from heatertune.plc.on_off.words import COUNTS, FIELDS, TIMER, consistent, oddities, values_of
 from heatertune.plc.open_points import NothingOpen

@@ -2,12 +2,15 @@
 
 The memory is this project's choice, as the document prints none: the 16 lines of the program, one byte each, then
 BAND as a 16-bit number, high byte first.
+
+The memory as Intel HEX, the form in which programmers of memories save what they read.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import re
 from typing import Final
 
 from heatertune.errors import InputError
@@ -15,9 +18,11 @@ from heatertune.plc.cpu.one_bit.assembler import disassemble
 from heatertune.plc.cpu.one_bit.programs import ON_OFF_NAMES
 from heatertune.plc.on_off.step import PROGRAM
 from heatertune.plc.on_off.words import COUNTS, FIELDS
+from heatertune.plc.readback import ReadBack, lines_of, wrong
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words", "from_image", "intel_hex", "setpoint_entry", "to_image"]
+__all__ = ["export_words", "from_image", "from_text", "intel_hex", "setpoint_entry", "to_image"]
+
 
 _RECORD: Final = 16  # data bytes in a line of Intel HEX
 
@@ -93,3 +98,44 @@ def _csv(words: Words) -> str:
 def setpoint_entry(_words: Words, _setpoint_degC: float, units: int) -> str:
     """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
     return f"register 0 = {units}"
+
+
+_READBACK_RECORD: Final = re.compile(r":((?:[0-9A-F]{2}){5,260})", re.IGNORECASE)
+_DATA, _END = 0, 1
+
+
+def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
+    """Return BAND from the records of a memory that was read back.
+
+    Raises:
+        InputError: a line that is no record or whose length, address, kind or checksum is wrong; as `from_image`.
+    """
+    image, ended = bytearray(), False
+    for line, content in lines_of(text):
+        if not content:
+            continue
+        data, kind = _record_readback(content, line, source)
+        if ended:
+            raise wrong(source, line, "record", content, "nothing after the record of kind 01, the end")
+        if kind == _DATA and int.from_bytes(data[:2], "big") != len(image):
+            raise wrong(source, line, "address", data[:2].hex().upper(), f"{len(image):04X}, where the data before end")
+        image += data[2:] if kind == _DATA else b""
+        ended = kind == _END
+    if not ended:
+        raise InputError(f"{source}: no record of kind 01; expected :00000001FF as the last line")
+    return ReadBack({**from_image(bytes(image), 0.0, source)})
+
+
+def _record_readback(content: str, line: int, source: str) -> tuple[bytes, int]:
+    """Return address and data of a record, and its kind."""
+    match = _READBACK_RECORD.fullmatch(content)
+    if match is None:
+        raise wrong(source, line, "record", content, "a record of Intel HEX such as :00000001FF")
+    record = bytes.fromhex(match[1])
+    if record[0] != len(record) - 5:
+        raise wrong(source, line, "length", match[1][:2], f"{len(record) - 5:02X}, the number of data bytes")
+    if sum(record) & 0xFF:
+        raise wrong(source, line, "checksum", match[1][-2:], f"{-sum(record[:-1]) & 0xFF:02X}")
+    if record[3] not in (_DATA, _END):
+        raise wrong(source, line, "kind", match[1][6:8], "00 (data) or 01 (end)")
+    return record[1:3] + record[4:-1], record[3]

@@ -9,7 +9,7 @@
 All are one function and one pair of tuples, so that a compiler sees one program. Where `narrow` holds, every operation
 rounds to single precision; else they are those of double precision.
 
-The program around them may have the heater on full power far from the setpoint, see `heatertune.plc.boost`. Until it
+The program around them may have the heater on full power far from the setpoint, see `heatertune.plc.ramp`. Until it
 gives it back, PID_v1 is in manual at 0 and simple-pid is none: each begins anew. ESPHome's goes on computing, its
 integral part being put to 0 after each reading. Marlin does that itself.
 """
@@ -19,8 +19,8 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
-from heatertune.plc.boost import Boost
 from heatertune.plc.core import Sensor, StepFunctions, count
+from heatertune.plc.ramp import Boost
 from heatertune.plc.single_precision import single
 
 __all__ = [
@@ -86,7 +86,7 @@ class ParallelParameters(NamedTuple):
     weight: float = 0.0  # of the new value in the filtered derivative
     samples: int = 1
     inside: bool = False  # the reading before is that of the last call within the window
-    within: float = math.inf  # see `heatertune.plc.boost.Boost`; infinite: there is none
+    within: float = math.inf  # see `heatertune.plc.ramp.Boost`; infinite: there is none
     far: float = math.inf
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from heatertune.plc.boost import Boost
 from heatertune.plc.exported import TextSettings
-from heatertune.plc.ramp import Number
+from heatertune.plc.ramp import Boost, Number
 from heatertune.plc.words import Certificate, Words
 
 __all__ = ["PwmWindow", "settings_of", "window_of"]

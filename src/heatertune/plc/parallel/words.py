@@ -1,8 +1,12 @@
-"""What the words of the controllers in the parallel form share: gains, their text, and the way back to a design."""
+"""What the words of the controllers in the parallel form share: gains, their text, and the way back to a design.
+
+Text of programs: numbers as C and YAML write them, and comments put out of the way.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from decimal import Decimal
 from typing import Final
@@ -13,7 +17,27 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import WordField, Words, round_to_word
 
-__all__ = ["MOST_GAIN", "decimal", "design_from", "gain_field", "gains_of", "oddities_of"]
+__all__ = [
+    "MOST_GAIN", "blank_matches", "decimal", "design_from", "gain_field", "gains_of", "number_of", "oddities_of",
+]
+
+
+_NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?[fFlL]?", re.ASCII)
+
+
+def number_of(text: str) -> float | None:
+    """Return a decimal number in double precision, None where it is none or has no end."""
+    plain = text.strip()
+    if not _NUMBER.fullmatch(plain):
+        return None
+    value = float(plain.rstrip("fFlL"))
+    return value if math.isfinite(value) else None
+
+
+def blank_matches(pattern: re.Pattern[str], text: str) -> str:
+    """Return a text with blanks for what a pattern matches, line for line."""
+    return pattern.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
+
 
 #: largest gain that is taken as one, in the controller's units
 MOST_GAIN: Final = 1e9

@@ -11,10 +11,8 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.cycle import Cycle
 from heatertune.plc.keyed_entry import entry_texts
-from heatertune.plc.pband.export import export_words, stem_of
-from heatertune.plc.pband.exported import loaders
+from heatertune.plc.pband.export import export_words, from_text, loaders, stem_of
 from heatertune.plc.pband.makes import MAKES, Make, field_of
-from heatertune.plc.pband.readback import from_text
 from heatertune.plc.pband.step import COLD, PbandAssumptions, step
 from heatertune.plc.pband.words import (
     COUNTS,

@@ -11,8 +11,7 @@ from heatertune.pid.timer import Timer
 from heatertune.pid.values import PidDesign
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, Sensor, StepFunctions, count
-from heatertune.plc.pid_compact.export import export_words
-from heatertune.plc.pid_compact.exported import LAW, loaders
+from heatertune.plc.pid_compact.export import LAW, export_words, loaders
 from heatertune.plc.pid_compact.readback import from_text
 from heatertune.plc.pid_compact.step import COLD, PidCompactAssumptions, block_of, scale_input, scan, step
 from heatertune.plc.pid_compact.words import (

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
 
-from heatertune.plc.pid_compact.source import CALL, LOAD, LOOKED_AT, ROLLBACK, assignments, call, load, rollback
+from heatertune.plc.pid_compact.export import CALL, LOAD, LOOKED_AT, ROLLBACK, assignments, call, load, rollback
 from heatertune.plc.pid_compact.words import BlockTags
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import ReadBack, WordCollector, first_unlike, lines_of, real_of, whole_of, wrong

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import partial
 from typing import Final
 
+from heatertune.plc.pid_compact.export import LAW, InstructionLaw
 from heatertune.plc.pid_compact.export import export_words as exported_words
-from heatertune.plc.pid_compact.exported import LAW, InstructionLaw
-from heatertune.plc.pid_compact.exported import loaders as loads_of
+from heatertune.plc.pid_compact.export import loaders as loads_of
 from heatertune.plc.pid_compact.readback import from_text as read_text
 from heatertune.plc.pid_temp.step import COLD_PAIR, pair_of, pair_scan
 from heatertune.plc.pid_temp.words import COOLING_FIELDS, FIELDS, TEMP, TEMP_COOLING

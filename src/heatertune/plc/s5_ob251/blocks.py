@@ -3,19 +3,28 @@
 All that they remember stands in DB31: flags are shared with OB1, and those from 200 on are scratch of the standard
 function blocks. Operations have their English names (S5-100U manual EWA 4NEB 812 6120, chapter 8; TB tests a bit); a
 comparison asks whether ACCU 2 … ACCU 1, and leaves both as they are.
+
+FB33, which leads W along a ramp: statements on the words of DB31, which its caller has opened.
+
+The PWM behind YA in sums of 16 bits, as STEP 5 has no multiplication: a staircase over the ticks of a period.
+
+At tick j of N the staircase stands at c = floor((2j + 1)·2047/(2N)), and the output is on while c < YA: at the nearest
+number of ticks to YA·N/2047, for a tie would ask for 2·YA·N = 2047·odd, an even number for an odd one.
+
+The whole program as one listing: OB251's data block, the blocks around it, and what is left to do by hand.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from math import ceil
-from typing import Final
+from typing import Final, NamedTuple
 
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY
-from heatertune.plc.ramp import Ramp
-from heatertune.plc.s5_ob251.ramp import ramp_statements
-from heatertune.plc.s5_ob251.staircase import Staircase
+from heatertune.plc.pwm import INSTANT_S, Actuator, Ticks, on_time
+from heatertune.plc.ramp import Ramp, for_coolers
 from heatertune.plc.s5_ob251.step import FULL_SCALE
+from heatertune.plc.words import Certificate, Words
 
 __all__ = [
     "ANALOG",
@@ -28,12 +37,124 @@ __all__ = [
     "RAMP",
     "START",
     "WORK",
+    "Staircase",
     "heat",
     "organisation_blocks",
+    "program_listing",
     "ramp_block",
+    "ramp_statements",
+    "retains",
+    "staircase",
     "start_up",
     "work",
 ]
+
+
+_SWAPPED: Final = {"+F": "-F", ">F": "<F", ">=F": "<=F", "DOWN": "RISE", "LOW": "TOP"}
+
+
+def ramp_statements(ramp: Ramp, at: Mapping[str, str]) -> list[str]:
+    """Return the statements, each `label:operation`.
+
+    Args:
+        ramp: step in units of W.
+        at: name of a word of DB31 → its operand: asked, w, x, countdown, lowest.
+    """
+    body = [] if ramp.calls == 1 else _count(ramp.calls, "BEC" if ramp.hold is None else "JC =HELD", at["countdown"])
+    return [*body, *_moves(ramp, at)]
+
+
+def _count(calls: int, leave: str, countdown: str) -> list[str]:
+    return [
+        f"L  {countdown}", "L  KF +1", "-F", f"T  {countdown}", "L  KF +0", ">F", leave,
+        f"L  KF +{calls}", f"T  {countdown}",
+    ]
+
+
+def _moves(ramp: Ramp, at: Mapping[str, str]) -> list[str]:
+    """Return the statements that move W by a step, or by what is left where that is less, and hold it at X."""
+    step, w, x, asked, lowest = int(ramp.step), at["w"], at["x"], at["asked"], at["lowest"]
+    up = [
+        f"L  {w}", f"L  {asked}", ">F", "JC =DOWN",
+        f"L  {w}", f"L  KF +{step}", "+F", f"L  {asked}", ">F", "JC =END", "TAK", "JU =END",
+    ]
+    if ramp.hold is None:
+        return [*up, f"DOWN:L  {w}", *_down(step, asked), f"END:T  {w}", "BE"]
+    hold = abs(ramp.hold)
+    heaters = [
+        *up,
+        f"DOWN:L  {x}", f"L  KF +{hold}", "-F", f"L  {asked}", "<F", "JC =LOW", "TAK", f"LOW:T  {lowest}",
+        f"L  {w}", ">=F", "JC =HELD",
+        f"L  {w}", *_down(step, lowest), f"END:T  {w}",
+        f"HELD:L  {x}", f"L  KF +{hold}", "+F", f"L  {w}", ">=F", "BEC", "TAK", f"T  {w}", "BE",
+    ]
+    return [for_coolers(statement, _SWAPPED) for statement in heaters] if ramp.cools else heaters
+
+
+def _down(step: int, lowest: str) -> list[str]:
+    return [f"L  KF +{step}", "-F", f"L  {lowest}", "<F", "JC =END", "TAK"]
+
+
+_MOST: Final = 32767
+
+
+class Staircase(NamedTuple):
+    """What is summed up.
+
+    Attributes:
+        ticks: of a call and of a period.
+        parts: 2N, by which the remainder counts.
+        first, first_part: whole units and remainder at tick 0.
+        step, step_part: of each further tick.
+        least: YA below this gives no pulse, for it would be too short; None: it would not.
+        full: from this YA on there is no pause, likewise.
+    """
+
+    ticks: Ticks
+    parts: int
+    first: int
+    first_part: int
+    step: int
+    step_part: int
+    least: int | None
+    full: int | None
+
+
+def staircase(actuator: Actuator | None, sample_time_s: float) -> Staircase | None:
+    """Return the staircase of a switch; None: no clock of OB13 makes it, its sums overflow, or it carries over.
+
+    Args:
+        actuator: the switch that was proven; None: none is known.
+        sample_time_s: TA [s].
+    """
+    ticks = None if actuator is None else actuator.ticks(sample_time_s)
+    if actuator is None or ticks is None or actuator.minimum_rule == "carry":
+        return None
+    parts = 2 * ticks.per_period
+    if ticks.per_call > _MOST or 2 * parts > _MOST or not _of_ten_ms(actuator.resolution_s):
+        return None
+    least, full = _limits(actuator, ticks.per_period)
+    return Staircase(ticks, parts, *divmod(FULL_SCALE, parts), *divmod(2 * FULL_SCALE, parts), least=least, full=full)
+
+
+def _limits(actuator: Actuator, ticks: int) -> tuple[int | None, int | None]:
+    """Return `Staircase.least` and `Staircase.full` of a switch whose period is so many ticks."""
+    least = full = None
+    for ya in range(FULL_SCALE + 1):
+        on_s, _ = on_time(100.0 * ya / FULL_SCALE, 0.0, actuator.numbers)
+        on, nearest = round(on_s / actuator.resolution_s), (2 * ya * ticks + FULL_SCALE) // (2 * FULL_SCALE)
+        if on < nearest:
+            least = ya + 1
+        elif on > nearest and full is None:
+            full = ya
+    return least, full
+
+
+def _of_ten_ms(tick_s: float) -> bool:
+    """Return whether OB13 keeps an interval: its system data counts 10 ms."""
+    counts = 100.0 * tick_s
+    return round(counts) > 0 and abs(round(counts) - counts) <= INSTANT_S
+
 
 #: numbers of the data blocks: OB251's, and the program's
 DB: Final = 30
@@ -321,3 +442,101 @@ def _columns(body: str) -> Iterator[str]:
             continue
         label, _, operation = statement.rpartition(":")
         yield f"{label:5s}:{f'{operation.ljust(_WIDTH)};{comment}' if comment else operation}"
+
+
+#: of OB13 where nobody writes SD97 [s]
+_USUAL_S: Final = 0.1
+#: that a call of FB30 takes, OB251 aside: some forty statements on a CPU 941 [ms]
+_CALL_MS: Final = 2.0
+
+
+def program_listing(words: Words, certificate: Certificate, asked: int, typed: Sequence[str]) -> str:
+    """Return the listing.
+
+    Args:
+        words: that were proven.
+        certificate: of the proof.
+        asked: setpoint [units].
+        typed: lines of DB30.
+    """
+    stairs = staircase(certificate.actuator, words.sample_time_s)
+    interval = words.sample_time_s if stairs is None else words.sample_time_s / stairs.ticks.per_call
+    by_hand = _by_hand(words, certificate, stairs, interval)
+    head = [
+        "Whole program around OB251 for SIMATIC S5-115U: a listing to key in, remarks behind ;",
+        *_conditions(words, stairs, interval), _start_up(certificate), *certificate.head,
+        "to do by hand:", *(f"{number}. {what}" for number, what in enumerate(by_hand, 1)),
+    ]
+    ramp = words.ramp
+    scale = words.scaling
+    started = start_up(interval, pwm=stairs is not None, ramp=ramp, retained=retains(certificate))
+    blocks = [
+        [f"DB{DB}", *typed], [f"DB{WORK}", *_work(asked, words)], heat(stairs, ramp, scale.input), started,
+        *([] if ramp is None else [ramp_block(ramp)]), *organisation_blocks()]
+    return "\n".join([*(f"// {line}" for line in head), *(line for block in blocks for line in ("", *block))]) + "\n"
+
+
+def _conditions(words: Words, stairs: Staircase | None, interval_s: float) -> Iterator[str]:
+    scale = words.scaling
+    yield (f"sensor {scale.low_degC:g}...{scale.high_degC:g} °C = 0...{FULL_SCALE} units; "
+           f"output 0...{FULL_SCALE} units = 0...100 % power")
+    called = "" if stairs is None or stairs.ticks.per_call == 1 else f" in every {stairs.ticks.per_call}th call"
+    yield f"OB13 every {interval_s:g} s calls FB{HEAT}, which calls OB251{called}: TA = {words.sample_time_s:g} s"
+    if stairs is not None:
+        yield f"PWM: {stairs.ticks.per_period} calls of OB13 a period, the nearest whole number of them on"
+    if words.ramp is not None:
+        yield f"W follows the setpoint asked for: {words.ramp}"
+
+
+def retains(certificate: Certificate) -> bool:
+    """Return whether OB251 goes on after a start-up with what it kept."""
+    return certificate.switches.get("start_up") == "retained"
+
+
+def _start_up(certificate: Certificate) -> str:
+    if retains(certificate):
+        return ("start-up: OB251 goes on with what DW18 to DW48 have kept, or from cold where they have kept nothing; "
+                "the rest begins anew")
+    return "start-up: OB21 and OB22 clear DW18 to DW48, whatever they have kept; the rest begins anew"
+
+
+def _by_hand(
+    words: Words, certificate: Certificate, stairs: Staircase | None, interval_s: float
+) -> Iterator[str]:
+    """Return what no listing does."""
+    scale, count = words.scaling, words.scaling.span_degC / FULL_SCALE
+    module = (f"range card for 4 to 20 mA, {FOUR_MA} to 2560 units; below 3.6 mA the heater is off"
+              if scale.input == FOUR_TO_TWENTY else
+              "two's complement, 2048 units at the end of its range, wire-break detection on")
+    yield (f"Wire or change: analog input {INPUT} ({module}), automatic {MODE}, "
+           + (f"analog output {ANALOG}." if stairs is None else f"heater {OUTPUT.replace('PY', 'Q')}.0; {OUTPUT} is "
+              "written as a whole: no other output in that byte."))
+    yield (f"Range the sensor: {scale.low_degC:g} °C = 0 units, {scale.high_degC:g} °C = {FULL_SCALE} units, "
+           f"{count:.3g} °C a unit.")
+    yield (f"Setpoint: DW 0 of DB{WORK}, whole part of ({FULL_SCALE}/{scale.span_degC:g})*({scale.formula})"
+           + (" - enter yours." if certificate.setpoint_degC is None else "; the proven one is in it."))
+    yield (f"Your own OB1, OB13, OB21, OB22: add these statements to them. DB{DB}, DB{WORK}, FB{HEAT}, FB{START} and "
+           "FB33 must be free.")
+    if stairs is None:
+        yield f"Power controller behind {ANALOG}; nothing here makes pulses. {_unmade(certificate)}"
+    if interval_s < _USUAL_S:
+        share = 0.1 * _CALL_MS / interval_s
+        yield (f"OB13 every {1000.0 * interval_s:g} ms takes up to {share:.2g} % of a CPU 941's time, whose OB13 was "
+               "made for 100 ms: see that the cycle of OB1 stays short.")
+    yield (f"Try out with the heater disconnected: manual ({MODE} = 0) holds YH = DW 12 of DB{DB}; a broken sensor "
+           f"switches off until {MODE} was 0.")
+    if retains(certificate):
+        yield (f"Backup battery: without one DB{DB} and DB{WORK} begin as they stand here, from cold and with this "
+               "setpoint; start-up as chosen needs it.")
+    yield "A limiter of its own that switches the heater off: no program stands for it."
+
+
+def _unmade(certificate: Certificate) -> str:
+    if certificate.actuator is None:
+        return "Which switch was proven is not told."
+    return f"It was proven as a switch: {certificate.actuator.summary}, which calls of OB13 do not make."
+
+
+def _work(asked: int, words: Words) -> Iterator[str]:
+    for dw, (value, comment) in enumerate(work(asked, words.ramp)):
+        yield f"{f'{dw:4d}:  KF = {value:+06d};'.ljust(33)}{comment}"

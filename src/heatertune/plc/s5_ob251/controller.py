@@ -8,13 +8,17 @@ from heatertune.pid.timer import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.inputs import FOUR_TO_TWENTY, Range
-from heatertune.plc.s5_ob251.export import export_words
-from heatertune.plc.s5_ob251.exported import loaders
-from heatertune.plc.s5_ob251.feed_forward import FEED
-from heatertune.plc.s5_ob251.image import from_image, oddities
-from heatertune.plc.s5_ob251.readback import from_text
+from heatertune.plc.s5_ob251.export import (
+    FEED,
+    export_words,
+    from_image,
+    from_text,
+    keyed_entries,
+    loaders,
+    oddities,
+    setpoint_entry,
+)
 from heatertune.plc.s5_ob251.step import COLD, Ob251Assumptions, scan, start_up, step
-from heatertune.plc.s5_ob251.typed import keyed_entries, setpoint_entry
 from heatertune.plc.s5_ob251.words import (
     FIELDS,
     FULL_SCALE,

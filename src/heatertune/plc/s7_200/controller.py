@@ -11,9 +11,7 @@ from heatertune.plc.cpu.s7_200 import COLD, assemble
 from heatertune.plc.cpu.s7_200.cycle import TIMER, check_cycle, cycle_s, timed_program
 from heatertune.plc.cpu.s7_200.state import cold_start, own, warm_start
 from heatertune.plc.cpu.s7_200.wiring import COUNTS
-from heatertune.plc.s7_200.export import export_words, setpoint_entry
-from heatertune.plc.s7_200.listing import COUNTDOWN, repaired_program
-from heatertune.plc.s7_200.readback import from_text
+from heatertune.plc.s7_200.export import COUNTDOWN, export_words, from_text, repaired_program, setpoint_entry
 from heatertune.plc.s7_200.step import S7200ManualAssumptions, step
 from heatertune.plc.s7_200.words import FIELDS, design_of, most_gain, values_of
 from heatertune.plc.words import Words

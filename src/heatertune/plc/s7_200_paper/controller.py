@@ -9,10 +9,7 @@ from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.cpu.s7_200 import COLD, assemble
 from heatertune.plc.cpu.s7_200.cycle import TIMER
 from heatertune.plc.cpu.s7_200.wiring import COUNTS
-from heatertune.plc.s7_200_paper.export import export_words, setpoint_entry
-from heatertune.plc.s7_200_paper.faults import faults
-from heatertune.plc.s7_200_paper.listing import printed_program
-from heatertune.plc.s7_200_paper.readback import from_text
+from heatertune.plc.s7_200_paper.export import export_words, faults, from_text, printed_program, setpoint_entry
 from heatertune.plc.s7_200_paper.step import (
     LoadedPaperProgram,
     PaperState,

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.model.temperature.law import Constant, Step
+from heatertune.model.temperature.closed_loop import Constant, Step
 
 __all__ = ["LAWS", "PaperLaw"]
 
@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperLaw:
-    """A reading of the program; see `heatertune.model.temperature.law.ControllerLaw`."""
+    """A reading of the program; see `heatertune.model.temperature.closed_loop.ControllerLaw`."""
 
     name: str
     constants: tuple[Constant, ...]

@@ -10,9 +10,8 @@ from __future__ import annotations
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.cpu.s7_200 import S7200Program, S7200State
-from heatertune.plc.cpu.s7_200.cells import ATTACHED, ENABLED, FAULTS, WIDTH, bit, cell
 from heatertune.plc.cpu.s7_200.cpu import carry_out
-from heatertune.plc.cpu.s7_200.memory import word
+from heatertune.plc.cpu.s7_200.memory import ATTACHED, ENABLED, FAULTS, WIDTH, bit, cell, word
 from heatertune.plc.cpu.s7_200.state import cold_start as started_cpu
 from heatertune.plc.cpu.s7_200.state import own as own_cpu
 from heatertune.plc.cpu.s7_200.state import warm_start as restarted_cpu

@@ -10,10 +10,15 @@ from heatertune.plc.core import ControllerState, StepFunctions
 from heatertune.plc.cpu.s7_200 import COLD, assemble
 from heatertune.plc.cpu.s7_200.cycle import TIMER, check_cycle, cycle_s, timed_program
 from heatertune.plc.cpu.s7_200.state import cold_start, own, warm_start
-from heatertune.plc.s7_200_pid.export import export_words, setpoint_entry
-from heatertune.plc.s7_200_pid.image import from_image, oddities
-from heatertune.plc.s7_200_pid.listing import COUNTDOWN, pid_program
-from heatertune.plc.s7_200_pid.readback import from_text
+from heatertune.plc.s7_200_pid.export import (
+    COUNTDOWN,
+    export_words,
+    from_image,
+    from_text,
+    oddities,
+    pid_program,
+    setpoint_entry,
+)
 from heatertune.plc.s7_200_pid.step import STEP, S7200PidAssumptions, measure, step
 from heatertune.plc.s7_200_pid.words import FIELDS, FULL, RANGES, UNREAD, design_of, values_of
 from heatertune.plc.words import Words

@@ -1,16 +1,246 @@
-"""The program around the PID instruction with its certificate in the head, and the loop table as the CPU holds it."""
+"""The program around the PID instruction with its certificate in the head, and the loop table as the CPU holds it.
+
+The loop table as the CPU holds it: 36 bytes, or 80 with the auto-tune part, REALs with their high byte first.
+
+The program around the PID instruction as statement list: loop table at VB100, AIW0 in, PWM on Q0.0 out.
+
+The loop table's words in text: the statement list that loads them, or the text of a data block.
+"""
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Sequence
+from typing import Final
+
+from heatertune.errors import InputError
+from heatertune.plc.cpu.s7_200.assembler import (
+    Network,
+    block,
+    count_ticks,
+    program,
+    pwm_registers,
+    real,
+    timed_interrupt,
+)
+from heatertune.plc.cpu.s7_200.cycle import cycle_ms, ticks_of, whole_cycle
+from heatertune.plc.cpu.s7_200.ramp import ramp_begins, ramp_moves
+from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, difference, is_program, loads
 from heatertune.plc.cpu.s7_200.wiring import SWITCH, clock, head
-from heatertune.plc.inputs import INPUTS, module
-from heatertune.plc.s7_200_pid.image import to_image
-from heatertune.plc.s7_200_pid.listing import SETPOINT_INPUT, in_degrees, least_good, pid_program
+from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
+from heatertune.plc.ramp import Number
+from heatertune.plc.readback import ReadBack, WordCollector, wrong
 from heatertune.plc.s7_200_pid.step import STEP, measure
-from heatertune.plc.s7_200_pid.words import FULL, RANGES, SETPOINT, TABLE
+from heatertune.plc.s7_200_pid.words import FIELDS, FULL, NO_INTEGRAL, RANGES, SETPOINT, TABLE
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["export_words", "setpoint_entry"]
+__all__ = [
+    "COUNTDOWN", "SETPOINT_INPUT", "export_words", "from_image", "from_text", "in_degrees", "least_good",
+    "oddities", "pid_program", "setpoint_entry", "to_image",
+]
+
+
+_SHORT, _LONG = 36, 80
+_ID: Final = b"PIDA"  # marks the extended table (System Manual, Table 6-44 of the later editions)
+
+#: auto-tune part as the CPU sets it up: DEV, HYS, STEP, WDOG; the results 0
+_AUTO_TUNE: Final = struct.pack(">4B 4f 5f", 0, 0, 0, 0, 0.1, 0.025, 0.1, 7200.0, *[0.0] * 5)
+
+
+def to_image(words: Words, *, extended: bool = False) -> bytes:
+    """Return 36 or 80 bytes; process variable, setpoint, output, bias and last process variable are 0."""
+    v = words.values
+    table = struct.pack(">9f", 0.0, 0.0, 0.0, v["KC"], v["TS"], v["TI"], v["TD"], 0.0, 0.0)
+    return table + (_ID + _AUTO_TUNE if extended else b"")
+
+
+def from_image(image: bytes, sample_time_s: float, source: str) -> dict[str, Number]:
+    """Return the values in a loop table of 36 or 80 bytes, whose Ts may be another than the sampling interval [s].
+
+    Raises:
+        InputError: another length, or 80 bytes without the mark of the extended table.
+        NotRepresentable: an interval that the PWM program cannot do.
+    """
+    if len(image) not in (_SHORT, _LONG):
+        raise InputError(f"{source}: {len(image)} bytes; expected {_SHORT} or {_LONG} (loop table)")
+    if len(image) == _LONG and image[_SHORT : _SHORT + 4] != _ID:
+        raise InputError(f"{source}: {image[_SHORT:_SHORT + 4]!r} at byte {_SHORT}; expected {_ID!r} (extended table)")
+    kc, ts, ti, td = struct.unpack(">4f", image[12:28])
+    return {"KC": kc, "TS": ts, "TI": min(ti, NO_INTEGRAL), "TD": td, **ticks_of(whole_cycle(sample_time_s))}
+
+
+def oddities(words: Words) -> tuple[str, ...]:
+    """Return what is odd about a loop's words, one sentence each."""
+    v = words.values
+    odd = []
+    if v["KC"] == 0.0:
+        odd.append("KC is 0: there is no proportional part; the integral and derivative parts act with a gain of 1.")
+    if v["KC"] < 0.0:
+        odd.append("KC is negative: the loop cools.")
+    if v["TI"] == NO_INTEGRAL:
+        odd.append("TI is infinite: the loop has no integral action.")
+    elif v["TI"] * 60.0 < 2.0 * v["TS"]:
+        odd.append(f"TI is {v['TI']:.4g} min, below two samples: was it meant in seconds?")
+    if abs(v["TS"] - words.sample_time_s) > 0.01 * words.sample_time_s:
+        odd.append(f"TS is {v['TS']:.4g} s, but the loop is called every {words.sample_time_s:g} s: "
+                   "TN and TV are realised as many times longer or shorter.")
+    return tuple(odd)
+
+
+#: where a program with a ramp finds the setpoint asked for, as an analog input word
+SETPOINT_INPUT = "VW80"
+#: ticks to go
+COUNTDOWN = "VW90"
+
+_WIDEST = "32000.0"  # an analog input at the end of its range
+#: setpoint asked for, setpoint on the ramp, countdown
+_RAMP = (SETPOINT_INPUT, "VW82", "VW84")
+#: the reading of this call, whether it is that of a broken wire, and whether there was one since the call before
+_READING, _BROKEN, _BLIND = "VW86", "VW88", "VW92"
+_END = 32766  # what an EM231 gives in size where its supply is missing, and nearly so where a wire is broken
+#: where OB1 leaves what it reads of an EM 231 for temperatures, that this goes on
+_READ = "VW94"
+
+
+def pid_program(words: Words, head: Sequence[str] = ()) -> str:
+    """Return the program; the same words and head give the same bytes."""
+    first = Network("first scan", ["LD SM0.1", "CALL SBR0"])
+    read = Network("the module has a new value only after the last one was read", ["LD SM0.0", f"MOVW AIW0, {_READ}"])
+    main = [first, *([read] if in_degrees(words) else [])]
+    return program(
+        block("OB1", "PID instruction with PWM output", main, head),
+        block("SBR0", "loop table, PWM on Q0.0, timed interrupt", _initialisation(words)),
+        block("INT0", "one sampling interval: PID, pulse width", _interrupt(words)),
+    )
+
+
+def _initialisation(words: Words) -> list[Network]:
+    v = words.values
+    named = zip(("KC", "TS", "TI", "TD"), range(TABLE + 12, TABLE + 28, 4), strict=True)
+    return [
+        Network("loop table: gain, sampling interval, times in minutes", [
+            "LD SM0.0", *[f"MOVR {real(v[name])}, VD{place}" for name, place in named],
+        ]),
+        Network("output and bias begin at 0", [
+            "LD SM0.0", f"MOVR 0.0, VD{TABLE + 8}", f"MOVR 0.0, VD{TABLE + 28}", f"MOVW +1, {COUNTDOWN}",
+            f"MOVW +0, {_BLIND}",
+        ]),
+        Network("reading of the call before: the one at the start, whatever V memory retained",
+                _share("AIW0", f"VD{TABLE + 32}")),
+        *([] if words.ramp is None else [ramp_begins(words.ramp, "AIW0", *_RAMP[1:])]),
+        pwm_registers(cycle_ms(words.whole), "16#DB"),
+        timed_interrupt(words.whole["TICK"]),
+    ]
+
+
+def _interrupt(words: Words) -> list[Network]:
+    return [
+        *count_ticks(COUNTDOWN, f"{words.whole['TICKS']:+d}"),
+        *_sensor_fault(words),
+        Network("process variable as a share of the range", _share(_READING, f"VD{TABLE}")),
+        _seeing_again(words),
+        *_setpoint(words),
+        Network("setpoint: see VD104; PID", ["LD SM0.0", f"PID VB{TABLE}, 0"]),
+        Network("pulse width; the cycle time is loaded once", [
+            "LD SM0.0", f"MOVR VD{TABLE + 8}, AC0", f"*R {real(cycle_ms(words.whole))}, AC0", "ROUND AC0, AC0",
+            "MOVW AC0, SMW70", "PLS 0", "MOVB 16#DA, SMB67",
+        ]),
+    ]
+
+
+def _share(word: str, place: str) -> list[str]:
+    return ["LD SM0.0", f"ITD {word}, AC0", "DTR AC0, AC0", f"/R {_WIDEST}, AC0", f"MOVR AC0, {place}"]
+
+
+def _sensor_fault(words: Words) -> list[Network]:
+    """Return what leaves the heater off, and the PID instruction out, while the sensor's wire is broken."""
+    least = least_good(words)
+    low = ("wire broken, the other way", -_END - 1) if least is None else ("wire broken: below 3.6 mA", least - 1)
+    return [
+        Network("one reading for all of this call", ["LD SM0.0", f"MOVW AIW0, {_READING}", f"MOVW +0, {_BROKEN}"]),
+        Network("wire broken", [f"LDW>= {_READING}, +{_END}", f"MOVW +1, {_BROKEN}"]),
+        Network(low[0], [f"LDW<= {_READING}, {low[1]:+d}", f"MOVW +1, {_BROKEN}"]),
+        Network("heater off, output and bias 0, no PID", [
+            f"LDW>= {_BROKEN}, +1", f"MOVR 0.0, VD{TABLE + 8}", f"MOVR 0.0, VD{TABLE + 28}", f"MOVW +1, {_BLIND}",
+            "MOVW +0, SMW70", "PLS 0", "MOVB 16#DA, SMB67", "CRETI",
+        ]),
+    ]
+
+
+def least_good(words: Words) -> int | None:
+    """Return the least word of a transmitter whose wire is not broken; None: its sensor is none of 4 to 20 mA."""
+    if words.scaling.input != FOUR_TO_TWENTY:
+        return None
+    return round(FULL * share_of(BROKEN_MA, RANGES[FOUR_TO_TWENTY]))
+
+
+def in_degrees(words: Words) -> bool:
+    """Return whether the analog module gives the temperature itself."""
+    return has_ends(RANGES, words.scaling.input)
+
+
+def _seeing_again(words: Words) -> Network:
+    """Return what makes the first good reading after a fault the beginning of the loop, as after a start."""
+    ramp = [] if words.ramp is None else [f"MOVW {_READING}, {_RAMP[1]}"]
+    return Network("the first reading after that is the one before, too", [
+        f"LDW>= {_BLIND}, +1", f"MOVR VD{TABLE}, VD{TABLE + 32}", *ramp, f"MOVW +0, {_BLIND}",
+    ])
+
+
+def _setpoint(words: Words) -> list[Network]:
+    """Return what keeps the setpoint in the range, and how a ramp leads it; else the operator's panel writes it."""
+    if words.ramp is None:
+        return [
+            Network("setpoint not above the range", [f"LDR>= {SETPOINT}, 1.0", f"MOVR 1.0, {SETPOINT}"]),
+            Network("setpoint not below the range", [f"LDR<= {SETPOINT}, 0.0", f"MOVR 0.0, {SETPOINT}"]),
+        ]
+    asked, *led = _RAMP
+    return [
+        Network("setpoint not above the range", [f"LDW>= {asked}, +32000", f"MOVW +32000, {asked}"]),
+        Network("setpoint not below the range", [f"LDW<= {asked}, +0", f"MOVW +0, {asked}"]),
+        *ramp_moves(words.ramp, asked, _READING, *led),
+        Network("setpoint as a share of the range", _share(led[0], SETPOINT)),
+    ]
+
+
+_REALS: Final = tuple(field for field in FIELDS if field.format == "REAL")
+
+
+def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
+    """Return the words in a statement list, or in the text of a data block, which knows no timed interrupt.
+
+    Raises:
+        InputError: a bad line, a word that is missing, there with two values or out of its range; a data block without
+            the interval at which the loop is called.
+        NotRepresentable: an interval that the PWM program cannot do.
+    """
+    collected = WordCollector(source, FIELDS)
+    if not is_program(text):
+        return _from_memory(DataBlockMemory(text, source), collected, sample_time_s)
+    loaded = loads(text, source)
+    for field in _REALS:
+        for number in loaded.get(field.address, ()):
+            collected.put(field.name, number.value, number.line, number.shown)
+    for tick in loaded.get("SMB34", ()):
+        collected.put("TICK", tick.value, tick.line, tick.shown)
+        for cycle in loaded.get("SMW68", ()):
+            if tick.value <= 0 or cycle.value % tick.value:
+                whole = f"whole ticks: a multiple of SMB34 = {tick.shown}"
+                raise wrong(source, cycle.line, "SMW68", cycle.shown, whole)
+            collected.put("TICKS", int(cycle.value // tick.value), cycle.line, cycle.shown)
+    return ReadBack(collected.values(), unlike=lambda words: difference(text, pid_program(words)))
+
+
+def _from_memory(memory: DataBlockMemory, collected: WordCollector, sample_time_s: float | None) -> ReadBack:
+    for field in _REALS:
+        number = memory.read(field.name, field.address, real=True)
+        if number is not None:
+            collected.put(field.name, number.value, number.line, number.shown)
+    if sample_time_s is None:
+        raise InputError("--called-every is needed: a data block does not tell how often the loop is called")
+    for name, ticks in ticks_of(whole_cycle(sample_time_s)).items():
+        collected.put(name, ticks, 0, str(ticks))
+    return ReadBack(collected.values(), memory.rest)
 
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:

@@ -7,9 +7,7 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState
 from heatertune.plc.parallel.step import COLD, PARALLEL, with_boost
-from heatertune.plc.simple_pid.export import export_words
-from heatertune.plc.simple_pid.exported import loaders
-from heatertune.plc.simple_pid.readback import from_text
+from heatertune.plc.simple_pid.export import export_words, from_text, loaders
 from heatertune.plc.simple_pid.step import SimplePidAssumptions, parameters_of, scan
 from heatertune.plc.simple_pid.words import COUNTS, FIELDS, FULL, TIMER, design_of, interval_s, oddities, values_of
 from heatertune.plc.words import Words

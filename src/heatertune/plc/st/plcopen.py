@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 from xml.etree import ElementTree as Xml
 
-from heatertune.plc.cpu.letters import in_ascii
-from heatertune.plc.st.source import BlockSource
+from heatertune.plc.cpu.statements import in_ascii
+from heatertune.plc.st.program import BlockSource
 
 __all__ = ["project"]
 

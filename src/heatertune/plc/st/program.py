@@ -2,34 +2,117 @@
 
 It is called each scan and adds up the time of the scans. While the heater is off or boosts, the block is not enabled,
 and the program itself puts the power to 0 or to the most that the block may give.
+
+What TIME_TO_REAL gives of a duration: the standard leaves the unit to the implementation.
+
+A FUNCTION_BLOCK in structured text (IEC 61131-3), as its declarations and its body.
+
+What an exported program says first: what it is, under which conditions, and what remains to be done by hand.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal
 from typing import Final, NamedTuple
 
 from heatertune.plc.core import Sensor, count
+from heatertune.plc.cpu.statements import in_ascii
+from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.pwm import Actuator, pulse_ends
 from heatertune.plc.ramp import Number, Ramp, for_coolers
 from heatertune.plc.single_precision import real_of, single, word_of
-from heatertune.plc.st.source import LARGEST
 from heatertune.plc.words import Certificate, Words
 
 __all__ = [
+    "LARGEST",
+    "MILLISECONDS",
+    "NANOSECONDS",
+    "SECONDS",
+    "TENS_OF_MS",
+    "TIME_UNIT",
+    "BlockSource",
     "ProgramClock",
     "ProgramLimits",
     "Variable",
+    "by_hand",
     "clock_for",
+    "comment",
     "enable_condition",
+    "function_block",
+    "head_of",
     "instance_call",
     "literal",
     "program",
     "proven_setpoint",
     "statements",
+    "time_to_real",
     "variables",
 ]
+
+
+SECONDS: Final = 0
+MILLISECONDS: Final = 1
+TENS_OF_MS: Final = 2
+NANOSECONDS: Final = 3
+
+TIME_UNIT: Final = OpenPoint(
+    name="time_unit",
+    means={"s": SECONDS, "ms": MILLISECONDS, "ten_ms": TENS_OF_MS, "ns": NANOSECONDS},
+    reason="unit of TIME_TO_REAL: s (matiec: Beremiz, OpenPLC), ms (CODESYS), whole tens of ms (FPWIN Pro), ns",
+)
+
+
+def time_to_real(duration_ms: int, unit: int) -> float:
+    """Return the REAL of a duration of whole milliseconds in a unit, one of those above.
+
+    matiec adds whole seconds and their fraction in double precision first (lib/C/iec_std_functions.h).
+    """
+    if unit == MILLISECONDS:
+        return single(duration_ms)
+    if unit == TENS_OF_MS:
+        return single(duration_ms // 10)
+    if unit == NANOSECONDS:
+        return single(duration_ms * 1_000_000)
+    return single(duration_ms // 1000 + (duration_ms % 1000) * 1_000_000 / 1_000_000_000)
+
+
+#: the largest REAL
+LARGEST: Final = "3.4028235E38"
+
+
+class BlockSource(NamedTuple):
+    """A block.
+
+    Attributes:
+        name: its type.
+        declarations: section → (name, type, initial value, meaning).
+        body: its statements.
+    """
+
+    name: str
+    declarations: Mapping[str, tuple[tuple[str, str, str, str], ...]]
+    body: str
+
+
+def comment(*lines: str) -> str:
+    """Return comments, one a line: in ASCII, and without the two signs that begin and end a comment."""
+    plain = (in_ascii(line).replace("(*", "( *").replace("*)", "* )") for line in lines)
+    return "".join(f"(* {line} *)\n" for line in plain)
+
+
+def function_block(block: BlockSource) -> str:
+    """Return the whole declaration, one line per variable."""
+    lines = [f"FUNCTION_BLOCK {block.name}"]
+    for section, variables in block.declarations.items():
+        lines += [section, *[_declared(*variable) for variable in variables], "END_VAR"]
+    return "\n".join(lines) + f"\n\n{block.body}\nEND_FUNCTION_BLOCK\n"
+
+
+def _declared(name: str, type_: str, initial: str, meaning: str) -> str:
+    value = f" := {initial}" if initial else ""
+    return f"  {name} : {type_}{value}; (* {meaning} *)"
+
 
 Variable = tuple[str, str, str, str]
 
@@ -290,3 +373,57 @@ def _held(size: Number) -> tuple[str, str, str]:
         f"HeaterLimit := HeaterTemperature + {hold};\n"
         "IF HeaterRamp > HeaterLimit THEN\n  HeaterRamp := HeaterLimit;\nEND_IF;\n",
     )
+
+
+def head_of(
+    title: str, words: Words, interval_ms: int, certificate: Certificate, clock: ProgramClock, *,
+    tool: str = "a vendor's tool",
+) -> tuple[str, ...]:
+    """Return what an exported text says first.
+
+    Args:
+        title: what it is.
+        words: that it holds.
+        interval_ms: at which the block is called [ms].
+        certificate: of their proof.
+        clock: of the program.
+        tool: in which it was not tried.
+    """
+    scale = words.scaling
+    pwm = f"no PWM in the program: {clock.reason}"
+    if clock.steps:
+        pwm = f"PWM in the program, steps of {clock.tick_ms} ms"
+    return (
+        title,
+        f"sensor {scale.low_degC:g}...{scale.high_degC:g} degC; TA: called every {interval_ms} ms; output in percent; "
+        f"{pwm}",
+        *certificate.head,
+        f"not tried in {tool}",
+    )
+
+
+def by_hand(
+    clock: ProgramClock, certificate: Certificate, *, of_clock: Sequence[str] = (), of_start: Sequence[str] = ()
+) -> list[str]:
+    """Return what remains to be done by hand, numbered.
+
+    Args:
+        clock: of the program.
+        certificate: of the proof.
+        of_clock: what a block adds to the steps of the clock.
+        of_start: to those of the start-up.
+    """
+    wired = "HeaterOutput" if clock.steps else "HeaterPower, through a PWM of yours as it was proven,"
+    exact = f"; a scan longer than {clock.tick_ms} ms makes coarser pulses than were proven" if clock.steps else ""
+    loaded = "the lowest" if certificate.setpoint_degC is None else "as proven"
+    steps = (
+        f"wire HeaterOn and HeaterTemperature (degC) to your inputs and {wired} to the heater's switch; HeaterOn must "
+        "fall when the sensor breaks: that puts the heater off",
+        f"ScanMs is the time of one scan: call the program from a task of {clock.tick_ms} ms, or write the time of the "
+        f"last scan there each scan{exact}",
+        *of_clock,
+        "leave the variables and the block without retention: each start-up is from cold then, as proven",
+        *of_start,
+        f"setpoint: HeaterSetPoint begins {loaded}; another one is not proven",
+    )
+    return ["remains to be done by hand:", *(f"  {number}. {step}" for number, step in enumerate(steps, start=1))]

@@ -9,9 +9,7 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, Sensor, StepFunctions, count
 from heatertune.plc.pwm import HALF_WAVE_S
 from heatertune.plc.single_precision import single
-from heatertune.plc.weg.export import entries, export_words, setpoint_entry
-from heatertune.plc.weg.exported import loaders
-from heatertune.plc.weg.readback import from_text
+from heatertune.plc.weg.export import entries, export_words, from_text, loaders, setpoint_entry
 from heatertune.plc.weg.step import COLD, WegAssumptions, block_of, scan, step
 from heatertune.plc.weg.words import COUNTS, FIELDS, consistent, design_of, interval_s, oddities, values_of
 from heatertune.plc.words import Words

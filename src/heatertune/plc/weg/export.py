@@ -1,19 +1,43 @@
 """Words → structured text: a program with WEG's block, one with a block of its own, and that one as a PLCopen project.
 
 None of the files was tried in WPS or in another vendor's tool; parsers of the language and the format read them.
+
+The exported programs in a machine for structured text; WEG's own block, which is firmware, is the proof's.
+
+What the program around WEG's own block has beside that around any: it finds out who keeps Ts.
+
+The help does not tell it: a second instance is called three times in the first scan.
+
+The block as a FUNCTION_BLOCK in structured text (IEC 61131-3), for controllers without one of their own.
+
+It is `block.call` with the default of every switch, one statement per line of it; the tests run this text and compare.
+TYPE, ACTION, EN and ENO are words of the language, so the block calls them Form, Acting, Enable and Enabled.
+
+The block's parameters in text: its call in structured text, or a list of parameters, one a line.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable, Mapping
+from typing import Any, Final
 
+from heatertune.plc.cpu.iec.machine import Firmware, TextProgram
+from heatertune.plc.cpu.iec.text import units
 from heatertune.plc.keyed_entry import entry_texts
-from heatertune.plc.st.head import by_hand, head_of
+from heatertune.plc.readback import ReadBack
+from heatertune.plc.st.exported import ExportedProgram, check_project
 from heatertune.plc.st.plcopen import project
 from heatertune.plc.st.program import (
+    LARGEST,
+    BlockSource,
     ProgramLimits,
+    Variable,
+    by_hand,
     clock_for,
+    comment,
     enable_condition,
+    function_block,
+    head_of,
     instance_call,
     literal,
     program,
@@ -21,13 +45,208 @@ from heatertune.plc.st.program import (
     statements,
     variables,
 )
-from heatertune.plc.st.source import comment, function_block
-from heatertune.plc.weg.program import KEEPS, PROBE, PROBED, ts_variables
-from heatertune.plc.weg.source import SOURCE
+from heatertune.plc.st.readback import ExpectedBlock, words_in
+from heatertune.plc.weg.step import BLOCK, COLD, WegAssumptions, WegInputs, WegState, call, made_of
 from heatertune.plc.weg.words import COUNTS, FIELDS, REVERSE
 from heatertune.plc.words import Certificate, Words
 
-__all__ = ["RENAMED", "entries", "export_words", "setpoint_entry"]
+__all__ = [
+    "KEEPS", "PROBE", "PROBED", "RENAMED", "SOURCE", "entries", "export_words", "from_text", "loaders",
+    "setpoint_entry", "ts_variables",
+]
+
+
+_CALL: Final = "weg_pid_call.st"
+_EXPORTED_BLOCK: Final = "weg_pid_block.st"
+_PROJECT: Final = "weg_pid_plcopen.xml"
+_INPUTS: Final = {"EN": "BOOL", "SetPoint": "REAL", "ManualSetPoint": "REAL", "SelectSetPoint": "BOOL",
+                  "Feedback": "REAL"}
+
+
+def loaders(files: Mapping[str, str | bytes], assume: WegAssumptions) -> dict[str,
+                                                                              Callable[[], ExportedProgram | None]]:
+    """Return what loads each file; the block of our own stands for the default assumptions alone."""
+    loads: dict[str, Callable[[], ExportedProgram | None]] = {
+        _CALL: lambda: _called(str(files[_CALL]), assume)}
+    if assume == WegAssumptions():
+        loads |= {_EXPORTED_BLOCK: lambda: ExportedProgram(TextProgram(units(str(files[_EXPORTED_BLOCK])), {})),
+                  _PROJECT: lambda: check_project(str(files[_PROJECT]), str(files[_EXPORTED_BLOCK]), _EXPORTED_BLOCK)}
+    return loads
+
+
+def _called(text: str, assume: WegAssumptions) -> ExportedProgram:
+    """Load the program that calls WEG's own block, whose clock, where it keeps Ts, is the program's."""
+    loaded: list[TextProgram] = []
+    loaded.append(TextProgram(units(text), {"FB_PID": _firmware(assume, lambda: bool(loaded[0]["HeaterDue"]))}))
+    return ExportedProgram(loaded[0])
+
+
+def _firmware(assume: WegAssumptions, due: Callable[[], bool]) -> Firmware:
+    """Return WEG's block under the assumptions; `due` tells whether Ts is over, where it keeps Ts itself."""
+    def run_when_due(
+        r: list[Any], w: list[Any], f: list[Any], a: int, b: int, c: int
+    ) -> None:
+        if not w[b] or due():
+            fb_pid(r, w, f, a, b, c)
+
+    return Firmware({**_INPUTS, **{field.name: field.format for field in FIELDS}, "Output": "REAL"},
+                    run=run_when_due if assume.sampling == BLOCK else fb_pid,
+                    keeps=(*COLD, *(int(setting) for setting in assume)))
+
+
+def fb_pid(
+    r: Any, w: Any, _f: Any, a: int, b: int, _c: int
+) -> None:
+    """Run WEG's block on the rows: variables in the order of `_firmware`, then its state and the assumptions."""
+    assume = WegAssumptions(
+        int(w[b + 8]), w[b + 9] != 0, w[b + 10] != 0, w[b + 11] != 0, w[b + 12] != 0, w[b + 13] != 0, w[b + 14] != 0,
+        int(w[b + 15]))
+    block = made_of(r[a + 3], r[a + 4], r[a + 5], r[a + 6], r[a + 7], r[a + 8], w[b + 4], w[b + 2] != 0, w[b + 3] != 0,
+                    assume)
+    before = WegState(w[b + 5] != 0, r[a + 10], r[a + 11], r[a + 12], r[a + 13], w[b + 6] != 0, w[b + 7] != 0)
+    after = call(block, assume, before, WegInputs(r[a], r[a + 2], r[a + 1], w[b + 1] != 0, w[b] != 0))
+    w[b + 5], w[b + 6], w[b + 7] = after.enabled, after.overflow, after.skips
+    r[a + 10], r[a + 11], r[a + 12], r[a + 13] = after.reference, after.error, after.integral, after.output
+    r[a + 9] = after.output
+
+
+#: the block is called each scan where it is TRUE
+KEEPS: Final = "BlockKeepsTs"
+#: instance that tells who keeps Ts
+PROBE: Final = "HeaterProbe"
+_PROBE_VARIABLES: Final = (
+    ("HeaterProbed", "BOOL", "FALSE", "BlockKeepsTs is found out"),
+    ("HeaterBefore", "REAL", "0.0", "%, of the probe a call before"),
+)
+#: an I part that moves with each call that computes; Ts is longer than any scan
+_PROBES: Final = (
+    f"  {PROBE}(SetPoint := 1.0, ManualSetPoint := 0.0, SelectSetPoint := FALSE, Feedback := 0.0, Kp := 1.0,\n"
+    "    Ki := 0.1, Kd := 0.0, TauSetPoint := 0.0, MinimumOutput := 0.0, MaximumOutput := 100.0, Type := 0,\n"
+    "    Action := 0, Ts := 60000);\n")
+PROBED: Final = (
+    "(* who keeps Ts? a block that does computes once at most in the last two of three calls in one scan *)\n"
+    f"IF NOT HeaterProbed THEN\n  {PROBE}.EN := TRUE;\n{_PROBES}{_PROBES}  HeaterBefore := {PROBE}.Output;\n{_PROBES}"
+    f"  {KEEPS} := {PROBE}.Output = HeaterBefore;\n  HeaterProbed := TRUE;\nEND_IF;\n")
+
+
+def ts_variables(keeps_ts: bool | None) -> tuple[Variable, ...]:
+    """Return the variables for a block that keeps Ts itself or not; None: the program finds out."""
+    kept = (KEEPS, "BOOL", str(bool(keeps_ts)).upper(), "TRUE: the block itself keeps Ts and is called each scan")
+    return (kept, *(_PROBE_VARIABLES if keeps_ts is None else ()))
+
+
+#: section → (name, type, initial value, meaning)
+_DECLARATIONS: Final[dict[str, tuple[tuple[str, str, str, str], ...]]] = {
+    "VAR_INPUT": (
+        ("Enable", "BOOL", "", "EN of WEG's block"),
+        ("SetPoint", "REAL", "", "degC"),
+        ("ManualSetPoint", "REAL", "", "output in manual, %"),
+        ("SelectSetPoint", "BOOL", "", "TRUE: manual"),
+        ("Feedback", "REAL", "", "degC"),
+        ("MinimumOutput", "REAL", "", "%"),
+        ("MaximumOutput", "REAL", "", "%"),
+        ("Kp", "REAL", "", "proportional gain"),
+        ("Ki", "REAL", "", "integral gain"),
+        ("Kd", "REAL", "", "derivative gain"),
+        ("TauSetPoint", "REAL", "", "setpoint filter, s"),
+        ("Form", "BYTE", "", "Type of WEG's block: 0 academic, 1 parallel"),
+        ("Acting", "BYTE", "", "Action of WEG's block: 0 direct, 1 reverse"),
+        ("Ts", "UINT", "", "interval of the calls, ms"),
+    ),
+    "VAR_OUTPUT": (
+        ("Enabled", "BOOL", "", "ENO of WEG's block"),
+        ("Output", "REAL", "", "%"),
+    ),
+    "VAR": (
+        ("WasEnabled", "BOOL", "", "Enable of the call before"),
+        ("LastFiltered", "REAL", "", "filtered setpoint of the call before"),
+        ("LastError", "REAL", "", "e(k-1)"),
+        ("IntegralPart", "REAL", "", "i(k-1)"),
+        ("Starts", "BOOL", "", "positive edge of Enable"),
+        ("Valid", "BOOL", "", "e(k) is a number"),
+        ("Seconds", "REAL", "", "Ts, s"),
+        ("KiTs", "REAL", "", "Ki*Ts"),
+        ("KdByTs", "REAL", "", "Kd/Ts"),
+        ("Before", "REAL", "", "filtered setpoint from which this call goes on"),
+        ("Filtered", "REAL", "", "filtered setpoint"),
+        ("Error", "REAL", "", "e(k)"),
+        ("Growth", "REAL", "", "of the integral part"),
+        ("Wanted", "REAL", "", "output before its limits"),
+        ("Sum", "REAL", "", "new integral part"),
+        ("Proportional", "REAL", "", "Kp*e(k)"),
+    ),
+    "VAR CONSTANT": (
+        ("Largest", "REAL", LARGEST, "the largest REAL"),
+    ),
+}
+
+_BODY: Final = """\
+Enabled := Enable;
+IF NOT Enable THEN
+  WasEnabled := FALSE;
+ELSE
+  Starts := NOT WasEnabled;
+  Before := LastFiltered;
+  IF Starts THEN
+    Before := SetPoint;
+  END_IF;
+  Seconds := UINT_TO_REAL(Ts) / 1000.0;
+  KiTs := Ki * Seconds;
+  KdByTs := Kd / Seconds;
+  Filtered := Before + (Seconds / (TauSetPoint + Seconds)) * (SetPoint - Before);
+  IF Acting = 0 THEN
+    Error := Filtered - Feedback;
+  ELSE
+    Error := Feedback - Filtered;
+  END_IF;
+  Valid := ABS(Error) <= Largest; (* not so for a broken sensor or an overflow: nothing is remembered then *)
+  IF Starts AND Valid THEN
+    WasEnabled := TRUE;
+    LastFiltered := SetPoint;
+    LastError := Error;
+    IntegralPart := 0.0;
+    Output := 0.0;
+  ELSE
+    IF SelectSetPoint THEN
+      Wanted := ManualSetPoint;
+    ELSIF NOT Valid THEN
+      Wanted := MinimumOutput;
+    ELSIF Form = 0 THEN
+      Wanted := IntegralPart + Kp * (((1.0 + KiTs) + KdByTs) * Error - KdByTs * LastError);
+      Growth := (Kp * KiTs) * Error;
+    ELSE
+      Wanted := IntegralPart + (((Kp + KiTs) + KdByTs) * Error - KdByTs * LastError);
+      Growth := KiTs * Error;
+    END_IF;
+    Output := Wanted;
+    IF NOT (Output >= MinimumOutput) THEN (* also where it is no number: the heater goes off *)
+      Output := MinimumOutput;
+    ELSIF Output > MaximumOutput THEN
+      Output := MaximumOutput;
+    END_IF;
+    IF Valid AND NOT SelectSetPoint THEN
+      LastFiltered := Filtered;
+      LastError := Error;
+      Sum := IntegralPart + Growth;
+      IF KiTs <> 0.0 THEN (* proportional and integral part together stay within the limits *)
+        Proportional := Kp * Error;
+        IF Sum < MinimumOutput - Proportional THEN
+          Sum := MinimumOutput - Proportional;
+        END_IF;
+        IF Sum > MaximumOutput - Proportional THEN
+          Sum := MaximumOutput - Proportional;
+        END_IF;
+      END_IF;
+      IF ABS(Sum) <= Largest THEN
+        IntegralPart := Sum;
+      END_IF;
+    END_IF;
+  END_IF;
+END_IF;
+"""
+
+SOURCE: Final = BlockSource("HT_WEG_PID", _DECLARATIONS, _BODY)
+
 
 _WIRES = (
     ("ManualSetPoint", "HandPower"), ("SelectSetPoint", "ByHand"),
@@ -104,3 +323,14 @@ def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:
     """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
     value = literal(proven_setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC), COUNTS))
     return f"HeaterSetPoint = {value} °C"
+
+
+_BLOCK: Final = ExpectedBlock(
+    FIELDS, {"Kp": "%/°C", "Ki": "1/s", "Kd": "s", "TauSetPoint": "s", "MinimumOutput": "%", "MaximumOutput": "%",
+             "Ts": "ms"},
+    renamed={exported: name for name, exported in RENAMED.items()}, neighbour=PROBE)
+
+
+def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
+    """Return the words in a text, and the inputs of the block that are none; errors as `words_in`."""
+    return words_in(text, source, _BLOCK)

@@ -87,7 +87,7 @@ class WegConstants(NamedTuple):
     kd_by_ts: float
     now: float  # factor of e(k) in the bracket
     growth: float  # of the integral part per unit of e(k)
-    within: float = math.inf  # see `heatertune.plc.boost.Boost`; infinite: there is none
+    within: float = math.inf  # see `heatertune.plc.ramp.Boost`; infinite: there is none
     again: float = math.inf
 
 

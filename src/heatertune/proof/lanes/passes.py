@@ -1,59 +1,401 @@
-"""What is done for 32 loops at once; each `for` over them is one that a compiler makes vector instructions of."""
+"""What is done for 32 loops at once; each `for` over them is one that a compiler makes vector instructions of.
+
+What a loop keeps in rows, and what all loops have in common.
+
+The edges under way to 32 heaters, PWM period by period in a ring.
+
+A heater of much dead time has many edges under way, but what it may feel next are those of few periods: begun no longer
+ago than the longest dead time of the 32, and no later than the shortest one lets any be felt. So it costs little, how
+long the dead times are, and much, how far they are apart.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final, NamedTuple
+
+import numpy as np
 
 from heatertune.plc.pwm import Switches, on_time
 from heatertune.proof.kernel import HEAT, apply_event
-from heatertune.proof.lanes.parts import (
-    NEVER,
-    Edges,
-    LaneCounts,
-    LaneStretch,
-    PhaseLimits,
-    Point,
-    Under,
-    flow_of,
-    left_of,
-    loaded_counts,
-    loaded_line,
-    loaded_point,
-    loaded_rest,
-    loaded_seen,
-    loaded_stretch,
-    loaded_under,
-    plant_of,
-    stored_counts,
-    stored_edges,
-    stored_point,
-    stored_rest,
-    stored_seen,
-    stored_stretch,
-    stored_under,
-    toggled_power,
+from heatertune.proof.lanes.rows import LANES, lanes_of, rows_of
+from heatertune.proof.meter import (
+    PhaseStats,
+    Places,
+    SteadyStateStats,
+    faults,
+    in_period,
+    rested_from,
+    seen_from,
+    settling_time,
+    through,
 )
-from heatertune.proof.lanes.ring import EdgeWindow, Ring, begun_at, next_edges
-from heatertune.proof.lanes.rows import lanes_of
-from heatertune.proof.meter import Places, faults, in_period, rested_from, seen_from, settling_time, through
-from heatertune.proof.plant import factors
+from heatertune.proof.plant import CrossingSearch, Flow, Plant, factors
 from heatertune.proof.setpoint_program import SetpointProgram, asked_now, moves
 
 __all__ = [
+    "NEVER",
+    "ROWS",
+    "EdgeWindow",
+    "Edges",
+    "Inner",
+    "LaneCounts",
+    "LaneLag",
+    "LaneStretch",
+    "PhaseLimits",
+    "Point",
+    "Ring",
+    "ScanState",
+    "Second",
+    "StretchEnd",
+    "Under",
     "begin_stretch",
+    "begun_at",
+    "cut_off",
     "due_until",
     "enter_ripple",
+    "flow_of",
     "lane_parameters",
     "law_loaded",
     "law_stored",
+    "left_of",
+    "loaded_counts",
+    "loaded_edges",
+    "loaded_end",
+    "loaded_inner",
+    "loaded_line",
+    "loaded_point",
+    "loaded_rest",
+    "loaded_search",
+    "loaded_second",
+    "loaded_seen",
+    "loaded_stretch",
+    "loaded_under",
     "measure",
+    "next_edge",
+    "next_edges",
+    "open_window",
+    "plant_of",
     "quickly",
+    "ring_for",
     "run_scan",
     "step",
+    "stored_counts",
+    "stored_edges",
+    "stored_end",
+    "stored_inner",
+    "stored_line",
+    "stored_point",
+    "stored_rest",
+    "stored_search",
+    "stored_second",
+    "stored_seen",
+    "stored_stretch",
+    "stored_under",
     "switch_period",
     "switches",
+    "toggled_power",
 ]
+
+
+class LaneLag(NamedTuple):
+    """A heater's larger lag; `Plant` says what its numbers are."""
+
+    gain: float
+    lag: float
+    dead: float
+    ambient: float
+    by_lag: float
+    whole: float  # what a whole interval leaves
+
+
+class Second(NamedTuple):
+    """A heater's smaller lag [s], 0: it has none, see `Plant`; what a whole interval leaves of it, see `Factors`."""
+
+    lag: float
+    by_lag: float
+    apart: float
+    by_apart: float
+    coupling: float
+    inner: float
+
+
+class LaneStretch(NamedTuple):
+    """The heater at the begin of a stretch, see `Flow`."""
+
+    now: float
+    y: float
+    target: float
+    heat: float
+    load: float
+    mains: float
+
+
+class Point(NamedTuple):
+    """Where the stretch ends: instant [s] and temperature [°C]; and whether an edge came in this scan."""
+
+    now: float
+    y: float
+    busy: bool
+
+
+class Inner(NamedTuple):
+    """State of the smaller lag where a stretch begins and where it ends [°C]."""
+
+    x: float
+    at: float
+
+
+class StretchEnd(NamedTuple):
+    """Where a stretch ended that now ends at the turn: instant [s], y and x [°C]."""
+
+    now: float
+    y: float
+    x: float
+
+
+class Under(NamedTuple):
+    """Switch and the edge felt next, see `heatertune.proof.lanes.passes`.
+
+    Attributes:
+        due: instant at which the next edge is felt; infinite: none so far [s].
+        edge: instant at which it was made [s].
+        last: instant at which the edge that was felt last was made [s].
+        power: asked for last [%].
+        owed: by the heater [s].
+        on: whether the last edge made switches on.
+        times: how often was switched on until the end.
+        happened: how many events.
+    """
+
+    due: float
+    edge: float
+    last: float
+    power: float
+    owed: float
+    on: bool
+    times: float
+    happened: int
+
+
+class Edges(NamedTuple):
+    """When this PWM period switches on and off; infinite: it does not [s]."""
+
+    rises: float
+    falls: float
+
+
+class LaneCounts(NamedTuple):
+    """Noise of this scan [°C], scans at a limit, faults."""
+
+    noise: float
+    limited: float
+    faults: float
+
+
+class ScanState(NamedTuple):
+    """What is common to 32 loops at a scan.
+
+    Attributes:
+        listed: when something beside edges comes next to one of them [s].
+        phase: its number.
+        lasts: whether its rest lasts.
+        resting: since when, where it is the rest of the first phase, else infinite [s].
+    """
+
+    listed: float
+    phase: int
+    lasts: bool
+    resting: float
+
+
+class PhaseLimits(NamedTuple):
+    """What 32 loops are held against in a phase, and where the ripple of the first one is kept, see `Meter`.
+
+    Attributes:
+        setpoint: [°C].
+        band: how far from it is still right [°C].
+        lasts: whether the rest lasts.
+        resting: since when ripple is measured; infinite: it is not [s].
+        period: PWM period [s].
+        high: of all loops.
+        low: likewise.
+        first: number of the first of the 32 loops.
+    """
+
+    setpoint: float
+    band: float
+    lasts: bool
+    resting: float
+    period: float
+    high: Places
+    low: Places
+    first: int
+
+
+NEVER: Final = math.inf
+_NO_SECOND: Final = Second(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+loaded_line, stored_line, _end = rows_of(LaneLag(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+loaded_stretch, stored_stretch, _end = rows_of(LaneStretch(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _end)
+loaded_point, stored_point, _end = rows_of(Point(0.0, 0.0, False), _end)
+loaded_under, stored_under, _end = rows_of(Under(0.0, 0.0, 0.0, 0.0, 0.0, False, 0.0, 0), _end)
+loaded_seen, stored_seen, _end = rows_of(PhaseStats(0, 0.0, 0.0, 0.0, False, 0.0, 0.0), _end)
+loaded_rest, stored_rest, _end = rows_of(SteadyStateStats(False, 0.0, 0.0, 0.0, 0.0), _end)
+loaded_counts, stored_counts, _end = rows_of(LaneCounts(0.0, 0.0, 0.0), _end)
+loaded_second, stored_second, _end = rows_of(_NO_SECOND, _end)
+loaded_inner, stored_inner, _end = rows_of(Inner(0.0, 0.0), _end)
+loaded_end, stored_end, _end = rows_of(StretchEnd(0.0, 0.0, 0.0), _end)
+loaded_edges, stored_edges, _end = rows_of(Edges(0.0, 0.0), _end)
+#: number of the first row of the controller's state and setpoint word
+loaded_search, stored_search, ROWS = rows_of(CrossingSearch(0.0, 0.0, 0.0, 0.0, 0.0, False, False), _end)
+
+
+def plant_of(line: LaneLag, second: Second = _NO_SECOND) -> Plant:
+    """Return the heater as the kernel has it; `second`: where it has two lags."""
+    return Plant(line.gain, line.lag, second.lag, line.dead, line.ambient, line.by_lag, second.by_lag, second.apart,
+                 second.by_apart)
+
+
+def flow_of(stretch: LaneStretch, now: float, y: float, x: float = 0.0) -> Flow:
+    """Return the heater at an instant of its stretch; with one lag nobody asks for x.
+
+    Args:
+        stretch: on which it is.
+        now: instant [s].
+        y: temperature [°C].
+        x: state of the smaller lag [°C].
+    """
+    return Flow(now, y, x, stretch.target, stretch.heat, stretch.load, stretch.mains)
+
+
+def toggled_power(heat: float) -> float:
+    """Return the power after an edge: edges alternate."""
+    return 0.0 if heat > 0.0 else 100.0
+
+
+def left_of(y: float, target: float, left: float) -> float:
+    """Return the temperature where a part of its way to the target is left."""
+    return target + left * (y - target)
+
+
+class Ring(NamedTuple):
+    """PWM periods, number p at place p modulo the size.
+
+    Attributes:
+        begins: of the periods [s], shape (size,).
+        rises: instants at which the heaters are switched on; infinite: not [s], shape (size, `LANES`).
+        falls: likewise off.
+    """
+
+    begins: Places
+    rises: Places
+    falls: Places
+
+
+class EdgeWindow(NamedTuple):
+    """The periods of whose edges one may be felt next: numbers of the first one, and of the first one behind."""
+
+    first: int
+    beyond: int
+
+
+def ring_for(dead_s: float, scan_s: float, period_s: float, restarts: int) -> Ring:
+    """Return a ring that holds what is under way.
+
+    Args:
+        dead_s: the longest dead time [s].
+        scan_s: interval between two scans [s].
+        period_s: PWM period [s].
+        restarts: how often the PLC starts up, and its PWM with it.
+    """
+    size = 1 << (math.ceil((dead_s + 2.0 * scan_s) / period_s) + 3 + restarts).bit_length()
+    return Ring(np.zeros(size), np.zeros((size, LANES)), np.zeros((size, LANES)))
+
+
+def begun_at(rows: Places, ring: Ring, number: int, begin: float) -> None:
+    """Enter a period and the edges that were made for it.
+
+    Args:
+        rows: places.
+        ring: of the periods.
+        number: of the period.
+        begin: of it [s].
+    """
+    place = number & (len(ring.begins) - 1)
+    ring.begins[place] = begin
+    all_rises, all_falls = ring.rises[place], ring.falls[place]
+    for lane in range(lanes_of(rows)):  # a pass of its own: a compiler sees less where two arrays are written
+        edges = loaded_edges(rows, lane)
+        all_rises[lane], all_falls[lane] = edges.rises, edges.falls
+
+
+def open_window(
+    rows: Places, ring: Ring, window: EdgeWindow, begun: int, before: float, t: float, dead: tuple[float, float]
+) -> EdgeWindow:
+    """Let the heaters see the edges that one of them may feel until a scan; return the window that has them.
+
+    Args:
+        rows: places.
+        ring: of the periods.
+        window: until the scan before.
+        begun: how many periods have begun.
+        before: instant of the scan before [s].
+        t: instant of the scan [s].
+        dead: shortest and longest dead time [s].
+    """
+    first, beyond, last = window.first, window.beyond, len(ring.begins) - 1
+    while beyond < begun and ring.begins[beyond & last] + dead[0] <= t:
+        _sooner(rows, ring, beyond, False)
+        beyond += 1
+    while first + 1 < beyond and ring.begins[first + 1 & last] + dead[1] <= before:
+        first += 1
+    return EdgeWindow(first, beyond)
+
+
+def next_edges(rows: Places, ring: Ring, window: EdgeWindow) -> None:
+    """Look for the next edge of each heater, behind the one it felt last."""
+    if window.first == window.beyond:
+        for lane in range(lanes_of(rows)):
+            u = loaded_under(rows, lane)
+            stored_under(rows, lane, Under(NEVER, NEVER, u.last, u.power, u.owed, u.on, u.times, u.happened))
+    for number in range(window.first, window.beyond):
+        _sooner(rows, ring, number, number == window.first)
+
+
+def _sooner(rows: Places, ring: Ring, number: int, anew: bool) -> None:
+    """Take the edges of a period where they come before what is the next one so far; `anew`: none is."""
+    place = number & (len(ring.begins) - 1)
+    all_rises, all_falls = ring.rises[place], ring.falls[place]  # so a compiler sees that they follow one another
+    for lane in range(lanes_of(rows)):
+        u, rises, falls = loaded_under(rows, lane), all_rises[lane], all_falls[lane]
+        edge = min(NEVER if anew else u.edge, rises if rises > u.last else NEVER, falls if falls > u.last else NEVER)
+        stored_under(rows, lane, Under(
+            edge + loaded_line(rows, lane).dead, edge, u.last, u.power, u.owed, u.on, u.times, u.happened))
+
+
+def next_edge(ring: Ring, window: EdgeWindow, lane: int, last: float) -> float:
+    """Return the edge of one heater that follows the one it felt last; infinite: none so far [s]."""
+    edge, end = NEVER, len(ring.begins) - 1
+    for number in range(window.first, window.beyond):
+        rises, falls = ring.rises[number & end][lane], ring.falls[number & end][lane]
+        edge = min(edge, rises if rises > last else NEVER, falls if falls > last else NEVER)
+    return edge
+
+
+def cut_off(rows: Places, ring: Ring, begun: int, now: float) -> None:
+    """Take back what is left of a pulse, without supply, as `switch.switched_off` does.
+
+    Args:
+        rows: places.
+        ring: of the periods.
+        begun: how many periods have begun.
+        now: instant of the scan [s].
+    """
+    all_falls = ring.falls[begun - 1 & len(ring.begins) - 1]
+    for lane in range(lanes_of(rows)):
+        u, falls = loaded_under(rows, lane), all_falls[lane]
+        all_falls[lane] = now if u.on or now < falls < NEVER else falls
+        stored_under(rows, lane, Under(u.due, u.edge, u.last, 0.0, u.owed, False, u.times, u.happened))
 
 
 def law_loaded(_rows: Places, _lane: int) -> Any:

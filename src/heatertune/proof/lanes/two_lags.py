@@ -7,13 +7,18 @@ for. Each step of a search is a pass over all heaters, until the last one is fou
 from __future__ import annotations
 
 from heatertune.heater.exact import Factors
-from heatertune.proof.lanes.parts import (
+from heatertune.proof.lanes.passes import (
     NEVER,
+    EdgeWindow,
     Inner,
     LaneStretch,
     PhaseLimits,
     Point,
+    Ring,
     StretchEnd,
+    begin_stretch,
+    due_until,
+    enter_ripple,
     flow_of,
     loaded_end,
     loaded_inner,
@@ -25,6 +30,7 @@ from heatertune.proof.lanes.parts import (
     loaded_seen,
     loaded_stretch,
     loaded_under,
+    next_edges,
     plant_of,
     stored_end,
     stored_inner,
@@ -33,9 +39,8 @@ from heatertune.proof.lanes.parts import (
     stored_search,
     stored_seen,
     stored_stretch,
+    switches,
 )
-from heatertune.proof.lanes.passes import begin_stretch, due_until, enter_ripple, switches
-from heatertune.proof.lanes.ring import EdgeWindow, Ring, next_edges
 from heatertune.proof.lanes.rows import lanes_of
 from heatertune.proof.meter import (
     Places,

@@ -4,7 +4,7 @@ Each sample lives through its story once under every setting of what the manual 
 them, whichever it is, and all of them are held against the same heaters.
 
 Sample number i of a run with seed S has the seed S + i, and all that is drawn for it comes from streams of Philox of
-that key (`heatertune.proof.monte_carlo.philox`, `heatertune.proof.monte_carlo.scan_noise`). So a sample depends neither
+that key (`heatertune.proof.monte_carlo.draw`, `heatertune.proof.monte_carlo.draw`). So a sample depends neither
 on how many there are
 nor on how many workers share them, and its seed alone brings it back, with its trace.
 
@@ -23,40 +23,180 @@ What is drawn, each independently:
 - sensor noise: Gaussian, as the scenario says;
 - delay of each scan: even within 0 and the jitter, none by default: some milliseconds are nothing to a heater;
   the first one, with which the PWM begins, and the last one, with which the story ends, are not late.
+
+Philox4x32-10: random numbers of many keys at once, each a function of its key and its number alone.
+
+J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC11, 2011.
+
+Noise of the scans of many samples: standard normal numbers, each a function of its sample's seed and its scan alone.
+
+Four words of Philox4x32-10 (`heatertune.proof.monte_carlo.draw`, a stream of its own) make four numbers by Box and
+Muller's way:
+√(−2·ln u)·(cos, sin) of an even angle, u and the angle of 32 bits each, so none is beyond 6.8. All is written out in
+sums and products, as in `heatertune.heater.elementary`: the same bits compiled, where vector instructions draw several
+at once, and in plain Python.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.compiled import compile_function, worth_compiling
 from heatertune.errors import InputError, OutOfRange
+from heatertune.heater.elementary import logarithm
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.processors import processors, threaded_list
-from heatertune.proof.criteria import LoopLimits
-from heatertune.proof.criterion_table import CriterionTable, join_tables, reorder
+from heatertune.proof.criteria import CriterionTable, LoopLimits, join_tables, reorder
 from heatertune.proof.lanes.choice import fits, order_by_edges, pays
 from heatertune.proof.lanes.rows import LANES, STEP
 from heatertune.proof.loop import LoopController, actuator_of, in_loop, plant_row, scans_of, trace_run
-from heatertune.proof.measured_runs import measure_runs
-from heatertune.proof.monte_carlo.philox import normal, uniform
-from heatertune.proof.monte_carlo.scan_noise import normals
+from heatertune.proof.meter import Places
+from heatertune.proof.runs import measure_runs
 from heatertune.proof.scenario import Disturbance, Load, Mains, Scenario, TemperatureStep
 from heatertune.proof.switch_edges import AS_TOLD
 from heatertune.proof.trace import Trace
 from heatertune.units import check
 
-__all__ = ["SampleRequest", "SampleSpread", "measure", "replay"]
+__all__ = [
+    "BLOCK", "STREAM", "SampleRequest", "SampleSpread", "block_of", "measure", "normal", "normals", "parts",
+    "replay", "uniform", "words",
+]
+
 
 Array = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
+
+_ROUNDS: Final = 10
+_FIRST: Final = 0xD2511F53
+_SECOND: Final = 0xCD9E8D57
+_LOW: Final = 0x9E3779B9
+_HIGH: Final = 0xBB67AE85
+_WORD: Final = 0xFFFFFFFF
+_PER_CALL: Final = 2  # numbers of four words: 27 and 26 bits of two make the 53 of one
+
+
+def words(counter: tuple[Any, Any, Any, Any], key: tuple[Any, Any]) -> tuple[Any, Any, Any, Any]:
+    """Return four words of 32 bits for a counter of four and a key of two.
+
+    All are whole numbers, or arrays of them that have or take one shape. A product of two words may have a bit more
+    than a number with a sign holds; what stands in its two halves is right all the same.
+    """
+    a, b, c, d = counter
+    low, high = key
+    for _ in range(_ROUNDS):
+        first, second = _FIRST * a, _SECOND * c
+        a, b, c, d = (
+            (second >> 32 & _WORD) ^ b ^ low, second & _WORD, (first >> 32 & _WORD) ^ d ^ high, first & _WORD)
+        low, high = low + _LOW & _WORD, high + _HIGH & _WORD
+    return a, b, c, d
+
+
+def parts(seeds: Sequence[int]) -> Whole:
+    """Return the four lowest words of each seed, the lowest first, shape (seeds, 4)."""
+    return np.array([[seed >> shift & _WORD for shift in (0, 32, 64, 96)] for seed in seeds], dtype=np.int64)
+
+
+def uniform(seeds: Sequence[int], count: int, stream: int = 0) -> Array:
+    """Return numbers between 0 and 1, both excluded, for each seed: shape (seeds, count).
+
+    The lowest 64 bits of a seed are the key, the next 64 one half of the counter; each stream has numbers of its own.
+    """
+    low, high, third, fourth = parts(seeds).T[:, :, None]
+    calls = np.arange(-(-count // _PER_CALL))
+    numbers = np.empty((len(seeds), len(calls), _PER_CALL))
+    drawn = words((calls, np.full(1, stream), third, fourth), (low, high))
+    for place in range(_PER_CALL):
+        whole = (drawn[2 * place] >> 5 << 26) + (drawn[2 * place + 1] >> 6)
+        numbers[:, :, place] = (whole + 0.5) * 2.0**-53
+    return numbers.reshape(len(seeds), -1)[:, :count]
+
+
+def normal(even: Array) -> Array:
+    """Return standard normal numbers made of as many uniform ones by Box and Muller's way, shape (n, 2·m)."""
+    radius, angle = np.sqrt(-2.0 * np.log(even[:, ::2])), 2.0 * np.pi * even[:, 1::2]
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=2).reshape(even.shape)
+
+
+#: of Philox, see `heatertune.proof.monte_carlo.draw.uniform`
+STREAM: Final = 1
+
+_SCAN_NOISE_CALLS: Final = 32  # of a block: their first numbers, their second ones and so on stand together
+#: scans whose numbers are drawn together
+BLOCK: Final = 4 * _SCAN_NOISE_CALLS
+
+_MOST_PLAIN: Final = 200_000  # numbers that take as long in plain Python as the compiler
+_QUARTER: Final = 2**30  # a word's two highest bits tell the quarter of the circle
+_ALL: Final = 0.5 * math.pi / _QUARTER
+
+
+def normals(seeds: Sequence[int], count: int, deviation: float = 1.0) -> npt.NDArray[np.float64]:
+    """Return so many numbers of a standard deviation for each seed, shape (seeds, count)."""
+    places, spare = np.empty((len(seeds), count)), np.empty(BLOCK)
+    if worth_compiling(places.size, "noise", _MOST_PLAIN, _all_drawn):
+        compile_function(_all_drawn)(places, spare, parts(seeds), deviation)
+    else:
+        plain = places.tolist()
+        _all_drawn(plain, spare.tolist(), parts(seeds).tolist(), deviation)
+        places[:] = plain
+    return places
+
+
+def block_of(seed: int, number: int) -> list[float]:
+    """Return a seed's numbers of one block of scans, in plain Python: who asks scan by scan waits for no compiler."""
+    places = [0.0] * BLOCK
+    _drawn(places, 0, 1.0, number * _SCAN_NOISE_CALLS, *parts([seed])[0].tolist())
+    return places
+
+
+def _all_drawn(places: Places, spare: Places, keys: Places, deviation: float) -> None:
+    """Fill rows, each for the four words of a seed; `spare` is for blocks of which not all is asked for."""
+    for row in range(len(places)):
+        key, own, blocks = keys[row], places[row], len(places[row]) // BLOCK
+        for block in range(blocks):
+            _drawn(own, block * BLOCK, deviation, block * _SCAN_NOISE_CALLS, key[0], key[1], key[2], key[3])
+        if blocks * BLOCK < len(own):
+            _drawn(spare, 0, deviation, blocks * _SCAN_NOISE_CALLS, key[0], key[1], key[2], key[3])
+        for place in range(blocks * BLOCK, len(own)):
+            own[place] = spare[place - blocks * BLOCK]
+
+
+def _drawn(
+    places: Places, begin: int, deviation: float, first: int, low: int, high: int, third: int, fourth: int
+) -> None:
+    """Fill a block from a place on with its numbers from a call on; a compiler makes vector instructions of it."""
+    for call in range(_SCAN_NOISE_CALLS):
+        a, b, c, d = words((first + call, STREAM, third, fourth), (low, high))
+        one, two = _pair(a, b)
+        three, four = _pair(c, d)
+        place = begin + call
+        places[place], places[place + _SCAN_NOISE_CALLS] = deviation * one, deviation * two
+        places[place + 2 * _SCAN_NOISE_CALLS], places[place
+                                                      + 3 * _SCAN_NOISE_CALLS] = deviation * three, deviation * four
+
+
+def _pair(size: int, turn: int) -> tuple[float, float]:
+    """Return two numbers of two words."""
+    radius = math.sqrt(-2.0 * logarithm((size + 0.5) * 2.0**-32))
+    angle = ((turn & _QUARTER - 1) + 0.5 - 0.5 * _QUARTER) * _ALL  # within ±π/4, the middle of the first quarter
+    z = angle * angle
+    sine = angle + angle * z * (-1.0 / 6.0 + z * (1.0 / 120.0 + z * (-1.0 / 5040.0 + z * (
+        1.0 / 362880.0 + z * (-1.0 / 39916800.0 + z * (1.0 / 6227020800.0))))))
+    cosine = 1.0 + z * (-1.0 / 2.0 + z * (1.0 / 24.0 + z * (-1.0 / 720.0 + z * (1.0 / 40320.0 + z * (
+        -1.0 / 3628800.0 + z * (1.0 / 479001600.0 + z * (-1.0 / 87178291200.0)))))))
+    odd, behind = turn & _QUARTER != 0, turn & 2 * _QUARTER != 0
+    along, across = (sine, cosine) if odd else (cosine, sine)
+    return (-radius if odd != behind else radius) * along, (-radius if behind else radius) * across
+
 
 _LATE: Final = 2  # stream of the delays, beside that of the heaters, 0, and that of the noise
 _NORMAL: Final = 4  # uniform numbers of which those of the heater are made

@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.codec import encode
-from heatertune.proof.criteria import LoopLimits
-from heatertune.proof.criterion_table import columns_of
+from heatertune.proof.criteria import LoopLimits, columns_of
 from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, measure
 from heatertune.proof.verdict import verdict_of_samples
 from heatertune.units import check

@@ -9,14 +9,14 @@ from typing import Any, Final
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel
 from heatertune.options import merge_options
-from heatertune.pid.search.uncertain import spreads_of
+from heatertune.pid.search.robust import spreads_of
 from heatertune.plc import Words, controller_for
 from heatertune.proof import LoopLimits, Proof, SampleRequest, SampleSpread, judge, prove_samples, replay
 from heatertune.proof.heaters import holding_heaters
 from heatertune.proof.interlock import demand_none
 from heatertune.proof.monte_carlo.quantiles import SampleProof, hardest_setting
+from heatertune.proof.pictures import trace_series
 from heatertune.proof.prove_words import actuator_for, course_for, limits_of, setpoints_for
-from heatertune.proof.series import trace_series
 from heatertune.proof.spec_file import specification_of
 from heatertune.settings import Conditions, SampleSettings
 from heatertune.units import whole

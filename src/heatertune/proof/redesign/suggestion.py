@@ -15,7 +15,7 @@ from heatertune.model.findings import KINDS
 from heatertune.model.values import FittedModel
 from heatertune.plc import controller_for
 from heatertune.plc.targets import REPAIRED
-from heatertune.progress import ProgressCallback
+from heatertune.processors import ProgressCallback
 from heatertune.proof import redesign_cost
 from heatertune.proof.design_request import DesignRequest, DesignResult, plainly
 from heatertune.proof.heaters import ROOM_DEGC

@@ -6,8 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import Final, final
 
-from heatertune.supervision.text.statement_walk import WIDE, Operand, Set, Step, SumTerm, steps
-from heatertune.supervision.text.statements import Group
+from heatertune.supervision.text.statements import WIDE, Group, Operand, Set, Step, SumTerm, steps
 
 __all__ = ["Printer"]
 

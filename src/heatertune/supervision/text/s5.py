@@ -10,8 +10,7 @@ from heatertune.plc.cpu.s5.machine import S5Cpu
 from heatertune.plc.s5_ob251.blocks import WORK
 from heatertune.plc.s5_ob251.step import FULL_SCALE
 from heatertune.supervision.text.accumulators import Printer
-from heatertune.supervision.text.statement_walk import WIDE, Operand, Set
-from heatertune.supervision.text.statements import INPUTS, OUTPUTS, Group, Statements, alarms_told
+from heatertune.supervision.text.statements import INPUTS, OUTPUTS, WIDE, Group, Operand, Set, Statements, alarms_told
 
 __all__ = ["FILE", "S5Text", "written"]
 

@@ -7,15 +7,23 @@ from typing import Final
 
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
-from heatertune.plc.cpu.letters import in_ascii
 from heatertune.plc.cpu.s7_200 import assemble
-from heatertune.plc.cpu.s7_200.cells import V_BEGIN, V_END, WHOLE, bit, cell
+from heatertune.plc.cpu.s7_200.assembler import Network, block, block_number, program
 from heatertune.plc.cpu.s7_200.cpu import carry_out
-from heatertune.plc.cpu.s7_200.instructions import block_number
-from heatertune.plc.cpu.s7_200.memory import put_word, word
-from heatertune.plc.cpu.s7_200.text import Network, block, program
-from heatertune.supervision.text.statement_walk import WIDE, Operand, Set, Step, steps
-from heatertune.supervision.text.statements import INPUTS, OUTPUTS, Group, Statements, alarms_told
+from heatertune.plc.cpu.s7_200.memory import V_BEGIN, V_END, WHOLE, bit, cell, put_word, word
+from heatertune.plc.cpu.statements import in_ascii
+from heatertune.supervision.text.statements import (
+    INPUTS,
+    OUTPUTS,
+    WIDE,
+    Group,
+    Operand,
+    Set,
+    Statements,
+    Step,
+    alarms_told,
+    steps,
+)
 
 __all__ = ["FILE", "S7200Text", "reading_of", "written"]
 

@@ -6,13 +6,12 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.s7_300 import awl
+from heatertune.plc.cpu.s7_300 import source as awl
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.cpu.s7_300.machine import S7300Cpu
 from heatertune.plc.single_precision import word_of
 from heatertune.supervision.text.accumulators import Printer
-from heatertune.supervision.text.statement_walk import Operand, Set
-from heatertune.supervision.text.statements import INPUTS, OUTPUTS, Statements, alarms_told
+from heatertune.supervision.text.statements import INPUTS, OUTPUTS, Operand, Set, Statements, alarms_told
 
 __all__ = ["FILE", "S7300Text", "written"]
 

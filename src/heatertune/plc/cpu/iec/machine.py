@@ -2,31 +2,339 @@
 
 REAL is single precision, rounded once by each operation; whole numbers are computed in 32 bits with a sign and kept in
 those of their variable. Numbers of one kind do not become another by themselves.
+
+A unit of structured text as a Python function on the program's memory.
+
+REALs stand in one row of the memory, all other numbers in another; so do the text's numbers, each in a cell of its own:
+texts that differ in numbers alone are one function, which a compiler takes as it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from types import FunctionType
-from typing import Any, NamedTuple, cast
+import hashlib
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
+from types import CodeType, FunctionType
+from typing import Any, Final, NamedTuple, cast
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.tape import Got, Tape, run_tape
-from heatertune.plc.cpu.iec.text import ProgramUnit
-from heatertune.plc.cpu.iec.translation import (
-    BEYOND,
-    KIND,
-    NOTHING,
-    InstanceLayout,
-    InstanceMemory,
-    Place,
-    Run,
-    Value,
-    row_of,
-    translate_unit,
+from heatertune.plc.cpu.iec.text import (
+    Assignment,
+    Call,
+    Expression,
+    Literal,
+    Name,
+    ProgramUnit,
+    Statement,
 )
+from heatertune.plc.single_precision import divide_single, single
 
-__all__ = ["Firmware", "TextProgram", "Value"]
+__all__ = [
+    "BEYOND",
+    "KIND",
+    "NOTHING",
+    "Firmware",
+    "InstanceLayout",
+    "InstanceMemory",
+    "Place",
+    "Run",
+    "TextProgram",
+    "Value",
+    "row_of",
+    "translate_unit",
+]
+
+
+Value = bool | int | float
+#: of a unit: the rows of REALs and of other numbers, instances of firmware, and where its own begin in each
+Run = Callable[[list[Any], list[Any], list[Any], int, int, int], None]
+
+#: whole type → bits, and whether it has a sign
+_WHOLE: Final = {"BYTE": (8, False), "UINT": (16, False), "INT": (16, True), "DINT": (32, True)}
+KIND: Final = {"REAL": "REAL", "BOOL": "BOOL", "TIME": "TIME", **dict.fromkeys(_WHOLE, "WHOLE")}
+NOTHING: Final[Mapping[str, Value]] = {"REAL": 0.0, "BOOL": False, "WHOLE": 0, "TIME": 0}
+_COMPARED: Final = {"=": "==", "<>": "!=", "<": "<", ">": ">", "<=": "<=", ">=": ">="}
+BEYOND: Final = 1000  # lines, more than this file has: who looks there for those of a function finds none
+_ROWS: Final = ("r", "w", "f")
+_FIRST: Final = ("a", "b", "c")
+
+
+#: type of a variable, and how much of each row is before it
+Place = tuple[str, tuple[int, int, int]]
+
+
+class InstanceMemory(NamedTuple):
+    """Rows of a memory: REALs, other numbers, instances of firmware or what makes them."""
+
+    reals: list[Any]
+    wholes: list[Any]
+    firmware: list[Any]
+
+    @property
+    def size(self) -> tuple[int, int, int]:
+        """How much stands in each row."""
+        return len(self.reals), len(self.wholes), len(self.firmware)
+
+    def grown(self, other: InstanceMemory) -> tuple[int, int, int]:
+        """Add another's rows; return where they begin."""
+        begin = self.size
+        for mine, more in zip(self, other, strict=True):
+            mine.extend(more)
+        return begin
+
+    def with_one(self, kind: str, value: Value) -> tuple[int, int, int]:
+        """Add a number; return where it stands, in the row of its kind."""
+        begin = self.size
+        (self.reals if kind == "REAL" else self.wholes).append(value)
+        return begin
+
+
+class InstanceLayout(NamedTuple):
+    """What an instance is made of.
+
+    Attributes:
+        places: name → where it stands.
+        cold: its memory, firmware not yet made.
+        run: what a call does.
+        lines: code of the functions in it → unit, and the line of its text for each of the function's.
+    """
+
+    places: dict[str, Place]
+    cold: InstanceMemory
+    run: Run
+    lines: dict[CodeType, tuple[ProgramUnit, list[int]]]
+
+
+def row_of(type_: str) -> int:
+    """Return the row in which numbers of a type stand."""
+    return 0 if type_ == "REAL" else 1
+
+
+@lru_cache(256)
+def _function(name: str, source: str, called: tuple[tuple[str, Callable[..., Any]], ...]) -> FunctionType:
+    """Return the function of a text, which names others; the same for the same ones, so that it is compiled once."""
+    names: dict[str, Any] = {**_FUNCTIONS, **dict(called), "__name__": __name__}
+    exec(compile("\n" * BEYOND + source, __file__, "exec"), names)
+    made: FunctionType = names["run"]
+    beside = "".join(getattr(other, "__qualname__", "") for _, other in called)
+    # by which what is kept on disk is told from that of another text
+    made.__qualname__ = f"{name}_{hashlib.sha256((source + beside).encode()).hexdigest()[:16]}"
+    return made
+
+
+def translate_unit(
+    unit: ProgramUnit, known: Mapping[str, InstanceLayout], time_to_real: Callable[[int], float] | None
+) -> InstanceLayout:
+    """Return a unit translated, given the blocks it may use and what TIME_TO_REAL gives of a time [ms].
+
+    Raises:
+        InputError: what is not known here.
+    """
+    return _Compiler(unit, known, time_to_real).block()
+
+
+class _Compiler:
+    """Translates one unit: its statements become a Python function."""
+
+    def __init__(
+        self, unit: ProgramUnit, known: Mapping[str, InstanceLayout], time_to_real: Callable[[int], float] | None
+    ) -> None:
+        self._unit, self._known, self._time_to_real = unit, known, time_to_real
+        self._cold = InstanceMemory([], [], [])
+        self._places: dict[str, Place] = {}
+        self._constant = {each.name for each in unit.variables if each.section.endswith("CONSTANT")}
+        self._line = 0  # of the statement that is translated
+        self._lines = [0, 0]  # of the text, for each of the function's from 0 on: there is none, and its head
+
+    def block(self) -> InstanceLayout:
+        """Return the unit translated."""
+        for variable in self._unit.variables:
+            if variable.name in self._places:
+                raise self._wrong(f"{variable.name} is declared twice")
+            if variable.type in self._known and variable.initial is None:
+                place = self._cold.grown(self._known[variable.type].cold)
+            else:
+                kind = KIND.get(variable.type)
+                if kind is None:
+                    raise self._wrong(f"{variable.name}: {variable.type} is no type that is known here")
+                value = NOTHING[kind] if variable.initial is None else self._initial(variable.initial, variable.type)
+                place = self._cold.with_one(kind, value)
+            self._places[variable.name] = variable.type, place
+        run, lines = self._body()
+        for other in self._known.values():
+            lines |= other.lines
+        return InstanceLayout(self._places, self._cold, run, lines)
+
+    def _wrong(self, what: str) -> InputError:
+        where = self._unit.line_text(self._line) if self._line else self._unit.name
+        return InputError(f"{where}; {what}")
+
+    def _initial(self, given: Literal, type_: str) -> Value:
+        if given.kind != KIND[type_]:
+            raise self._wrong(f"{given.value} is no {type_}")
+        if given.kind == "REAL":
+            return single(given.value)
+        return _cut(int(given.value), *_WHOLE[type_]) if type_ in _WHOLE else given.value
+
+    def _body(self) -> tuple[Run, dict[CodeType, tuple[ProgramUnit, list[int]]]]:
+        """Return what runs the unit's statements, and the lines of its text."""
+        source = "\n".join([f"def run({', '.join((*_ROWS, *_FIRST))}):", *self._all(self._unit.body, " ")])
+        called: dict[str, Callable[..., Any]] = {
+            f"run_{type_}": block.run for type_, block in self._known.items() if f"run_{type_}(" in source}
+        if self._time_to_real is not None:
+            called["time_to_real"] = self._time_to_real
+        made = _function(self._unit.name, source, tuple(called.items()))
+        return made, {made.__code__: (self._unit, self._lines)}
+
+    def _all(self, statements: Iterable[Statement], indent: str) -> Iterator[str]:
+        """Return the lines that run statements, at least one."""
+        made = False
+        for statement in statements:
+            self._line = statement.line
+            for line in self._run(statement, indent):
+                made = True
+                yield line
+        if not made:
+            yield self._made(f"{indent}pass")
+
+    def _made(self, line: str) -> str:
+        self._lines.append(self._line)
+        return line
+
+    def _run(self, statement: Statement, indent: str) -> Iterator[str]:
+        if isinstance(statement, Assignment):
+            yield self._made(f"{indent}{self._assignment(statement)}")
+        elif isinstance(statement, Call):
+            yield from (self._made(f"{indent}{line}") for line in self._call(statement))
+        else:
+            for number, arm in enumerate(statement.arms):
+                self._line = arm.line
+                if arm.condition is None:
+                    head = "else:"
+                else:
+                    head = f"{'elif' if number else 'if'} {self._to(arm.condition, 'BOOL')}:"
+                yield self._made(f"{indent}{head}")
+                yield from self._all(arm.body, f"{indent} ")
+
+    def _assignment(self, statement: Assignment) -> str:
+        type_, place = self._variable(statement.target)
+        if statement.target.path[-1] in self._constant:
+            raise self._wrong(f"{statement.target.path[-1]} is a constant")
+        return f"{place} = {self._to(statement.value, type_)}"
+
+    def _call(self, statement: Call) -> Iterator[str]:
+        type_, place = self._places.get(statement.instance, ("", (0, 0, 0)))
+        block = self._known.get(type_)
+        if block is None:
+            raise self._wrong(f"{statement.instance} is no instance")
+        for name, expression in statement.inputs:
+            if name not in block.places:
+                raise self._wrong(f"{type_} has no input {name}")
+            wanted, there = block.places[name]
+            yield f"{self._cell(wanted, place, there)} = {self._to(expression, wanted)}"
+        yield f"run_{type_}({', '.join((*_ROWS, *map(self._index, _FIRST, place)))})"
+
+    def _variable(self, name: Name) -> tuple[str, str]:
+        """Return the type of a variable, or of an instance's, and where it stands in the memory."""
+        places, there, type_ = self._places, list[tuple[int, int, int]](), ""
+        for part in name.path:
+            if part not in places:
+                raise self._wrong(f"{'.'.join(name.path)} is not declared")
+            type_, place = places[part]
+            there.append(place)
+            places = self._known[type_].places if type_ in self._known else {}
+        if type_ not in KIND:
+            raise self._wrong(f"{'.'.join(name.path)} is no number")
+        return type_, self._cell(type_, *there)
+
+    def _cell(self, type_: str, *places: tuple[int, int, int]) -> str:
+        """Return what names a number in its row."""
+        row = row_of(type_)
+        return f"{_ROWS[row]}[{self._index(_FIRST[row], sum(place[row] for place in places))}]"
+
+    def _index(self, first: str, place: int) -> str:
+        return str(place) if self._unit.kind == "PROGRAM" else f"{first} + {place}"
+
+    def _to(self, expression: Expression, type_: str) -> str:
+        """Return an expression, its value as a variable of a type keeps it."""
+        kind, value = self._value(expression)
+        if KIND.get(type_) != kind:
+            raise self._wrong(f"expected {type_}")
+        return value if kind != "WHOLE" or type_ == "DINT" else _fitted(value, type_)
+
+    def _value(self, expression: Expression) -> tuple[str, str]:
+        """Return the kind of an expression, and it."""
+        if isinstance(expression, Literal):
+            if expression.kind == "BOOL":
+                return "BOOL", repr(expression.value)
+            value = single(expression.value) if expression.kind == "REAL" else expression.value
+            return expression.kind, self._cell(expression.kind, self._cold.with_one(expression.kind, value))
+        if isinstance(expression, Name):
+            type_, place = self._variable(expression)
+            return KIND[type_], place
+        operands = [self._value(operand) for operand in expression.operands]
+        kinds = [kind for kind, _ in operands]
+        if expression.sign == "TIME_TO_REAL" and self._time_to_real is None:
+            raise self._wrong("the unit of TIME_TO_REAL is not told")
+        if (expression.sign, *kinds) not in _MADE:
+            raise self._wrong(f"{expression.sign} does not go with {' and '.join(kinds)}")
+        kind, made = _MADE[(expression.sign, *kinds)]
+        return kind, made.format(*(value for _, value in operands))
+
+
+def _fitted(value: str, type_: str) -> str:
+    """Return an expression of a whole number, cut to the bits of a type."""
+    bits, signed = _WHOLE[type_]
+    low = 1 << bits - 1 if signed else 0
+    return f"(({value} + {low}) % {1 << bits} - {low})"
+
+
+def _cut(value: int, bits: int, signed: bool) -> int:
+    low = -(1 << bits - 1) if signed else 0
+    return (value - low) % (1 << bits) + low
+
+
+def _truncated(value: float) -> int:
+    if not -2147483649.0 < value < 2147483648.0:  # beyond DINT, or no number
+        raise OverflowError
+    return math.trunc(value)
+
+
+def _quotient(dividend: int, divisor: int) -> int:
+    """Return it cut towards zero."""
+    if divisor == 0:  # compiled, this would be a number
+        raise ZeroDivisionError
+    share = abs(dividend) // abs(divisor)
+    return share if (dividend < 0) == (divisor < 0) else -share
+
+
+def _rest(dividend: int, divisor: int) -> int:
+    return dividend - divisor * _quotient(dividend, divisor)
+
+
+#: what a unit's function calls
+_FUNCTIONS: Final[Mapping[str, Any]] = {"single": single, "divided": divide_single, "truncated": _truncated,
+                                        "quotient": _quotient, "rest": _rest}
+#: operation or function and the kinds of its operands → the kind of what it makes, and how
+_MADE: Final[Mapping[tuple[str, ...], tuple[str, str]]] = {
+    ("NOT", "BOOL"): ("BOOL", "(not {0})"),
+    ("AND", "BOOL", "BOOL"): ("BOOL", "({0} & {1})"),
+    ("OR", "BOOL", "BOOL"): ("BOOL", "({0} | {1})"),
+    ("ABS", "REAL"): ("REAL", "abs({0})"),
+    ("UINT_TO_REAL", "WHOLE"): ("REAL", "single({0})"),
+    ("DINT_TO_REAL", "WHOLE"): ("REAL", "single({0})"),
+    ("TIME_TO_REAL", "TIME"): ("REAL", "time_to_real({0})"),
+    ("TRUNC", "REAL"): ("WHOLE", "truncated({0})"),
+    ("/", "REAL", "REAL"): ("REAL", "divided({0}, {1})"),
+    ("/", "WHOLE", "WHOLE"): ("WHOLE", _fitted("quotient({0}, {1})", "DINT")),
+    ("MOD", "WHOLE", "WHOLE"): ("WHOLE", "rest({0}, {1})"),
+    **{(sign, "REAL", "REAL"): ("REAL", f"single({{0}} {sign} {{1}})") for sign in "+-*"},
+    **{(sign, "WHOLE", "WHOLE"): ("WHOLE", _fitted(f"({{0}} {sign} {{1}})", "DINT")) for sign in "+-*"},
+    **{(sign, kind, kind): ("BOOL", f"({{0}} {asks} {{1}})") for sign, asks in _COMPARED.items()
+       for kind in ("REAL", "WHOLE")},
+}
 
 
 class Firmware(NamedTuple):

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from heatertune.errors import OutOfRange
-from heatertune.plc.cpu.one_bit.instructions import OneBitProgram, Op
+from heatertune.plc.cpu.one_bit.assembler import OneBitProgram, Op
 
 __all__ = ["MOST_STEPS", "START", "OneBitState", "Wiring", "scan"]
 

@@ -7,9 +7,8 @@ from typing import Final, NamedTuple
 
 from heatertune.errors import OutOfRange
 from heatertune.pid.timer import Timer
-from heatertune.plc.cpu.s7_200.cells import ATTACHED, BEGUN, ENABLED, FAULTS, WIDTH, bit, cell
 from heatertune.plc.cpu.s7_200.cpu import S7200Program, carry_out
-from heatertune.plc.cpu.s7_200.memory import put_word, word
+from heatertune.plc.cpu.s7_200.memory import ATTACHED, BEGUN, ENABLED, FAULTS, WIDTH, bit, cell, put_word, word
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import WordField, Words, kept_by
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from heatertune.plc.cpu.s7_200.text import Network
+from heatertune.plc.cpu.s7_200.assembler import Network
 from heatertune.plc.ramp import Number, Ramp
 
 __all__ = ["ramp_begins", "ramp_moves"]

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from heatertune.plc.cpu.s7_200.cells import (
+from heatertune.plc.cpu.s7_200.assembler import block_number
+from heatertune.plc.cpu.s7_200.cpu import S7200Program, carry_out
+from heatertune.plc.cpu.s7_200.memory import (
     CYCLE,
     FAULTS,
     PULSED,
@@ -15,10 +17,9 @@ from heatertune.plc.cpu.s7_200.cells import (
     WIDTH,
     bit,
     cell,
+    number,
+    write_number,
 )
-from heatertune.plc.cpu.s7_200.cpu import S7200Program, carry_out
-from heatertune.plc.cpu.s7_200.instructions import block_number
-from heatertune.plc.cpu.s7_200.memory import number, write_number
 
 __all__ = ["COLD", "S7200State", "cold_start", "own", "run", "warm_start"]
 

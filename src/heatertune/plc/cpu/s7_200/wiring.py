@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from heatertune.plc.cpu.letters import in_ascii
-from heatertune.plc.cpu.s7_200.cells import cell
+from heatertune.plc.cpu.s7_200.memory import cell
+from heatertune.plc.cpu.statements import in_ascii
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.words import Certificate, Scaling, Words
 

@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from typing import Final, cast, final
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.s7_300.machine import Firmware, S7300Cpu
+from heatertune.plc.cpu.s7_300.machine import Firmware, S7300Cpu, clamp
 from heatertune.plc.cpu.s7_300.program import DATA, PWM_DATA
-from heatertune.plc.cpu.s7_300.real import clamp
 from heatertune.plc.cpu.s7_300.source import as_real, signed_number
 from heatertune.plc.exported import CallResult, ExportedInPlc
 from heatertune.plc.pwm import on_time, pulsegen

@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.s7_300.switch import ANALOG, OWN, PULSEGEN
+from heatertune.plc.cpu.s7_300.program import ANALOG, OWN, PULSEGEN
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import ReadBack, WordCollector, first_unlike, lines_of, real_of, whole_of, wrong
 from heatertune.plc.words import WordField, Words

@@ -1,17 +1,161 @@
-"""Statements, literals and declarations of an STL source; the latter as bits and bytes."""
+"""Statements, literals and declarations of an STL source; the latter as bits and bytes.
+
+AWL source text of STEP 7: literals, comments, lines.
+
+Form: Programming with STEP 7, chapter 13, STL source files: blocks that are called stand before their callers, an
+instance data block after its function block; plain ASCII, CRLF. International mnemonics.
+
+A data block of the program's own: its members, where STEP 7 puts them, and its source.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.statements import StatementLine
+from heatertune.plc.cpu.statements import StatementLine, in_ascii
+from heatertune.plc.ramp import Number
+from heatertune.plc.words import Certificate, WordField, Words
 
-__all__ = ["LAST", "MemberPlace", "as_real", "bits_of", "constant", "member_places", "numbered_lines", "signed_number",
-           "statements"]
+__all__ = [
+    "LAST",
+    "BlockMember",
+    "MemberPlace",
+    "as_real",
+    "bits",
+    "bits_of",
+    "block",
+    "constant",
+    "head",
+    "literal",
+    "member_places",
+    "numbered_lines",
+    "operands",
+    "real",
+    "s5_time",
+    "signed_number",
+    "statements",
+    "table",
+    "text",
+]
+
+
+def real(value: float) -> str:
+    """Return a REAL literal with nine digits: enough for every single to come back."""
+    mantissa, exponent = f"{value:.8e}".split("e")
+    return f"{mantissa}e{int(exponent):+04d}"
+
+
+def bits(value: float) -> str:
+    """Return a REAL as the double word that holds it, for a transfer without any rounding."""
+    return f"DW#16#{struct.pack('>f', value).hex().upper()}"
+
+
+def literal(format_: str, value: Number) -> str:
+    """Return a word as STEP 7 writes it in its format: BOOL, TIME (ms) or REAL."""
+    if format_ == "BOOL":
+        return "TRUE" if value else "FALSE"
+    if format_ == "TIME":
+        return f"T#{int(value)}MS"
+    return real(value)
+
+
+def s5_time(seconds: float) -> str | None:
+    """Return an S5TIME literal, None for a time that its three digits at 10 ms, 100 ms or 1 s cannot hold."""
+    ms = round(1000 * seconds)
+    fits = any(ms % step == 0 and 0 < ms <= 999 * step for step in (10, 100, 1000))
+    return f"S5T#{ms}MS" if fits else None
+
+
+def head(title: str, words: Words, certificate: Certificate, *facts: str) -> list[str]:
+    """Return the comment lines at the beginning of a source."""
+    s = words.scaling
+    lines = [
+        title,
+        f"sensor {s.low_degC:g}..{s.high_degC:g} degC = 0..27648 at the analog input; 0..27648 = 0..100 % power",
+        *facts, *certificate.head,
+        "STL source, international mnemonics; not tried in STEP 7",
+    ]
+    return [f"// {line}" for line in lines]
+
+
+def text(lines: Iterable[str]) -> str:
+    """Return the source: ASCII, every line ended by CRLF."""
+    plain = in_ascii("\r\n".join(lines))
+    return f"{plain}\r\n"
+
+
+def table(fields: Iterable[WordField], words: Words) -> str:
+    """Return the words as CSV: address, name, format, value, comment."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["address", "name", "format", "value", "comment"])
+    writer.writerows(
+        [f.address, f.name, f.format, literal(f.format, words.values[f.name]), f.comment] for f in fields
+    )
+    return out.getvalue()
+
+
+#: type → letter of its operand, and bytes
+_CELLS_SIZES: Final = {"INT": ("W", 2), "DINT": ("D", 4), "REAL": ("D", 4)}
+
+
+class BlockMember(NamedTuple):
+    """A member of a data block: its name, type, value after loading, and meaning."""
+
+    name: str
+    type: str
+    value: Number
+    meaning: str
+
+
+def operands(number: int, members: Sequence[BlockMember]) -> Mapping[str, str]:
+    """Return name → operand in statements, as "DB101.DBX    0.0" or "DB101.DBD    4"."""
+    return {member.name: f"DB{number}.{place}" for member, place in zip(members, _places(members), strict=True)}
+
+
+def block(number: int, title: str, members: Sequence[BlockMember]) -> list[str]:
+    """Return the source of a data block with these members."""
+    places = ["".join(place.split()) for place in _places(members)]
+    return [
+        f"DATA_BLOCK DB {number}", f"TITLE ={title}", "VERSION : 0.1", "  STRUCT",
+        *(f"    {one.name} : {one.type} ;  // {place}: {one.meaning}"
+          for one, place in zip(members, places, strict=True)),
+        "  END_STRUCT ;", "BEGIN", *values(members), "END_DATA_BLOCK", "",
+    ]
+
+
+def values(members: Sequence[BlockMember]) -> list[str]:
+    """Return the assignments between BEGIN and the end of a data block."""
+    return [f"  {one.name} := {_literal(one)} ;" for one in members]
+
+
+def _literal(member: BlockMember) -> str:
+    if member.type in ("INT", "DINT"):
+        return f"{'L#' if member.type == 'DINT' else ''}{int(member.value)}"
+    return literal(member.type, member.value)
+
+
+def _places(members: Sequence[BlockMember]) -> Iterator[str]:
+    """Yield the operands: bits one after the other, all else from an even byte on."""
+    byte = bit = 0
+    for member in members:
+        if member.type == "BOOL":
+            byte, bit = (byte + 1, 0) if bit > 7 else (byte, bit)
+            yield f"DBX    {byte}.{bit}"
+            bit += 1
+            continue
+        byte, bit = byte + (1 if bit else 0), 0
+        byte += byte % 2
+        letter, size = _CELLS_SIZES[member.type]
+        yield f"DB{letter}    {byte}"
+        byte += size
+
 
 #: last lines of blocks
 LAST: Final = ("END_FUNCTION_BLOCK", "END_DATA_BLOCK", "END_FUNCTION", "END_ORGANIZATION_BLOCK")
