@@ -7,7 +7,7 @@ import random
 import subprocess
 import sys
 import tempfile
-from collections import Counter
+from collections import Counter, defaultdict
 from pathlib import Path
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before NumPy reads it: each process of the tests has a core, not all of them
@@ -35,6 +35,7 @@ _PLAIN_SCANS = compiled._PLAIN_SCANS
 #: no deadline: a machine that others use, too, is now and then slow
 _IN_CI = 500
 _WITHOUT_CLOCK = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("quick", max_examples=20, **_WITHOUT_CLOCK)
 settings.register_profile("dev", max_examples=100, **_WITHOUT_CLOCK)
 settings.register_profile("ci", max_examples=_IN_CI, print_blob=True, **_WITHOUT_CLOCK)
 settings.load_profile("dev")
@@ -53,8 +54,46 @@ SLOW = ("long", "law", "brute", "doc")
 _CACHE = "heatertune"
 
 
+#: tells the processes of a run whether it runs every test, or those that take three minutes in all
+_SELECTION = "HEATERTUNE_TESTS"
+
+#: how many cases of a law, and of what tries every case, a short run has
+_FEW = {"law": 4, "brute": 2}
+
+
+def pytest_addoption(parser):
+    """Add --all."""
+    parser.addoption("--all", action="store_true", help="run every test; the default is a selection that takes three minutes (a path, "
+                     "-m or -k selects as well)")
+
+
+def _is_short(config):
+    """Return whether nothing says which tests to run."""
+    chosen = config.option.all or config.option.markexpr or config.option.keyword
+    return not chosen and config.args_source is pytest.Config.ArgsSource.TESTPATHS
+
+
+def _selection(items):
+    """Return the tests of a short run: all that are not long, few cases of each law, and what is marked as essential."""
+    names, cases = set(), defaultdict(list)
+    for item in items:
+        kind = next((mark for mark in _FEW if item.get_closest_marker(mark)), None)
+        if item.get_closest_marker("essential"):
+            names.add(item.nodeid)
+        elif not item.get_closest_marker("long"):
+            cases[item.nodeid.partition("[")[0], _FEW.get(kind)].append(item.nodeid)
+    for (_, few), some in cases.items():
+        ordered = sorted(some)
+        names.update(ordered if few is None else ordered[::-(-len(ordered) // few)])
+    return names
+
+
 def pytest_configure(config):
     """Keep machine code from run to run, and fits for this run: of its processes and of the commands that tests start."""
+    if not hasattr(config, "workerinput"):
+        os.environ[_SELECTION] = "short" if _is_short(config) else "all"
+    if os.environ[_SELECTION] == "short" and config.getoption("--hypothesis-profile") is None:
+        settings.load_profile("quick")
     os.environ["HEATERTUNE_CACHE"] = str(config.cache.mkdir(_CACHE))
     os.environ["HEATERTUNE_STATE"] = str(config.cache.mkdir(f"{_CACHE}-state"))
 
@@ -73,11 +112,15 @@ def pytest_sessionstart(session):
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(config, items):
     """Mark as fast what bears no other mark, before -m chooses; begin with what takes longest, after the order is random."""
     for item in items:
         if not any(item.get_closest_marker(mark) for mark in SLOW):
             item.add_marker("fast")
+    if os.environ[_SELECTION] == "short":
+        names = _selection(items)
+        config.hook.pytest_deselected(items=[item for item in items if item.nodeid not in names])
+        items[:] = [item for item in items if item.nodeid in names]
     result = yield
     items.sort(key=lambda item: -max((mark.kwargs.get("seconds", 0) for mark in item.iter_markers("long")), default=0))
     return result

@@ -108,6 +108,7 @@ def damages(data, name):
     yield b"\xff" * 40
 
 
+@pytest.mark.long
 def test_a_file_in_any_doubt_is_made_anew(place):
     path = kept_one(place)
     whole = path.read_bytes()

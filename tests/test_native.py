@@ -157,6 +157,7 @@ def test_code_that_needs_what_is_not_here_is_not_run():
     assert entry(lacking, kinds_of([1.0])) is None
 
 
+@pytest.mark.long
 def test_code_stays_where_it_is_as_long_as_it_may_be_called_and_threads_may_call_it_at_once():
     run = compile_function(gathered)
     given_ = (10, (Pair(3.0, 4.0), (np.ones(1000), True), np.float32(0.5)), 1.0)

@@ -17,6 +17,7 @@ def _fitted(case, folder):
     return fit(read_log(path))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", OTHERS)
 def test_no_parameter_is_identified_and_the_verdict_is_blocked(kind, tmp_path):
     fitted = _fitted(blind.make(kind, 7), tmp_path)
@@ -26,6 +27,7 @@ def test_no_parameter_is_identified_and_the_verdict_is_blocked(kind, tmp_path):
     assert any(finding.kind.effect == "blocks" for finding in fitted.findings)
 
 
+@pytest.mark.long
 def test_a_loop_of_a_tried_law_is_not_taken_for_another(tmp_path):
     case = blind.make("PI", 1)
     fitted = _fitted(case, tmp_path)
@@ -43,6 +45,7 @@ def test_the_bench_s_logs_obey_the_heater_s_equation():
     assert last / first == pytest.approx(fallen, abs=0.03)
 
 
+@pytest.mark.long
 def test_the_bench_prints_its_table_and_finds_nothing_wrong(capsys):
     assert blind.main(["--kinds", "pulse", "thermostat", "--count", "1", "--targets"]) == 0
     out = capsys.readouterr().out

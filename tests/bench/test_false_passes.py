@@ -54,6 +54,7 @@ def test_what_is_measured_otherwise_is_told(library):
     assert "deviation" in told["wrong"]["measures"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("change", "broken"), [
     (lambda b: {"gain": 3.0 * b.gain}, "settling_time"), (lambda b: {"dead": 4.0 * b.dead}, "limit_cycle"),
     (lambda b: {"tolerance": 0.25 * b.tolerance}, "reheat_time"),

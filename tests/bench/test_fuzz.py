@@ -24,6 +24,7 @@ def test_whatever_is_thrown_is_taken_or_refused_in_one_line(kind, count, base):
     assert tallies[kind].ends["refused"] > count / 5
 
 
+@pytest.mark.long
 def test_odd_files_are_refused_without_waiting(base, monkeypatch):
     monkeypatch.chdir(base)
     for number, make in enumerate(fuzz._ODD_FILES):

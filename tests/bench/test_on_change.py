@@ -10,6 +10,7 @@ from heatertune.model.fit import fit
 from tests.bench import on_change
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("writer", on_change.WRITERS, ids=lambda writer: writer.__name__)
 def test_the_intervals_of_a_log_that_is_written_on_change_hold_the_truth(writer):
     rng = random.Random("seen once")

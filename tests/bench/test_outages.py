@@ -32,6 +32,7 @@ def _rated(conditions, folder):
     return replace(conditions, spec=str(path))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "target", "within_degC", "again_degC", "beyond"), [
     (17, "simple-pid", 1.99, 2.99, 1.3), (31, "esphome", 7.75, 11.6, 1.05), (41, "esphome", 5.36, 8.04, 1.03), (43, "simple-pid", 28.0, 42.0, 1.04)])
 def test_a_boost_that_lasts_a_scan_longer_after_another_time_without_supply_does_not_pass(
@@ -50,6 +51,7 @@ def test_a_boost_that_lasts_a_scan_longer_after_another_time_without_supply_does
     assert max(restarts(library, b, limits)[0][0] for b in benches) > beyond
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "target", "within_degC", "again_degC"), [(30_001, "simple-pid", 9.64, 14.5), (30_030, "arduino-pid", 16.3, 24.4)])
 def test_a_boost_that_no_part_of_the_range_begins_does_not_pass(tmp_path, number, target, within_degC, again_degC):
     model, wanted = asked(number, target)
@@ -70,6 +72,7 @@ def test_a_boost_that_no_part_of_the_range_begins_does_not_pass(tmp_path, number
     assert max(changes(library, b, limits, design.conditions.lowest_degC)[0] for b in benches)[0] <= 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "target", "beyond", "low_beyond"), [(30_008, "pband", 1.29, None), (30_016, "pband", 1.06, 1.15)])
 def test_a_part_of_the_range_in_which_more_is_summed_up_than_in_all_of_it_does_not_pass(tmp_path, number, target, beyond, low_beyond):
     # passed, before the setpoint was changed by less than its range: the sum is zero outside of the proportional band
@@ -93,6 +96,7 @@ def test_a_part_of_the_range_in_which_more_is_summed_up_than_in_all_of_it_does_n
     assert seen[1] < SHORT_SLACK
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "target"), [(126, "s7-200"), (112, "esphome")])
 def test_the_heater_that_is_the_hardest_in_a_part_of_the_range_is_found_where_it_is_another_one(tmp_path, number, target):
     # passed at 1.05 and 1.06 of the limit, when only that which overshoots most in all of the range was run
@@ -130,6 +134,7 @@ def _stays(library, model, design, monkeypatch):
     return [part["rest_lowest"] < -0.5 * window for part in seen[2::2]]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [20535, 20621])
 def test_what_stays_at_the_edge_of_marlins_window_does_not_pass(tmp_path, monkeypatch, number):
     # the heaters that passed a story without the edge, of 125 drawn: they stay there after one circuit in thirty, at no load
@@ -140,6 +145,7 @@ def test_what_stays_at_the_edge_of_marlins_window_does_not_pass(tmp_path, monkey
     assert "reheat_time" in {each.name for each in design.proof.criteria if not each.ok}
 
 
+@pytest.mark.long
 def test_what_the_judge_never_sees_stay_there_still_passes(tmp_path, monkeypatch):
     # P asks for 36 % at the edge, 53 % hold the setpoint: the sum leads on before the heater is out of the window again
     model, wanted = asked(20020, "marlin")
@@ -148,6 +154,7 @@ def test_what_the_judge_never_sees_stay_there_still_passes(tmp_path, monkeypatch
     assert design.proof.verdict == "PASS"
 
 
+@pytest.mark.long
 def test_what_stays_there_only_at_a_low_voltage_does_not_pass(tmp_path, monkeypatch):
     # the same heater with 81 % of its power: 53 / 0.81 = 66 % hold the setpoint, and the sum no longer leads on in time
     model, wanted = asked(20020, "marlin")

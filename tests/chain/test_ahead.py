@@ -159,6 +159,7 @@ def test_who_waits_for_the_compiler_draws_meanwhile_what_nobody_draws_again(fres
 GARBAGE = ["[1, {}]", '[0, "log", 1]', '["0", "log", "drawn"]', '[7, "log", "drawn"]', '[0, "proof", "drawn"]', "null", '{"proof": 1}', '"log"', "\0", "{"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("told", ["import nothing_of_this_name", "input()", f"print(*{GARBAGE!r}, sep='\\n')"],
                          ids=["broken", "ends", "garbage"])
 def test_whatever_ends_the_second_process_the_first_one_draws(told, fresh, monkeypatch):

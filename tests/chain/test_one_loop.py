@@ -51,6 +51,7 @@ def test_words_tuned_for_a_target_keep_ms_in_their_proof(target, ms):
     assert design.margins.ms == pytest.approx(peak_sensitivity(design, HEATER.dead_time_s + DELAY_S[target]), rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_closed_design_says_the_ms_that_its_proof_finds():
     asked = DesignRequest(target="fb41", scaling=RANGE, tune_settings=TuneSettings(ms=2.0), conditions=Conditions(setpoint_degC=60.0))
     found = find_passing_design(model_by_hand(HEATER), asked)

@@ -148,6 +148,7 @@ def test_durations_are_not_walked_through_where_the_slowest_ramp_leaves_more_tha
         assert (len(looked) == 1) != walks
 
 
+@pytest.mark.long
 def test_auto_says_why_there_is_no_ramp():
     quick = model_by_hand(Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0))
     words = encode(tune(quick, target="s5-ob251"), "s5-ob251")

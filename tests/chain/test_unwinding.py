@@ -121,6 +121,7 @@ def _low_peak(library, heater, proof, conditions):
     return _peak(library, heater, proof, conditions, partial(low_overshoots, lowest=conditions.lowest_degC))
 
 
+@pytest.mark.long
 def test_a_short_open_circuit_is_found_where_it_overshoots_most(library, rated_only):
     # drawn, and passed once: after the story's 2 and 10 TN the limit is kept, at the rated power (at 121 % it is not: 51 %)
     heater, wanted = asked(6, "s7-300")
@@ -153,6 +154,7 @@ def test_in_a_stated_range_the_sum_overshoots_more_at_its_lowest_setpoint(librar
     assert 1.5 < length < 3.2
 
 
+@pytest.mark.long
 def test_other_words_keep_the_limit_after_a_short_open_circuit_too(library, rated_only):
     # at the rated power: at 121 % the plain words break limits of the test sequence itself (reheat overshoot: 47 %)
     heater, wanted = _rated(*asked(30, "s7-300"), rated_only)

@@ -131,6 +131,7 @@ def test_a_document_tells_ms_on_drawn_heaters_of_the_very_words():
     assert search_document(choice, model_by_hand(HEATER))["ms_sampled"] is None
 
 
+@pytest.mark.long
 def test_a_row_of_a_table_which_shows_no_drawn_heaters_draws_none(monkeypatch):
     def refuse(*_):
         raise AssertionError("drawn for nobody")

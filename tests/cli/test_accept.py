@@ -61,6 +61,7 @@ def test_what_is_accepted_is_pass_and_stands_in_the_files(pid, run, tmp_path):
                                     "message": "With one lag, the dead time has no upper end within the log."}
 
 
+@pytest.mark.long
 def test_forced_words_say_that_they_are_not_proven_and_can_be_accepted_later(pid, run, tmp_path):
     assert run("export-db", pid, "--target", "s5-ob251", "-o", tmp_path, "--force")[0] == 0
     assert "NOT PROVEN - FORCED" in (tmp_path / "DB30_listing.txt").read_text(encoding="utf-8")

@@ -183,6 +183,7 @@ def test_the_proof_itself_can_be_the_response(run, by_hand):
     assert document["response"]["overshoot_pct"] <= before["overshoot"]
 
 
+@pytest.mark.long
 def test_other_targets_are_advised_too(run, response, by_hand):
     document = json.loads(run("advise", response(), "--pid", by_hand, "--target", "s5-ob251", "--json", "--quiet")[1])
     assert set(document["cases"][0]["words"]) >= {"K", "R", "TI"}

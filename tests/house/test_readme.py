@@ -38,6 +38,7 @@ def write_example_files(folder):
 
 
 @pytest.mark.doc
+@pytest.mark.essential
 @pytest.mark.long(seconds=40)
 @pytest.mark.usefixtures("whatever_pays")
 def test_the_readmes_commands_run_in_the_order_they_stand_and_then_the_other_examples_of_help(
@@ -73,6 +74,7 @@ def test_every_command_has_an_example():
 
 
 @pytest.mark.doc
+@pytest.mark.essential
 @pytest.mark.long
 def test_the_readmes_python_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -31,6 +31,7 @@ def _garbage(chance, number):
     return bytes(content[: chance.randrange(1, len(content))] if kind == 1 else content)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("protocol", ["s7", "modbus", "opcua"])
 def test_garbage_on_the_port_leaves_a_plc_that_answers(served, protocol):
     plc, chance = served(serve=protocol), random.Random(5)
@@ -44,6 +45,7 @@ def test_garbage_on_the_port_leaves_a_plc_that_answers(served, protocol):
         assert plc.release(3).scans == 6
 
 
+@pytest.mark.long
 def test_two_clients_that_write_beside_each_other_undo_nothing(served):
     plc = served(step=False, rate=float("inf"))
     places = {"s7": 2, "modbus": 6}  # K and R
@@ -109,6 +111,7 @@ def test_several_items_or_a_bit_in_one_write_are_refused_not_half_done(served):
         assert asking.read(DB, 0, 36) == before
 
 
+@pytest.mark.long
 def test_clients_that_come_as_it_closes_leave_no_socket_to_the_garbage_collector(served):
     with warnings.catch_warnings(record=True) as left:
         warnings.simplefilter("always")

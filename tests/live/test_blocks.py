@@ -197,6 +197,7 @@ _ODD = [struct.pack(">I", pattern) for pattern in (
     0x7FC00000, 0xFFC00001, 0x7F800001, 0x7F800000, 0xFF800000, 1, 0x80000000, 0x7FFFFFFF, 0x7F7FFFFF, 0xFF7FFFFF, 0)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("target", TARGETS)
 @given(content=st.data())
 def test_a_scan_takes_any_pattern_of_bits(target, content):

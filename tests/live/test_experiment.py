@@ -59,6 +59,7 @@ def by_hand(request, served):
     return (lambda **more: served(words, serve=protocol, **FAST | more)), words, protocol, BY_HAND[request.param]
 
 
+@pytest.mark.long
 def test_a_plan_is_run_and_all_is_given_back(by_hand, tmp_path):
     serve, words, protocol, part = by_hand
     plc = serve(rate=100.0)
@@ -75,6 +76,7 @@ def test_a_plan_is_run_and_all_is_given_back(by_hand, tmp_path):
     assert after_s[-1] >= 900.0
 
 
+@pytest.mark.long
 def test_limit_link_and_somebody_elses_hand_end_it_on_each_controller(by_hand, tmp_path):
     serve, words, protocol, part = by_hand
     # hot: it would come to rest at 76 °C, beyond the limit but within the sensor's range, however late somebody looks
@@ -100,6 +102,7 @@ def test_limit_link_and_somebody_elses_hand_end_it_on_each_controller(by_hand, t
     assert plc.plc.memory.image()[part] == b"\1" * (part.stop - part.start)
 
 
+@pytest.mark.long
 def test_a_host_that_is_silent_is_followed_by_the_dead_man_and_the_next_start_gives_back(by_hand, tmp_path):
     serve, words, protocol, part = by_hand
     plc = serve(rate=300.0, dead_man=100)
@@ -123,6 +126,7 @@ def test_a_host_that_is_silent_is_followed_by_the_dead_man_and_the_next_start_gi
     assert plc.plc.memory.image()[part] == before
 
 
+@pytest.mark.long
 def test_a_relay_is_run(served, words, tmp_path):
     plan = RelaySchedule(rest_s=40.0, on_degC=44.0, off_degC=46.0, high_pct=80.0, low_pct=0.0, duration_s=2500.0)
     ended, _ = ran(served(**FAST | {"rate": 250.0}), words, tmp_path, plan)
@@ -142,6 +146,7 @@ def test_the_limit_ends_it_at_the_second_look(served, words, tmp_path):
     assert rows[:-1, 1].max() < 60.0 <= rows[-1, 1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("fault", "why"), [
     ("sensor-off", {"sensor"}), ("cpu-stop", {"silence"}), ("cut", {"link"}), ("black-hole", {"link"}), ("lost-reply", {"link"}),
     ("db-missing", {"silence", "link"})])  # that stops the CPU, too: which is seen first is a matter of the moment

@@ -168,6 +168,7 @@ def test_a_serial_line_sends_nothing_more_of_what_was_given_up():
     assert done == ["close"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("asked", ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP", "SIGUSR1", "SIGALRM"])
 def test_a_signal_ends_an_experiment_like_ctrl_c(gateway, weg, asked):
     with running(line_of(gateway, weg)) as process:
@@ -180,6 +181,7 @@ def test_a_signal_ends_an_experiment_like_ctrl_c(gateway, weg, asked):
     assert PlcState(address_of(f"modbus://127.0.0.1:{gateway.port}/1/0")).way_back() is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("which", ["the first look", "the first put", "the second put", "the way back"])
 def test_a_signal_at_any_step_leaves_the_plc_as_it_was(gateway, weg, which):
     """At a request the signal is there before the answer; the second one comes while the controller is given back."""
@@ -202,6 +204,7 @@ def test_a_signal_at_any_step_leaves_the_plc_as_it_was(gateway, weg, which):
     assert PlcState(address_of(f"modbus://127.0.0.1:{gateway.port}/1/0")).way_back() is None
 
 
+@pytest.mark.long
 def test_a_hang_up_that_is_to_be_ignored_is_ignored(gateway, weg):
     """As `nohup` has it."""
     line = line_of(gateway, weg, plan=((0, 0), (1, 90), (3, 20)))
@@ -212,6 +215,7 @@ def test_a_hang_up_that_is_to_be_ignored_is_ignored(gateway, weg):
     assert (process.returncode, gateway.memory[BY_HAND]) == (0, AUTOMATIC), said
 
 
+@pytest.mark.long
 def test_a_closed_terminal_and_a_broken_pipe_end_it_like_ctrl_c(gateway, weg):
     master, slave = pty.openpty()
     line = [each for each in line_of(gateway, weg, "terminal") if each != "--quiet"]
@@ -233,6 +237,7 @@ def test_a_closed_terminal_and_a_broken_pipe_end_it_like_ctrl_c(gateway, weg):
     assert gateway.memory[BY_HAND] == AUTOMATIC
 
 
+@pytest.mark.long
 def test_a_disk_that_is_full_ends_it_like_ctrl_c(gateway, weg):
     """From a moment on no file may grow beyond the size that the log has."""
     with running(line_of(gateway, weg)) as process:
@@ -254,6 +259,7 @@ def test_without_room_for_the_way_back_nothing_is_begun(gateway, weg):
     assert not gateway.writes
 
 
+@pytest.mark.long
 def test_two_at_once_are_refused_whatever_the_address_looks_like(gateway, weg, capsys):
     with running(line_of(gateway, weg)) as process:
         waited(lambda: gateway.memory[BY_HAND] == by_hand(90.0))
@@ -267,6 +273,7 @@ def test_two_at_once_are_refused_whatever_the_address_looks_like(gateway, weg, c
     assert gateway.memory[BY_HAND] == AUTOMATIC
 
 
+@pytest.mark.long
 def test_what_a_kill_leaves_is_not_taken_for_before_and_the_named_command_brings_it_back(gateway, weg, capsys):
     with running(line_of(gateway, weg)) as process:
         waited(lambda: gateway.memory[BY_HAND] == by_hand(90.0))
@@ -288,6 +295,7 @@ def test_what_a_kill_leaves_is_not_taken_for_before_and_the_named_command_brings
     assert gateway.memory[BY_HAND] == AUTOMATIC
 
 
+@pytest.mark.long
 def test_a_controller_in_manual_is_not_taken_for_automatic(gateway, weg, capsys):
     """An experiment from another machine, whose state is not here."""
     gateway.memory[BY_HAND] = by_hand(90.0)
@@ -302,6 +310,7 @@ def test_a_controller_in_manual_is_not_taken_for_automatic(gateway, weg, capsys)
     assert "is in automatic" in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("held_s", [0.5, 3.0])
 def test_a_put_that_a_gateway_kept_is_taken_back_when_it_arrives(gateway, weg, capsys, monkeypatch, held_s):
     monkeypatch.setattr(plc_state, "LATE_S", held_s + 2.0)
@@ -314,6 +323,7 @@ def test_a_put_that_a_gateway_kept_is_taken_back_when_it_arrives(gateway, weg, c
     assert gateway.memory[BY_HAND] == AUTOMATIC
 
 
+@pytest.mark.long
 def test_a_put_that_a_gateway_kept_is_taken_back_though_somebody_else_was_there_meanwhile(gateway, weg, capsys, monkeypatch):
     """It has undone the other's change by then; what stood there before is safer than 90 %."""
     monkeypatch.setattr(plc_state, "LATE_S", 5.0)
@@ -344,6 +354,7 @@ def test_a_state_folder_that_cannot_be_read_is_told_in_one_line(tmp_path, monkey
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
+@pytest.mark.long
 def test_a_link_that_stays_dead_is_said_to_be_unknown_with_the_command_that_works(gateway, weg, capsys, monkeypatch):
     monkeypatch.setattr("heatertune.live.experiment.RETRY_S", 2.0)
 

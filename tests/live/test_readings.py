@@ -97,6 +97,7 @@ def test_every_other_reading_without_a_number_is_not_watched(proven, tmp_path):
     assert "could not be used" in end.ended_early
 
 
+@pytest.mark.long
 def test_a_block_of_which_no_byte_changes_is_not_watched(proven, tmp_path):
     end = ended(proven, tmp_path, lambda _: (50.0, 31.0))
     assert end.outside == ""
@@ -128,6 +129,7 @@ def seen(proven, shows, seconds=3000.0):
     return beside.seen
 
 
+@pytest.mark.long
 def test_a_watch_tells_readings_that_are_none(proven):
     good = noisy()
     assert seen(proven, good).well
@@ -143,6 +145,7 @@ def test_a_watch_tells_readings_that_are_none(proven):
     assert late.outside, "a first reading without a number leaves the band as it is"
 
 
+@pytest.mark.long
 def test_a_watch_tells_a_frozen_sensor_and_leaves_one_at_rest(proven):
     assert "the sensor is frozen" in seen(proven, lambda s: (50.1, max(31.0 - 0.02 * s, 0.0))).frozen
     assert not seen(proven, lambda _: (50.0, 31.0)).frozen
@@ -174,6 +177,7 @@ def watched_from(proven, rows, late_s):
     return beside.seen
 
 
+@pytest.mark.long
 def test_a_watch_that_begins_anywhere_in_a_heat_up_tells_nothing_against_a_loop_in_order(proven):
     kp, ki = proven.words.values["Kp"], proven.words.values["Ki"]
     rows = closed(kp, ki, sessions.GAIN, sessions.LAG_S, sessions.DEAD_S)
@@ -183,6 +187,7 @@ def test_a_watch_that_begins_anywhere_in_a_heat_up_tells_nothing_against_a_loop_
         assert shown.well, (late_s, shown.notes())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wrong", [{"kp": 6.0}, {"ki": 6.0}, {"gain": 6.0}, {"gain": 0.4}], ids=str)
 def test_a_watch_that_begins_late_tells_a_wrong_loop(proven, wrong):
     part = {"kp": proven.words.values["Kp"], "ki": proven.words.values["Ki"], "gain": sessions.GAIN}

@@ -60,6 +60,7 @@ class Until:
         return self.more < 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pace", [SLOW, MAX], ids=["slow", "max"])
 @pytest.mark.parametrize("protocol", QUICK)
 def test_each_row_is_a_scan_of_the_simulation(served, heater, words, places, tmp_path, protocol, pace):
@@ -102,6 +103,7 @@ def test_a_link_of_a_slower_protocol_that_is_cut_is_a_marked_gap_and_the_log_goe
     assert rows[-1, 0] > 160.0
 
 
+@pytest.mark.long
 def test_without_places_a_simulated_plc_tells_itself(served, tmp_path):
     plc = served(intervals=600, **SLOW)
     record(way(plc, "s7"), tmp_path / "log.csv", ended=Until(plc))
@@ -212,6 +214,7 @@ def test_a_simulator_that_tells_no_scans_any_more_is_a_lost_link_and_no_other_cl
             looking.look()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("protocol", QUICK)
 @pytest.mark.parametrize("fault", ["cut", "lost-reply", "black-hole"])
 def test_a_lost_link_is_a_marked_gap_and_the_log_goes_on(served, places, tmp_path, protocol, fault):
@@ -229,6 +232,7 @@ def test_a_lost_link_is_a_marked_gap_and_the_log_goes_on(served, places, tmp_pat
     assert any("gap" in doubt for doubt in log.warnings)
 
 
+@pytest.mark.long
 def test_in_stop_there_are_no_rows(served, places, tmp_path):
     plc = served(faults="t=1000 cpu-stop until=2000", intervals=1000, **FAST)
     record(way(plc, "s7"), tmp_path / "log.csv", places, ended=Until(plc))
@@ -253,6 +257,7 @@ def test_a_log_that_is_there_is_not_touched(served, places, tmp_path):
     assert (tmp_path / "log.csv").read_text() == "mine"
 
 
+@pytest.mark.long
 def test_a_torn_log_is_read_without_its_torn_line_and_continued(served, places, tmp_path):
     """Cut after each of its last bytes, as a kill does it; some of these logs are continued, too."""
     plc, path = served(intervals=1000, **FAST), tmp_path / "log.csv"
@@ -341,6 +346,7 @@ CHANGES = {"removed or moved": [lambda path: path.unlink(), _moved], "replaced b
            "emptied or cut": [lambda path: path.write_text(""), _cut]}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("what", "change"), [(what, change) for what, changes in CHANGES.items() for change in changes])
 def test_a_log_that_others_change_goes_on_in_the_file_of_its_name(served, places, tmp_path, what, change):
     plc, path, changed_at, seen = served(intervals=1200, **FAST), tmp_path / "log.csv", [], []
@@ -364,6 +370,7 @@ def test_a_log_that_others_change_goes_on_in_the_file_of_its_name(served, places
         assert {*rows_of(moved)[:, 0], *rows[:, 0]} == {float(f"{at:.9g}") for at in seen}
 
 
+@pytest.mark.long
 def test_a_log_that_is_changed_again_and_again_goes_on(served, places, tmp_path):
     plc, path, seen = served(intervals=1200, **FAST), tmp_path / "log.csv", set()
     chance, changes = random.Random(4), [each for some in CHANGES.values() for each in some]

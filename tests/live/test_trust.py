@@ -171,6 +171,7 @@ FORGERIES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FORGERIES)
 def test_a_forged_folder_is_neither_written_nor_exported(name, made, tmp_path, capsys):
     folder, yes = forged(made, tmp_path, FORGERIES[name])
@@ -189,6 +190,7 @@ def test_a_forged_folder_is_neither_written_nor_exported(name, made, tmp_path, c
         assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 def test_conditions_of_the_design_that_are_wider_are_proven_and_told_everywhere(made, tmp_path, capsys):
     """A design whose recipe asks for less is another design: it is proven as it says, and its limits are told."""
     folder, _ = forged(made, tmp_path, lambda found: found["pid"]["made_for"]["conditions"].update(limit=["overshoot=90%"]))
@@ -198,6 +200,7 @@ def test_conditions_of_the_design_that_are_wider_are_proven_and_told_everywhere(
     assert "own limits: overshoot 90" in capsys.readouterr().out.splitlines()[0]
 
 
+@pytest.mark.long
 def test_the_way_on_of_a_refusal_works_as_it_is_typed(made, tmp_path, capsys):
     folder, _ = forged(made, tmp_path, FORGERIES["results alone"])
     assert main(["export-db", str(folder / "data" / "words.json"), "--target", "s5-ob251", "-o", str(tmp_path / "out")]) == 2
@@ -256,6 +259,7 @@ def rollback(record, *more):
     return main(["rollback", str(record), "--quiet", *more])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("before", "proven"), [({"K": 5000, "TI": 57}, True), ({"K": 12000, "TI": 57}, False)])
 def test_words_that_do_not_pass_are_put_back_only_where_that_is_said(made, tmp_path, capsys, before, proven):
     record = tmp_path / "r.jsonl"
@@ -280,6 +284,7 @@ def test_words_that_do_not_pass_are_put_back_only_where_that_is_said(made, tmp_p
         assert (word(here, K), word(here, TI)) == (before["K"], before["TI"])
 
 
+@pytest.mark.long
 def test_a_record_whose_folder_is_gone_or_that_was_forged_is_not_believed(made, tmp_path, capsys):
     record = tmp_path / "r.jsonl"
     with device(made, K=5000) as here:

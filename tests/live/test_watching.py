@@ -48,6 +48,7 @@ def watched(folder, tmp_path, capsys, *faults):
     return status, json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.long
 def test_a_loop_in_order_is_well_through_its_whole_heat_up(folder, tmp_path, capsys):
     status, seen = watched(folder, tmp_path, capsys)
     assert (status, seen["well"], seen["messages"], seen["outside_s"]) == (0, True, [], [])
@@ -66,6 +67,7 @@ def test_an_experiment_and_a_recording_tell_the_period_of_the_proof(folder, tmp_
     assert all(head in (tmp_path / name).read_text() for name in ("log.csv", "step.csv"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("fault", "told"), [
     ("t=6000 half-power", "outside of the proven band"), ("t=6000 word K=24000", "swings by ±"), ("t=6000 ambient=-15", "% at rest, at first 31"),
     ("t=6000 sensor-half", "outside of the proven band"), ("t=6000 stuck-on", "outside of the proven band")])
@@ -98,6 +100,7 @@ def _unknown(why, *_):
     raise InputError(why)
 
 
+@pytest.mark.long
 def test_the_limit_cycle_of_the_pwm_is_no_swing(folder):
     """A ripple within the PWM's own period is not one of the loop: the mean of each period is looked at."""
     proven = read_proven(folder)
@@ -189,6 +192,7 @@ def looked(view, counts, powers):
             for k, (count, power) in enumerate(zip(counts, powers, strict=True)) if power >= 0]
 
 
+@pytest.mark.long
 @given(st.integers(0, 10**6))
 def test_looks_give_the_alarms_of_a_second_monitor_scan_by_scan(folder, monitor, seed):
     view, chance = read_supervision(monitor), random.Random(seed)
@@ -247,6 +251,7 @@ def test_a_damaged_monitor_is_told_before_anybody_is_looked_at(folder, monitor, 
     assert told in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_monitor_that_never_sees_enough_in_a_row_says_that_it_is_blind(folder, monitor, days):
     """An open circuit, seen on days that only runs of scans tell: too short ones see nothing, and that is told, not "well"."""
     view, words = read_supervision(monitor), read_proven(folder).words
@@ -265,6 +270,7 @@ def test_a_monitor_that_never_sees_enough_in_a_row_says_that_it_is_blind(folder,
     assert enough.to_document()["blind_share"] == pytest.approx(1.0 - 1.0 / (needed + 4), abs=0.01)
 
 
+@pytest.mark.long
 def test_a_link_that_is_lost_and_not_back_is_not_well(folder, tmp_path, capsys, monkeypatch):
     class Ended:  # Ctrl-C after the link was lost
         more = 4

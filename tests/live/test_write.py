@@ -124,6 +124,7 @@ def test_without_apply_nothing_is_written_anywhere(plant, capsys):
     assert (here.words, sorted(here.made.rglob("*"))) == (before, files)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("protocol", ["s7", "modbus"])
 def test_words_are_written_read_back_watched_and_put_back(plant, protocol, capsys):
     here = plant(protocol)
@@ -146,6 +147,7 @@ def test_words_are_written_read_back_watched_and_put_back(plant, protocol, capsy
     assert "nothing to put back" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_the_loop_table_of_an_s7_200_is_written(made_200, tmp_path, capsys):
     words, model, conditions = read_folder(made_200)
     found = replace(words, values={**words.values, "KC": 2.0, "TI": 2.5})
@@ -204,6 +206,7 @@ def test_a_plc_that_is_another_is_not_written_to(plant, asked, told, capsys):
     assert here.served.plc.memory.image()[2:34] == before
 
 
+@pytest.mark.long
 def test_another_interval_than_the_proven_one_is_seen(made, tmp_path, capsys):
     words, model, conditions = read_folder(made)
     slower = replace(words, sample_time_s=6.2, values={**words.values, "K": 2000})
@@ -280,6 +283,7 @@ def test_a_write_whose_answer_is_lost_goes_once_and_is_found_out(plant, protocol
     assert "DONE" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_link_that_stays_down_after_a_write_leaves_it_unknown_and_rollback_finds_out(plant, capsys):
     here = plant(faults="t=1e9 cut")
     memory, plc = here.served.plc.memory, here.served.plc
@@ -305,6 +309,7 @@ def test_a_link_that_stays_down_after_a_write_leaves_it_unknown_and_rollback_fin
     assert here.words == {**here.words, **OLD}
 
 
+@pytest.mark.long
 def test_a_response_outside_the_proven_band_is_taken_back(plant, capsys):
     here = plant(faults="t=1500 stuck-on", rate=400)  # the write has ended well before that
     while here.served.status.intervals < 400:
@@ -336,6 +341,7 @@ def _sensor_from_the_write_on(here, monkeypatch, sensed):
     monkeypatch.setattr(Peer, "write", written)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shown", [90.0, 68.0, 30.0])
 def test_a_reading_that_jumps_at_the_moment_of_the_write_is_not_taken_for_the_loops_state(plant, monkeypatch, capsys, shown):
     # a heater of 0.9 °C/% and 167 s goes up by 0.9·121/167 °C/s at the very most, 2 °C in a scan of 3.1 s
@@ -353,6 +359,7 @@ def test_a_reading_that_jumps_at_the_moment_of_the_write_is_not_taken_for_the_lo
     assert jumped[-1]["s"] < sessions.DEAD_S, "not after minutes: within the dead time"
 
 
+@pytest.mark.long
 def test_one_disturbed_reading_after_the_write_begins_no_band(plant, monkeypatch):
     here, seen = plant(rate=400), []
     while here.served.status.intervals < 400:
@@ -398,6 +405,7 @@ def test_no_heater_leaves_its_reach_and_a_jump_does(made):
     assert reach.at(50.0, -1.0) == (-math.inf, math.inf), "a PLC that has begun to count again"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wait", [520, 550])
 def test_words_that_end_a_swing_are_not_taken_back(plant, wait):
     # before the band knew of the slope, a third of such writes were, though the loop rests under the new words
@@ -439,6 +447,7 @@ def test_what_somebody_else_has_changed_since_stays(plant, capsys):
     assert "K is 4444" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_writes_of_a_word_are_counted_and_end_at_the_budget(plant, capsys):
     here = plant()
     assert here.write("--no-watch") == 0
@@ -449,6 +458,7 @@ def test_writes_of_a_word_are_counted_and_end_at_the_budget(plant, capsys):
     assert here.words == {**here.words, **OLD}
 
 
+@pytest.mark.long
 def test_a_second_write_at_the_same_time_waits_its_turn(plant, capsys):
     here = plant(rate=60)
     ends = []
@@ -463,6 +473,7 @@ def test_a_second_write_at_the_same_time_waits_its_turn(plant, capsys):
     assert ends == [0]
 
 
+@pytest.mark.long
 def test_an_experiment_that_has_not_ended_is_told_and_nothing_is_written(plant, capsys, tmp_path):
     """And once its command has brought back what stood there, all goes on."""
     here = plant()
@@ -499,6 +510,7 @@ def test_an_experiment_that_has_not_ended_is_told_and_nothing_is_written(plant, 
     assert here.words == {**here.words, **OLD}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("held_s", [2.0, 60.0])
 def test_a_write_that_a_gateway_keeps_is_taken_back_when_it_arrives(plant, monkeypatch, capsys, held_s):
     """Of three parts the second is kept: the first is taken back at once, the second when it arrives; 60 s: never."""
@@ -545,6 +557,7 @@ def test_a_write_without_an_answer_holds_up_the_next_one_until_it_can_arrive_no_
     assert state.late_left_s() == 0.0  # answered
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("asked", ["SIGTERM", "SIGHUP"])
 def test_a_signal_ends_a_write_like_ctrl_c(plant, asked):
     here = plant()

@@ -172,6 +172,7 @@ def test_where_words_cannot_be_written_one_line_says_why_and_which_to_type_in(ta
     assert "enter its parameters manually" in said
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("changed", ["before", "sha256", "parts"])
 def test_a_record_whose_bytes_are_not_those_of_its_digest_puts_nothing_back(plant, changed):
     here = plant("fb41", "s7", INSTRUMENTS["fb41", "s7"][0])

@@ -101,6 +101,7 @@ def changed(step, **what):
     return lambda lines: [line | what if line["step"] == step else line for line in lines]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("change", "told"), [
     (changed("begin", digest="sha256:0123456789abcdef"), "the record of another proof, 01234567; that in"),
     (lambda lines: changed("begin", before="ff" + lines[0]["before"][2:])(lines), "line 1: sha256: not the digest of what was there before"),

@@ -200,6 +200,7 @@ def test_a_unit_in_full_counts_wherever_it_stands_but_not_beside_another():
     assert unit_in_name("time", "time in minutes and seconds") != "min"
 
 
+@pytest.mark.long
 @settings(max_examples=300, deadline=None)
 @given(
     st.sampled_from(["s", "ms", "min", "h", "day"]), st.sampled_from(["degC", "degF", "K", "0.1degC", "0.01degC", "0.1degF", "0..27648"]),

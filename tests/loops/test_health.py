@@ -82,6 +82,7 @@ def test_a_switch_tells_its_period_and_how_often_it_switches():
     assert thin.power_pct.mean() == pytest.approx(300.0 / 7.3, abs=1.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cause", ["good", "gain too high", "sluggish"])
 def test_loads_are_found_where_and_as_large_as_they_are(cause):
     loop = of(cause, cold=False, duty=True)
@@ -92,6 +93,7 @@ def test_loads_are_found_where_and_as_large_as_they_are(cause):
     assert np.ptp(cleared.time_s) == pytest.approx(loop.duration, rel=0.01)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("interval", "ticks"), [(None, 50), (0.1, None)], ids=["fifty", "hundreds"])
 def test_the_ticks_of_a_switch_are_found_where_they_are_coarse_and_the_dead_time_with_them(interval, ticks):
     """Bench's PWM counts steps of its integration, 50 in a period or 388, and logs the duty that it was asked for."""
@@ -166,6 +168,7 @@ def test_the_day_lived_again_with_the_very_controller_that_ran_is_the_day_itself
     assert times_worse(lived, course)[0] == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.long
 def test_a_day_that_never_comes_to_its_setpoint_is_as_bad_as_it_is():
     """A controller that gives no power: the mean error is the way down to the room, by the heater's own formula."""
     loop = of("good", cold=False, duty=True, second=0.0)
@@ -183,6 +186,7 @@ def oscillating():
     return log_of(loop), LoopEntry(name=loop.name, file="loop.csv", switch=loop.switch, pwm_period_s=loop.pwm)
 
 
+@pytest.mark.long
 def test_a_heater_that_the_log_leaves_open_gets_no_words(monkeypatch):
     log, loop = oscillating()
     opened = Interval(low=0.2, high=None)
@@ -212,6 +216,7 @@ def test_words_with_which_the_logged_day_is_worse_are_not_proven():
     assert re.search(r"the logged day lived with them is worse, mean error [\d.]+ → [\d.]+ °C", cure.reason)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("cold", "known"), [(True, True), (False, False)])
 def test_a_loop_that_begins_cold_tells_its_room(cold, known):
     loop = of("good", cold=cold, duty=True)
@@ -224,6 +229,7 @@ def test_a_loop_that_begins_cold_tells_its_room(cold, known):
         assert cleared.power_before_pct == pytest.approx((loop.low - loop.ambient) / loop.gain, abs=5.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cause", ["gain too high", "TN too short", "sluggish"])
 def test_what_the_whole_log_rules_out_is_no_dead_time_of_its_heater(cause):
     """Bench's heater stands: its dead time, second lag and the wait for the next PWM period lie below the bound."""
@@ -340,6 +346,7 @@ def test_without_an_earlier_run_there_is_no_last(tmp_path, capsys):
     assert "expected the name of a page" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_reading_that_stands_still_is_not_judged_and_a_coarse_one_at_rest_is():
     time = np.arange(3600.0)
     drawn_power = 40.0 + np.random.default_rng(2).standard_normal(3600)

@@ -36,6 +36,7 @@ def _found(log):
     return opened_at_s(PowerProblem(readings=Readings.of(log)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("loop", [True, False])
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_instant_is_found_within_a_twentieth_of_the_log(seed, loop):
@@ -43,6 +44,7 @@ def test_the_instant_is_found_within_a_twentieth_of_the_log(seed, loop):
     assert _found(log) == pytest.approx(at, abs=0.05 * length)
 
 
+@pytest.mark.long
 def test_the_fit_refuses_such_a_log_and_accepts_it_up_to_there():
     log, at, length = _opened(1, loop=True)
     with pytest.raises(InputError, match=r"stops answering at t=.*--until") as told:
@@ -52,6 +54,7 @@ def test_the_fit_refuses_such_a_log_and_accepts_it_up_to_there():
     assert fit(log, until_s=until).fit_pct > 90.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["plain", "small-load", "door", "cooling", "two-scales", "two-scales-loop"])
 def test_no_heater_that_goes_on_is_accused(kind):
     for seed in range(3):

@@ -33,6 +33,7 @@ def _unexplained(fitted):
     return [finding.message for finding in fitted.findings if finding.name == "unexplained-by-power"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("start", "setpoint", "rows"), [(80.0, 40.0, 400), (80.0, 40.0, 180), (60.0, 25.0, 300)])
 def test_a_log_that_begins_hot_and_cools_with_hardly_any_power_is_not_explained_by_it(start, setpoint, rows):
     fitted = fit(_loop(start, setpoint, rows=rows), laws=LAWS, ambient_degC=ROOM)

@@ -385,6 +385,7 @@ def _modal_iae(plant, gain, tn, tv):
     return float(trapezoid(np.abs(np.real(np.exp(np.outer(t, poles)) @ shares)), t))
 
 
+@pytest.mark.long
 @pytest.mark.brute
 @pytest.mark.parametrize(("gain", "lag", "ms", "mks"), [(0.5, 3.0, 1.6, 5.0), (1.0, 100.0, 1.2, 30.0), (1.0, 1.0, 1.6, 1e3)])
 def test_without_dead_time_no_pi_of_a_brute_force_beats_the_optimum_under_a_noise_limit(gain, lag, ms, mks):
@@ -483,6 +484,7 @@ def test_every_random_heater_ends_with_a_feasible_design_or_a_sentence(seed):
     assert designs > 35
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("steps", [10, 200])  # too few for the 32 of a dead time, and enough
 @pytest.mark.parametrize("dead", [0.0, 1e-300, 3.0, 1e300])
 def test_gains_beyond_all_numbers_write_nowhere_but_in_their_room(dead, steps):

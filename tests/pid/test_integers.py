@@ -165,6 +165,7 @@ def test_no_controller_inside_a_box_costs_less_than_its_bound(structure):
     assert none_inside > 5
 
 
+@pytest.mark.long
 def test_a_box_of_unstable_controllers_is_ruled_out_though_all_keep_their_distance():
     # python-control's poles say that every corner is unstable; none comes near −1
     ta = 10.0

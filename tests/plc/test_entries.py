@@ -136,6 +136,7 @@ def test_no_setpoint_of_a_tenth_of_a_degree_loses_a_count(target, low, high):
         assert round((controller.core.measure(sensor, tenths / 10) - lowest) / step) == exact, tenths
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("target", NAMES)
 def test_files_of_random_designs_read_back_and_show_what_is_entered(target):
     chance, controller, compared = random.Random(5), controller_for(target), 0

@@ -81,6 +81,7 @@ def test_the_texts_of_one_design_come_back_as_its_words(target):
         assert _read(target, text, interval=words.sample_time_s)[0] == words
 
 
+@pytest.mark.long
 @pytest.mark.law
 @targets
 def test_what_is_exported_comes_back_the_same(target):
@@ -380,6 +381,7 @@ def test_what_is_no_listing_at_all_is_refused_before_it_is_looked_through():
     _refused("weg", 600_000 * "(*\n", "1800000 characters")
 
 
+@pytest.mark.long
 @targets
 def test_no_text_is_read_as_words_of_another_controller(target):
     words = _legal(target)

@@ -68,6 +68,7 @@ def test_a_setpoint_ramp_is_followed_from_the_first_reading_on():
         replace(words, ramp=Ramp(step=30000)).controller()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("target", "ramp"), [
     ("s5-ob251", Ramp(step=11, calls=2, hold=30)), ("weg", Ramp(step=0.5, hold=1.5)), ("s7-200", Ramp(step=2, hold=3)),
     ("s5-ob251", Ramp(step=11, calls=2, hold=-30)), ("weg", Ramp(step=0.5, hold=-1.5)),

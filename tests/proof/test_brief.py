@@ -235,6 +235,7 @@ def _overshoot_after_an_outage_pct(words, heater, setpoint, power, *, lasts=6.0,
     return 100.0 * (most - setpoint) / (upper - heater.ambient_degC)
 
 
+@pytest.mark.long
 def test_an_outage_at_the_lower_setpoint_overshoots_more_than_at_the_upper_and_blocks():
     heater = Fopdt(gain_degC_per_pct=1.46, time_constant_s=716.0, dead_time_s=160.0, ambient_degC=24.5)
     fitted, scaling = model_by_hand(heater), Scaling(high_degC=150.0)
@@ -247,6 +248,7 @@ def test_an_outage_at_the_lower_setpoint_overshoots_more_than_at_the_upper_and_b
     assert prove(words, fitted, setpoint_degC=(80.0, UPPER)).verdict == "PASS"  # the smaller range that the finding names
 
 
+@pytest.mark.long
 def test_an_outage_shorter_than_the_sequence_s_that_overshoots_more_at_the_lower_setpoint_blocks():
     """The sum is the largest after 0.6 time constants there, and is given back while a longer outage goes on."""
     heater = Fopdt(gain_degC_per_pct=0.9, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)

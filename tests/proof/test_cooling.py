@@ -139,6 +139,7 @@ def test_the_cooler_is_as_strong_whatever_the_mains_of_a_drawn_heater():
     assert np.ptp(power) > 0.3
 
 
+@pytest.mark.long
 def test_a_drawn_heater_with_a_cooler_is_measured_as_it_is_replayed_and_compiled_as_plainly(monkeypatch):
     drawing, found = SampleRequest.of(PID_TEMP, WORDS, [HEATER], STORY, SampleSpread(), SWITCH), []
     for at_once in (False, True):

@@ -147,6 +147,7 @@ def _with_samples(folder, here, kept, monkeypatch):
     monkeypatch.setattr(repetition, "_proof_document", lambda *_: json.loads((here / "proof.json").read_text()))
 
 
+@pytest.mark.long
 def test_samples_that_are_not_drawn_again_are_not_believed(folder, tmp_path, monkeypatch, capsys):
     here, out = tmp_path / "in", tmp_path / "out"
     with monkeypatch.context() as planted:
@@ -158,6 +159,7 @@ def test_samples_that_are_not_drawn_again_are_not_believed(folder, tmp_path, mon
     assert not out.exists()
 
 
+@pytest.mark.long
 def test_samples_that_fail_are_no_pass_of_the_words(folder, tmp_path, monkeypatch, capsys):
     here, out = tmp_path / "in", tmp_path / "out"
     _with_samples(folder, here, 90, monkeypatch)

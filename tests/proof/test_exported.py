@@ -331,6 +331,7 @@ def test_an_analog_output_makes_no_pulses():
     assert controller.load_exported(files, controller.assumptions())["fb41_cont_c.awl"]().begin(50.0, 300) is None
 
 
+@pytest.mark.long
 def test_a_program_with_known_faults_passes_only_where_they_are_accepted(tmp_path):
     """As the standard prints it, the PID is a PID while it runs in automatic and nothing limits it: its limits are kept here."""
     fitted = model_by_hand(Fopdt(gain_degC_per_pct=0.4, time_constant_s=200.0, dead_time_s=10.0, ambient_degC=22.0))

@@ -76,6 +76,7 @@ def test_loops_side_by_side_are_those_one_after_the_other_bit_for_bit(target, mo
     same(together, ran(drawing, monkeypatch, side_by_side=False, compile_at_once=False, count=3), 3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("scenario", "actuator", "ramp"), [
     (SCENARIO, PWM, None),
     (replace(SCENARIO, noise_degC=1.0), replace(PWM, minimum_on_s=0.3, minimum_off_s=0.3, minimum_rule="carry"), 2.0),
@@ -133,6 +134,7 @@ def test_few_loops_side_by_side_are_the_same(count, monkeypatch):
     same(*(ran(drawing, monkeypatch, side_by_side=way, count=count) for way in (True, False)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_a_default_proof_finds_the_same_side_by_side(noise, monkeypatch):
     drawing = default_drawing("s5-ob251")
@@ -202,6 +204,7 @@ def test_noise_is_drawn_by_vector_instructions():
     assert alone == 0 < together
 
 
+@pytest.mark.long
 @VECTORS
 @pytest.mark.parametrize("target", ["s5-ob251", "weg"])
 def test_the_scan_of_all_controllers_is_vector_instructions(target, monkeypatch):

@@ -54,6 +54,7 @@ def test_words_that_pass_with_one_draw_fail_where_another_breaks_a_limit(monkeyp
         assert all(each.ok for each in judge(trace, proof.limits)) == (seed != broken)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("interlock", [None, "heater-fan"])
 def test_words_that_pass_with_all_draws_say_on_the_verdicts_line_what_that_means(monkeypatch, interlock):
     monkeypatch.setattr("heatertune.proof.proof.DRAWS", 3)

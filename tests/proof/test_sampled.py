@@ -61,11 +61,13 @@ def test_settings_are_drawn_too_and_the_one_that_passes_least_counts(drawing):
     assert prove_samples(drawing(integral="off at the limit"), LIMITS, 58).verdict == "NOT PROVEN", "Wilks: 59"
 
 
+@pytest.mark.long
 def test_how_many_share_the_samples_decides_nothing(drawing):
     drawn = drawing(SampleSpread(heater=(0.02, 0.02, 0.5)))
     assert prove_samples(drawn, LIMITS, 24, workers=1) == prove_samples(drawn, LIMITS, 24, workers=3)
 
 
+@pytest.mark.long
 def test_those_that_break_a_limit_are_named_the_worst_first(drawing, monkeypatch):
     drawn = drawing(SampleSpread(heater=(0.1, 0.1, 0.5)), second="off at the limit", third="off at the limit")
     count, values = 40, measure(drawn, LIMITS, 40, seed=7)
@@ -85,6 +87,7 @@ def test_those_that_break_a_limit_are_named_the_worst_first(drawing, monkeypatch
     assert set(prove_samples(drawn, asked, count, seed=7).broken) <= set(proof.broken[:3])
 
 
+@pytest.mark.long
 def test_how_many_are_measured_at_once_decides_nothing(drawing, monkeypatch):
     drawn, asked = drawing(SampleSpread(heater=(0.02, 0.02, 0.5))), replace(LIMITS, power_reserve_pct=10.0, iae_degC_s=3000.0)
     whole = prove_samples(drawn, asked, 24, seed=3)
@@ -93,6 +96,7 @@ def test_how_many_are_measured_at_once_decides_nothing(drawing, monkeypatch):
     assert prove_samples(drawn, asked, 24, seed=3) == whole
 
 
+@pytest.mark.long
 def test_each_sample_is_run_under_every_setting_and_again_under_its_worst(drawing):
     drawn = drawing(SampleSpread(heater=(0.02, 0.02, 0.5)), second="off at the limit", third="off at the limit")
     proof = prove_samples(drawn, LIMITS, 8, seed=4)
@@ -112,6 +116,7 @@ def test_each_sample_is_run_under_every_setting_and_again_under_its_worst(drawin
     assert hardest_setting(drawing(integral="off at the limit", second="off at the limit", third="off at the limit"), LIMITS, 4) == 0
 
 
+@pytest.mark.long
 def test_drawn_mains_and_the_storys_are_within_the_tolerance_of_the_supply_together(drawing):
     # EN 50160: ±10 % of the voltage; once a story's 90 % came on top of a drawn 90 %, and no heater could hold the setpoint
     low, high, seeds = 0.9 ** 2, 1.1 ** 2, range(60)

@@ -329,6 +329,7 @@ def test_a_ramp_leads_to_each_setpoint_and_begins_anew_after_a_restart(tenths, w
     assert followed.tolist() == expected
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_run_is_judged_by_the_meter_as_by_its_trace_through_all_of_it(target):
     which = controller_for(target)

@@ -207,6 +207,7 @@ def test_so_many_samples_pass_as_tables_of_tolerance_limits_ask_for(broken, coun
     assert verdict_of_samples(count, 0.95, [count, count - broken - 1]) == "NOT PROVEN"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("quantile", [Fraction(9, 10), Fraction(19, 20), Fraction(99, 100)])
 def test_the_verdict_of_samples_errs_in_one_of_twenty_draws_at_most(quantile):
     """The witness sums the binomial in fractions; neither side can give another verdict without breaking its 5 %."""

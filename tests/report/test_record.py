@@ -147,6 +147,7 @@ def test_words_that_are_not_proven_are_not_to_be_typed_in(documents):
     assert "Do not enter" not in record(documents)
 
 
+@pytest.mark.long
 def test_what_the_plant_is_called_stands_at_the_foot_of_each_page_and_breaks_out_of_nothing(documents):
     named = documents | {"record": {"plant_tag": '</style>"; x', "document": "HT-0815", "revision": None}}
     assert head(named).startswith('HT-0815 · </style>"; x · s5-ob251 · proof ')

@@ -129,6 +129,7 @@ def demand_whole(page):
     assert not re.search(r"--[a-z]", page.locator("body").inner_text())
 
 
+@pytest.mark.essential
 @pytest.mark.long(seconds=60)
 def test_a_user_gets_from_a_dropped_file_to_downloaded_words(page, step_log):
     demand_accessible(page)

@@ -34,6 +34,7 @@ def hold(work, log, number, **about):
     asyncio.run(work.hold(log, AsLeftSettings(**about), number))
 
 
+@pytest.mark.long
 def test_a_trace_stands_beside_the_very_design_it_was_held_against(work, monkeypatch):
     session = work.session
     asyncio.run(work.look())
@@ -75,6 +76,7 @@ def test_a_trace_of_another_heater_is_not_as_proven(work):
     assert left_sentence(session.as_left, "PASS").startswith("NOT AS PROVEN: ")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "about", "told"), [
     (1, {}, "the design changed meanwhile"), (0, {"load_at_s": 1e6}, "‘load came’ = 1e+06 s: after goes from 0 to"),
 ])

@@ -93,6 +93,7 @@ def test_the_picture_shows_what_the_file_holds_and_nothing_is_left_open(work, pl
     assert {each for each in open_files() - files if each.startswith(("socket", str(tmp_path)))} == set()
 
 
+@pytest.mark.long
 def test_a_link_that_is_lost_is_told_and_is_a_gap_in_the_picture(work, plc, folder, tmp_path):
     _, address = plc(rate=500.0, faults=["t=400 cut until=1200"])
     window = Window(work, lambda live: live.rows and live.so_far.last.time_s > 1400.0)
