@@ -14,7 +14,7 @@ from typing import Any, Final
 
 __all__ = ["SCHEMA", "InstallationCheck", "document", "examine", "works"]
 
-SCHEMA: Final = "heatertune/doctor/1"
+SCHEMA: Final = "heatertune/doctor/2"
 
 #: the oldest Python, as pyproject.toml has it
 _PYTHON: Final = (3, 11)
@@ -27,9 +27,9 @@ class InstallationCheck:
 
     Attributes:
         name: what it is.
-        found: what was found, one line.
+        value: what was found, one line.
         ok: whether it works.
-        needed: whether heatertune cannot do its main job without it.
+        required: whether heatertune cannot do its main job without it.
         remedy: what to do where it does not work, empty otherwise.
     """
 

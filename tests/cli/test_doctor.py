@@ -19,11 +19,11 @@ def _by_name(findings):
 def test_a_working_installation_is_well(run):
     status, out, _ = run("doctor", "--json")
     document = json.loads(out)
-    assert (status, document["schema"], document["well"]) == (0, "heatertune/doctor/1", True)
+    assert (status, document["schema"], document["well"]) == (0, "heatertune/doctor/2", True)
     found = {each["name"]: each for each in document["findings"]}
-    assert found["numpy"]["found"] == metadata.version("numpy")
-    assert found["paper tables"]["found"] == "table3: 240 readings, table4: 240 readings"
-    assert "2.0000" in found["IPOPT"]["found"]
+    assert found["numpy"]["value"] == metadata.version("numpy")
+    assert found["paper tables"]["value"] == "table3: 240 readings, table4: 240 readings"
+    assert "2.0000" in found["IPOPT"]["value"]
     status, out, _ = run("doctor")
     assert (status, out.splitlines()[-1]) == (0, "all that is needed works")
 

@@ -61,7 +61,7 @@ def test_what_a_design_that_fails_found_is_its_way_on_as_long_as_nothing_else_is
     assert f"remedy: found during the design: {found}" in said
     for asked in (("--tolerance", 0.02), ("--gain", 0.6, "--time-constant", 120, "--dead-time", 10, "--ambient", 20)):
         other = " ".join(run("verify", path, "--target", "on-off", "--quiet", *asked)[1].split())
-        assert "remedy: heatertune design or tune with this --target looks for the least change" in other
+        assert "remedy: heatertune design or tune with this --target searches for the smallest change" in other
 
 
 @pytest.mark.long

@@ -129,7 +129,7 @@ def failing(proof):
 def test_no_words_leave_on_another_proof(change, status, told, proven, tmp_path, capsys):
     proof = json.loads((proven / "out" / "data" / "proof.json").read_text())
     change(proof)
-    if "other words" in told:  # a whole proof, but not of these
+    if "other parameters" in told:  # a whole proof, but not of these
         proof["digest"] = with_digest(proof)["digest"]
     (tmp_path / "words.json").write_text((proven / "out" / "data" / "words.json").read_text())
     (tmp_path / "proof.json").write_text(json.dumps(proof))

@@ -143,7 +143,7 @@ def test_what_makes_no_sense_together_is_refused(table3, table4):
     with pytest.raises(InputError, match="no controller law"):
         fit_together([table3, table4], laws=())
     powered = replace(table4, power_pct=np.linspace(0.0, 90.0, len(table4.time_s)))
-    with pytest.raises(InputError, match="holds the power"):
+    with pytest.raises(InputError, match="contains the power"):
         fit_together([table3, powered], laws=LAWS)
     with pytest.raises(OutOfRange, match="ambient_degC"):
         fit(table3, laws=LAWS, ambient_degC=(25.0, 20.0))
