@@ -117,6 +117,14 @@ def test_the_heater_that_is_the_hardest_in_a_part_of_the_range_is_found_where_it
         assert most(low_overshoots) > 1.0
         assert design.passes_with == ("--switch", "width_applies=this_cycle")
         design = find_passing_design(fitted, replace(wanted, conditions=replace(wanted.conditions, switches={"width_applies": "this_cycle"})))
+    else:
+        # a few degrees above the room an open circuit overshoots by more than at 20.2 °C, which the room nearly has; the judge sees it
+        assert "low-outage" in [finding.name for finding in design.proof.diagnostics.findings]
+        lowest = 25.0
+        assert most(low_overshoots) > 1.0
+        assert design.passes_with == ("--setpoint", "31.3 35")
+        lowest = 31.3
+        design = find_passing_design(fitted, replace(wanted, conditions=replace(wanted.conditions, setpoint_degC=(lowest, 35.0))))
     assert design.proof.verdict == "PASS"
     assert most(changes) < SHORT_SLACK
     assert most(low_overshoots) < SHORT_SLACK

@@ -66,7 +66,7 @@ def test_a_design_that_fails_is_closed_by_a_more_robust_one_and_the_price_is_tol
     assert _again(found, model).words == found.proof.words
     assert found.choice.search.realised.ms < first.choice.search.realised.ms
     price = 100.0 * (found.choice.search.realised.iae_load / first.choice.search.realised.iae_load - 1.0)
-    assert f"costs {price:.2g} % more IAE" in found.notes[0]
+    assert f"the IAE of a load disturbance rises by {price:.2g} %" in found.notes[0]
     assert found.proof.diagnostics.remarks[-1].startswith("with K times ")
 
 
@@ -140,7 +140,7 @@ def test_a_boost_leaves_the_gains_and_what_a_load_costs_and_comes_before_a_ramp(
     settled = [next(each.value for each in one.proof.criteria if each.name == "settling_time") for one in (found, led)]
     assert settled[0] < 0.9 * settled[1]
     assert f"with a boost ({words.boost})" in found.proof.diagnostics.remarks
-    assert "IAE stays" in found.notes[0]
+    assert "the IAE does not change" in found.notes[0]
     assert _again(found, model).words == words
 
 
@@ -207,7 +207,7 @@ def test_what_swings_gets_a_faster_pwm_and_its_wear_is_told():
     assert ripple_degC(plant, plain.proof.actuator.pwm_period_s, 40.0) > 0.8
     assert (plain.proof.verdict, found.proof.verdict) == ("FAIL", "PASS")
     assert found.proof.actuator.pwm_period_s <= 1.0
-    assert "the worst switchings goes from" in found.notes[0]
+    assert "the worst switchings changes from" in found.notes[0]
     again = _again(found, model_by_hand(plant))
     assert (again.verdict, again.actuator, again.words) == ("PASS", found.proof.actuator, found.proof.words)
 
@@ -247,7 +247,7 @@ def test_what_no_solid_state_relays_pwm_holds_gets_bursts_of_whole_waves():
     assert (switch.resolution_s, switch.minimum_rule) == (0.02, "carry")
     assert interval / switch.pwm_period_s == pytest.approx(round(interval / switch.pwm_period_s))
     assert f"bursts of whole mains waves every {switch.pwm_period_s:.3g} s" in found.proof.diagnostics.remarks[-1]
-    assert "the worst switchings goes from" in found.notes[0]
+    assert "the worst switchings changes from" in found.notes[0]
     again = _again(found, model)
     assert (again.verdict, again.actuator, again.words) == ("PASS", switch, found.proof.words)
 

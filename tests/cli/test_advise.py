@@ -131,7 +131,7 @@ def test_a_failure_that_hangs_on_what_the_manual_leaves_open_says_what_to_find_o
     # the same design passes above, where --switch says how the block's I part behaves at a limit
     status, out, _ = run("advise", response(), "--pid", pid, "--quiet")
     assert status == 1
-    assert "find out what this controller does, and say --switch anti_windup=clamp." in out
+    assert "find out what this controller does, and state it with --switch anti_windup=clamp." in out
 
 
 @pytest.mark.long

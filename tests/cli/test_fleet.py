@@ -295,7 +295,7 @@ def test_drawn_heaters_are_switched_as_the_proof_was():
 @pytest.mark.parametrize(("heater", "target", "conditions", "outcome", "says"), [
     (Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=15.0, ambient_degC=22.0), "weg", Conditions(
         setpoint_degC=46.0, switches={"anti_windup": "none", "manual": "limited", "manual_return": "held"}),
-     "PASS", "with a boost (full power until 5.16 °C from the setpoint"),
+     "PASS", "with a boost (full power until 7.37 °C from the setpoint"),
     (Fopdt(gain_degC_per_pct=1.0, time_constant_s=38.0, dead_time_s=6.0, ambient_degC=20.0), "s7-300", Conditions(
         setpoint_degC=60.0, tolerance_degC=0.9, pwm_period_s=2.0), "FAIL", "would pass at --sample-time auto"),
 ])

@@ -37,7 +37,7 @@ def test_without_a_target_a_specification_is_only_aimed_at_and_one_sentence_says
     document = json.loads(out)
     assert status == 0
     assert document["ms"] == pytest.approx(1.4, abs=1e-3)
-    assert "no --target says in whose words" in document["notes"][-1]
+    assert "no --target names the controller" in document["notes"][-1]
 
 
 def test_what_a_design_hears_itself_asks_for_no_proof(run):

@@ -193,16 +193,17 @@ def test_by_hand_and_at_the_first_call_the_repaired_block_is_the_witness():
 def test_the_compiled_step_gives_the_bits_of_the_plain_one():
     from heatertune.compiled import compile_function  # noqa: PLC0415 - Numba is slow to load
     chance = np.random.default_rng(3)
-    for module, room in ((repaired, ROOM), (printed, PRINTED)):
+    for module, assumptions, room in (
+            (repaired, repaired.IecPidAssumptions, ROOM), (printed, printed.StandardPidAssumptions, PRINTED)):
         fast = compile_function(room.core.step)
         for _ in range(30):
             kp, tr, td = _gains(chance)
-            block = module.block_of({"KP": kp, "TR": tr, "TD": td, "XMIN": 0.0, "XMAX": 100.0, "CYCLE": 1730}, module.IecPidAssumptions())
+            block = module.block_of({"KP": kp, "TR": tr, "TD": td, "XMIN": 0.0, "XMAX": 100.0, "CYCLE": 1730}, assumptions())
             plain, quick = module.COLD, module.COLD
             for _ in range(40):
                 sp, pv = _real(chance, 0.0), _real(chance)
-                plain, power, output, bits = module.step((block, module.IecPidAssumptions()), plain, sp, pv, True)
-                quick, *told = fast(to_single((block, module.IecPidAssumptions())), to_single(quick), np.float32(sp), np.float32(pv), True)
+                plain, power, output, bits = module.step((block, assumptions()), plain, sp, pv, True)
+                quick, *told = fast(to_single((block, assumptions())), to_single(quick), np.float32(sp), np.float32(pv), True)
                 assert _same(power, float(told[0])), (block, sp, pv)
                 assert _same(output, float(told[1]))
                 assert told[2] == bits

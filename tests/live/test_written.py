@@ -68,11 +68,11 @@ def test_a_write_and_its_rollback_are_as_found_as_proven_and_as_left(record):
     there, back = found.passages
     assert [(one.kind, one.outcome) for one in found.passages] == [("write", "done"), ("rollback", "done")]
     assert there.begun < there.ended <= back.begun
-    assert (there.found["K"], there.left["K"], back.left["K"]) == (3000, 5431, 3000)
+    assert (there.as_found["K"], there.left["K"], back.left["K"]) == (3000, 5431, 3000)
     k, tn = there.quantities[:2]
     assert (k.name, k.unit) == ("K", "%/°C")
-    assert (k.found, k.proven, k.left) == pytest.approx((3000 / 1024, 5431 / 1024, 5431 / 1024))
-    assert (tn.found, tn.left) == pytest.approx((1024 * TA_S / 30, 1024 * TA_S / 58))
+    assert (k.as_found, k.proven, k.left) == pytest.approx((3000 / 1024, 5431 / 1024, 5431 / 1024))
+    assert (tn.as_found, tn.left) == pytest.approx((1024 * TA_S / 30, 1024 * TA_S / 58))
     assert back.quantities[0].left == pytest.approx(3000 / 1024)
     watch = there.watch
     assert back.watch is None
@@ -160,7 +160,7 @@ def test_the_page_tells_it_and_keeps_it(whole, capsys):
     assert ["K", "2.93 %/°C", "5.304 %/°C", "5.304 %/°C"] in rows
     assert ["DW1 K", "KF +03000", "KF +05431", "KF +05431"] in rows
     assert ["DW1 K", "KF +05431", "KF +05431", "KF +03000"] in rows
-    [words] = [row for row in rows if row[0] == "words" and len(row) == 3]
+    [words] = [row for row in rows if row[0] == "parameters" and len(row) == 3]
     assert words[1] == words[2], "as found, and after the rollback as left"
     assert words[1].startswith("K KF +03000, ")
     assert "Measured against proven" in page

@@ -23,7 +23,7 @@ def log():
 def test_an_ambient_that_leaves_its_interval_is_taken_at_the_nearest_end(log, given, end):
     fitted = fit(log, ambient_degC=given)
     assert fitted.model.ambient_degC == end
-    assert any(f"its end of {end:g} °C was taken" in note for note in fitted.notes)
+    assert any(f"its end of {end:g} °C was used" in note for note in fitted.notes)
 
 
 @pytest.mark.long

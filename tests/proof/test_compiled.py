@@ -365,7 +365,7 @@ def test_a_process_may_decide_for_all_its_loops(monkeypatch):
 
 
 def test_a_process_may_run_compiled_what_is_kept_and_nothing_else(monkeypatch, tmp_path):
-    monkeypatch.setattr(machine, "_decided", ["passing_count"])
+    monkeypatch.setattr(machine, "_decided", ["kept"])
     monkeypatch.setattr(machine, "_found", set())
     monkeypatch.setattr(machine, "folder", lambda: tmp_path)
     loops = [bound(run, step=_plus), bound(run, step=_minus)]

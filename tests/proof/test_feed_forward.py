@@ -88,7 +88,7 @@ def test_both_loops_are_as_simulated_elsewhere():
 @pytest.mark.usefixtures("whatever_pays")
 def test_every_heater_and_setting_is_run_and_the_document_holds_them():
     cold = replace(HEATER, gain_degC_per_pct=1.0)
-    proof = _prove(models=[("a", HEATER), ("b", cold)], known={})
+    proof = _prove(models=[("a", HEATER), ("b", cold)], stated_settings={})
     settings = sum(len(switch.settings) - 1 for switch in ROOM.switches if not (switch.in_manual or switch.chosen))
     # each of the settings alone, default first, with the step and with the heat-up; three more effects
     assert len(proof.runs) == 2 * (2 * (1 + settings) + 3)

@@ -124,7 +124,7 @@ def test_the_room_is_told_where_its_ramp_is_from_the_first_reading_on(tenths, wo
     ramped = replace(words(), ramp=Ramp(step=15, calls=2))
     scenario = Scenario(setpoint_degC=30.0, duration_s=100.0, noise_degC=0.3, seed=5)
     trace = simulate(tenths, ramped, heater, scenario, FAST)
-    setpoints, readings = [s for s, _, _ in tenths.observations], [r for _, r, _ in tenths.observations]
+    setpoints, readings = [s for s, _, _ in tenths.seen], [r for _, r, _ in tenths.seen]
     assert readings[0] != 240, "the noise has to show in the first reading"
     assert setpoints == [min(300, readings[0] + 15 * ((k + 1) // 2)) for k in range(51)]
     assert trace.followed_degC == pytest.approx(np.array(setpoints) / 10.0)
@@ -230,7 +230,7 @@ def test_the_controller_sees_its_own_units(constant, words, heater):
     room = replace(constant(0.0), counts=800)  # tenths of 80 °C
     scenario = Scenario(setpoint_degC=53.34, duration_s=4.0)
     trace = simulate(room, words(low=10.0, high=90.0), heater, scenario, FAST)
-    assert room.observations[0][:2] == (533, 240)
+    assert room.seen[0][:2] == (533, 240)
     assert trace.reading_degC == pytest.approx(24.0)
     assert trace.resolution_degC == pytest.approx(0.1)
 
@@ -249,7 +249,7 @@ def test_a_period_takes_the_power_of_the_scan_at_its_beginning(program, words, h
 def test_a_controller_with_its_own_pwm_is_told_when_a_period_begins(program, words, heater):
     room = program(lambda count, _begins: float(count), pwm_period_s=1.0)
     trace = simulate(room, words(ta=0.1), heater, Scenario(setpoint_degC=40.0, duration_s=5.0))
-    assert [k for k, (_, _, begins) in enumerate(room.observations) if begins] == [0, 10, 20, 30, 40, 50]
+    assert [k for k, (_, _, begins) in enumerate(room.seen) if begins] == [0, 10, 20, 30, 40, 50]
     assert (trace.actuator.pwm_period_s, trace.actuator.resolution_s) == (1.0, 0.001)
     # nothing at 0 %, then 10, 20, … % of a second
     assert np.diff(trace.edge_time_s)[::2] == pytest.approx([0.1, 0.2, 0.3, 0.4])
@@ -261,7 +261,7 @@ def test_a_controller_with_its_own_pwm_is_told_when_a_period_begins(program, wor
 def test_periods_are_told_by_the_scan_at_or_after_their_beginning(program, words, heater, scan, period, told):
     room = program(lambda _count, _begins: 0.0, pwm_period_s=period)
     simulate(room, words(ta=scan), heater, Scenario(setpoint_degC=40.0, duration_s=10 * scan))
-    assert [k for k, (_, _, begins) in enumerate(room.observations) if begins] == told
+    assert [k for k, (_, _, begins) in enumerate(room.seen) if begins] == told
 
 
 def test_full_power_is_never_switched_off(constant, words, heater):

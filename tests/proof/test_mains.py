@@ -191,7 +191,7 @@ def test_a_judge_of_its_own_sees_what_the_words_do_all_day(tmp_path):
                    for settings in settings_to_prove(controller_for("marlin").switches))
         seen = (opinion(library, replace(b, asked_low=67.0), limits, longer=0.0) for b in benches)
         return any(part.kind == "reheat" and max(one["rest_highest"], -one["rest_lowest"]) > 2.2
-                   for told in seen for part, one in zip(told.parts, told.observations, strict=True))
+                   for told in seen for part, one in zip(told.parts, told.seen, strict=True))
 
     assert [stays_outside(plain, power) for power in (1.0, 0.81)] == [False, True], "as the proof says"
     assert not stays_outside(mended, 0.81)

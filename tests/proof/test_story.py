@@ -281,7 +281,7 @@ def test_a_plc_without_supply_runs_no_scan_and_starts_up_cold(tenths, words, any
     trace = simulate(tenths, words(gain=6.0, ta=4.0), any_heater, SCENARIO, PWM)
     off = (trace.time_s >= 600.4) & (trace.time_s < 640.6)
     assert np.count_nonzero(off) == 10
-    assert len(tenths.observations) == len(trace.time_s) - 10
+    assert len(tenths.seen) == len(trace.time_s) - 10
     assert np.all(trace.power_asked_pct[off] == 0.0)
     begun = int(np.flatnonzero(off)[-1]) + 1
     reading = trace.reading_degC[begun]

@@ -203,7 +203,7 @@ def test_a_design_that_fails_offers_the_nearest_that_passes_and_goes_back(work, 
         assert mend.button == button
         assert price in mend.message
         assert "--" not in mend.message
-        await work.suggestion()
+        await work.mend()
         assert session.verdict == "PASS"
         assert session.number != failed
         await work.take_back()

@@ -231,9 +231,9 @@ def _searched(rows: Places, setpoint: float) -> None:
             s = loaded_search(rows, lane)
             n = closer(_before(rows, lane), _after(rows, lane), setpoint, _plant(rows, lane), s)
             stored_search(rows, lane, CrossingSearch(
-                s.low if s.found else n.low, s.high if s.found else n.high, s.now if s.found else n.now,
-                s.y if s.found else n.y, s.x if s.found else n.x, n.last, s.found or n.is_crossed))
-            missing += int(not (s.found or n.is_crossed))
+                s.low if s.is_crossed else n.low, s.high if s.is_crossed else n.high, s.now if s.is_crossed else n.now,
+                s.y if s.is_crossed else n.y, s.x if s.is_crossed else n.x, n.last, s.is_crossed or n.is_crossed))
+            missing += int(not (s.is_crossed or n.is_crossed))
 
 
 def _split(rows: Places, lane: int, setpoint: float, band: float) -> None:
