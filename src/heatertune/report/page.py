@@ -253,7 +253,7 @@ def _refused(words: Document) -> bool:
 
 def _column(rows: Sequence[KeyedEntry]) -> str:
     lines = "".join(_word(row) for row in rows)
-    heads = "".join(f'<th scope="col">{name}</th>' for name in ("entered", "parameter", "value", "meaning"))
+    heads = "".join(f'<th scope="col">{name}</th>' for name in ("done", "parameter", "value", "meaning"))
     return f'<table class="words"><thead><tr>{heads}</tr></thead><tbody>{lines}</tbody></table>'
 
 
