@@ -274,10 +274,10 @@ def test_the_smaller_range_that_is_printed_for_what_winds_up_passes_as_it_is_typ
     # dead time of two thirds of the lag: see tests/chain/test_closing.py
     given = ["tune", "--gain", "0.53", "--time-constant", "3200", "--dead-time", "2090", "--ambient", "20", "--target", "weg",
              "--range", "0", "50", "--tolerance", "0.45", "--switch", "anti_windup=clamp", "--switch", "sampling=caller"]
-    assert main([*given, "--setpoint", "40", "--out", str(tmp_path / "pid.json")]) == 1
+    assert main([*given, "--setpoint", "30", "40", "--out", str(tmp_path / "pid.json")]) == 1
     screen = capsys.readouterr().out
     assert screen.startswith("NOT PROVEN")
-    typed = shlex.split(screen.partition("nearest that passes:\n")[2].partition("\n\n")[0].replace("\\\n", " "))
-    assert typed[-3:-1] == ["--setpoint", "38"]
+    typed = shlex.split(screen.partition("nearest that passes:\n")[2].replace("\\\n", " ").partition("\n")[0])
+    assert typed[-3:] == ["--setpoint", "37.5", "40"]
     assert main(typed[1:]) == 0
     assert capsys.readouterr().out.startswith("PASS")
