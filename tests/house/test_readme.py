@@ -21,6 +21,7 @@ MOST_LINES = 120
 SERVES = ("studio", "simulate", "record", "experiment", "write", "rollback", "watch")
 EXAMPLES = [command._EXAMPLE.removeprefix("example: ").splitlines()[0] for command in COMMANDS.values()]
 COMMAND_LINES = [line[line.index("heatertune") :] for line in SHELL if "heatertune " in line]
+OWN_LINES = [line for line in COMMAND_LINES if line in README]
 
 
 def write_example_files(folder):
@@ -38,15 +39,17 @@ def write_example_files(folder):
 
 
 @pytest.mark.doc
-@pytest.mark.essential
 @pytest.mark.long(seconds=40)
+@pytest.mark.parametrize("lines", [
+    pytest.param(OWN_LINES, id="readme", marks=pytest.mark.essential),
+    pytest.param(COMMAND_LINES + [example for example in EXAMPLES if example not in COMMAND_LINES], id="overview and help"),
+])
 @pytest.mark.usefixtures("whatever_pays")
-def test_the_readmes_commands_run_in_the_order_they_stand_and_then_the_other_examples_of_help(
-    tmp_path, monkeypatch, capsys
-):
+def test_the_commands_of_readme_overview_and_help_run_in_the_order_they_stand(lines, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write_example_files(tmp_path)
-    for line in COMMAND_LINES + [example for example in EXAMPLES if example not in COMMAND_LINES]:
+    assert lines
+    for line in lines:
         if line.split()[1] in SERVES:
             parser().parse_args(shlex.split(line)[1:])
             continue
