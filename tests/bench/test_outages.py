@@ -120,7 +120,7 @@ def test_the_heater_that_is_the_hardest_in_a_part_of_the_range_is_found_where_it
     else:
         # a few degrees above the room an open circuit overshoots by more than at 20.2 °C, which the room nearly has; the judge sees it
         assert "low-outage" in [finding.name for finding in design.proof.diagnostics.findings]
-        lowest = 25.0
+        lowest = 23.0
         assert most(low_overshoots) > 1.0
         assert design.passes_with == ("--setpoint", "31.3 35")
         lowest = 31.3
