@@ -242,3 +242,7 @@ def test_a_heater_may_pass_the_value_that_an_open_sensor_gives():
     values[20:23] = 1024.0
     left = log_of(np.arange(101.0), values, np.full(101, 50.0), head=head)
     assert np.array_equal(left.temperature_degC, np.delete(values, [20, 21, 22]))
+    # open while the heater goes on from 1012 to 1026 °C: 1024 lies between, but no step of this log is as large as 12 °C
+    values[57:63] = 1024.0
+    left = log_of(np.arange(101.0), values, np.full(101, 50.0), head=head)
+    assert np.array_equal(left.temperature_degC, np.delete(values, [20, 21, 22, *range(57, 63)]))

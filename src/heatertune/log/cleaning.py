@@ -124,13 +124,19 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs
 
 
 def _is_open(raw: Array) -> Mask:
-    """Return which readings are an open sensor's: a heater that passes such a value comes from one side and goes on."""
+    """Return which readings are an open sensor's.
+
+    A heater that passes such a value comes from one side and goes on to the other, in steps as the log has them.
+    """
     there = np.isin(raw, _OPEN)
     known = np.flatnonzero(~there & ~np.isnan(raw))
+    steps = np.abs(np.diff(raw[known]))
+    usual = 3.0 * float(np.percentile(steps[steps > 0.0], 95.0)) if np.any(steps) else 0.0
     for place in np.flatnonzero(there) if len(known) else []:
         after = int(np.searchsorted(known, place))
-        before, following = raw[known[[max(after - 1, 0), min(after, len(known) - 1)]]]
-        there[place] = not min(before, following) < raw[place] < max(before, following)
+        ends = raw[known[[max(after - 1, 0), min(after, len(known) - 1)]]]
+        passes = min(ends) < raw[place] < max(ends) and np.abs(ends - raw[place]).max() <= usual
+        there[place] = not passes
     return there
 
 

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.s7_300 import machine as memory
+from heatertune.plc.cpu.s7_300 import machine
 from heatertune.plc.cpu.s7_300 import source as awl
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
@@ -107,7 +107,7 @@ def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, Nu
     Raises:
         InputError: fewer than 72 bytes.
     """
-    return memory.read(image, FIELDS, source)
+    return machine.read(image, FIELDS, source)
 
 
 def oddities(words: Words) -> tuple[str, ...]:

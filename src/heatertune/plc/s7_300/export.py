@@ -18,7 +18,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from heatertune.plc.cpu.s7_300 import machine as memory
+from heatertune.plc.cpu.s7_300 import machine
 from heatertune.plc.cpu.s7_300 import source as awl
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
@@ -80,7 +80,7 @@ def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, Nu
     Raises:
         InputError: fewer than 26 bytes.
     """
-    values = memory.read(image, FIELDS, source)
+    values = machine.read(image, FIELDS, source)
     if values["RESET"] == math.inf:
         values["RESET"] = 0.0
     return values

@@ -19,7 +19,6 @@ from typing import Final, NamedTuple
 
 from heatertune.plc.core import count
 from heatertune.plc.cpu.s7_300 import source as awl
-from heatertune.plc.cpu.s7_300 import source as cells
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, RANGES
 from heatertune.plc.cpu.s7_300.source import BlockMember, values
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
@@ -410,7 +409,7 @@ class BlockProgram:
         made = self.switch.by
         pwm = pwm_block(_PWM, PWM_DATA, self.switch, real=self.real) if made == OWN else []
         return [*pwm, *(self._pulsegen if made == PULSEGEN else []),
-                *cells.block(DATA, "heater: what you set and watch", self._members), *self._anew]
+                *awl.block(DATA, "heater: what you set and watch", self._members), *self._anew]
 
     def restart(self, loads: list[str]) -> list[str]:
         """Return the source of OB100.
@@ -459,7 +458,7 @@ class BlockProgram:
     @property
     def at(self) -> Mapping[str, str]:
         """Name → operand of the program's data."""
-        return cells.operands(DATA, self._members)
+        return awl.operands(DATA, self._members)
 
     @property
     def _members(self) -> list[BlockMember]:
@@ -489,7 +488,7 @@ class BlockProgram:
         """Return the function that puts the heater off and lets all begin from cold."""
         at, made = self.at, self.switch.by
         zero = awl.real(0.0) if self.real else "0"
-        own = cells.operands(PWM_DATA, pwm_members(self.switch, real=self.real))
+        own = awl.operands(PWM_DATA, pwm_members(self.switch, real=self.real))
         pwm = {
             OWN: ["      L     L#0;", f"      T     {own['TICK']};  // of the period",
                   f"      T     {own['COUNT']};  // of its ticks on"],
