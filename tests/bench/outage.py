@@ -112,6 +112,7 @@ class Door:
         """Open; `replied` is called behind each reply that was passed on, `asked` before each request that is."""
         self.port, self._server, self._replied, self._asked = listener.getsockname()[1], server, replied, asked
         self.ends, self.deaf, self.replies = [], False, 0
+        self._reset = set()  # connections whose reset was seen while something was sent to them: the system tells it once
         self._selector, self._listener = selectors.DefaultSelector(), listener
         self._wake, self._woken = socket.socketpair()
         self._selector.register(self._woken, selectors.EVENT_READ, None)
@@ -152,14 +153,18 @@ class Door:
             self._asked(self, content)
             if self.deaf:
                 return
-        with contextlib.suppress(OSError):
+        try:
             other.sendall(content)
+        except ConnectionResetError:
+            self._reset.add(other)
+        except OSError:
+            pass
         if content and kind == "server":
             self.replies += 1
             self._replied(self)
         if not content:
             if kind == "client":
-                self.ends.append(how)
+                self.ends.append("reset" if source in self._reset else how)
             for each in (source, other) if kind == "client" else (source,):  # how the client ends it is still to be seen
                 with contextlib.suppress(KeyError, ValueError):
                     self._selector.unregister(each)
