@@ -7,8 +7,10 @@ from dataclasses import replace
 import pytest
 
 from heatertune.chain import prove
+from heatertune.chain.stages import fit
 from heatertune.codec import decode
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
+from heatertune.log import read_log
 from heatertune.model.manual_model import model_by_hand
 from heatertune.model.values import Fopdt
 from heatertune.pid.document import DesignProvenance, PidView, to_document
@@ -68,6 +70,23 @@ def test_a_design_that_fails_is_closed_by_a_more_robust_one_and_the_price_is_tol
     price = 100.0 * (found.choice.search.realised.iae_load / first.choice.search.realised.iae_load - 1.0)
     assert f"the IAE of a load disturbance rises by {price:.2g} %" in found.notes[0]
     assert found.proof.diagnostics.remarks[-1].startswith("with K times ")
+
+
+@pytest.mark.long
+def test_a_pwm_of_the_program_is_made_shorter_than_the_rows_of_a_log_where_its_ripple_takes_the_band():
+    """Table 3 of the paper has a row every 10 s; an S7-200 computes once in each PWM period."""
+    model = fit(read_log("table3"))
+    found = find_passing_design(model, DesignRequest(target="s7-200"))
+    assert found.proof.verdict == "PASS"
+    period_s, setpoint_degC = found.proof.words.sample_time_s, found.proof.scenario.setpoint_degC
+    assert model.log_interval_s == 10.0 > period_s
+    # peak to peak 100·k·d·(1 − d)·P/T, of the quickest heater at mains 10 % up; the program computes at the same place of each
+    # period, so the mean stands off by up to half of it, and the swing goes half of it beyond
+    quickest = min(model.plants, key=lambda plant: plant.time_constant_s)
+    gain = 1.21 * quickest.gain_degC_per_pct
+    share = (setpoint_degC - quickest.ambient_degC) / (100.0 * gain)
+    ripple_degC = [100.0 * gain * share * (1.0 - share) * each / quickest.time_constant_s for each in (17.0, period_s)]
+    assert ripple_degC[0] > found.proof.limits.tolerance_degC > 2.0 * ripple_degC[1]
 
 
 @pytest.mark.long

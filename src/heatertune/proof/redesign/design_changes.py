@@ -214,6 +214,8 @@ def design_changes(
     yield from ramped
     if windup:
         yield DesignChange()  # gains mend a windup dearly: limit and ramp leave what a load costs as it is
+    if broken <= OF_WINDUP:
+        yield from boosted  # with what has helped by now
     if not hopeless:
         yield from bursts
 
@@ -343,11 +345,15 @@ class _SwitchChoice:
 
 
 def _intervals(switch: _SwitchChoice, words: Words, least_s: float) -> Iterator[DesignChange]:
-    """Return other sampling intervals; the one that the ripple asks for first where the PWM is the controller's own."""
+    """Yield other sampling intervals; the one that the ripple asks for first where the PWM is the controller's own.
+
+    Such a controller scans once in a PWM period: the ripple may need an interval that is shorter than the log's.
+    """
     timer, ta = controller_for(words.target).timer, words.sample_time_s
     share = switch.share(ta) if switch.own else 0.0
     factors = [*([1.0 / share] if share > 1.0 else []), *_INTERVALS]
-    intervals = dict.fromkeys(timer.round(max(least_s, factor * ta)) for factor in factors)
+    bounds_s = (least_s, 0.0) if switch.own else (least_s,)
+    intervals = dict.fromkeys(timer.round(max(bound_s, factor * ta)) for bound_s in bounds_s for factor in factors)
     for interval in intervals:
         if interval != ta:
             yield DesignChange(sample_time_s=interval)

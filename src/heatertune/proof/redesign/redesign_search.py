@@ -459,6 +459,9 @@ class RedesignSearch:
             wound = tuple(self.wound)
             if wound and not self.dear and (found := self.unwound(wound) or self.calmed(wound)) is not None:
                 return found
+            overshoots = broken_names(self.first.proof) <= OF_WINDUP
+            if overshoots and not (wound or self.dear) and (found := self.unwound(())) is not None:
+                return found
         if self.dear:
             best = min(self.dear, key=more)
             return self._ended(self.dear[0] if more(best) > _CHEAPER * more(self.dear[0]) else best)
@@ -501,7 +504,8 @@ class RedesignSearch:
         """
         if not (self._boost_open and self.by_optimum and controller_for(self.request.target).has_boost):
             return None
-        self.progress("what passes winds up in a long open circuit: trying a boost with other gains")
+        self.progress(f"{'what passes winds up in a long open circuit' if wound else redesign_cost.broken(self.first)}: "
+                      "trying a boost with other gains")
         self.screen = self.screen.with_nights(each.proof for _, each in wound)
         helped = DesignChange() if self.best is None else self.best.frame
         for before in dict.fromkeys((DesignChange(), replace(helped, has_ramp=False))):
