@@ -73,8 +73,9 @@ def test_the_frames_of_a_design_end_with_the_ramp_where_an_open_circuit_is_what_
     tried = list(design_changes(plain, HEATER.plants, TuneSettings(), period_given=True, interval_given=True, ramp_open=True,
                         boost_open=True, least_interval_s=1.0))
     assert tried[0] == DesignChange(has_boost=True)  # which costs less than all else
-    assert tried[-2].has_ramp
-    assert tried[-1] == DesignChange()  # gains, which cost more than the 30 % that another change may: they come after it
+    assert tried[-3].has_ramp
+    assert tried[-2] == DesignChange()  # gains, which cost more than the 30 % that another change may: they come after it
+    assert tried[-1] == tried[0]  # a boost once more, with what has helped by then
 
 
 def test_a_holdback_is_carried_by_documents_certificate_and_words(words, found, tmp_path):

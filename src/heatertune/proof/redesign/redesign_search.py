@@ -504,8 +504,8 @@ class RedesignSearch:
         """
         if not (self._boost_open and self.by_optimum and controller_for(self.request.target).has_boost):
             return None
-        self.progress(f"{'what passes winds up in a long open circuit' if wound else redesign_cost.broken(self.first)}: "
-                      "trying a boost with other gains")
+        why = "what passes winds up in a long open circuit" if wound else f"{redesign_cost.broken(self.first)} fails"
+        self.progress(f"{why}: trying a boost with other gains")
         self.screen = self.screen.with_nights(each.proof for _, each in wound)
         helped = DesignChange() if self.best is None else self.best.frame
         for before in dict.fromkeys((DesignChange(), replace(helped, has_ramp=False))):
