@@ -9,8 +9,7 @@ import pytest
 from heatertune.chain import prove
 from heatertune.codec import decode
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.document import DesignProvenance, PidView, to_document
 from heatertune.plc import Scaling
 from heatertune.proof import TestSequence
