@@ -6,7 +6,8 @@ import threading
 import pytest
 
 from heatertune import writing as files
-from heatertune.cli import main, targets
+from heatertune.cli import main
+from heatertune.cli import reference as targets
 from heatertune.errors import InputError
 
 

@@ -20,57 +20,12 @@ from heatertune.show import run_by, shown_by
 __version__ = "0.9.0"
 
 __all__ = [
-    "Actuator",
-    "Conditions",
-    "DesignRequest",
-    "FitSettings",
-    "FittedModel",
-    "Fopdt",
-    "HeatertuneError",
-    "InputError",
-    "Interval",
-    "Load",
-    "Log",
-    "LoopLimits",
-    "NotRepresentable",
-    "PidDesign",
-    "Proof",
-    "ReadSettings",
-    "ReadingNoise",
-    "Scaling",
-    "Scenario",
-    "TemperatureStep",
-    "TuneSettings",
-    "TwoLag",
-    "Words",
-    "alternatives",
-    "choose_words",
-    "compare",
-    "controller",
-    "decode",
-    "design",
-    "draw_heaters",
-    "encode",
-    "export",
-    "fit",
-    "fit_known",
-    "fit_together",
-    "fleet",
-    "front",
-    "iae_load",
-    "margins",
-    "model_by_hand",
-    "plan",
-    "prove",
-    "read_log",
-    "replay_document",
-    "sample_document",
-    "simulate",
-    "study",
-    "tune",
-    "validate",
-    "virtual_plc",
-    "write_report",
+    "Actuator", "Conditions", "DesignRequest", "FitSettings", "FittedModel", "Fopdt", "HeatertuneError", "InputError",
+    "Interval", "Load", "Log", "LoopLimits", "NotRepresentable", "PidDesign", "Proof", "ReadSettings", "ReadingNoise",
+    "Scaling", "Scenario", "TemperatureStep", "TuneSettings", "TwoLag", "Words", "alternatives", "choose_words",
+    "compare", "controller", "decode", "design", "draw_heaters", "encode", "export", "fit", "fit_known",
+    "fit_together", "fleet", "front", "iae_load", "margins", "model_by_hand", "plan", "prove", "read_log",
+    "replay_document", "sample_document", "simulate", "study", "tune", "validate", "virtual_plc", "write_report",
 ]
 
 if TYPE_CHECKING:
@@ -96,11 +51,9 @@ if TYPE_CHECKING:
     from heatertune.live.serve import virtual_plc
     from heatertune.log.values import Log
     from heatertune.model.experiment.fisher import ReadingNoise
-    from heatertune.model.manual_model import model_by_hand
     from heatertune.model.statistics import Interval
-    from heatertune.model.values import FittedModel, Fopdt, TwoLag
-    from heatertune.pid.alternatives import alternatives
-    from heatertune.pid.pareto import front
+    from heatertune.model.values import FittedModel, Fopdt, TwoLag, model_by_hand
+    from heatertune.pid.alternatives import alternatives, front
     from heatertune.pid.search.robust import draw_heaters
     from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
@@ -122,12 +75,10 @@ __getattr__, __dir__ = lazy_attributes(__name__, {
     "errors": ("HeatertuneError", "InputError", "NotRepresentable"),
     "live.serve": ("virtual_plc",),
     "log.values": ("Log",),
-    "model.manual_model": ("model_by_hand",),
+    "model.values": ("model_by_hand", "FittedModel", "Fopdt", "TwoLag"),
     "model.experiment.fisher": ("ReadingNoise",),
     "model.statistics": ("Interval",),
-    "model.values": ("FittedModel", "Fopdt", "TwoLag"),
-    "pid.alternatives": ("alternatives",),
-    "pid.pareto": ("front",),
+    "pid.alternatives": ("alternatives", "front"),
     "pid.search.robust": ("draw_heaters",),
     "pid.values": ("PidDesign",),
     "plc": ("Scaling", "Words"),

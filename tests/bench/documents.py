@@ -12,7 +12,6 @@ from heatertune.codec import to_json
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.findings import Finding
-from heatertune.model.manual_model import model_by_hand
 from heatertune.model.statistics import Interval
 from heatertune.model.values import (
     Candidate,
@@ -26,6 +25,7 @@ from heatertune.model.values import (
     Residuals,
     TwoLag,
     Validation,
+    model_by_hand,
 )
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import Margins, PidDesign, Promise

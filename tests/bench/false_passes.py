@@ -36,7 +36,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tes
 
 from heatertune.errors import HeatertuneError
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.loop.robustness import margins
+from heatertune.pid.sampled_loop import margins
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.proof import Acceptance, Coverage, prove_models

@@ -52,11 +52,11 @@ _DOORS: Final = (
     "heatertune.plc.word_selection:choose_words", "heatertune.proof.setpoint_ramp:prove_ramped", "heatertune.proof.comparison:compare",
     "heatertune.chain.facade:plan", "heatertune.chain.pipeline:design", "heatertune.proof.advice:advise",
     "heatertune.proof.monte_carlo.run:sample_document", "heatertune.proof.monte_carlo.run:replay_document",
-    "heatertune.pid.pareto:front", "heatertune.proof.refine:refine", "heatertune.report:render",
+    "heatertune.pid.alternatives:front", "heatertune.proof.refine:refine", "heatertune.report:render",
 )
 _SHUT: Final = (
     "heatertune.batch.studies:run", "heatertune.batch.fleets:run", "heatertune.studio.server:serve",
-    "heatertune.cli.bench:_run", "heatertune.cli.doctor:_run",
+    "heatertune.cli.installation:_run", "heatertune.cli.installation:_run",
 )
 
 HEATER: Final = ("--gain", "0.37", "--time-constant", "167", "--dead-time", "12", "--ambient", "22")

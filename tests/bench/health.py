@@ -2,7 +2,7 @@
 
 --ticks, --down and --at-once attack what `heatertune.loops.unlogged_loads` finds: a switch that works in another way.
 
-Loops of `tests.bench.loops`, whose causes are known, go through `heatertune.batch.loops` as `heatertune health` runs it.
+Loops of `tests.bench.loops`, whose causes are known, go through `heatertune.batch.loop_health` as `heatertune health` runs it.
 The words that are proposed are then typed into PID_v1 as `tests.witness.arduino_pid` has it, in front of this bench's own
 plant, and judged beside the textbook PI that the loop would have had, had nobody spoilt it.
 """
@@ -22,7 +22,7 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from heatertune.batch import in_processes
-from heatertune.batch.loops import HealthSettings, health, rank_rows
+from heatertune.batch.loop_health import HealthSettings, health, rank_rows
 from heatertune.plc import Scaling
 from heatertune.proof.design_request import DesignRequest
 from heatertune.settings import ReadSettings
@@ -62,8 +62,7 @@ def examined(loops, folder, *, target="", switch=(0, False, True)):
 def _model(loop, folder):
     """Write the heater that a loop's words were made for, as the user gave it by hand; return its entry of the list."""
     from heatertune.model.document import to_document  # noqa: PLC0415
-    from heatertune.model.manual_model import model_by_hand  # noqa: PLC0415 - only drifted loops have one
-    from heatertune.model.values import Fopdt  # noqa: PLC0415
+    from heatertune.model.values import Fopdt, model_by_hand  # noqa: PLC0415
 
     gain, lag = loop.before
     model = model_by_hand(Fopdt(gain_degC_per_pct=gain, time_constant_s=lag + loop.second / 2.0,

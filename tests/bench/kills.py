@@ -21,11 +21,11 @@ from pathlib import Path
 from heatertune import Fopdt, model_by_hand, virtual_plc
 from heatertune.cli import main as run_here
 from heatertune.live import plc_state, recorder
-from heatertune.live.client.address import address_of
+from heatertune.live.client.connection import address_of
+from heatertune.live.controller_block import places_of
 from heatertune.live.experiment import restore
 from heatertune.live.plc_state import PlcState
 from heatertune.live.serve import read_folder
-from heatertune.live.signal_map import places_of
 from heatertune.live.write.write_record import Budget, read_lines
 from heatertune.log.cells import read_sheet
 from tests.bench.sessions import folder_in, is_stable, words_in

@@ -17,8 +17,8 @@ from scipy.optimize import minimize
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
-from heatertune.pid.continuous import kernel as continuous
-from heatertune.pid.continuous.optimum import ContinuousProblem, global_optimum, margins, optimum, response_grid
+from heatertune.pid import continuous_loop as continuous
+from heatertune.pid.continuous_optimum import ContinuousProblem, global_optimum, margins, optimum, response_grid
 from heatertune.pid.specs import Specs
 
 MS = 1.6

@@ -24,8 +24,8 @@ from dataclasses import replace
 from functools import cache
 
 from heatertune.errors import HeatertuneError
-from heatertune.model.manual_model import model_by_hand
-from heatertune.pid.loop.robustness import margins
+from heatertune.model.values import model_by_hand
+from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.core import ControllerState, StepFunctions
 from heatertune.plc.fb41.controller import ContC

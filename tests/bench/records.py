@@ -14,9 +14,9 @@ from heatertune import virtual_plc
 from heatertune.cli import main as command
 from heatertune.codec import decode, encode
 from heatertune.errors import HeatertuneError
-from heatertune.live.write_history import written_in
+from heatertune.live.write.rollback import written_in
 from heatertune.proof.write_comparison import WriteHistory
-from heatertune.report.write_report_section import written_brief
+from heatertune.report.as_left_section import written_brief
 from tests.bench.sessions import folder_in
 
 RECORDS = 3000

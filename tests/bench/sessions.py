@@ -27,16 +27,15 @@ from heatertune import virtual_plc
 from heatertune.cli import main as command
 from heatertune.errors import LinkError
 from heatertune.live import plc_state, recorder
-from heatertune.live.client.address import address_of
-from heatertune.live.fault_schedule import fault_of
-from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
+from heatertune.live.block_memory import OWN, OWN_LENGTH, SimulatorStatus
+from heatertune.live.client.connection import address_of
+from heatertune.live.controller_block import places_of
+from heatertune.live.plc import fault_of
 from heatertune.live.serve import read_folder
-from heatertune.live.signal_map import places_of
 from heatertune.live.write import writer
-from heatertune.live.write.apply import apply_write
+from heatertune.live.write.apply import WriteRequest, apply_write
 from heatertune.live.write.plc_block import LinkSettings
 from heatertune.live.write.proven_words import Declared, ProvenWords, read_proven
-from heatertune.live.write.write_plan import WriteRequest
 
 SESSIONS = 10_000
 GAIN, LAG_S, DEAD_S, TA_S, MS = 0.9, 167.0, 12.0, 3.2, 2.2  # TA of s5-ob251; others may be designed with another one

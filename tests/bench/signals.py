@@ -17,7 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from heatertune.live.blocks import block_for
+from heatertune.live.controller_block import block_for
 from heatertune.plc import controller_for
 from heatertune.proof.words_file import WORDS_SCHEMA
 from tests.bench.gateway import Gateway

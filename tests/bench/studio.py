@@ -18,9 +18,8 @@ from playwright.sync_api import sync_playwright
 
 from heatertune.compiled import decide
 from heatertune.plc import TARGETS
-from heatertune.studio.loop import first_look, full_proof
-from heatertune.studio.session import Session
-from heatertune.studio.sources import fit_log, read_source
+from heatertune.studio.loop_settings import first_look, full_proof
+from heatertune.studio.session import Session, fit_log, read_source
 
 CHROMIUM = "/usr/bin/chromium"
 PROVEN = """() => !document.documentElement.classList.contains('stale')

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
-from heatertune.pid.loop.robustness import margins
+from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.design import tune
 from heatertune.plc.word_selection import choose_words

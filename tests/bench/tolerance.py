@@ -3,8 +3,8 @@
     python tests/bench/tolerance.py               2,000 designs
     python tests/bench/tolerance.py --count 200   fewer
 
-The judge is the one of `verify` (sampled: `heatertune.pid.loop.robustness.margins`; continuous: `margins` of
-`heatertune.pid.continuous.optimum`), without a tolerance. A design that is refused with a sentence breaks nothing.
+The judge is the one of `verify` (sampled: `heatertune.pid.sampled_loop.margins`; continuous: `margins` of
+`heatertune.pid.continuous_optimum`), without a tolerance. A design that is refused with a sentence breaks nothing.
 """
 
 import argparse
@@ -14,10 +14,9 @@ from collections import Counter
 import numpy as np
 
 from heatertune.errors import InputError
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag
-from heatertune.pid.continuous.optimum import margins as continuous_margins
-from heatertune.pid.loop.robustness import margins, noise_gain
+from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag, model_by_hand
+from heatertune.pid.continuous_optimum import margins as continuous_margins
+from heatertune.pid.sampled_loop import margins, noise_gain
 from heatertune.pid.tune import tune
 
 OBJECTIVES = ("load", "load", "setpoint", "itae", "ki")

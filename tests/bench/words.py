@@ -12,10 +12,8 @@ import time
 import numpy as np
 
 from heatertune.errors import HeatertuneError
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
-from heatertune.pid.loop.robustness import margins
-from heatertune.pid.loop.sampled import iae_load
+from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.pid.sampled_loop import iae_load, margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.design import encode

@@ -12,9 +12,10 @@ import pytest
 from tests.chain.batch_work import COLUMNS, batch_of, expected_row
 from tests.conftest import ROOT
 
-from heatertune.batch import Chunk, in_processes, processes, run
+from heatertune.batch import Chunk, in_processes, run
 from heatertune.batch import engine as parts
 from heatertune.batch import engine as table
+from heatertune.batch import workers as processes
 from heatertune.errors import DocumentError, InputError, OutOfRange
 
 

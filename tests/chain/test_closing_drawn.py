@@ -11,8 +11,7 @@ from heatertune.chain import export, prove
 from heatertune.cli import main
 from heatertune.codec import decode
 from heatertune.errors import ExportRefused, InputError
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.document import PidView, to_document
 from heatertune.proof.design_request import DesignRequest
 from heatertune.proof.document import check_document

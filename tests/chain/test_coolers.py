@@ -10,9 +10,8 @@ from heatertune.chain.stages import export, fit
 from heatertune.errors import InputError, NotRepresentable
 from heatertune.log.values import Log
 from heatertune.model.cooler_mirror import mirror_heater
-from heatertune.model.manual_model import model_by_hand
 from heatertune.model.validate import validate
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.plc import Scaling
 from heatertune.plc.design import encode, tune
 from heatertune.plc.pwm import Actuator

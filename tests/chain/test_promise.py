@@ -8,12 +8,10 @@ from dataclasses import replace
 import pytest
 
 from heatertune.errors import DocumentError, NotRepresentable
-from heatertune.model.manual_model import model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.document import from_document, to_document
-from heatertune.pid.loop.robustness import margins, noise_gain
-from heatertune.pid.loop.sampled import iae_load
+from heatertune.pid.sampled_loop import iae_load, margins, noise_gain
 from heatertune.pid.search.robust import Open, draw_heaters
 from heatertune.pid.values import Promise
 from heatertune.plc import controller_for

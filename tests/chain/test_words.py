@@ -6,13 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.batch.zone import zone_row
+from heatertune.batch.fleets import zone_row
 from heatertune.errors import NotRepresentable, UnknownName
-from heatertune.model.manual_model import model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Fopdt
-from heatertune.pid.loop.robustness import margins
-from heatertune.pid.loop.sampled import iae_load
+from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.pid.sampled_loop import iae_load, margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.plc import controller_for, word_selection
 from heatertune.plc.design import encode, tune

@@ -7,10 +7,9 @@ import pyarrow.parquet
 import pytest
 from tests.conftest import ROOT, heater_log
 
-from heatertune.batch.zone import zone_row
+from heatertune.batch.fleets import zone_row
 from heatertune.errors import DocumentError, InputError
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.plc import Boost, Scaling, Words
 from heatertune.proof.monte_carlo.run import sample_document
 from heatertune.proof.redesign import DesignRequest, find_passing_design
@@ -174,8 +173,11 @@ def test_a_link_that_leads_nowhere_is_a_log_that_cannot_be_read(tmp_path):
 
 
 def test_a_log_that_vanished_is_a_row(logs):
-    from heatertune.batch.fleets import _fitted, _sent  # noqa: PLC0415 - the slow libraries, beside their only use
-    from heatertune.batch.zone import zone_row  # noqa: PLC0415
+    from heatertune.batch.fleets import (  # noqa: PLC0415 - the slow libraries, beside their only use
+        _fitted,
+        _sent,
+        zone_row,
+    )
 
     row = zone_row("gone.csv", lambda: _fitted({"read": ReadSettings(), "fitted_with": FitSettings()}, _sent(str(logs), "gone.csv")), DesignRequest(target="weg"))
     assert row == {"name": "gone.csv", "outcome": "no log", "reason": "gone.csv: cannot be read: No such file or directory"}
@@ -316,7 +318,7 @@ def test_a_row_says_what_the_single_command_says(heater, target, conditions, out
 
 
 def test_a_fault_of_the_program_is_a_row():
-    from heatertune.batch.zone import zone_row  # noqa: PLC0415 - the slow libraries, beside their only use
+    from heatertune.batch.fleets import zone_row  # noqa: PLC0415 - the slow libraries, beside their only use
 
     def broken():
         raise ZeroDivisionError("float division by zero")
@@ -329,7 +331,7 @@ def test_a_fault_of_the_program_is_a_row():
 def test_the_bar_tells_rate_and_time_left(moving, monkeypatch, capsys):
     import argparse  # noqa: PLC0415 - beside its only use
 
-    from heatertune.batch.commands import table_options  # noqa: PLC0415
+    from heatertune.batch import command as table_options  # noqa: PLC0415
 
     now = [100.0]
     monkeypatch.setattr(table_options.time, "monotonic", lambda: now[0])

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from heatertune.model.relay.relay import TwoLevelRelay, simulate_relay
+from heatertune.model.relay_test import TwoLevelRelay, simulate_relay
 from heatertune.model.response import Schedule, rise, rows_of
 from heatertune.model.values import Fopdt
 

@@ -8,9 +8,8 @@ import pytest
 
 from heatertune.codec import to_json
 from heatertune.model.document import to_document
-from heatertune.model.manual_model import model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 
 
 @pytest.fixture

@@ -9,8 +9,7 @@ from tests.model.twins import doublet, logged
 
 from heatertune.codec import to_json
 from heatertune.model.document import to_document
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Actuator, Scenario, simulate

@@ -12,7 +12,7 @@ from tests.docs.blocks import DOCS, INSTALL, OVERVIEW, PAGES, blocks, difference
 from tests.docs.pictures import PICTURES, said
 
 from heatertune.cli import COMMANDS
-from heatertune.live.signal_map import places_in
+from heatertune.live.controller_block import places_in
 from heatertune.model.findings import KINDS
 from heatertune.plc import TARGETS
 from heatertune.proof.spec_file import read_spec
@@ -149,7 +149,7 @@ def test_the_reference_is_what_the_program_says_of_itself(site):
 
     commands = words("commands.html")
     for command in COMMANDS.values():
-        assert " ".join(command._EXAMPLE.split()) in " ".join(commands.split())
+        assert " ".join(command.example.split()) in " ".join(commands.split())
     for name in ("chain.stages.fit", "log.values.Log", "plc.controller.Controller", "proof.proof.Proof", "units.check"):
         page = site / "reference" / f"python_{'common' if name == 'units.check' else name.partition('.')[0]}.html"
         assert f'id="heatertune.{name}"' in page.read_text(encoding="utf-8")

@@ -19,8 +19,7 @@ from tests.golden.test_s7_300_program import DATA, NAMES, Tip
 
 from heatertune.cli import main
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, controller_for
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run

@@ -25,8 +25,7 @@ from tests.witness.pband import PBand
 
 from heatertune.cli.common import again
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Certificate, Scaling, controller_for
 from heatertune.plc.pwm import Actuator

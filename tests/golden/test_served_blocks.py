@@ -3,10 +3,10 @@
 from tests.golden.test_fb41 import INTERFACE, OUTPUTS
 from tests.live.conftest import words_of
 
-from heatertune.live.blocks import block_for
-from heatertune.live.fb41 import LAYOUT as CONT_C
-from heatertune.live.fb41 import SETPOINT
-from heatertune.live.pid_compact import PLACES
+from heatertune.live.controller_block import block_for
+from heatertune.live.siemens_blocks import COMPACT_PLACES as PLACES
+from heatertune.live.siemens_blocks import CONT_C_LAYOUT as CONT_C
+from heatertune.live.siemens_blocks import CONT_C_SETPOINT as SETPOINT
 from heatertune.plc import Certificate, controller_for
 
 #: what the block keeps, in the order and by the names of public re-implementations of it

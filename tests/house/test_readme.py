@@ -19,7 +19,7 @@ SHELL = [line for kind, block in EXAMPLE_BLOCKS if kind == "sh" for line in bloc
 MOST_LINES = 120
 #: do not end by themselves, or ask a PLC: tests/studio/test_browser.py and tests/live start them
 SERVES = ("studio", "simulate", "record", "experiment", "write", "rollback", "watch")
-EXAMPLES = [command._EXAMPLE.removeprefix("example: ").splitlines()[0] for command in COMMANDS.values()]
+EXAMPLES = [command.example.removeprefix("example: ").splitlines()[0] for command in COMMANDS.values()]
 COMMAND_LINES = [line[line.index("heatertune") :] for line in SHELL if "heatertune " in line]
 OWN_LINES = [line for line in COMMAND_LINES if line in README]
 

@@ -11,7 +11,7 @@ import pytest
 
 from heatertune import Fopdt, Scaling, model_by_hand, virtual_plc
 from heatertune.cli import main
-from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
+from heatertune.live.block_memory import OWN, OWN_LENGTH, SimulatorStatus
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.proof.words_file import WORDS_SCHEMA
@@ -73,7 +73,7 @@ def served(words, heater):
 
 @pytest.fixture(autouse=True)
 def a_busy_machine_is_no_silence(monkeypatch):
-    monkeypatch.setattr("heatertune.live.as511.SILENCE_S", 60.0)
+    monkeypatch.setattr("heatertune.live.as511_server.SILENCE_S", 60.0)
 
 
 class S7:

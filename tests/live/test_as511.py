@@ -20,10 +20,9 @@ from heatertune.errors import LinkDown, PlcRefused, ReplyLost
 
 pytestmark = PROTOCOLS[3].marks[0]
 if not pytestmark.args[0]:
-    from heatertune.live import as511 as server
+    from heatertune.live import as511_server as server
     from heatertune.live.client import as511 as theirs
-    from heatertune.live.client.address import address_of
-    from heatertune.live.client.client import connect
+    from heatertune.live.client.connection import address_of, connect
 
 _ACK = "1006"
 #: what a programming unit says, and what the CPU does, for DB 30 at 1016h with 49 words, whose DW1 is 1018h

@@ -10,10 +10,9 @@ from tests.conftest import tried
 from tests.live.conftest import DB, LENGTH, PROTOCOLS
 
 from heatertune.errors import DocumentError, InputError, LinkDown, LinkError, PlcRefused, ReplyLost, UnknownName
-from heatertune.live.client.address import address_of
-from heatertune.live.client.client import connect
-from heatertune.live.memory import OWN, OWN_LENGTH, Signal, SimulatorStatus
-from heatertune.live.signal_map import places_in, places_of
+from heatertune.live.block_memory import OWN, OWN_LENGTH, Signal, SimulatorStatus
+from heatertune.live.client.connection import address_of, connect
+from heatertune.live.controller_block import places_in, places_of
 
 NETWORKS = PROTOCOLS[:3]
 

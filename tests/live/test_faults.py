@@ -7,8 +7,8 @@ from threading import Thread
 import pytest
 from tests.live.conftest import DB, FAILED, LENGTH, PROTOCOLS, S7, client
 
-from heatertune.live.fault_schedule import ScheduledFault, fault_of, heater_events
-from heatertune.live.memory import DEAD_MAN, FAULTY, OWN, RUNS, Access, Refusal
+from heatertune.live.block_memory import DEAD_MAN, FAULTY, OWN, RUNS, Access, Refusal
+from heatertune.live.plc import ScheduledFault, fault_of, heater_events
 from heatertune.proof.kernel import LOAD, MAINS
 
 _MANUAL = 32  # STEU: no Z, not automatic

@@ -29,9 +29,8 @@ from tests.live.test_client import way
 from heatertune.cli import main
 from heatertune.errors import InputError, LinkError
 from heatertune.live import plc_state
-from heatertune.live.blocks import block_for
-from heatertune.live.client.address import address_of
-from heatertune.live.client.client import connect
+from heatertune.live.client.connection import address_of, connect
+from heatertune.live.controller_block import block_for
 from heatertune.live.plc_state import PlcState
 from heatertune.plc import controller_for
 from heatertune.proof.words_file import WORDS_SCHEMA
@@ -144,7 +143,7 @@ def test_every_link_ends_by_reset(served, protocol):
         lost.write(30, 22, bytes(4))
     waited(lambda: len(door.ends) == 2)
     door.deaf = False
-    program = (f"from heatertune.live.client.client import *; from heatertune.live.client.address import *\n"
+    program = (f"from heatertune.live.client.connection import *; from heatertune.live.client.connection import *\n"
                f"client = connect(address_of({text!r})); client.read(30, 0, 4); print(1, flush=True); input()")
     with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout.readline()
@@ -379,7 +378,7 @@ def test_a_link_that_stays_dead_is_said_to_be_unknown_with_the_command_that_work
 
 def test_a_lock_ends_with_its_process(tmp_path):
     where = "modbus://127.0.0.1:1502/1/0"
-    program = (f"import time; from heatertune.live.plc_state import PlcState; from heatertune.live.client.address import address_of\n"
+    program = (f"import time; from heatertune.live.plc_state import PlcState; from heatertune.live.client.connection import address_of\n"
                f"with PlcState(address_of({where!r})).lock('experiment'): print(1, flush=True); input()")
     state = PlcState(address_of(where))
     with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:

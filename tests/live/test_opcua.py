@@ -13,14 +13,13 @@ import pytest
 from tests.live.conftest import DB, LENGTH, PROTOCOLS, words_of
 
 from heatertune.errors import LinkDown, PlcRefused, ReplyLost
-from heatertune.live.client.address import address_of
-from heatertune.live.client.client import connect
-from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
+from heatertune.live.block_memory import OWN, OWN_LENGTH, SimulatorStatus
+from heatertune.live.client.connection import address_of, connect
 
 ua = pytest.importorskip("asyncua.ua", reason="asyncua is not installed")
 sync = pytest.importorskip("asyncua.sync")
-nodes = pytest.importorskip("heatertune.live.opcua")
-opcua = pytest.importorskip("heatertune.live.opcua")
+nodes = pytest.importorskip("heatertune.live.opcua_server")
+opcua = pytest.importorskip("heatertune.live.opcua_server")
 theirs = pytest.importorskip("heatertune.live.client.opcua")
 pytestmark = PROTOCOLS[2].marks
 

@@ -8,9 +8,9 @@ import pytest
 from tests.bench import sessions
 
 from heatertune.errors import InputError
-from heatertune.live.band_watch import BandWatch
-from heatertune.live.client.address import address_of
+from heatertune.live.client.connection import address_of
 from heatertune.live.experiment import Experiment
+from heatertune.live.loop_watch import BandWatch
 from heatertune.live.poller import Snapshot as Seen
 from heatertune.live.poller import StillSensor, reading_problem
 from heatertune.live.schedule import AbortLimits, Steps

@@ -23,11 +23,11 @@ from tests.live.test_served import _quiet
 from heatertune import InputError, read_log
 from heatertune.cli import main
 from heatertune.errors import LinkDown, OutOfRange, PlcRefused
-from heatertune.live.client.address import address_of
-from heatertune.live.memory import OWN, Signal
+from heatertune.live.block_memory import OWN, Signal
+from heatertune.live.client.connection import address_of
+from heatertune.live.controller_block import Counter, Places, places_of
 from heatertune.live.poller import Poller
 from heatertune.live.recorder import RecordingSetup, record
-from heatertune.live.signal_map import Counter, Places, places_of
 from heatertune.log.cells import TORN, read_sheet
 
 #: those that can be read within a scan of the fast ones here
@@ -433,7 +433,7 @@ def test_a_folder_that_is_gone_is_told(served, places, tmp_path):
 
 def test_the_command_says_that_the_log_was_removed(served, design_folder, tmp_path, capsys, monkeypatch):
     plc, path, looked = served(**FAST), tmp_path / "log.csv", []
-    monkeypatch.setattr("heatertune.live.commands.record.LINE.show", lambda _: (looked.append(1), len(looked) == 30 and path.unlink()))
+    monkeypatch.setattr("heatertune.live.commands.record_watch.LINE.show", lambda _: (looked.append(1), len(looked) == 30 and path.unlink()))
     line = ["record", plc.urls["s7"], "--design", str(design_folder), "-o", str(path), "--for", "2000"]
     assert main(line) == 1
     said = capsys.readouterr()

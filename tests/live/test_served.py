@@ -13,8 +13,8 @@ from tests.live.conftest import CONDITIONS, DB, LENGTH, PROTOCOLS, client, stepp
 
 from heatertune import InputError, Scenario
 from heatertune import simulate as simulate_words
-from heatertune.live.fault_schedule import FAULTS
-from heatertune.live.memory import OWN, OWN_LENGTH, SimulatorStatus
+from heatertune.live.block_memory import OWN, OWN_LENGTH, SimulatorStatus
+from heatertune.live.plc import FAULTS
 from heatertune.plc import controller_for
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.open_points import settings_to_prove
@@ -250,7 +250,7 @@ def test_a_controller_that_is_not_served_is_told(served):
 @pytest.mark.parametrize(("protocol", "library", "extra"), [
     ("s7", "snap7", "s7"), ("modbus", "pymodbus", "modbus"), ("opcua", "asyncua", "opcua"), ("as511", "serial", "serial")])
 def test_without_its_library_a_protocol_names_the_extra(served, monkeypatch, protocol, library, extra):
-    monkeypatch.setattr("heatertune.live.client.client.find_spec", lambda _: None)
+    monkeypatch.setattr("heatertune.live.client.connection.find_spec", lambda _: None)
     with pytest.raises(InputError, match=rf'{protocol} needs {library}: pip install "heatertune\[{extra}\]"'):
         served(serve=protocol)
 

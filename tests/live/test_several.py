@@ -16,9 +16,8 @@ from tests.live.test_recorder import rows_of
 
 from heatertune import InputError
 from heatertune.cli import main
-from heatertune.live.health_recording import RecordedLoop, record_addresses, record_all
-from heatertune.live.recorder import RecordingSetup
-from heatertune.live.signal_map import places_of
+from heatertune.live.controller_block import places_of
+from heatertune.live.recorder import RecordedLoop, RecordingSetup, record_addresses, record_all
 
 #: so fast that 400 s pass within one
 FAST = {"step": False, "rate": 600.0}

@@ -17,8 +17,7 @@ from tests.live.test_client import way
 from heatertune import virtual_plc
 from heatertune.cli import main
 from heatertune.errors import InputError
-from heatertune.live.band_watch import BandWatch
-from heatertune.live.online_monitor import OnlineMonitor
+from heatertune.live.loop_watch import BandWatch, OnlineMonitor
 from heatertune.live.poller import Snapshot
 from heatertune.live.write.band import Band
 from heatertune.live.write.proven_words import read_proven
@@ -89,7 +88,7 @@ def test_words_that_were_not_proven_are_not_well_though_the_loop_rests(folder, t
 
 
 def test_where_nobody_can_compare_the_words_that_is_told(folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("heatertune.live.band_watch.block_image", partial(_unknown, "where the words stand is not known here"))
+    monkeypatch.setattr("heatertune.live.loop_watch.block_image", partial(_unknown, "where the words stand is not known here"))
     with virtual_plc(folder, **FAST) as plc:
         main(["watch", way(plc, "s7").text, "--design", str(folder), "--for", "300", "-o", str(tmp_path / "log.csv"), "--quiet"])
     said = " ".join(capsys.readouterr().out.split())
@@ -145,7 +144,7 @@ def test_a_folder_without_a_proof_is_told(design_folder, capsys):
 
 
 def test_who_has_seen_nothing_says_so_and_is_not_well(folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("heatertune.live.commands.watch.asked_to_end", lambda: nullcontext([1]))  # Ctrl-C before the first look
+    monkeypatch.setattr("heatertune.live.commands.record_watch.asked_to_end", lambda: nullcontext([1]))  # Ctrl-C before the first look
     with virtual_plc(folder, **FAST) as plc:
         status = main(["watch", way(plc, "s7").text, "--design", str(folder), "-o", str(tmp_path / "log.csv"), "--quiet"])
     assert (status, "nothing was seen" in capsys.readouterr().out) == (1, True)
@@ -279,7 +278,7 @@ def test_a_link_that_is_lost_and_not_back_is_not_well(folder, tmp_path, capsys, 
             self.more -= plc.plc.ended
             return self.more < 0
 
-    monkeypatch.setattr("heatertune.live.commands.watch.asked_to_end", lambda: nullcontext(Ended()))
+    monkeypatch.setattr("heatertune.live.commands.record_watch.asked_to_end", lambda: nullcontext(Ended()))
     # cut 2 s after the start, so that a slow machine has looked before
     with virtual_plc(folder, faults=["t=300 cut"], **FAST | {"intervals": 300, "rate": 150.0}) as plc:
         status = main(["watch", way(plc, "s7").text, "--design", str(folder), "-o", str(tmp_path / "log.csv"), "--quiet"])

@@ -29,13 +29,13 @@ from heatertune import virtual_plc
 from heatertune.cli import main
 from heatertune.errors import DocumentError
 from heatertune.live import plc_state
-from heatertune.live.client.address import address_of
+from heatertune.live.client.connection import address_of
 from heatertune.live.plc_state import PlcState, WayBack
 from heatertune.live.serve import read_folder
+from heatertune.live.write.apply import NoOrder, in_order
 from heatertune.live.write.band import Band, Reach, _Watch, carried_s
 from heatertune.live.write.plc_block import BlockImage, Peer, WritePart
 from heatertune.live.write.proven_words import read_proven
-from heatertune.live.write.write_plan import NoOrder, in_order
 from heatertune.live.write.write_record import WriteRecord, read_lines
 from heatertune.proof.document import with_digest
 from heatertune.proof.repetition import repeat_proof

@@ -14,7 +14,7 @@ from tests.live.conftest import words_of
 
 from heatertune import virtual_plc
 from heatertune.errors import InputError
-from heatertune.live.client.address import address_of
+from heatertune.live.client.connection import address_of
 from heatertune.live.serve import read_folder
 from heatertune.live.write.plc_block import block_image
 from heatertune.plc.single_precision import single

@@ -15,11 +15,11 @@ from heatertune.chain.pipeline import redraw, write_report
 from heatertune.cli import main
 from heatertune.codec import read_document
 from heatertune.errors import DocumentError
-from heatertune.live.write_history import written_in
+from heatertune.live.write.rollback import written_in
 from heatertune.pid.document import read_design
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.write_comparison import WRITTEN_SCHEMA
-from heatertune.report.write_report_section import plot_watch
+from heatertune.report.as_left_section import plot_watch
 
 
 @pytest.fixture(scope="module")

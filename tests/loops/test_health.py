@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from tests.bench.loops import drawn, traced
 
-from heatertune.batch.loops import rank_rows
+from heatertune.batch.loop_health import rank_rows
 from heatertune.cli import main
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
-from heatertune.loops.cure import cure_words
-from heatertune.loops.diagnosis import day, diagnose, ideal, times_worse
+from heatertune.loops.diagnosis import cure_words, day, diagnose, ideal, times_worse
 from heatertune.loops.loop_values import Cause, LoopEntry, list_loops, read_list
 from heatertune.loops.measures import (
     at_limit,
@@ -26,13 +25,12 @@ from heatertune.loops.measures import (
 )
 from heatertune.loops.unlogged_loads import with_duty, without_loads
 from heatertune.model.fit import fit
-from heatertune.model.manual_model import model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.search.quick import quick_tune
 from heatertune.plc import Scaling
 from heatertune.proof.design_request import DesignRequest
-from heatertune.report.loops import loops_lines, loops_page
+from heatertune.report.health_page import loops_lines, loops_page
 
 LOOPS = drawn(60, seed=3)
 ARDUINO = DesignRequest(target="arduino-pid", scaling=Scaling(low_degC=0.0, high_degC=500.0))

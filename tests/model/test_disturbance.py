@@ -7,7 +7,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.fit import fit, model_by_hand
-from heatertune.model.power.disturbance import without_disturbance
+from heatertune.model.power.disturbance_fit import without_disturbance
 from heatertune.model.validate import validate
 from heatertune.model.values import Fopdt
 

@@ -13,10 +13,9 @@ from heatertune.log.values import Log
 from heatertune.model import document
 from heatertune.model.circumstances import setpoint_of
 from heatertune.model.fit import fit
-from heatertune.model.power.interval_ends import AtEnd, ends_of
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
-from heatertune.model.power.uncertainty import fits_of_period, periods_of
+from heatertune.model.power.uncertainty import AtEnd, ends_of, fits_of_period, periods_of
 from heatertune.model.statistics import Interval
 from heatertune.model.values import Fopdt
 

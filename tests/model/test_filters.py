@@ -7,7 +7,7 @@ from scipy.optimize import brentq, least_squares
 from scipy.signal import lfilter
 
 from heatertune.model.outliers import _median
-from heatertune.model.power.aliasing import _running_mean
+from heatertune.model.power.explanation import _running_mean
 from heatertune.model.power.feedback import _coloured
 from heatertune.model.reduction import crossover_rad_s, match_fopdt
 from heatertune.model.values import TwoLag

@@ -11,7 +11,7 @@ from heatertune.errors import InputError
 from heatertune.model.document import from_document, to_document
 from heatertune.model.fit import fit_together
 from heatertune.model.power import fit_logs
-from heatertune.model.power.alternative_models import Rival
+from heatertune.model.power.candidates import Rival
 from heatertune.model.power.explanation import explain_log
 from heatertune.model.power.fit_logs import _joint, _rivals, disagreements
 from heatertune.model.power.fit_power import WeighedFit

@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from heatertune.log.from_objects import log_of
+from heatertune.log.read import log_of
 from heatertune.model.least_squares import minimise
 from heatertune.model.temperature.closed_loop import Hypothesis, LogSegment
-from heatertune.model.temperature.search import _able, _best_of, residuals_of
+from heatertune.model.temperature.fit_temperature import _able, _best_of, residuals_of
 from heatertune.plc.s7_200_paper.laws import LAWS
 
 TIME = np.linspace(0.0, 5.0, 40)

@@ -2,7 +2,7 @@ import control
 import numpy as np
 import pytest
 
-from heatertune.model.measures import COMBINATIONS, ultimate_period_s
+from heatertune.model.reduction import COMBINATIONS, ultimate_period_s
 from heatertune.model.values import Fopdt, TwoLag
 
 

@@ -8,7 +8,6 @@ from scipy.signal import lfilter, lsim, lti
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.log.values import Log
-from heatertune.model.experiment.doublet import RelayPlan, _tested, best_step, plan_doublet, plan_relay, within_limit
 from heatertune.model.experiment.fisher import (
     ExperimentSetup,
     Prior,
@@ -20,12 +19,20 @@ from heatertune.model.experiment.fisher import (
     prior_of,
     shares,
 )
-from heatertune.model.experiment.plan import propose
+from heatertune.model.experiment.plan import (
+    RelayPlan,
+    _tested,
+    best_step,
+    plan_doublet,
+    plan_relay,
+    propose,
+    within_limit,
+)
 from heatertune.model.fit import model_by_hand
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 from heatertune.model.power.uncertainty import intervals
-from heatertune.model.relay.relay import TwoLevelRelay
+from heatertune.model.relay_test import TwoLevelRelay
 from heatertune.model.response import Schedule, rows_of, sensitivities
 from heatertune.model.statistics import Interval
 from heatertune.model.values import FitOutcome, FittedModel, Fopdt, TwoLag

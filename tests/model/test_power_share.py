@@ -6,7 +6,7 @@ from tests.bench import causes
 
 from heatertune.log.values import Log
 from heatertune.model.fit import fit, fit_together
-from heatertune.model.power.diagnosis import contributions_of
+from heatertune.model.power.fit_power import contributions_of
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 

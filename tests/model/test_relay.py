@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.relay.relay import TwoLevelRelay, _ConstantPowerResponse, _RelayState, oscillation, simulate_relay
+from heatertune.model.relay_test import TwoLevelRelay, _ConstantPowerResponse, _RelayState, oscillation, simulate_relay
 from heatertune.model.response import rise, rows_of
 from heatertune.model.temperature.closed_loop import Constant, simulate_many
 from heatertune.model.values import Fopdt, TwoLag

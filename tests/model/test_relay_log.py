@@ -8,8 +8,15 @@ from tests.conftest import load_csv
 
 from heatertune.log.values import Log
 from heatertune.model.document import from_document, to_document
-from heatertune.model.relay.relay import TwoLevelRelay, oscillation, simulate_relay
-from heatertune.model.relay.relay_log import estimate, find_relay, oscillating_fopdt, with_relay
+from heatertune.model.relay_test import (
+    TwoLevelRelay,
+    estimate,
+    find_relay,
+    oscillating_fopdt,
+    oscillation,
+    simulate_relay,
+    with_relay,
+)
 from heatertune.model.values import FitOutcome, FittedModel, Fopdt
 
 TRUTH = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=20.0, ambient_degC=20.0)

@@ -7,7 +7,7 @@ from tests.model.twins import GAIN, LAG, closed_loop, doublet, logged
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.fit import fit, fit_together
-from heatertune.model.power.alternative_models import widen_intervals
+from heatertune.model.power.candidates import widen_intervals
 from heatertune.model.power.explanation import part
 from heatertune.model.statistics import Interval
 from heatertune.model.values import FitOutcome

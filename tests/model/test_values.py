@@ -5,9 +5,8 @@ import pytest
 
 from heatertune.errors import OutOfRange
 from heatertune.model.document import from_document, to_document
-from heatertune.model.manual_model import model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 
 
 def test_the_half_rule_gives_skogestads_worked_example():

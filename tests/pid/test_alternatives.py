@@ -4,8 +4,7 @@ import math
 import pytest
 
 from heatertune.cli import main
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag
+from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag, model_by_hand
 from heatertune.pid.alternatives import alternatives
 from heatertune.pid.rules import RULES, model_for
 from heatertune.pid.tune import tune

@@ -12,9 +12,9 @@ from scipy.integrate import trapezoid
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.continuous import kernel as continuous
-from heatertune.pid.continuous import optimum as continuous_optimum
-from heatertune.pid.continuous.optimum import (
+from heatertune.pid import continuous_loop as continuous
+from heatertune.pid import continuous_optimum
+from heatertune.pid.continuous_optimum import (
     ContinuousProblem,
     global_check,
     global_optimum,
@@ -23,7 +23,7 @@ from heatertune.pid.continuous.optimum import (
     peaks,
     response_grid,
 )
-from heatertune.pid.loop.robustness import crossings
+from heatertune.pid.sampled_loop import crossings
 from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign, structure_of
 

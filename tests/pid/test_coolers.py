@@ -6,12 +6,10 @@ import pytest
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.cooler_mirror import cools, mirror_heater
-from heatertune.model.manual_model import model_by_hand
 from heatertune.model.statistics import RATIO, Interval
-from heatertune.model.values import Candidate, Fopdt, TwoLag
-from heatertune.pid.alternatives import alternatives
-from heatertune.pid.loop.robustness import margins
-from heatertune.pid.pareto import front
+from heatertune.model.values import Candidate, Fopdt, TwoLag, model_by_hand
+from heatertune.pid.alternatives import alternatives, front
+from heatertune.pid.sampled_loop import margins
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.search.robust import draw_heaters, interval_ends
 from heatertune.pid.tune import tune

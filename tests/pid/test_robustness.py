@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.loop import sampled as response
-from heatertune.pid.loop.linear import control_margins, loop_transfer_function
-from heatertune.pid.loop.robustness import loop_response, margins
-from heatertune.pid.loop.sampled import dominant_time_s, iae_load, iae_setpoint, respond
+from heatertune.pid import sampled_loop as response
+from heatertune.pid.linear_check import control_margins, loop_transfer_function
+from heatertune.pid.sampled_loop import dominant_time_s, iae_load, iae_setpoint, loop_response, margins, respond
 from heatertune.pid.values import PidDesign
 
 PLANTS = {

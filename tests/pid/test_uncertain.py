@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from heatertune.errors import OutOfRange
-from heatertune.model.manual_model import model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Candidate, Fopdt, TwoLag
-from heatertune.pid.loop.robustness import margins
+from heatertune.model.values import Candidate, Fopdt, TwoLag, model_by_hand
+from heatertune.pid.sampled_loop import margins
 from heatertune.pid.search.robust import draw_heaters, ms_over
 from heatertune.pid.values import PidDesign
 

@@ -15,7 +15,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import NAMES, Boost, Certificate, Scaling, Words, controller_for
 from heatertune.plc.feed_forward import feed_forward
 from heatertune.plc.pwm import Actuator
-from heatertune.supervision.loops import Card, Ran
+from heatertune.supervision.faulty_loops import Card, Ran
 from heatertune.supervision.text import program_check
 
 PWM = Actuator(pwm_period_s=2.0, resolution_s=0.1, minimum_on_s=0.2)

@@ -9,8 +9,7 @@ from tests.conftest import ROOT
 
 from heatertune import chain
 from heatertune.errors import InputError, NotRepresentable, OutOfRange, UnknownName
-from heatertune.pid.timer import Timer
-from heatertune.pid.values import PidDesign
+from heatertune.pid.values import PidDesign, Timer
 from heatertune.plc import (
     TARGETS,
     Controller,

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
-from heatertune.pid.loop.robustness import margins
-from heatertune.pid.loop.sampled import iae_load
+from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.pid.sampled_loop import iae_load, margins
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.design import tune

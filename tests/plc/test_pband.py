@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from heatertune import chain
 from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOfRange, UnknownName
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import ALIKE, COOLING, NAMES, TARGETS, Certificate, Scaling, controller_for
 from heatertune.plc.commissioning import commissioning

@@ -11,8 +11,7 @@ from heatertune import chain
 from heatertune.codec import decode, encode, plain
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.values import PidDesign
 from heatertune.proof.as_left import AsLeft, as_left
 from heatertune.proof.document import ProofView

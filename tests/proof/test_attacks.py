@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from heatertune.errors import DocumentError, ExportRefused, HeatertuneError, InputError
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.proof.criteria import columns_of, worst_of
 from heatertune.proof.document import check_document, with_digest

@@ -9,8 +9,7 @@ from heatertune.log.values import Log
 from heatertune.model.document import from_document, to_document
 from heatertune.model.findings import Finding
 from heatertune.model.fit import fit, fit_together
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.plc import Scaling
 from heatertune.proof.heaters import (
     beyond_log,

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.plc.design import encode, tune

@@ -11,8 +11,7 @@ from tests.witness.pid_temp import HeatCool, Pulses, Set, with_factor
 from heatertune import chain
 from heatertune import compiled as machine
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.cooler import with_cooling

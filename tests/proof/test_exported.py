@@ -17,8 +17,7 @@ from tests.bench.text_faults import STORY, loops
 
 from heatertune import chain
 from heatertune.errors import InputError
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.cpu.s5.machine import S5Cpu

@@ -11,8 +11,7 @@ from llvmlite.binding import get_host_cpu_features, llvm_version_info
 from heatertune import compiled as machine
 from heatertune.compiled import compile_function
 from heatertune.compiler import overload
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 from heatertune.pid.values import PidDesign
 from heatertune.plain import bound
 from heatertune.plc import TARGETS, Scaling, controller_for

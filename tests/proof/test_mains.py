@@ -13,8 +13,7 @@ from tests.bench.outages import bench_of, low_overshoots
 from tests.bench.second_opinion import compiled, opinion
 
 from heatertune.errors import DocumentError
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.plc.open_points import settings_to_prove

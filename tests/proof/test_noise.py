@@ -6,8 +6,7 @@ from dataclasses import replace
 import pytest
 
 from heatertune import compiled
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.proof import judge, simulate
 from heatertune.proof.criteria import Criterion

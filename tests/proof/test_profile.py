@@ -9,8 +9,7 @@ import pytest
 from tests.proof.ways import assert_same_compiled_and_plain
 
 from heatertune.errors import DocumentError, InputError
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.proof import (

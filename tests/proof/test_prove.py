@@ -8,7 +8,7 @@ import pytest
 
 from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
-from heatertune.pid.loop.robustness import margins
+from heatertune.pid.sampled_loop import margins
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.open_points import OpenPoint, settings_to_prove

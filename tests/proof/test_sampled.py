@@ -7,8 +7,7 @@ import pytest
 
 from heatertune.codec import decode, encode
 from heatertune.errors import DocumentError, InputError
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Candidate, Fopdt
+from heatertune.model.values import Candidate, Fopdt, model_by_hand
 from heatertune.plc import controller_for
 from heatertune.plc.design import tune
 from heatertune.plc.word_selection import choose_words

@@ -2,8 +2,7 @@
 
 import pytest
 
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.plc import Scaling
 from heatertune.proof import prove, search_budget
 from heatertune.proof.redesign import DesignRequest, find_passing_design

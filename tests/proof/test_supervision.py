@@ -10,9 +10,9 @@ from tests.bench.second_monitor import Monitors
 
 from heatertune.errors import OutOfRange
 from heatertune.model.values import Fopdt
-from heatertune.supervision.design import plane_of
-from heatertune.supervision.loops import HeaterFamily
+from heatertune.supervision.faulty_loops import HeaterFamily
 from heatertune.supervision.monitor import ALARMS, STATE, Numbers, cold, scan, watch
+from heatertune.supervision.monitor_design import plane_of
 
 OFF = Numbers(block=2, low=-10**6, high=10**6, jump=10**6, still=0, still_moved=0, moved=20, delay_low=0, delay_high=1,
               slow_blocks=0, slow_scale=1, slow_gain=0, slow_loss=0, slow_rest=0, fast_blocks=0, fast_scale=1, fast_gain=0,

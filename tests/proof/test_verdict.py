@@ -11,7 +11,7 @@ import pytest
 from heatertune.codec import encode
 from heatertune.errors import DocumentError, ExportRefused, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding, remedy_of
-from heatertune.pid.loop.robustness import margins
+from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Certificate, Ramp, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.proof import Acceptance, Actuator, Criterion, LoopLimits, paper_scenario, prove_models

@@ -6,8 +6,7 @@ import pytest
 from heatertune import chain
 from heatertune.chain.pipeline import dossier
 from heatertune.log.values import Log
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.values import PidDesign
 from heatertune.report import render
 

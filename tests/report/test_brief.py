@@ -18,8 +18,8 @@ from heatertune.plc.keyed_entry import as_typed
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.nearest_specification import limits_that_pass
 from heatertune.proof.specification import preset
+from heatertune.report.controller_comparison import targets_brief
 from heatertune.report.layout import LINES, WIDTH, command, labelled_lines, notes_within, wrap_text
-from heatertune.report.targets import targets_brief
 from heatertune.report.text import keyed_entries
 from heatertune.report.verdict_summary import design_brief, verify_brief
 

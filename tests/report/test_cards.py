@@ -14,13 +14,10 @@ from scipy.signal import lfilter
 
 from heatertune import chain
 from heatertune.log.values import Log
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
-from heatertune.pid.reaction import reaction
-from heatertune.pid.values import Margins, PidDesign
+from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.pid.values import Margins, PidDesign, reaction
 from heatertune.plc import Scaling, Words
-from heatertune.report.cards import card
-from heatertune.report.pictures import thinned
+from heatertune.report.cards import card, thinned
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 DESIGN = PidDesign(
@@ -176,7 +173,7 @@ def test_a_notebook_cell_that_ends_in_a_value_shows_it(tmp_path):
         "                   structure='pi', method='a test')",
         "design",
         "import heatertune as ht\nwords = ht.encode(design, target='s5-ob251')\nwords",
-        "from heatertune.model.manual_model import model_by_hand\nfrom heatertune.model.values import Fopdt\n"
+        "from heatertune.model.values import model_by_hand\nfrom heatertune.model.values import Fopdt\n"
         "heater = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)\n"
         "proof = ht.prove(words, model_by_hand(heater), setpoint_degC=40.0)\nproof",
         "ht.read_log('table4')",

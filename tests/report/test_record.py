@@ -14,13 +14,12 @@ from heatertune.chain.pipeline import dossier
 from heatertune.codec import encode
 from heatertune.errors import UnknownName
 from heatertune.log.values import Log
-from heatertune.model.manual_model import model_by_hand
+from heatertune.model.values import model_by_hand
 from heatertune.plc import TARGETS, controller_for
 from heatertune.plc.commissioning import SECTIONS, commissioning
 from heatertune.proof.spec_file import in_force
 from heatertune.report import render
-from heatertune.report.html import table, text_of, tick, with_code
-from heatertune.report.live import panels, panels_json
+from heatertune.report.html import panels, panels_json, table, text_of, tick, with_code
 from heatertune.report.page import head, record, specification
 from heatertune.report.plots import plot_fit, plot_loop, plot_pwm, plot_robustness, plot_wish
 from heatertune.report.verdict_summary import design_brief

@@ -7,8 +7,7 @@ import pytest
 from heatertune import chain
 from heatertune.chain.documents import without_curves
 from heatertune.codec import plain
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.plc import Ramp
 from heatertune.proof.pictures import pictures
 from heatertune.proof.verdict import verdict_first

@@ -5,12 +5,11 @@ import pytest
 
 from heatertune.chain import compare, prove
 from heatertune.codec import plain
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import TARGETS
 from heatertune.plc.design import encode
-from heatertune.report.targets import plot_targets, render_targets, targets_table
+from heatertune.report.controller_comparison import plot_targets, render_targets, targets_table
 from heatertune.settings import Conditions
 
 HEATER = model_by_hand(Fopdt(gain_degC_per_pct=0.4, time_constant_s=150.0, dead_time_s=10.0, ambient_degC=20.0))

@@ -7,7 +7,7 @@ import pytest
 from tests.report.screens import documents_of
 
 from heatertune.plc import NAMES, controller_for
-from heatertune.report.write_report_section import in_plc
+from heatertune.report.as_left_section import in_plc
 
 
 def test_the_words_of_an_instrument_are_shown_with_their_decimals():

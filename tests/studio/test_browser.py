@@ -22,8 +22,7 @@ from heatertune import virtual_plc
 from heatertune.plc import TARGETS
 from heatertune.report.html import text_of
 from heatertune.studio import views
-from heatertune.studio.loop import _quick, first_look
-from heatertune.studio.settings import StudioSettings
+from heatertune.studio.loop_settings import StudioSettings, _quick, first_look
 
 FACTS = {"sample_time_s": "21", "pwm_period_s": "7", "setpoint_degC": "51,5", "low_degC": "-50", "high_degC": "150",
          "noise_degC": "0,1"}

@@ -150,7 +150,7 @@ def test_a_real_plc_without_places_and_a_missing_library_are_told(work, plc, mon
     asked = RecordingRequest(address=address, log=str(tmp_path / "log.csv"))
     asyncio.run(work.record(asked))
     assert "Type the folder of its design, or the map that says it" in for_page(work.live_error)
-    monkeypatch.setattr("heatertune.live.client.client.find_spec", lambda _: None)
+    monkeypatch.setattr("heatertune.live.client.connection.find_spec", lambda _: None)
     asyncio.run(work.record(asked))
     assert work.live_error == 's7 needs snap7: pip install "heatertune[s7]"'
 

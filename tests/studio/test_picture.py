@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from heatertune.studio.downsample import downsample, step_corners, straight
-from heatertune.studio.loop import first_look, full_proof
-from heatertune.studio.picture import course_of, picture_of, walls_of
-from heatertune.studio.settings import StudioSettings
+from heatertune.studio.loop_settings import StudioSettings, first_look, full_proof
+from heatertune.studio.picture import course_of, downsample, picture_of, step_corners, straight, walls_of
 
 #: judged by margins or by counting, which no line of the temperature shows
 UNSEEN = {"steady_offset", "limit_cycle", "pwm_ripple", "ms", "gain_margin", "phase_margin", "stability", "step_power",

@@ -9,18 +9,15 @@ from heatertune import chain
 from heatertune.chain.pipeline import dossier
 from heatertune.codec import to_json
 from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOfRange
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Candidate
+from heatertune.model.values import Candidate, model_by_hand
 from heatertune.pid.document import DesignProvenance
 from heatertune.plc import controller_for
 from heatertune.proof.monte_carlo.run import with_samples
 from heatertune.proof.repetition import made_again
 from heatertune.settings import Conditions, SampleSettings
-from heatertune.studio.loop import find_design, first_look, full_proof
-from heatertune.studio.session import MOST_PINNED, Session
-from heatertune.studio.settings import StudioSettings
+from heatertune.studio.loop_settings import StudioSettings, find_design, first_look, full_proof
+from heatertune.studio.session import MOST_PINNED, Session, read_source
 from heatertune.studio.sheet_card import DroppedFile
-from heatertune.studio.sources import read_source
 from heatertune.writing import write_files
 
 

@@ -3,11 +3,10 @@ import math
 import pytest
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.plc import TARGETS, controller_for
 from heatertune.studio.controls import Controls
-from heatertune.studio.settings import SLIDERS, StudioSettings, settings_for, sliders_for
+from heatertune.studio.loop_settings import SLIDERS, StudioSettings, settings_for, sliders_for
 
 
 @pytest.mark.parametrize("wrong", [

@@ -16,7 +16,7 @@ import pytest
 from tests.bench.documents import DESIGN, HEATER, write_all
 
 from heatertune.codec import to_json
-from heatertune.model.manual_model import model_by_hand
+from heatertune.model.values import model_by_hand
 from heatertune.pid.document import to_document
 
 PROVEN = """() => !document.documentElement.classList.contains('stale')

@@ -13,16 +13,14 @@ import numpy as np
 import pytest
 
 from heatertune import chain
-from heatertune.model.manual_model import model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 from heatertune.plc.keyed_entry import typed_words
 from heatertune.report.plots import LOOK
 from heatertune.studio import charts, views
-from heatertune.studio.loop import first_look, full_proof
+from heatertune.studio.loop_settings import StudioSettings, first_look, full_proof
 from heatertune.studio.picture import picture_of
 from heatertune.studio.session import FrontDesign, PinnedDesign
-from heatertune.studio.settings import StudioSettings
 from heatertune.studio.sheet_card import DroppedFile
 from heatertune.studio.work import export_zip, report_page
 

@@ -11,8 +11,7 @@ from heatertune.compiled import decide, worth_compiling
 from heatertune.errors import InputError
 from heatertune.proof import loop
 from heatertune.studio import warm_up
-from heatertune.studio.loop import first_look, full_proof
-from heatertune.studio.settings import StudioSettings
+from heatertune.studio.loop_settings import StudioSettings, first_look, full_proof
 
 MOST = 10**15
 

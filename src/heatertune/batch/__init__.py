@@ -8,18 +8,14 @@ from typing import TYPE_CHECKING
 from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
-    from heatertune.batch.cluster import on_dask
-    from heatertune.batch.engine import run
-    from heatertune.batch.processes import in_processes
-    from heatertune.batch.values import CaseBatch, Chunk, Progress, Row, TableColumn, Workers, silent
+    from heatertune.batch.engine import CaseBatch, Chunk, Progress, Row, TableColumn, Workers, run, silent
+    from heatertune.batch.workers import in_processes, on_dask
 
 __all__ = ["CaseBatch", "Chunk", "Progress", "Row", "TableColumn", "Workers", "in_processes", "on_dask", "run",
            "silent"]
 
 # the help of a command that writes a table needs none of them
 __getattr__, __dir__ = lazy_attributes(__name__, {
-    "batch.cluster": ("on_dask",),
-    "batch.engine": ("run",),
-    "batch.processes": ("in_processes",),
-    "batch.values": ("CaseBatch", "Chunk", "Progress", "Row", "TableColumn", "Workers", "silent"),
+    "batch.workers": ("on_dask", "in_processes"),
+    "batch.engine": ("run", "CaseBatch", "Chunk", "Progress", "Row", "TableColumn", "Workers", "silent"),
 })

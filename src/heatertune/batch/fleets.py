@@ -1,11 +1,15 @@
-"""The logs of many heaters → one table: each is fitted, tuned, rounded to words and proven, or says why not."""
+"""The logs of many heaters → one table: each is fitted, tuned, rounded to words and proven, or says why not.
+
+One heater from its log, or its model, to proven words, as one flat row of a table.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, fields
 from functools import partial
 from glob import glob, has_magic
@@ -14,18 +18,190 @@ from typing import Any, Final, NamedTuple
 
 from heatertune import cache
 from heatertune.batch import CaseBatch, Progress, Row, TableColumn, Workers, run, silent
-from heatertune.batch.zone import HEAD, RESULT, lost_row, word_columns, zone_row
 from heatertune.chain.stages import fit
-from heatertune.errors import InputError, LogError
+from heatertune.errors import HeatertuneError, InputError, LogError
 from heatertune.log import read_log
-from heatertune.model.values import FittedModel
-from heatertune.plc import controller_for
+from heatertune.model.values import FittedModel, Fopdt
+from heatertune.pid.explain import without_explanation
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Words, controller_for
+from heatertune.plc.words import FLOATS
+from heatertune.processors import on_one
+from heatertune.proof import Proof
 from heatertune.proof.redesign import DesignRequest
+from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.proof.spec_file import specification_of
+from heatertune.proof.text_comparison import as_exported
+from heatertune.proof.verdict import blocking_findings, samples_told
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.writing import read_bytes, read_text
 
-__all__ = ["SCHEMA", "ZoneSettings", "find_logs", "fleet"]
+__all__ = [
+    "HEAD", "RESULT", "SCHEMA", "ZoneSettings", "find_logs", "fleet", "lost_row", "word_columns", "zone_row",
+]
+
+
+#: column → criterion of the proof
+_CRITERIA: Final = {
+    "overshoot_pct": "overshoot", "settling_time_s": "settling_time", "steady_offset_degC": "steady_offset",
+    "limit_cycle_degC": "limit_cycle", "pwm_ripple_degC": "pwm_ripple", "iae_degC_s": "iae",
+    "recovery_time_s": "recovery_time", "recovery_overshoot_pct": "recovery_overshoot", "deviation_degC": "deviation",
+    "saturation_pct": "saturation", "switchings_per_h": "switchings", "overflows": "overflow",
+    "interlock_trips": "interlock_trips", "ms": "ms", "gain_margin": "gain_margin",
+    "phase_margin_deg": "phase_margin",
+}
+
+_WHAT: Final = {
+    "gain_degC_per_pct": "process gain [°C/%]", "time_constant_s": "time constant [s]", "dead_time_s": "dead time [s]",
+    "ambient_degC": "ambient temperature, reached without power [°C]",
+}
+
+_DESIGN: Final = {
+    "gain_pct_per_degC": "proportional gain K [%/°C]", "integral_time_s": "TN [s], infinite without an I part",
+    "derivative_time_s": "TV [s]", "sample_time_s": "sampling interval TA [s]",
+}
+
+#: the columns every row begins with
+HEAD: Final = (
+    TableColumn(name="outcome", kind="text",
+                description="PASS, FAIL or NOT PROVEN; else the stage that refused: no log, no fit, "
+                                             "no design, no words, no proof; crashed: a fault of the program"),
+    TableColumn(name="reason", kind="text", description="what a proof did not keep, or why a stage refused"),
+)
+
+#: the columns of what was found
+RESULT: Final = (
+    TableColumn(name="log_taken", kind="text", description="what was taken of the log as what"),
+    TableColumn(name="fit_outcome", kind="text", description="how the fit ended"),
+    *(TableColumn(name=f"{name}{end}", kind="float", description=f"{what}{of}") for name, what in _WHAT.items() for end,
+      of in (
+        ("", " of the working model"), ("_ci95_low", ", low end of its 95 % interval"),
+        ("_ci95_high", ", high end of its 95 % interval"))),
+    TableColumn(name="fit_pct", kind="float", description="how much of the log the working model explains [%]"),
+    TableColumn(name="models", kind="int", description="candidate models that were tuned for and proven on"),
+    *(TableColumn(name=name, kind="float", description=f"{what} of the design") for name, what in _DESIGN.items()),
+    TableColumn(name="structure", kind="text", description="parts of the controller"),
+    TableColumn(name="method", kind="text", description="how the design was found"),
+    TableColumn(name="words", kind="text", description="the words the PLC will hold, as JSON"),
+    TableColumn(name="remarks", kind="text",
+                description="what else stands on the verdict's line: what was changed to pass, or "
+                                             "what would pass"),
+    TableColumn(name="ramp_degC_per_min", kind="float", description="setpoint ramp [°C/min]; empty: none"),
+    TableColumn(name="hold_degC", kind="float",
+                description="its holdback: how far from the reading it lets the setpoint be [°C]; "
+                                                "empty: as far as it goes"),
+    TableColumn(name="boost_within_degC", kind="float",
+                description="full power until so near to the setpoint [°C]; empty: none"),
+    TableColumn(name="boost_again_degC", kind="float", description="and again where it is farther off than this [°C]"),
+    TableColumn(name="setpoint_degC", kind="float", description="setpoint of the proof [°C]"),
+    TableColumn(name="pwm_period_s", kind="float",
+                description="PWM period of the proof [s]: the one to set where none was given"),
+    TableColumn(name="runs", kind="int", description="closed-loop runs of the proof"),
+    *(TableColumn(name=name, kind="float", description=f"{criterion.replace('_', ' ')}, the worst over all runs")
+      for name, criterion in _CRITERIA.items()),
+    TableColumn(name="samples", kind="int", description="drawn heaters on which the words were proven, too"),
+    TableColumn(name="samples_passing_pct", kind="float", description="share of them that keep every limit [%]"),
+    TableColumn(name="samples_worst_seed", kind="int", description="seed of the worst of them, for verify --replay"),
+)
+
+
+def word_columns(targets: Iterable[str]) -> tuple[TableColumn, ...]:
+    """Return a column for every word of the targets; words of one name share it.
+
+    Raises:
+        UnknownName: no such target.
+    """
+    columns: dict[str, TableColumn] = {}
+    for target in targets:
+        for word in controller_for(target).fields:
+            before = columns.get(word.name)
+            whole = word.format not in FLOATS and (before is None or before.kind == "int")
+            what = f"word {word.name} of {target}" if before is None else f"{before.description}, {target}"
+            columns[word.name] = TableColumn(name=f"word_{word.name}", kind="int" if whole else "float",
+                                              description=what)
+    return tuple(columns.values())
+
+
+def zone_row(name: str, find: Callable[[], FittedModel], request: DesignRequest) -> Row:
+    """Take a heater through the chain as `design` does; what cannot be done is told in the row, never raised.
+
+    Nothing but what `find` finds is kept in the cache: a million designs would fill the disk.
+
+    Args:
+        name: of the row.
+        find: reads and fits the log, or reads the model.
+        request: what the design is asked for.
+    """
+    row: Row = {"name": name}
+    stage = "no fit"
+    try:
+        fitted = find()
+        row |= _model(fitted)
+        with cache.cache_disabled(), without_explanation(), on_one():
+            begun = list[str]()
+            try:
+                design = closed_on_samples(fitted, request, stage=begun.append)
+                proof = as_exported(design.proof)
+            finally:
+                stage = f"no {begun[-1]}"
+            return row | _design(design.ideal) | _words(proof.words) | _proof(proof) | _sampled(proof)
+    except HeatertuneError as problem:
+        return row | {"outcome": "no log" if isinstance(problem, LogError) else stage, "reason": str(problem)}
+    except Exception as problem:  # one zone must not stop the others, whatever is wrong in the program
+        return row | {"outcome": "crashed", "reason": f"{stage}: {type(problem).__name__}: {problem}"}
+
+
+def lost_row(name: str, why: str) -> Row:
+    """Return the row of a case whose process died."""
+    return {"name": name, "outcome": "crashed", "reason": why}
+
+
+def _model(fitted: FittedModel) -> Row:
+    row: Row = {"log_taken": "; ".join(fitted.log_summary) or None, "fit_outcome": fitted.outcome.name,
+                "fit_pct": fitted.fit_pct, "models": len(fitted.plants)}
+    for name in (parameter.name for parameter in fields(Fopdt)):
+        interval = fitted.ci95.get(name)
+        row[name] = getattr(fitted.model, name)
+        row[f"{name}_ci95_low"] = None if interval is None else interval.low
+        row[f"{name}_ci95_high"] = None if interval is None else interval.high
+    return row
+
+
+def _design(design: PidDesign) -> Row:
+    return {name: getattr(design, name) for name in (*_DESIGN, "structure", "method")}
+
+
+def _words(words: Words) -> Row:
+    values = dict(words.values)
+    return {"words": json.dumps(values), **{f"word_{name}": value for name, value in values.items()}}
+
+
+def _proof(proof: Proof) -> Row:
+    worst, boost = {criterion.name: criterion for criterion in proof.criteria}, proof.words.boost
+    broken = [criterion.name for criterion in proof.criteria if not criterion.ok]
+    reasons = [f"not kept: {', '.join(broken)}"] if broken else []
+    reasons += [f"not proven: {criterion['name']}" for criterion in blocking_findings(proof.diagnostics.to_document())]
+    if proof.samples is not None and proof.samples.verdict != "PASS":
+        reasons += [samples_told(proof.samples.to_document())]
+    return {
+        "outcome": proof.verdict, "reason": "; ".join(reasons) or None,
+        "remarks": "; ".join(proof.diagnostics.remarks) or None,
+        "ramp_degC_per_min": None if proof.words.ramp is None else proof.ramp_degC_per_min,
+        "hold_degC": proof.hold_degC,
+        "boost_within_degC": None if boost is None else boost.within_degC,
+        "boost_again_degC": None if boost is None else boost.again_degC,
+        "setpoint_degC": proof.scenario.setpoint_degC, "pwm_period_s": proof.actuator.pwm_period_s,
+        "runs": len(proof.runs),
+        **{column: None if name not in worst or math.isnan(worst[name].value) else float(worst[name].value)
+           for column, name in _CRITERIA.items()},
+    }
+
+
+def _sampled(proof: Proof) -> Row:
+    drawn = proof.samples
+    return {} if drawn is None else {
+        "samples": drawn.count, "samples_passing_pct": 100.0 * drawn.passing, "samples_worst_seed": drawn.worst_seed}
+
 
 SCHEMA: Final = "heatertune/fleet/1"
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 from heatertune.batch import CaseBatch, Progress, Row, TableColumn, Workers, run, silent
-from heatertune.batch.zone import HEAD, RESULT, lost_row, word_columns, zone_row
+from heatertune.batch.fleets import HEAD, RESULT, lost_row, word_columns, zone_row
 from heatertune.chain.stages import fit
 from heatertune.codec import decode, read_document, read_toml
 from heatertune.errors import DocumentError, InputError, UnknownName
@@ -23,8 +23,7 @@ from heatertune.log import read_log
 from heatertune.log.tables import BUILT_IN
 from heatertune.model.document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.document import from_document
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import FittedModel, Fopdt, TwoLag
+from heatertune.model.values import FittedModel, Fopdt, TwoLag, model_by_hand
 from heatertune.options import Option, options_of
 from heatertune.pid.tune import METHODS
 from heatertune.plc import NAMES, Scaling, controller_for

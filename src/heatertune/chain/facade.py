@@ -20,8 +20,8 @@ from heatertune.model.power.known_controller import replay_controller
 from heatertune.model.validate import Verdict
 from heatertune.model.validate import validate as judge
 from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.pid.loop import robustness
-from heatertune.pid.loop.sampled import iae_load as load_iae
+from heatertune.pid import sampled_loop as robustness
+from heatertune.pid.sampled_loop import iae_load as load_iae
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.scan_by_scan import RunningController

@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, Any
 from heatertune import cache
 from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
-from heatertune.log.from_objects import log_of
+from heatertune.log.read import log_of
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.temperature.fit_temperature import pool_candidates
@@ -30,9 +30,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from pandas import DataFrame
 
-__all__ = [
-    "encode", "export", "fit", "fit_known", "fit_together",
-]
+__all__ = ["encode", "export", "fit", "fit_known", "fit_together"]
 
 
 def fit(
@@ -42,7 +40,7 @@ def fit(
     """Identify the heater behind a log; the paper's controller laws run inside the fit where no power was logged.
 
     Args:
-        data: a log, or what `heatertune.log.from_objects.log_of` makes one of: a path or built-in name, an open file, a
+        data: a log, or what `heatertune.log.read.log_of` makes one of: a path or built-in name, an open file, a
             table
             of pandas, arrays (time_s, temperature_degC, power_pct), all of shape (n,).
         settings: what is known beside the log; None: nothing.

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune import __version__
-from heatertune.cli.command_table import COMMAND_MODULES, command_module
+from heatertune.cli.command_table import COMMAND_MODULES, command
 from heatertune.cli.common import CommandParser, CommandStub
 from heatertune.cli.printing import LINE, colourise, to_nobody
 from heatertune.errors import ExportRefused, HeatertuneError, InputError, did_you_mean, one_line
@@ -59,15 +59,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def __getattr__(name: str) -> Any:
-    """Give the modules of all commands by their names as COMMANDS: a command that is run imports its own alone."""
+    """Give all commands by their names as COMMANDS: a command that is run imports its own module alone."""
     if name == "COMMANDS":
-        return {command: command_module(command) for command in COMMAND_MODULES}
+        return {each: command(each) for each in COMMAND_MODULES}
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def _welcome() -> str:
     """Return what `heatertune` alone shows: the commands that most people need, each by its example."""
-    examples = {name: command_module(name)._EXAMPLE.removeprefix("example: ") for name in _FIRST}
+    examples = {name: command(name).example.removeprefix("example: ") for name in _FIRST}
     told = [f"  {examples[name]}\n      {what}" for name, what in _FIRST.items()]
     return "\n".join([
         _PURPOSE, "", *told, "",
@@ -89,7 +89,7 @@ def parser(only: str | None = None) -> argparse.ArgumentParser:
     made: Any = CommandStub if only in _BEFORE else CommandParser
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=made)
     for name in [only] if only in COMMAND_MODULES else COMMAND_MODULES:
-        command_module(name).add_to(commands)
+        command(name).add_to(commands)
     return top
 
 

@@ -6,50 +6,50 @@ This is the one place in the core that names modules of the extras: batch, live,
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from heatertune.proof.write_comparison import WriteHistory
 
-__all__ = ["COMMAND_MODULES", "FIRST_OPTIONS", "command_module", "written_in"]
+__all__ = ["COMMAND_MODULES", "FIRST_OPTIONS", "Command", "command", "written_in"]
 
 #: command, in the order of the help → its module in heatertune
 COMMAND_MODULES: Final = {
-    "design": "cli.design",
-    "read": "cli.read",
-    "fit": "cli.fit",
-    "validate": "cli.validate",
-    "plan": "cli.plan",
-    "spec": "cli.spec",
-    "tune": "cli.tune",
-    "pareto": "cli.pareto",
-    "export-db": "cli.export_db",
-    "verify": "cli.verify",
+    "design": "cli.design_compare",
+    "read": "cli.identification",
+    "fit": "cli.identification",
+    "validate": "cli.identification",
+    "plan": "cli.identification",
+    "spec": "cli.reference",
+    "tune": "cli.tuning",
+    "pareto": "cli.tuning",
+    "export-db": "cli.export_verify",
+    "verify": "cli.export_verify",
     "supervise": "supervision.command",
-    "feed-forward": "cli.feed_forward",
-    "compare": "cli.compare",
-    "advise": "cli.advise",
-    "study": "batch.commands.study",
-    "fleet": "batch.commands.fleet",
+    "feed-forward": "cli.export_verify",
+    "compare": "cli.design_compare",
+    "advise": "cli.running_controller",
+    "study": "batch.command",
+    "fleet": "batch.command",
     "health": "live.commands.health",
-    "report": "cli.report",
-    "decode": "cli.decode",
-    "diff": "cli.diff",
-    "replay": "cli.replay",
-    "targets": "cli.targets",
-    "terms": "cli.terms",
+    "report": "cli.export_verify",
+    "decode": "cli.running_controller",
+    "diff": "cli.running_controller",
+    "replay": "cli.running_controller",
+    "targets": "cli.reference",
+    "terms": "cli.reference",
     "studio": "studio.command",
     "simulate": "live.commands.simulate",
-    "record": "live.commands.record",
-    "experiment": "live.commands.experiment",
-    "write": "live.commands.write",
-    "rollback": "live.commands.rollback",
-    "watch": "live.commands.watch",
-    "doctor": "cli.doctor",
-    "bench": "cli.bench",
-    "completion": "cli.completion",
+    "record": "live.commands.record_watch",
+    "experiment": "live.commands.run_experiment",
+    "write": "live.commands.write_rollback",
+    "rollback": "live.commands.write_rollback",
+    "watch": "live.commands.record_watch",
+    "doctor": "cli.installation",
+    "bench": "cli.installation",
+    "completion": "cli.installation",
 }
 
 _UNITS: Final = ("--temperature-unit", "--power-full-scale")
@@ -92,12 +92,25 @@ FIRST_OPTIONS: Final[dict[str, tuple[str, ...]]] = {
 }
 
 
-def command_module(name: str) -> Any:
-    """Import the module of a command."""
-    return import_module(f"heatertune.{COMMAND_MODULES[name]}")
+class Command(NamedTuple):
+    """A command.
+
+    Attributes:
+        add_to: adds its parser to the parsers of the commands.
+        example: of its use, the last line of its help.
+    """
+
+    add_to: Callable[[Any], None]
+    example: str
+
+
+def command(name: str) -> Command:
+    """Import a command: of its module the function `add_` and the constant `_EXAMPLE` of its name."""
+    module, stem = import_module(f"heatertune.{COMMAND_MODULES[name]}"), name.replace("-", "_")
+    return Command(getattr(module, f"add_{stem}"), getattr(module, f"{stem.upper()}_EXAMPLE"))
 
 
 def written_in(paths: Sequence[str], directory: str) -> WriteHistory:
-    """Read the records of writes that a report is to show; errors as `heatertune.live.write_history.written_in`."""
-    history: WriteHistory = import_module("heatertune.live.write_history").written_in(paths, directory)
+    """Read the records of writes that a report is to show; errors as `heatertune.live.write.rollback.written_in`."""
+    history: WriteHistory = import_module("heatertune.live.write.rollback").written_in(paths, directory)
     return history

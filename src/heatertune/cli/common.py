@@ -37,29 +37,10 @@ if TYPE_CHECKING:
     from heatertune.proof.redesign import DesignRequest
 
 __all__ = [
-    "FULL",
-    "CommandParser",
-    "CommandStub",
-    "add_condition_options",
-    "add_log_options",
-    "add_model_options",
-    "add_proof_options",
-    "add_reading_options",
-    "add_tuning_options",
-    "add_word_options",
-    "again",
-    "by_hand",
-    "conditions",
-    "design_and_model",
-    "design_request",
-    "interval_by_words",
-    "model_from",
-    "proof_asked",
-    "reading",
-    "sample_time",
-    "scaling",
-    "target",
-    "words_of_machine",
+    "FULL", "CommandParser", "CommandStub", "add_condition_options", "add_log_options", "add_model_options",
+    "add_proof_options", "add_reading_options", "add_tuning_options", "add_word_options", "again", "by_hand",
+    "conditions", "design_and_model", "design_request", "interval_by_words", "model_from", "proof_asked", "reading",
+    "sample_time", "scaling", "target", "words_of_machine",
 ]
 
 
@@ -442,8 +423,11 @@ def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
         InputError: both or neither are given, or a number of the hand-given model is missing.
     """
     from heatertune.model.document import read_model  # noqa: PLC0415 - the help must not wait for numpy
-    from heatertune.model.manual_model import model_by_hand  # noqa: PLC0415
-    from heatertune.model.values import Fopdt, TwoLag  # noqa: PLC0415
+    from heatertune.model.values import (  # noqa: PLC0415
+        Fopdt,
+        TwoLag,
+        model_by_hand,
+    )
 
     names = ("gain", "time_constant", "dead_time")
     numbers = _given(settings, *names)

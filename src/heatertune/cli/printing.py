@@ -26,8 +26,7 @@ from heatertune.units import count
 from heatertune.writing import write_files
 
 if TYPE_CHECKING:
-    from heatertune.log.read_summary import ReadSummary
-    from heatertune.log.values import Log
+    from heatertune.log.values import Log, ReadSummary
 
 __all__ = [
     "LINE", "Line", "Progress", "add_output_options", "can_take", "colourise", "has_colour", "output", "save",

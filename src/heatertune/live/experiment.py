@@ -22,28 +22,20 @@ from threading import Thread
 from typing import Final
 
 from heatertune.errors import HeatertuneError, InputError, LinkDown, LinkError, PlcRefused
-from heatertune.live.blocks import SERVED, ServedBlock, block_for
-from heatertune.live.client.address import Address, address_of
-from heatertune.live.client.client import Client, connect, told_by
-from heatertune.live.memory import GUARDED, OWN, OWN_CELLS, RUNS
+from heatertune.live.block_memory import GUARDED, OWN, OWN_CELLS, RUNS
+from heatertune.live.client.connection import Address, Client, address_of, connect, told_by
+from heatertune.live.controller_block import SERVED, ServedBlock, block_for, places_of
 from heatertune.live.plc_state import PlcState, WayBack, late_left_s, utc_now
 from heatertune.live.poller import Snapshot, StillSensor
 from heatertune.live.recorder import RecordingSetup, RecordingState, record
 from heatertune.live.schedule import RATE_ROWS, AbortLimits, Aims, RelaySchedule, Steps
-from heatertune.live.signal_map import places_of
 from heatertune.live.write.plc_block import block_image
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.plc import Words, controller_for
 from heatertune.plc.keyed_entry import value_texts
 
 __all__ = [
-    "RETRY_S",
-    "Experiment",
-    "ExperimentObserver",
-    "ExperimentResult",
-    "ManualMode",
-    "give_back",
-    "restore",
+    "RETRY_S", "Experiment", "ExperimentObserver", "ExperimentResult", "ManualMode", "give_back", "restore",
 ]
 
 
@@ -83,7 +75,7 @@ class ManualMode:
         self.place = self.block.number if said is None else said, start, len(put)
 
     def open_client(self) -> Client:
-        """Return a new connection; errors as `heatertune.live.client.client.connect`."""
+        """Return a new connection; errors as `heatertune.live.client.connection.connect`."""
         return connect(self.address, self._timeout_s)
 
     def image(self, client: Client) -> bytes:

@@ -28,7 +28,7 @@ from heatertune import writing as files
 from heatertune.batch.engine import hold_lock
 from heatertune.codec import read_document
 from heatertune.errors import DocumentError, InputError
-from heatertune.live.client.address import Address
+from heatertune.live.client.connection import Address
 from heatertune.writing import write_files
 
 __all__ = ["LATE_S", "WAY_BACK_SCHEMA", "PlcState", "WayBack", "late_left_s", "state_folder", "utc_now"]

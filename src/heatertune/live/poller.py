@@ -17,10 +17,9 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 
 from heatertune.errors import InputError, LinkDown
-from heatertune.live.client.address import Address
-from heatertune.live.client.client import Client, connect, told_by
-from heatertune.live.memory import OWN, OWN_CELLS, Signal
-from heatertune.live.signal_map import Places
+from heatertune.live.block_memory import OWN, OWN_CELLS, Signal
+from heatertune.live.client.connection import Address, Client, connect, told_by
+from heatertune.live.controller_block import Places
 from heatertune.model.values import HeaterModel
 
 __all__ = ["Poller", "Snapshot", "StillSensor", "reading_problem"]
@@ -140,7 +139,7 @@ class Snapshot(NamedTuple):
 
     Attributes:
         time_s: of the scan, by the PLC's own count where it has one, else by this machine's clock [s].
-        seen: role, of `heatertune.live.signal_map.ROLES` → quantity.
+        seen: role, of `heatertune.live.controller_block.ROLES` → quantity.
         restarted: whether the PLC has begun to count anew since the look before.
     """
 

@@ -18,11 +18,10 @@ from typing import Any, Final, Self
 
 from heatertune.codec import data_folder
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.live.blocks import SERVED, ServedBlock, block_for
-from heatertune.live.client.client import LIBRARIES, demand_library
-from heatertune.live.fault_schedule import LINK, ScheduledFault, fault_of
-from heatertune.live.memory import OWN, SimulatorStatus
-from heatertune.live.plc import Pace, VirtualPlant, VirtualPlc, plan_for
+from heatertune.live.block_memory import OWN, SimulatorStatus
+from heatertune.live.client.connection import LIBRARIES, demand_library
+from heatertune.live.controller_block import SERVED, ServedBlock, block_for
+from heatertune.live.plc import LINK, Pace, ScheduledFault, VirtualPlant, VirtualPlc, fault_of, plan_for
 from heatertune.model.values import FittedModel
 from heatertune.pid.document import read_design
 from heatertune.plc import Words, controller_for
@@ -156,7 +155,7 @@ def _with(act: Callable[[_Pair], None], pair: _Pair) -> Callable[[], None]:
 _LOOPBACK: Final = "127.0.0.1"
 _MOST_PORT: Final = 65535
 _RELEASED: Final = 8
-#: protocol → address as `heatertune.live.client.address` reads it
+#: protocol → address as `heatertune.live.client.connection` reads it
 _URLS: Final = {"s7": "s7://{}:{}/0/2/db{}", "modbus": "modbus://{}:{}/1/{first}", "opcua": "opc.tcp://{}:{}/db{}",
                 "as511": "as511://{0}/db{2}"}
 
@@ -166,14 +165,14 @@ class Simulation:
     """How a virtual PLC is served and what happens to it.
 
     Attributes:
-        serve: protocols, of `heatertune.live.client.client.LIBRARIES`; none: the first that reaches the controller.
+        serve: protocols, of `heatertune.live.client.connection.LIBRARIES`; none: the first that reaches the controller.
         ports: for them, in turn; 0, or none: one that is free.
         rate: so many times as fast as a real heater; infinite: as fast as it can.
         step: whether a client releases each interval.
         intervals: after so many the plant stands still; None: it goes on.
         sample: seed of the heater that is drawn from the model set; None: the working model.
         story: whether the proof's story happens.
-        faults: the timetable, as `heatertune.live.fault_schedule.fault_of` reads it.
+        faults: the timetable, as `heatertune.live.plc.fault_of` reads it.
         dead_man: scans in manual without a heartbeat, after which the controller goes to automatic; 0: it stays.
 
     Raises:
@@ -251,7 +250,7 @@ class VirtualPlcServed:
 
     def _serve(self, protocol: str, port: int, *, linked: bool) -> None:
         if protocol == "as511":
-            from heatertune.live.as511 import As511Server  # noqa: PLC0415 - only what is served is loaded
+            from heatertune.live.as511_server import As511Server  # noqa: PLC0415 - only what is served is loaded
 
             if port:
                 raise InputError(f"as511 is served at a line, not at port {port}: give 0 in its turn")
@@ -417,7 +416,7 @@ def read_folder(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
 
 def _server_of(protocol: str) -> Callable[[VirtualPlc, socket.socket], Any]:
     """Return what serves a protocol; only what is served is loaded."""
-    module = import_module(f"heatertune.live.{protocol}")
+    module = import_module(f"heatertune.live.{protocol}_server")
     found: Callable[[VirtualPlc, socket.socket], Any] = getattr(module, f"{protocol.capitalize()}Server")
     return found
 

@@ -3,6 +3,8 @@
 Rows of one instant: repeats are dropped, and rows that are not of one heater are refused.
 
 What was found while reading → what was taken, in one value.
+
+Whatever a session has at hand → Log.
 """
 
 from __future__ import annotations
@@ -18,15 +20,28 @@ import numpy.typing as npt
 from heatertune.errors import InputError, LogError, OutOfRange
 from heatertune.log.cells import Sheet, is_number, plain_cells, read_sheet
 from heatertune.log.cleaning import no_readings, one_run, tell_gaps
-from heatertune.log.clock import ASSUMED, TIME_UNITS, forwards, likely_time_unit, seconds, with_dates
-from heatertune.log.columns import NO_COLUMN, Array, Columns, cell_error, find_columns, numbers, with_names
+from heatertune.log.columns import (
+    ASSUMED,
+    NO_COLUMN,
+    TIME_UNITS,
+    Array,
+    Columns,
+    Power,
+    cell_error,
+    find_columns,
+    forwards,
+    likely_time_unit,
+    numbers,
+    power_of,
+    seconds,
+    with_dates,
+    with_names,
+)
 from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
-from heatertune.log.power import Power, power_of
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
-from heatertune.log.read_summary import UNIT_OPTIONS, Option, ReadSummary
 from heatertune.log.tables import BUILT_IN, BuiltIn, built_in
 from heatertune.log.tags import TagSelection, TagTable, by_tags
-from heatertune.log.values import ABSOLUTE_ZERO_DEGC, Log
+from heatertune.log.values import ABSOLUTE_ZERO_DEGC, UNIT_OPTIONS, Log, Option, ReadSummary
 from heatertune.options import merge_options
 from heatertune.settings import ReadSettings
 from heatertune.units import count, degF_to_degC, kelvin_to_degC
@@ -36,13 +51,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 __all__ = [
-    "SIGNS",
-    "FileNotation",
-    "RowCounts",
-    "TemperatureUnit",
-    "kept_rows",
-    "read_log",
-    "stated_units",
+    "SIGNS", "FileNotation", "RowCounts", "TemperatureUnit", "kept_rows", "log_of", "read_log", "stated_units",
     "taken_of",
 ]
 
@@ -595,3 +604,38 @@ def _held(sheet: Sheet, columns: Columns, role: str, repairs: list[str]) -> tupl
         raw = raw[written[np.maximum(np.searchsorted(written, np.arange(len(raw)), side="right") - 1, 0)]]
         repairs.append(f"The {role} is empty in {count(filled, 'row')}; the last one was held there.")
     return raw, filled
+
+
+def log_of(data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...]) -> Log:
+    """Return the log in what is given.
+
+    Args:
+        data: a log; what `read_log` reads: path or built-in name, an open file, a table of pandas; or the columns
+            (time_s, temperature_degC, power_pct), all of shape (n,), the power left out or None where there is none.
+
+    Raises:
+        InputError: none of these, columns that are no numbers.
+        LogError: as `read_log`.
+        OutOfRange: as `Log`.
+    """
+    if isinstance(data, Log):
+        return data
+    if isinstance(data, str | Path) or hasattr(data, "read") or hasattr(data, "to_csv"):
+        return read_log(data)
+    if not isinstance(data, tuple) or not 2 <= len(data) <= 3:
+        raise InputError(f"not a log: {type(data).__name__}; expected a log, a path, an open file, a pandas table, or "
+                         "arrays (time_s, temperature_degC, power_pct)")
+    time, temperature, *rest = data
+    power = _numbers("power_pct", rest[0]) if rest and rest[0] is not None else None
+    return Log(name="arrays", source="arrays", time_s=_numbers("time_s", time),
+               temperature_degC=_numbers("temperature_degC", temperature), power_pct=power)
+
+
+def _numbers(name: str, column: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    try:
+        numbers = np.asarray(column, dtype=np.float64)
+    except (TypeError, ValueError) as problem:
+        raise InputError(f"{name}: not an array of numbers") from problem
+    if numbers.ndim != 1:
+        raise InputError(f"{name}: an array of shape {numbers.shape}; expected (n,)")
+    return numbers

@@ -23,9 +23,9 @@ import numpy as np
 
 from heatertune.log.values import Log
 from heatertune.model.findings import Finding
-from heatertune.model.measures import ultimate_period_s
 from heatertune.model.outliers import replace_outliers, sensor_step
-from heatertune.model.power.interval_ends import told_apart
+from heatertune.model.power.uncertainty import told_apart
+from heatertune.model.reduction import ultimate_period_s
 from heatertune.model.statistics import Interval
 from heatertune.model.values import Candidate, FittedModel
 from heatertune.units import check

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from heatertune.log.read_summary import ReadSummary
-from heatertune.log.values import Log
+from heatertune.log.values import Log, ReadSummary
 from heatertune.model.findings import Finding
 from heatertune.model.statistics import Interval
 from heatertune.model.values import FitOutcome, FittedModel

@@ -26,7 +26,6 @@ from heatertune.codec import (
 from heatertune.errors import DocumentError
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.findings import Finding
-from heatertune.model.manual_model import model_by_hand
 from heatertune.model.statistics import Interval
 from heatertune.model.validation import LJUNG_BOX_95
 from heatertune.model.values import (
@@ -43,6 +42,7 @@ from heatertune.model.values import (
     TwoLag,
     Validation,
     disagreeing_parameters,
+    model_by_hand,
 )
 
 __all__ = [

@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.log.read_summary import MOST_REPAIRED
-from heatertune.log.values import Log
+from heatertune.log.values import MOST_REPAIRED, Log
 from heatertune.model.circumstances import DelaysKnown
 from heatertune.model.cooler_mirror import middle_degC, mirror_heater, mirrored_log
 from heatertune.model.diagnostics import Remark, findings_of, unit_findings
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.findings import Finding
-from heatertune.model.manual_model import model_by_hand
 from heatertune.model.outliers import undisturbed_part
 from heatertune.model.power.explanation import Explanation, explain_log
 from heatertune.model.power.feedback import loop_remarks
@@ -26,10 +24,10 @@ from heatertune.model.power.fit_power import fit_power, weigh_fit
 from heatertune.model.power.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.power.load_steps import is_sensible
 from heatertune.model.power.regressors import AMBIENT
-from heatertune.model.relay.relay_log import with_relay
+from heatertune.model.relay_test import with_relay
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
 from heatertune.model.temperature.fit_temperature import fit_temperature
-from heatertune.model.values import FitOutcome, FittedModel
+from heatertune.model.values import FitOutcome, FittedModel, model_by_hand
 from heatertune.options import merge_options
 from heatertune.settings import FitSettings
 from heatertune.units import check
@@ -288,7 +286,7 @@ def _cleared(log: Log, progress: Callable[[str], object]) -> tuple[Log, Disturba
     """Return a log without what its disturbance did, and that, None where it has none."""
     if log.disturbance is None:
         return log, None
-    from heatertune.model.power.disturbance import without_disturbance  # noqa: PLC0415 - an optimiser; few logs need it
+    from heatertune.model.power.disturbance_fit import without_disturbance  # noqa: PLC0415 - an optimiser; few logs need it
 
     progress(f"{log.name}: fitting heater and disturbance together")
     return without_disturbance(log)

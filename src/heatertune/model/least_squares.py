@@ -25,7 +25,7 @@ __all__ = ["Minima", "minimise"]
 Array = npt.NDArray[np.float64]
 
 #: rows of parameters (n, p), and which problem each row belongs to (n,) → residuals (n, m)
-Residuals = Callable[[Array, npt.NDArray[np.intp]], Array]
+ResidualFunction = Callable[[Array, npt.NDArray[np.intp]], Array]
 
 _DIFFERENCE = 1e-4  # finite-difference step as a share of the parameter's range
 _DAMPING = (1e-8, 1e8)
@@ -41,14 +41,15 @@ class Minima:
 
 
 def minimise(
-    residuals: Residuals, starts: Array, low: Array, high: Array, *, iterations: int = 60, tolerance: float = 1e-6
+    residuals: ResidualFunction, starts: Array, low: Array, high: Array, *, iterations: int = 60,
+    tolerance: float = 1e-6
 ) -> Minima:
     """Return the local minimum that each row of `starts` leads to.
 
     A parameter whose bounds are equal keeps its starting value in every row (so the rows may differ in it).
 
     Args:
-        residuals: see `Residuals`; rows that are not finite count as infinitely bad.
+        residuals: see `ResidualFunction`; rows that are not finite count as infinitely bad.
         starts: shape (n, p).
         low: lower bounds, shape (p,).
         high: upper bounds, shape (p,).
@@ -86,7 +87,7 @@ def minimise(
     return Minima(z, cost)
 
 
-def _evaluate(residuals: Residuals, z: Array, rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
+def _evaluate(residuals: ResidualFunction, z: Array, rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
     r = np.ascontiguousarray(residuals(z, rows))
     cost = np.empty(len(r))
     compile_function(_sum_squares)(r, cost)
@@ -94,7 +95,7 @@ def _evaluate(residuals: Residuals, z: Array, rows: npt.NDArray[np.intp]) -> tup
 
 
 def _slopes(
-    residuals: Residuals, z: Array, r: Array, rows: npt.NDArray[np.intp], free: npt.NDArray[np.intp],
+    residuals: ResidualFunction, z: Array, r: Array, rows: npt.NDArray[np.intp], free: npt.NDArray[np.intp],
     low: Array, high: Array,
 ) -> tuple[Array, Array]:
     """Return gradient (n, q) and normal matrix (n, q, q) by the free parameters, as shares of their ranges."""

@@ -1,12 +1,17 @@
-"""Two lags → one: the FOPDT that stands in for a heater and its sensor around the loop's crossover.
+"""Two lags as one, and the combinations of their numbers that a closed loop shows.
+
+Two lags → one: the FOPDT that stands in for a heater and its sensor around the loop's crossover.
 
 The half rule (`TwoLag.half_rule`) is made for one tuning rule; the matching here keeps the gain and puts lag and dead
 time where the frequency responses agree best within an octave of the frequency at which a loop is cut.
+
+What of a heater a closed loop shows: its numbers, and the combinations that are known better than they.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -14,7 +19,48 @@ import numpy.typing as npt
 
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["crossover_rad_s", "match_fopdt"]
+__all__ = ["COMBINATIONS", "FIELDS", "crossover_rad_s", "match_fopdt", "ultimate_period_s"]
+
+
+_BISECTIONS = 60
+
+
+def ultimate_period_s(plant: HeaterModel) -> float:
+    """Return the period at which the heater lags by half a turn [s]; infinite where it never does.
+
+    A proportional controller that is turned up swings at it (J. G. Ziegler and N. B. Nichols, "Optimum settings for
+    automatic controllers", Trans. ASME 64 (1942) 759–768).
+    """
+    if plant.dead_time_s == 0.0:
+        return float("inf")  # two lags alone come near half a turn and never reach it
+
+    def turned(omega: float) -> float:
+        return omega * plant.dead_time_s + sum(float(np.arctan(omega * lag)) for lag in plant.lags_s)
+
+    low, high = 0.0, np.pi / plant.dead_time_s
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if turned(middle) < np.pi else (low, middle)
+    return 2.0 * np.pi / high
+
+
+Measure = Callable[[HeaterModel], float]
+
+#: field of the working model → its value for a heater
+FIELDS: Final[dict[str, Measure]] = {
+    "gain_degC_per_pct": lambda plant: plant.half_rule().gain_degC_per_pct,
+    "time_constant_s": lambda plant: plant.half_rule().time_constant_s,
+    "dead_time_s": lambda plant: plant.half_rule().dead_time_s,
+    "ambient_degC": lambda plant: float(plant.ambient_degC or 0.0),
+}
+
+#: combination → its value for a heater
+COMBINATIONS: Final[dict[str, Measure]] = {
+    "gain_per_time_constant_degC_per_s_pct": lambda plant: plant.gain_degC_per_pct / plant.half_rule().time_constant_s,
+    "effective_dead_time_s": lambda plant: plant.half_rule().dead_time_s,
+    "ultimate_period_s": ultimate_period_s,
+}
+
 
 #: phase at which a PI loop with Ms about 1.6 is cut [°]: the controller and the phase margin take the rest
 _CUT_DEG: Final = 120.0

@@ -9,6 +9,10 @@ The three forms in which PID settings are printed, and the way between them.
 Every series form has an ideal one. The way back needs TN ≥ 4·TV: only then are both zeros of the ideal form real
 (K. J. Åström and T. Hägglund, "PID Controllers", 2nd ed., ISA 1995, section 3.2). Derivative filters are left as they
 are: the conversions hold below the corner frequency of the filter.
+
+The sampling intervals that a controller's timer can make.
+
+What a controller does to the power when the error steps, the loop being open.
 """
 
 from __future__ import annotations
@@ -18,14 +22,34 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from heatertune.errors import InputError, OutOfRange
 from heatertune.show import NotebookDisplay
 from heatertune.units import check
 
 __all__ = [
-    "Margins", "PidDesign", "Promise", "Settings", "ideal_to_parallel", "ideal_to_series", "other_forms",
-    "series_to_ideal", "step_parts", "structure_of",
+    "Margins", "PidDesign", "Promise", "Settings", "Timer", "ideal_to_parallel", "ideal_to_series", "other_forms",
+    "reaction", "series_to_ideal", "step_parts", "structure_of",
 ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timer:
+    """What the target's timer can do: shortest, longest and step of the sampling interval [s]."""
+
+    shortest_s: float = 0.01
+    longest_s: float = 600.0
+    step_s: float = 0.01
+
+    def round(self, wanted_s: float) -> float:
+        """Return a plain interval near the wanted one: whole seconds above 10 s, tenths above 1 s, else steps."""
+        plain = 1.0 if wanted_s > 10.0 else 0.1 if wanted_s > 1.0 else self.step_s
+        plain = max(plain, self.step_s)
+        rounded = round(wanted_s / plain) * plain
+        rounded = min(max(rounded, self.shortest_s), self.longest_s)
+        return round(round(rounded / self.step_s) * self.step_s, 6)
 
 
 #: proportional gain [%/°C], integral-action time [s] (infinite: no I part), derivative-action time [s]
@@ -119,7 +143,7 @@ class PidDesign(NotebookDisplay):
         gain_pct_per_degC: K, proportional gain [% of full power per °C]; negative for a cooler.
         integral_time_s: TN [s]; infinite without integral action.
         derivative_time_s: TV [s]; 0 without derivative action.
-        sample_time_s: TA [s]; 0: continuous, with the derivative filter N of `heatertune.pid.continuous.kernel`.
+        sample_time_s: TA [s]; 0: continuous, with the derivative filter N of `heatertune.pid.continuous_loop`.
         structure: "p", "pi" or "pid".
         method: how it was found.
         margins: worst over the models it was made for, None where not computed.
@@ -181,3 +205,24 @@ def step_parts(integral_time_s: float, derivative_time_s: float, sample_time_s: 
 def structure_of(integral_time_s: float, derivative_time_s: float) -> str:
     """Return the letters of the parts that act: "p", "pi", "pd" or "pid"."""
     return "p" + ("i" if math.isfinite(integral_time_s) else "") + ("d" if derivative_time_s > 0.0 else "")
+
+
+Array = npt.NDArray[np.float64]
+
+_CONTINUOUS = 200  # points where there is no sampling interval
+
+
+def reaction(design: PidDesign) -> tuple[Array, Array]:
+    """Return instants [s] and the change of power [%] after the error has stepped by 1 °C, without limits.
+
+    The sampled law of `PidDesign`: K·(1 + (n + 1)·TA/TN + D_n), D_n = f·D_{n−1} + (1 − f)·TV/TA·(e_n − e_{n−1}).
+    It runs for two TN, after which the I part is twice the P part, or for 20 samples without one. A continuous design
+    is drawn in 200 steps, without its filter. Both are of shape (n,).
+    """
+    tn = design.integral_time_s
+    ta = design.sample_time_s or (tn if math.isfinite(tn) else 1.0) / (_CONTINUOUS / 2)
+    n = np.arange(max(20, math.ceil(2.0 * tn / ta)) if math.isfinite(tn) else 20)
+    integral = (n + 1.0) * ta / tn
+    kept = design.derivative_filter
+    derivative = (1.0 - kept) * design.derivative_time_s / ta * np.power(kept, n)
+    return np.asarray(n * ta, dtype=np.float64), design.gain_pct_per_degC * (1.0 + integral + derivative)

@@ -17,8 +17,7 @@ from importlib import import_module
 from typing import Any, ClassVar, Final, NamedTuple, cast, final
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.pid.timer import Timer
-from heatertune.pid.values import PidDesign
+from heatertune.pid.values import PidDesign, Timer
 from heatertune.plc.core import ControllerState, Scan, StepFunctions, Timing
 from heatertune.plc.cycle import Cycle
 from heatertune.plc.exported import Loads

@@ -20,8 +20,7 @@ from heatertune import cache
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.document import promise_document
-from heatertune.pid.loop.robustness import sensitivity_peaks
-from heatertune.pid.loop.sampled import iae_load
+from heatertune.pid.sampled_loop import iae_load, sensitivity_peaks
 from heatertune.pid.search.integers import IntegerOptimum, Integers, Vector, best_integers
 from heatertune.pid.search.robust import ROBUST, BrokenLimit, Open, draw_heaters, ms_over
 from heatertune.pid.values import PidDesign, Promise

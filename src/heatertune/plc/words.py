@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, cast
 
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.pid.timer import Timer
+from heatertune.pid.values import Timer
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.ramp import Boost, Number, Ramp
 from heatertune.plc.single_precision import is_single, single

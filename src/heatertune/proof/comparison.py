@@ -12,10 +12,9 @@ from functools import partial
 from typing import Any
 
 from heatertune.errors import NotRepresentable
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import FittedModel, Fopdt
+from heatertune.model.values import FittedModel, Fopdt, model_by_hand
 from heatertune.pid.document import DesignProvenance
-from heatertune.pid.loop.robustness import margins
+from heatertune.pid.sampled_loop import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, Words, controller_for

@@ -17,8 +17,7 @@ import numpy.typing as npt
 from heatertune.codec import construct_from, encode
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.document import BoostView
-from heatertune.pid.loop.robustness import loop_response
-from heatertune.pid.loop.sampled import frequencies
+from heatertune.pid.sampled_loop import frequencies, loop_response
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.plc.core import StepFunctions

@@ -11,7 +11,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.model.cooler_mirror import cools
 from heatertune.model.values import FitOutcome, FittedModel, HeaterModel
 from heatertune.options import merge_options
-from heatertune.pid.loop.robustness import margins
+from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Words, controller_for
 from heatertune.plc.cooler import with_cooler
 from heatertune.plc.inputs import has_ends

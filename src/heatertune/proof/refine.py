@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import FittedModel
-from heatertune.pid.loop.robustness import sensitivity_peaks
+from heatertune.pid.sampled_loop import sensitivity_peaks
 from heatertune.pid.search.robust import Open
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
-    from heatertune.report.loops import loops_lines, loops_page
+    from heatertune.report.as_left_section import written_brief
+    from heatertune.report.controller_comparison import render_targets, targets_brief, targets_table
+    from heatertune.report.health_page import loops_lines, loops_page
     from heatertune.report.page import render, sections
     from heatertune.report.supervision import supervision_html, supervision_page
-    from heatertune.report.targets import render_targets, targets_brief, targets_table
     from heatertune.report.text import (
         advice_table,
         alternatives_table,
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
         words_table,
     )
     from heatertune.report.verdict_summary import design_brief, model_brief, tune_brief, verify_brief
-    from heatertune.report.write_report_section import written_brief
 
 __all__ = [
     "advice_table", "alternatives_table", "criteria_table", "design_brief", "design_lines", "difference_lines",
@@ -48,10 +48,10 @@ __getattr__, __dir__ = lazy_attributes(__name__, {
         "difference_lines", "plan_csv", "plan_lines", "advice_table", "alternatives_table", "criteria_table",
         "design_lines", "feed_forward_lines", "forms_lines", "hypothesis_table", "model_lines", "outcome_lines",
         "pareto_table", "ramp_note", "samples_table", "summary", "validation_lines", "words_table"),
-    "report.loops": ("loops_lines", "loops_page"),
+    "report.health_page": ("loops_lines", "loops_page"),
     "report.page": ("render", "sections"),
     "report.supervision": ("supervision_html", "supervision_page"),
-    "report.targets": ("render_targets", "targets_brief", "targets_table"),
+    "report.controller_comparison": ("render_targets", "targets_brief", "targets_table"),
     "report.verdict_summary": ("design_brief", "model_brief", "tune_brief", "verify_brief"),
-    "report.write_report_section": ("written_brief",),
+    "report.as_left_section": ("written_brief",),
 })

@@ -18,9 +18,8 @@ from heatertune.plc.inputs import describe_range
 from heatertune.plc.keyed_entry import typed_table, typed_words
 from heatertune.proof import Proof, Trace
 from heatertune.proof.verdict import verdict_line
-from heatertune.report.cards import card
+from heatertune.report.cards import card, draw_figure, panels
 from heatertune.report.layout import table
-from heatertune.report.pictures import draw_figure, panels
 from heatertune.report.text import criteria_table, design_lines, figure, model_lines
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from heatertune.proof.profile import Profile
 from heatertune.proof.specification import LIMITS
 from heatertune.proof.verdict import blocking_findings, relaxed_clause, sample_lines, samples_told, told_of
 from heatertune.report import plots
-from heatertune.report.as_left import judged_text, measured_text, plot_as_left, worst_text
+from heatertune.report.as_left_section import in_plc, judged_text, measured_text, plot_as_left, worst_text, written
 from heatertune.report.html import BLANK, Markup, bullets, page, picture, steps, table, text_of, tick, with_code
 from heatertune.report.text import (
     NOT_IDENTIFIED,
@@ -47,7 +47,6 @@ from heatertune.report.text import (
     search_notes,
     setpoint_text,
 )
-from heatertune.report.write_report_section import in_plc, written
 from heatertune.settings import Conditions, SensorSettings
 from heatertune.terms import terms_in
 from heatertune.units import count

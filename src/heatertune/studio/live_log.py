@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import InputError
-from heatertune.live.client.address import address_of
+from heatertune.live.client.connection import address_of
+from heatertune.live.controller_block import ROLES, places_given
 from heatertune.live.recorder import RecordingSetup, RecordingState, record
-from heatertune.live.signal_map import ROLES, places_given
-from heatertune.studio.downsample import downsample
+from heatertune.studio.picture import downsample
 
 __all__ = ["LiveLog", "RecordedTrace", "RecordingRequest"]
 
@@ -72,7 +72,8 @@ class LiveLog:
         """Take what the user typed.
 
         Raises:
-            HeatertuneError: no address, no log, a time that is none; as `heatertune.live.signal_map.places_given`.
+            HeatertuneError: no address, no log, a time that is none; as
+                `heatertune.live.controller_block.places_given`.
         """
         self.address, where = request.address.strip(), request.where.strip()
         if not request.log.strip():

@@ -10,9 +10,8 @@ from nicegui import app, background_tasks, ui
 from heatertune.errors import InputError
 from heatertune.plc import TARGETS
 from heatertune.studio.access import HOST, Gate, address, new_token
-from heatertune.studio.page import Page
-from heatertune.studio.session import Session
-from heatertune.studio.sources import read_source
+from heatertune.studio.browser_page import Page
+from heatertune.studio.session import Session, read_source
 from heatertune.studio.warm_up import warm
 from heatertune.studio.work import Work
 

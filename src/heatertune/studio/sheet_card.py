@@ -31,22 +31,14 @@ from heatertune.log.tags import TagSelection, places
 from heatertune.log.values import Log
 from heatertune.report.html import bullets, text_of
 from heatertune.settings import FitSettings, ReadSettings
-from heatertune.studio.downsample import downsample, step_corners
-from heatertune.studio.stale import NUMBER_SEEN
+from heatertune.studio.controls import NUMBER_SEEN
+from heatertune.studio.picture import downsample, step_corners
 from heatertune.studio.wording import for_page
 from heatertune.units import check
 
 __all__ = [
-    "IGNORED",
-    "ROLES",
-    "TAG_ROLES",
-    "DroppedFile",
-    "SheetAssumptions",
-    "SheetCard",
-    "SheetColumn",
-    "change_sheet",
-    "preview",
-    "sheet",
+    "IGNORED", "ROLES", "TAG_ROLES", "DroppedFile", "SheetAssumptions", "SheetCard", "SheetColumn", "change_sheet",
+    "preview", "sheet",
 ]
 
 

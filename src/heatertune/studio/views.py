@@ -17,26 +17,15 @@ from heatertune.proof.ripple_and_wear import life
 from heatertune.proof.verdict import verdict_line
 from heatertune.report.html import Markup, bullets, table, text_of
 from heatertune.report.text import criterion_value, figure, model_rows
-from heatertune.studio.loop import LoopView
+from heatertune.studio.loop_settings import LoopView
 from heatertune.studio.picture import Picture
 from heatertune.studio.session import PinnedDesign
 from heatertune.studio.wording import for_page
 from heatertune.terms import the_term
 
 __all__ = [
-    "comparison_html",
-    "criteria",
-    "diagnosis",
-    "duration_text",
-    "export_name",
-    "in_words",
-    "key",
-    "notes",
-    "proving_text",
-    "rounding",
-    "sentence",
-    "verdict_text",
-    "words",
+    "comparison_html", "criteria", "diagnosis", "duration_text", "export_name", "in_words", "key", "notes",
+    "proving_text", "rounding", "sentence", "verdict_text", "words",
 ]
 
 _PARTS = (("K", "gain_pct_per_degC", "%/°C"), ("TN", "integral_time_s", "s"), ("TV", "derivative_time_s", "s"),

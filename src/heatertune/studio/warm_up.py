@@ -16,12 +16,10 @@ from collections.abc import Sequence
 from heatertune.cache import folder
 from heatertune.compiled import decide
 from heatertune.errors import HeatertuneError
-from heatertune.model.manual_model import model_by_hand
-from heatertune.model.values import Fopdt
+from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.native import host
 from heatertune.plc import TARGETS
-from heatertune.studio.loop import first_look
-from heatertune.studio.settings import StudioSettings
+from heatertune.studio.loop_settings import StudioSettings, first_look
 
 __all__ = ["compile_all", "warm"]
 

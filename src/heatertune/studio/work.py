@@ -28,16 +28,23 @@ from heatertune.plc import controller_for
 from heatertune.processors import ProgressCallback
 from heatertune.proof.as_left import AsLeft, as_left
 from heatertune.proof.document import ProofView
-from heatertune.report.as_left import judged_text, measured_text, worst_text
+from heatertune.report.as_left_section import judged_text, measured_text, worst_text
 from heatertune.report.html import bullets, table, text_of
 from heatertune.report.plots import LOOK
 from heatertune.report.text import limit_text, readable_name
 from heatertune.settings import FitSettings
 from heatertune.studio.charts import Options
 from heatertune.studio.live_log import LiveLog, RecordingRequest
-from heatertune.studio.loop import DRAWN, LoopView, find_design, first_look, full_proof, on_drawn_heaters, optimum
-from heatertune.studio.session import FrontDesign, Session, Ticket
-from heatertune.studio.sources import fit_log, read_source
+from heatertune.studio.loop_settings import (
+    DRAWN,
+    LoopView,
+    find_design,
+    first_look,
+    full_proof,
+    on_drawn_heaters,
+    optimum,
+)
+from heatertune.studio.session import FrontDesign, Session, Ticket, fit_log, read_source
 from heatertune.studio.views import export_name
 from heatertune.studio.wording import fault_told, for_page
 

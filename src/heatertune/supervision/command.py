@@ -17,15 +17,15 @@ if TYPE_CHECKING:
     from heatertune.plc import Words
     from heatertune.settings import Conditions
 
-__all__ = ["add_to"]
+__all__ = ["SUPERVISE_EXAMPLE", "add_supervise"]
 
-_EXAMPLE = "example: heatertune supervise pid.json --target s5-ob251 -o out/"
+SUPERVISE_EXAMPLE = "example: heatertune supervise pid.json --target s5-ob251 -o out/"
 
 
-def add_to(commands: Any) -> None:
+def add_supervise(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "supervise", epilog=_EXAMPLE,
+        "supervise", epilog=SUPERVISE_EXAMPLE,
         help="build a monitor with no false trips on any plausible healthy heater, and report its detection time for "
              "each fault",
         description="Derive the limits of a monitor from all plausible heaters through the whole test sequence, and "
@@ -50,10 +50,10 @@ def add_to(commands: Any) -> None:
         "heaters on which each fault is simulated (default: 60)"))
     group.add_argument("--seed", type=int, default=0, help="seed of the first sampled heater (default: 0)")
     printing.add_output_options(command)
-    command.set_defaults(run=_run)
+    command.set_defaults(run=_run_supervise)
 
 
-def _run(settings: argparse.Namespace) -> int:
+def _run_supervise(settings: argparse.Namespace) -> int:
     from heatertune.supervision.supervise import SampleCounts, supervise  # noqa: PLC0415 - the help must not wait for it
 
     progress = printing.Progress(settings)

@@ -38,7 +38,6 @@ from heatertune.proof.prove_words import actuator_for, setpoints_for
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.spec_file import specification_of
 from heatertune.settings import Conditions
-from heatertune.supervision.design import FRESH, Bench, MonitorDesign, design, first_alarm
 from heatertune.supervision.document import (
     CardView,
     FaultView,
@@ -47,23 +46,23 @@ from heatertune.supervision.document import (
     SupervisionView,
     TraceView,
 )
-from heatertune.supervision.loops import FAULTS, Card, FamilyMember, FaultKind, HeaterFamily, Ran, breakable_sensor
+from heatertune.supervision.faulty_loops import (
+    FAULTS,
+    Card,
+    FamilyMember,
+    FaultKind,
+    HeaterFamily,
+    Ran,
+    breakable_sensor,
+)
 from heatertune.supervision.monitor import ALARMS, Numbers
-from heatertune.supervision.text.one_bit import TARGET, reduce_monitor
-from heatertune.supervision.text.program_check import MonitorProgram, export_monitor
+from heatertune.supervision.monitor_design import FRESH, Bench, MonitorDesign, design, first_alarm
+from heatertune.supervision.text.program_check import ONE_BIT_TARGET, MonitorProgram, export_monitor, reduce_monitor
 from heatertune.units import check, written
 
 __all__ = [
-    "TARGETS",
-    "WARNING",
-    "Protection",
-    "SampleCounts",
-    "VerifyHeater",
-    "bench_of",
-    "first_stop",
-    "lines_of",
-    "printer_rule",
-    "supervise",
+    "TARGETS", "WARNING", "Protection", "SampleCounts", "VerifyHeater", "bench_of", "first_stop", "lines_of",
+    "printer_rule", "supervise",
 ]
 
 
@@ -416,7 +415,7 @@ def supervise(
     else:
         progress("comparing the program of the monitor with it")
         program = export_monitor(made.numbers, words, card, head, _runs(bench, drawn))
-    if words.target == TARGET:
+    if words.target == ONE_BIT_TARGET:
         beside = [_fault(bench, _monitored(reduce_monitor(made.numbers)), kind, drawn) for kind in FAULTS]
     document: dict[str, Any] = encode(SupervisionView(
         warning=WARNING, target=words.target, words=dict(words.values), scan_s=family.scan_s,

@@ -16,9 +16,8 @@ from typing import Any, Final, NamedTuple, TypeVar
 import serial
 
 from heatertune.errors import LinkDown, PlcRefused, ReplyLost
-from heatertune.live.client.address import Address
-from heatertune.live.client.client import RequestConnection
-from heatertune.live.memory import OWN
+from heatertune.live.block_memory import OWN
+from heatertune.live.client.connection import Address, RequestConnection
 
 __all__ = ["As511Client", "open_client"]
 
@@ -54,7 +53,7 @@ class _BlockAddress(NamedTuple):
 
 
 class As511Client(RequestConnection):
-    """See `heatertune.live.client.client.Client`."""
+    """See `heatertune.live.client.connection.Client`."""
 
     most = _MOST
     whole = False

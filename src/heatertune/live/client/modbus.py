@@ -10,9 +10,8 @@ from pymodbus.client import ModbusTcpClient
 from pymodbus.pdu import ExceptionResponse
 
 from heatertune.errors import LinkDown
-from heatertune.live.client.address import Address
-from heatertune.live.client.client import RequestConnection, close_by_reset
-from heatertune.live.memory import OWN
+from heatertune.live.block_memory import OWN
+from heatertune.live.client.connection import Address, RequestConnection, close_by_reset
 
 __all__ = ["ModbusClient", "open_client"]
 
@@ -27,7 +26,7 @@ logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # errors tell w
 
 
 class ModbusClient(RequestConnection):
-    """See `heatertune.live.client.client.Client`."""
+    """See `heatertune.live.client.connection.Client`."""
 
     most = 2 * _MOST
     whole = True

@@ -18,9 +18,8 @@ from typing import Any, Final, TypeVar
 from asyncua import Client, ua
 
 from heatertune.errors import LinkDown, ReplyLost
-from heatertune.live.client.address import Address
-from heatertune.live.client.client import RequestConnection, close_by_reset
-from heatertune.live.memory import OWN
+from heatertune.live.block_memory import OWN
+from heatertune.live.client.connection import Address, RequestConnection, close_by_reset
 
 __all__ = ["OpcuaClient", "open_client"]
 
@@ -41,7 +40,7 @@ logging.getLogger("asyncua").addHandler(logging.NullHandler())  # errors tell wh
 
 
 class OpcuaClient(RequestConnection):
-    """See `heatertune.live.client.client.Client`."""
+    """See `heatertune.live.client.connection.Client`."""
 
     most = _MOST
     whole = True

@@ -13,8 +13,7 @@ from snap7.error import S7Error, S7ProtocolError
 from snap7.logo import Logo
 
 from heatertune.errors import LinkDown
-from heatertune.live.client.address import Address
-from heatertune.live.client.client import RequestConnection, close_by_reset
+from heatertune.live.client.connection import Address, RequestConnection, close_by_reset
 
 __all__ = ["S7Client", "open_client"]
 
@@ -25,7 +24,7 @@ logging.getLogger("snap7").addHandler(logging.NullHandler())  # errors tell what
 
 
 class S7Client(RequestConnection):
-    """See `heatertune.live.client.client.Client`."""
+    """See `heatertune.live.client.connection.Client`."""
 
     most = _MOST
     whole = True

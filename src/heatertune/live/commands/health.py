@@ -8,24 +8,24 @@ from pathlib import Path
 from typing import Any
 
 from heatertune import options, report
-from heatertune.batch.commands.table_options import Bar, add_table_options, workers
+from heatertune.batch.command import Bar, add_table_options, workers
 from heatertune.cli import common, printing
 from heatertune.cli.printing import LINE
 from heatertune.errors import InputError
-from heatertune.live.commands.record import asked_to_end
+from heatertune.live.commands.record_watch import asked_to_end
 from heatertune.settings import ReadSettings, WordSettings
 from heatertune.writing import write_files
 
-__all__ = ["add_to"]
+__all__ = ["HEALTH_EXAMPLE", "add_health"]
 
-_EXAMPLE = "example: heatertune health logs/ --target s7-300 -o health.html"
+HEALTH_EXAMPLE = "example: heatertune health logs/ --target s7-300 -o health.html"
 
 
-def add_to(commands: Any) -> None:
+def add_health(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
         "health", help="rank running loops by condition, with the cause and the parameters that would fix "
-                       "it", epilog=_EXAMPLE,
+                       "it", epilog=HEALTH_EXAMPLE,
         description="Examine the log of every running loop: oscillation, slow recovery, limits, wear, drift, and the "
                     "distance from the best possible control of its heater. Writes one page, the worst loop first, "
                     "with proven parameters where these help, and a Parquet table. Exits 0 once the page is written, "
@@ -48,11 +48,11 @@ def add_to(commands: Any) -> None:
     common.add_tuning_options(command)
     add_table_options(command, "the page; its table has the same name with .parquet")
     printing.add_output_options(command)
-    command.set_defaults(run=_run)
+    command.set_defaults(run=_run_health)
 
 
-def _run(settings: argparse.Namespace) -> int:
-    from heatertune.batch.loops import HealthSettings, health, last_table  # noqa: PLC0415 - the help must not wait for it
+def _run_health(settings: argparse.Namespace) -> int:
+    from heatertune.batch.loop_health import HealthSettings, health, last_table  # noqa: PLC0415 - the help must not wait for it
 
     page, settings.target = Path(settings.out), settings.target or ""  # each loop may name its own
     if page.suffix.lower() not in (".html", ".htm"):
@@ -73,8 +73,11 @@ def _run(settings: argparse.Namespace) -> int:
 
 def _logs(settings: argparse.Namespace, page: Path) -> tuple[str | Path, Any, list[dict[str, Any]]]:
     """Return where the logs are, what is known of their loops, and which loops have none; running ones are recorded."""
-    from heatertune.live.health_recording import is_address, record_addresses  # noqa: PLC0415 - needs no protocol's library where none is read
-    from heatertune.live.recorder import RecordingSetup  # noqa: PLC0415
+    from heatertune.live.recorder import (  # noqa: PLC0415 - needs no protocol's library where none is read
+        RecordingSetup,
+        is_address,
+        record_addresses,
+    )
 
     addresses = [text for text in settings.logs if is_address(text)]
     if not addresses:

@@ -18,16 +18,16 @@ from heatertune.settings import Conditions
 if TYPE_CHECKING:
     from heatertune.live.serve import VirtualPlcServed
 
-__all__ = ["add_to"]
+__all__ = ["SIMULATE_EXAMPLE", "add_simulate"]
 
-_EXAMPLE = "example: heatertune simulate out/ --serve s7 --rate 100"
+SIMULATE_EXAMPLE = "example: heatertune simulate out/ --serve s7 --rate 100"
 _SERVED: Final = ("s7", "modbus", "opcua", "as511")
 
 
-def add_to(commands: Any) -> None:
+def add_simulate(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "simulate", help="a virtual PLC with a simulated heater, reachable over the network", epilog=_EXAMPLE,
+        "simulate", help="a virtual PLC with a simulated heater, reachable over the network", epilog=SIMULATE_EXAMPLE,
         description="Serve the controller of a design on 127.0.0.1, with its own arithmetic and memory layout and a "
                     "simulated heater under PWM. Prints its addresses; stop with Ctrl-C. It leaves no files behind.",
     )
@@ -53,12 +53,12 @@ def add_to(commands: Any) -> None:
     group = command.add_argument_group("conditions, if other than those of the design")
     options.add(group, Conditions, "setpoint_degC", "noise_degC", "switches", default=argparse.SUPPRESS)
     printing.add_output_options(command)
-    command.set_defaults(run=_run)
+    command.set_defaults(run=_run_simulate)
 
 
-def _run(settings: argparse.Namespace) -> int:
+def _run_simulate(settings: argparse.Namespace) -> int:
     if settings.faults:
-        from heatertune.live.fault_schedule import FAULTS  # noqa: PLC0415 - the help must not wait for it
+        from heatertune.live.plc import FAULTS  # noqa: PLC0415 - the help must not wait for it
 
         width = max(map(len, FAULTS))
         printing.output(settings, {"schema": "heatertune/faults/1", "faults": dict(FAULTS)},

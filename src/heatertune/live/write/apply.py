@@ -1,26 +1,190 @@
-"""A write from its begin to its end: looked at, saved, recorded, written, read back, watched, told."""
+"""A write from its begin to its end: looked at, saved, recorded, written, read back, watched, told.
+
+What a write would do: words that differ, whether the PLC is the right one, and the order of the requests.
+
+In which order parts are written, so that whatever stands in the PLC in between is stable, too.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from heatertune import __version__
 from heatertune.errors import LinkError
+from heatertune.live.client.connection import Address
 from heatertune.live.plc_state import PlcState
 from heatertune.live.write.band import watch_response
-from heatertune.live.write.plc_block import Peer
-from heatertune.live.write.proven_words import refusal_reason
+from heatertune.live.write.plc_block import BlockImage, BlockSnapshot, LinkSettings, Peer, WritePart, block_image
+from heatertune.live.write.proven_words import Check, Declared, ProvenWords, checks, interval_found, refusal_reason
 from heatertune.live.write.rollback import record_outcome, unfinished_records
-from heatertune.live.write.write_plan import WritePlan, WriteRequest, peer_of, plan_write
-from heatertune.live.write.write_record import RECORD_SCHEMA, Budget, RecordBroken, WriteRecord, write_new
+from heatertune.live.write.write_record import MOST_WRITES, RECORD_SCHEMA, Budget, RecordBroken, WriteRecord, write_new
 from heatertune.live.write.writer import WriteEnd, WriteOutcome, Writer
+from heatertune.plc.ramp import Number
+from heatertune.proof.difference import Side, difference
 
-__all__ = ["WriteResult", "apply_write"]
+__all__ = [
+    "PLAN_SCHEMA", "NoOrder", "WritePlan", "WriteRequest", "WriteResult", "apply_write", "in_order", "peer_of",
+    "plan_write",
+]
+
+
+class NoOrder(Exception):
+    """Raised where every order leads through words that are not proven; the text says which, never a user's error."""
+
+
+def in_order(
+    parts: Sequence[WritePart], before: Mapping[str, Number], after: Mapping[str, Number],
+    open_in_between: Callable[[Mapping[str, Number]], str],
+) -> list[WritePart]:
+    """Return parts in an order in which every set of words in between is proven stable.
+
+    One request is whole or not there at all; between two, and for ever where the link breaks, the PLC runs what stands.
+
+    Args:
+        parts: what is to be written.
+        before: all words as they are.
+        after: all words as they are to be.
+        open_in_between: why words are not proven stable, nothing where they are.
+
+    Raises:
+        NoOrder: there is none.
+    """
+    why: dict[frozenset[int], str] = {}
+
+    def words(done: frozenset[int]) -> dict[str, Number]:
+        written = [name for number in done for name in parts[number].names]
+        return {**before, **{name: after[name] for name in written}}
+
+    def reached(order: tuple[int, ...]) -> tuple[int, ...] | None:
+        if len(order) == len(parts):
+            return order
+        done = frozenset(order)
+        if order and done not in why:
+            why[done] = open_in_between(words(done))
+        if why.get(done):
+            return None
+        for number in range(len(parts)):
+            if number not in done and not why.get(done | {number}) and (found := reached((*order, number))):
+                return found
+        return None
+
+    order = reached(())
+    if order is not None:
+        return [parts[number] for number in order]
+    first = min((done for done, told in why.items() if told), key=lambda done: (len(done), sorted(done)))
+    told = ", ".join(f"{name} = {after[name]:g}" for number in sorted(first) for name in parts[number].names)
+    raise NoOrder(f"no order of writing is proven: with {told} first, {why[first]}")
+
+
+PLAN_SCHEMA: Final = "heatertune/write/1"
+_SCANS: Final = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WriteRequest:
+    """What somebody wants.
+
+    Attributes:
+        proven: what is to be written.
+        address: where to.
+        said: of the PLC.
+        link: how the link is held.
+        most_writes: of one word.
+        watch: whether the response is watched.
+        record: file of the record; None: one beside the words, named by the time.
+    """
+
+    proven_words: ProvenWords
+    address: Address
+    declared: Declared = field(default_factory=Declared)
+    link: LinkSettings = field(default_factory=LinkSettings)
+    most_writes: int = MOST_WRITES
+    watch: bool = True
+    record: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WritePlan:
+    """What a write would do.
+
+    Attributes:
+        look: at the PLC.
+        checks: whether it is the right one.
+        before, after: all words in the block.
+        parts: what differs, in the order in which it is written.
+        no_order: why there is none; nothing where there is one.
+        difference: of both word sets; None: the block holds no words.
+        undone_by: as of `heatertune.live.controller_block.ServedBlock`.
+    """
+
+    look: BlockSnapshot
+    checks: list[Check]
+    before: Mapping[str, Number]
+    after: Mapping[str, Number]
+    parts: Sequence[WritePart]
+    no_order: str
+    difference: Mapping[str, Any] | None
+    undone_by: str
+
+    def to_document(self) -> dict[str, Any]:
+        """Return it as the command prints it."""
+        return {
+            "checks": [check.to_document() for check in self.checks], "difference": self.difference,
+            "parts": [part.to_document() for part in self.parts], "no_order": self.no_order or None,
+            "undone_by": self.undone_by or None,
+        }
+
+
+def peer_of(wanted: WriteRequest) -> Peer:
+    """Return the PLC of an address, not connected to yet; errors as `heatertune.live.write.plc_block.standing`."""
+    words = wanted.proven_words.words
+    there = block_image(words, wanted.address, wanted.proven_words.view.stated_settings)
+    return Peer(wanted.address, there, words.sample_time_s, wanted.link)
+
+
+def plan_write(wanted: WriteRequest, peer: Peer) -> WritePlan:
+    """Look at a PLC, twice, and return what a write would do.
+
+    Raises:
+        LinkError: it cannot be read.
+    """
+    proven, there = wanted.proven_words, peer.standing
+    first = peer.look()
+    looks = first, peer.later(first, _SCANS)
+    look, found = looks[1], checks(proven, there, looks, wanted.declared)
+    is_block = found[0].ok is True
+    kept = there.block.operators if wanted.declared.in_manual else ()
+    after = {**look.values, **{name: proven.words.values[name] for name in there.own if name not in kept}}
+    parts, no_order = there.parts(look.content, after) if is_block else [], ""
+    if not wanted.declared.in_manual:
+        try:
+            parts = in_order(parts, look.values, after, proven.open_in_between)
+        except NoOrder as problem:
+            no_order = (f"{problem}; prove other words"
+                        + (", or write in manual (--in-manual)" if there.block.manual else ""))
+    apart = None
+    if is_block:
+        now = _now(wanted, there, look)
+        then = Side(source=proven.directory, kind="words", words=proven.words, proof=proven.proof)
+        apart = difference(now, then)
+    return WritePlan(look=look, checks=found, before=look.values, after=after, parts=parts, no_order=no_order,
+                   difference=apart, undone_by=there.block.undone_by)
+
+
+def _now(wanted: WriteRequest, there: BlockImage, look: BlockSnapshot) -> Side:
+    """Return what a PLC runs, called as often as it, its words or its user say; else as often as was proven."""
+    words = there.words(look.content, wanted.proven_words.words)
+    interval_s, _ = interval_found(there, look, wanted.declared)
+    taken_over = () if interval_s is not None else ("call interval",)
+    return Side(source=wanted.address.text, kind="machine",
+                words=words if interval_s is None else replace(words, sample_time_s=interval_s),
+                taken_over=(*taken_over, "sensor range", "setpoint ramp and boost"))
+
 
 Progress = Callable[[str], object]
 

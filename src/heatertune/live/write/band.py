@@ -30,16 +30,14 @@ from heatertune.live.poller import StillSensor, reading_problem
 from heatertune.live.write.plc_block import BlockSnapshot, Peer, runs
 from heatertune.live.write.proven_words import ProvenWords
 from heatertune.live.write.write_record import WriteRecord
-from heatertune.pid.loop.sampled import horizon, respond
+from heatertune.pid.sampled_loop import horizon, respond
 from heatertune.plc import controller_for
 from heatertune.plc.ramp import Number
 from heatertune.proof.heaters import MAINS_POWERS, labelled_heaters
 from heatertune.proof.scenario import delay_heater
 from heatertune.units import count
 
-__all__ = [
-    "Band", "Reach", "WatchResult", "band_degC", "carried_s", "unseen_s", "watch_response", "watched_s",
-]
+__all__ = ["Band", "Reach", "WatchResult", "band_degC", "carried_s", "unseen_s", "watch_response", "watched_s"]
 
 
 _TIMES: Final = 5.0  # lags and dead time of the slowest heater

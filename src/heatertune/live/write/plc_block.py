@@ -12,10 +12,9 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
-from heatertune.live.blocks import SERVED, ServedBlock, block_for
-from heatertune.live.client.address import Address
-from heatertune.live.client.client import Client, connect, told_by
-from heatertune.live.memory import RUNS, Signal, SimulatorStatus, bytes_of, field_of
+from heatertune.live.block_memory import RUNS, Signal, SimulatorStatus, bytes_of, field_of
+from heatertune.live.client.connection import Address, Client, connect, told_by
+from heatertune.live.controller_block import SERVED, ServedBlock, block_for
 from heatertune.plc import Controller, Words, controller_for
 from heatertune.plc.ramp import Number
 
@@ -120,7 +119,7 @@ class BlockImage:
         return None if told is None or any(field.name not in found for field in self.controller.fields) else told(found)
 
     def signal(self, content: bytes, role: str) -> float:
-        """Return a signal of the block, see `heatertune.live.blocks.ServedBlock.signals`."""
+        """Return a signal of the block, see `heatertune.live.controller_block.ServedBlock.signals`."""
         return self._of(content, self.block.signals[role])
 
     def _of(self, content: bytes, signal: Signal) -> float:

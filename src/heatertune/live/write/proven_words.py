@@ -15,7 +15,7 @@ from heatertune.codec import data_folder, decode, read_document
 from heatertune.errors import ExportRefused, HeatertuneError, InputError, OutOfRange
 from heatertune.live.write.plc_block import BlockImage, BlockSnapshot, runs
 from heatertune.model.values import FittedModel
-from heatertune.pid.loop.robustness import margins
+from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Words, controller_for
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import check_fields
@@ -30,14 +30,7 @@ from heatertune.proof.verdict import PROOF_SCHEMA, derived_verdict, verdict_line
 from heatertune.settings import Conditions
 
 __all__ = [
-    "LEAST_YES",
-    "Check",
-    "Declared",
-    "ProvenWords",
-    "checks",
-    "interval_found",
-    "read_proven",
-    "refusal_reason",
+    "LEAST_YES", "Check", "Declared", "ProvenWords", "checks", "interval_found", "read_proven", "refusal_reason",
 ]
 
 

@@ -22,19 +22,12 @@ from typing import Any, Final, Self
 
 from heatertune.codec import plain
 from heatertune.errors import DocumentError, InputError
-from heatertune.live.client.address import Address
+from heatertune.live.client.connection import Address
 from heatertune.live.plc_state import state_folder
 from heatertune.writing import read_bytes, settle
 
 __all__ = [
-    "MOST_WRITES",
-    "RECORD_SCHEMA",
-    "Budget",
-    "Lines",
-    "RecordBroken",
-    "WriteRecord",
-    "read_lines",
-    "utc_now",
+    "MOST_WRITES", "RECORD_SCHEMA", "Budget", "Lines", "RecordBroken", "WriteRecord", "read_lines", "utc_now",
     "write_new",
 ]
 

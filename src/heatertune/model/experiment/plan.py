@@ -4,21 +4,293 @@ The figure of merit is the worst half width of a 95 % interval, as a share of it
 dead time and over every heater of the prior.
 
 The experiment to make → the JSON document that `heatertune plan` writes.
+
+The doublet that makes a heater known best within a limit, optimised over its instants and powers.
+
+The relay test that makes a heater known best within limits.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
+from itertools import product
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
+from scipy.optimize import differential_evolution
 
-from heatertune.errors import InputError, UnknownName
-from heatertune.model.experiment.doublet import ExperimentPlan, RelayPlan, best_step, plan_doublet, plan_relay
-from heatertune.model.experiment.fisher import QUANTITIES, ExperimentSetup, Prior, demand_room
+from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.model.experiment.fisher import (
+    QUANTITIES,
+    ExperimentSetup,
+    Prior,
+    ReadingNoise,
+    demand_room,
+    errors,
+    peaks,
+    rests,
+    shares,
+)
+from heatertune.model.relay_test import TwoLevelRelay, simulate_relay
+from heatertune.model.response import Schedule
+from heatertune.model.values import HeaterModel
 
-__all__ = ["KINDS", "SCHEMA", "propose", "to_document"]
+__all__ = [
+    "KINDS", "REST_READINGS", "SCHEMA", "ExperimentPlan", "RelayPlan", "assess_plan", "best_step", "plan_doublet",
+    "plan_relay", "propose", "to_document", "within_limit",
+]
+
+
+Array = npt.NDArray[np.float64]
+
+_READINGS = 150  # in the search; the figures told are those of all readings
+_STEP_AT = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # of the duration
+_STEPS = 3  # up, down, and a last stretch
+_DIGIT_PCT = 0.1
+_HOPELESS = 1e6  # stands for an infinite interval in the search
+
+#: at the base power before anything steps: a log that begins with a step hides what the power was before
+REST_READINGS = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ExperimentPlan:
+    """An experiment and what it would make known.
+
+    Attributes:
+        kind: "step", "doublet" or "relay".
+        schedule: of the powers, the return to the base power included.
+        duration_s: of the experiment [s].
+        errors: expected standard errors on each heater of the prior, see `experiment.errors`, shape (g, 4).
+        shares: half widths of the 95 % intervals as shares, shape (g, 3).
+        peaks_degC: highest temperature on each heater, shape (g,).
+    """
+
+    kind: str
+    schedule: Schedule
+    duration_s: float
+    errors: Array
+    shares: Array
+    peaks_degC: Array
+
+    @property
+    def worst(self) -> float:
+        """The figure of merit: the worst share."""
+        return float(self.shares.max())
+
+
+def plan_doublet(prior: Prior, setup: ExperimentSetup, duration_s: float, *, seed: int = 1) -> ExperimentPlan:
+    """Return the best doublet of a duration, or the best plain step where no doublet is better.
+
+    Raises:
+        OutOfRange: the limit leaves less than 0.1 % of power.
+    """
+    noise = setup.noise.average(max(1, int(duration_s / setup.noise.sample_time_s / _READINGS)))
+    step = best_step(prior, setup, duration_s)
+    at = float(step.schedule.time_s[0]) / duration_s
+    width = setup.most_pct - setup.least_pct
+
+    def powers(x: Array) -> Array:
+        return np.asarray(setup.least_pct + width * x[_STEPS:])
+
+    def cost(x: Array) -> float:
+        schedule = _drawn(setup, duration_s, np.sort(x[:_STEPS]), powers(x))
+        std_errors = errors(prior, within_limit(prior, setup, schedule), noise, duration_s)
+        return float(np.log(min(float(shares(prior, std_errors).max()), _HOPELESS)))
+
+    plain_step = np.array([at, 0.5 * (1.0 + at), 1.0, 1.0, 1.0, 1.0])  # the step: nothing worse is ever proposed
+    ended = differential_evolution(
+        cost, [(0.0, 1.0)] * (2 * _STEPS), x0=plain_step, seed=seed, popsize=6, maxiter=40, tol=0.01, polish=False,
+    )
+    best = _made(prior, setup, duration_s, np.sort(ended.x[:_STEPS]), powers(ended.x))
+    return best if best.worst < step.worst else step
+
+
+def best_step(prior: Prior, setup: ExperimentSetup, duration_s: float) -> ExperimentPlan:
+    """Return the best plain step of a duration: as high as the limit lets it be, at the best instant."""
+    tried = [_made(prior, setup, duration_s, np.array([at]), np.array([setup.most_pct])) for at in _STEP_AT]
+    return replace(min(tried, key=lambda plan: plan.worst), kind="step")
+
+
+def within_limit(prior: Prior, setup: ExperimentSetup, schedule: Schedule, *, digit_pct: float = 0.0) -> Schedule:
+    """Return the schedule with its departures from the base power made smaller until no heater passes the limit.
+
+    Temperatures depart from rest in proportion to the powers, so the factor is exact. With a digit the powers are then
+    rounded down to it: a heater with less power at every instant is nowhere warmer.
+    """
+    rest = rests(prior, schedule.base_pct)
+    above = np.maximum(peaks(prior, schedule) - rest, 1e-12)
+    factor = min(1.0, float(np.min((setup.limit_degC - rest) / above)))
+    power = schedule.base_pct + factor * (schedule.power_pct - schedule.base_pct)
+    if digit_pct:
+        power = np.floor(power / digit_pct + 1e-9) * digit_pct
+    power = np.clip(power, setup.least_pct, setup.most_pct)
+    power[-1] = schedule.base_pct
+    return replace(schedule, power_pct=power)
+
+
+def assess_plan(kind: str, prior: Prior, setup: ExperimentSetup, schedule: Schedule,
+                duration_s: float) -> ExperimentPlan:
+    """Return the plan of a schedule, its figures from all readings.
+
+    Args:
+        kind: as in `Plan`.
+        prior: heaters to serve.
+        setup: of the experiment; of them the noise counts.
+        schedule: of the powers.
+        duration_s: of the experiment [s].
+    """
+    std_errors = errors(prior, schedule, setup.noise, duration_s)
+    return ExperimentPlan(
+        kind=kind, schedule=schedule, duration_s=duration_s, errors=std_errors, shares=shares(prior, std_errors),
+        peaks_degC=peaks(prior, schedule),
+    )
+
+
+def _made(prior: Prior, setup: ExperimentSetup, duration: float, at: Array, power: Array) -> ExperimentPlan:
+    """Return the plan as a person can carry it out: switched with a reading, powers of one digit after the point."""
+    first = REST_READINGS * setup.noise.sample_time_s
+    instants = np.array([min(duration, max(first, setup.noise.nearest_reading(share * duration))) for share in at])
+    schedule = _drawn(setup, duration, instants / duration, power)
+    schedule = within_limit(prior, setup, schedule, digit_pct=_DIGIT_PCT)
+    last = np.append(np.diff(schedule.time_s) > 0.0, True)  # of two steps at one instant the later one holds
+    schedule = replace(schedule, time_s=schedule.time_s[last], power_pct=schedule.power_pct[last])
+    steps = schedule.steps_pct != 0.0
+    if not steps.any():
+        raise OutOfRange("limit_degC", setup.limit_degC, "higher: it leaves less than 0.1 % of power")
+    schedule = replace(schedule, time_s=schedule.time_s[steps], power_pct=schedule.power_pct[steps])
+    return assess_plan("doublet", prior, setup, schedule, duration)
+
+
+def _drawn(setup: ExperimentSetup, duration: float, at: Array, power: Array) -> Schedule:
+    """Return the schedule of powers at shares of the duration, and back to the base power at its end."""
+    return Schedule(
+        base_pct=setup.base_pct, time_s=np.append(at * duration, duration),
+        power_pct=np.append(power, setup.base_pct),
+    )
+
+
+_CHATTER = 3.0  # standard deviations: noise alone then hardly ever switches the relay
+_HIGH = (1.0, 0.85, 0.7, 0.55, 0.4, 0.3, 0.2)  # of the power above the least
+_LOW = (0.0, 0.25, 0.5)  # of the high power above the least
+_AT = (0.25, 0.35, 0.5, 0.65, 0.75)  # of the span of setpoints that swing on every heater
+_REST = 0.05  # of the duration: it shows the fit where the heater rested
+_RELAY_READINGS = 400  # in the search; the figures told are those of all readings
+_SWITCHES = 6  # up to the end of the second whole period: fewer tell nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RelayPlan(ExperimentPlan):
+    """A relay test and what it would make known.
+
+    The schedule is the one expected on the working model: on the real heater the relay decides.
+
+    Attributes:
+        relay: setpoint, hysteresis and powers to set.
+        rest_s: how long the base power is logged before the relay is switched on [s].
+        periods_s: expected period on each heater, shape (g,).
+    """
+
+    relay: TwoLevelRelay
+    rest_s: float
+    periods_s: Array
+
+
+def plan_relay(prior: Prior, setup: ExperimentSetup, duration_s: float) -> RelayPlan | None:
+    """Return the best relay test of a duration, None where none swings for two periods on every heater below the limit.
+
+    Its hysteresis is three standard deviations of the noise and at least the sensor's resolution; its setpoint and its
+    two powers are searched with a relay that switches at the very crossing; what is returned keeps the limit, and has
+    its figures, with one that switches at the next reading.
+    """
+    noise = setup.noise
+    hysteresis = math.ceil(100.0 * max(_CHATTER * noise.std_degC, noise.resolution_degC) - 1e-9) / 100.0
+    thinned = noise.average(max(1, int(duration_s / noise.sample_time_s / _RELAY_READINGS)))
+    ranked: list[tuple[float, TwoLevelRelay]] = []
+    for relay in _relays(prior, setup, hysteresis):
+        tested = _tested(prior, setup, relay, duration_s)
+        if tested is not None:
+            ranked.append((float(_assessed(prior, tested, thinned, duration_s)[1].max()), relay))
+    for _, relay in sorted(ranked, key=lambda entry: entry[0]):
+        tested = _tested(prior, setup, relay, duration_s, sample_time_s=noise.sample_time_s)
+        if tested is not None:
+            std_errors, widths, highest = _assessed(prior, tested, noise, duration_s)
+            return RelayPlan(
+                kind="relay", schedule=tested[0], duration_s=duration_s, errors=std_errors, shares=widths,
+                peaks_degC=highest, relay=relay, rest_s=_rest_s(setup, duration_s),
+                periods_s=np.array([_period(schedule) for schedule in tested]),
+            )
+    return None
+
+
+def _rest_s(setup: ExperimentSetup, duration_s: float) -> float:
+    return setup.noise.nearest_reading(max(_REST * duration_s, REST_READINGS * setup.noise.sample_time_s))
+
+
+def _relays(prior: Prior, setup: ExperimentSetup, hysteresis: float) -> list[TwoLevelRelay]:
+    """Return the relays that swing on every heater once they are on, powers in whole percent."""
+    relays = []
+    room = setup.most_pct - setup.least_pct
+    for share, lower in product(_HIGH, _LOW):
+        high = float(np.floor(setup.least_pct + share * room))
+        low = float(np.ceil(setup.least_pct + lower * share * room))
+        coolest = float(rests(prior, low).max()) + hysteresis
+        warmest = min(float(rests(prior, high).min()), setup.limit_degC) - hysteresis
+        if warmest <= coolest or high <= low:
+            continue
+        for at in _AT:
+            setpoint = round(coolest + at * (warmest - coolest), 1)
+            if coolest < setpoint < warmest:
+                relays.append(TwoLevelRelay(setpoint_degC=setpoint, hysteresis_degC=hysteresis, high_pct=high,
+                                            low_pct=low))
+    return relays
+
+
+def _tested(
+    prior: Prior, setup: ExperimentSetup, relay: TwoLevelRelay, duration_s: float, *, sample_time_s: float | None = None
+) -> list[Schedule] | None:
+    """Return the powers on each heater, None where one passes the limit or swings too seldom."""
+    schedules, rest_s = [], _rest_s(setup, duration_s)
+    for label, model in prior.models.items():
+        schedule = simulate_relay(
+            model, relay, duration_s - rest_s, base_pct=setup.base_pct, sample_time_s=sample_time_s
+        )
+        schedule = Schedule(
+            base_pct=setup.base_pct, time_s=np.append(schedule.time_s + rest_s, duration_s),
+            power_pct=np.append(schedule.power_pct, setup.base_pct),
+        )
+        alone = _alone(prior, label, model)
+        if len(schedule.time_s) - 1 < _SWITCHES or peaks(alone, schedule)[0] > setup.limit_degC:
+            return None
+        schedules.append(schedule)
+    return schedules
+
+
+def _assessed(
+    prior: Prior, schedules: list[Schedule], noise: ReadingNoise, duration_s: float
+) -> tuple[Array, Array, Array]:
+    """Return standard errors, shares and peaks: on each heater of the powers that the relay sets there."""
+    std_errors, widths, highest = [], [], []
+    for (label, model), schedule in zip(prior.models.items(), schedules, strict=True):
+        alone = _alone(prior, label, model)
+        std_errors.append(errors(alone, schedule, noise, duration_s)[0])
+        widths.append(shares(alone, std_errors[-1][None, :])[0])
+        highest.append(peaks(alone, schedule)[0])
+    return np.array(std_errors), np.array(widths), np.array(highest)
+
+
+def _alone(prior: Prior, label: str, model: HeaterModel) -> Prior:
+    return Prior(models={label: model}, ambient_known=prior.ambient_known)
+
+
+def _period(schedule: Schedule) -> float:
+    """Return the mean length of the whole periods behind the first switch [s]."""
+    switches = schedule.time_s[1:-1]
+    whole = (len(switches) - 1) // 2
+    return float(switches[2 * whole] - switches[0]) / whole
 
 
 SCHEMA: Final = "heatertune/plan/1"

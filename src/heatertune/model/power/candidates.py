@@ -1,11 +1,15 @@
 """The models that explain a log with power: one lag, two, two time constants, an integrator, and the rivals.
 
 The family of plausible heaters of a log with power: the candidates, the ends of their intervals, and the halves.
+
+Other readings of the same log: what passes for drift, load or initial state may be a slow answer of the heater.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -13,20 +17,214 @@ import numpy.typing as npt
 
 from heatertune.log.values import Log
 from heatertune.model.findings import Finding
-from heatertune.model.power.alternative_models import Rival
+from heatertune.model.power.feedback import follows_temperature, is_feedback
 from heatertune.model.power.fit_checks import unseen
-from heatertune.model.power.interval_ends import ends_of, halves_of, held_by, told_apart
-from heatertune.model.power.load_steps import bic_of
+from heatertune.model.power.load_steps import bic_of, is_plain_rest, is_sensible, lowest_degC, starts
 from heatertune.model.power.nonlinear import Bend
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
-from heatertune.model.power.uncertainty import intervals_by
-from heatertune.model.statistics import RATIO, Interval, fit_pct
-from heatertune.model.values import Candidate, Half, HeaterModel, HeldOut
+from heatertune.model.power.regressors import AMBIENT, GAP, Readings
+from heatertune.model.power.uncertainty import ends_of, halves_of, held_at, held_by, intervals_by, told_apart
+from heatertune.model.statistics import RATIO, Interval, envelope, fit_pct, holds
+from heatertune.model.values import Candidate, Fopdt, Half, HeaterModel, HeldOut
 
 if TYPE_CHECKING:
     from heatertune.model.power.explanation import Explanation
 
-__all__ = ["candidates_of", "family_of", "open_ends", "second_is_seen"]
+__all__ = [
+    "Rival", "candidates_of", "family_of", "lies_inside", "open_ends", "rivals_of", "second_is_seen",
+    "widen_intervals",
+]
+
+
+Array = npt.NDArray[np.float64]
+
+_SURE = 0.4  # of the error on windows not seen, that drift and loads have to leave to be believed in an open loop
+_NEAR = 10.0  # BIC points
+_TRIALS = 6  # of dead times between the best and the longest that may be
+_WAYS = 4  # gaps in which the power changed that are tried one by one
+_POOR = 60.0  # fit [%] below which a model is no rival
+
+
+class Rival(NamedTuple):
+    """Another fit of one lag, what was done otherwise, and the sentence about it.
+
+    Where `shifted`, the power itself is another: the ends between are no heaters of the log as it is read.
+    """
+
+    problem: PowerProblem
+    fit: PowerFit
+    model: Fopdt
+    law: str
+    sentence: str
+    shifted: bool = False
+
+
+def rivals_of(
+    log: Log, problem: PowerProblem, fit: PowerFit, ci95: Mapping[str, Interval | None], held_out: HeldOut, *,
+    open_start: bool,
+) -> tuple[Rival, ...]:
+    """Return the one-lag fits that the log does not rule out and that lie outside the intervals.
+
+    Args:
+        log: the whole log.
+        problem: of one lag, with the drift and loads that were found.
+        fit: its best fit.
+        ci95: its intervals.
+        held_out: its error on windows not seen.
+        open_start: whether the power before the log is unknown.
+    """
+    rivals = (
+        *_without_events(log, problem, fit, held_out), *_at_rest(problem, fit, ci95.get("ambient_degC")),
+        *_other_rest(log, problem, fit), *(_other_start(problem, fit) if open_start else ()),
+    )
+    record = problem.readings.temperature_degC
+    return tuple(
+        rival for rival in rivals
+        if fit_pct(record, rival.fit.simulated_degC) > _POOR and not lies_inside(rival.model, ci95)
+    ) + tuple(_other_edges(log, problem, fit, ci95.get("dead_time_s")))
+
+
+def widen_intervals(ci95: Mapping[str, Interval], values: Sequence[Mapping[str, float]]) -> dict[str, Interval]:
+    """Return the intervals, widened until they hold the rivals too."""
+    others = {name: [rival[name] for rival in values if math.isfinite(rival[name])] for name in ci95}
+    return {name: envelope(inside, others[name]) if others[name] else inside for name, inside in ci95.items()}
+
+
+def lies_inside(model: Fopdt, ci95: Mapping[str, Interval | None]) -> bool:
+    """Return whether gain and time constant of a model lie in the intervals."""
+    inside = ((ci95[name], float(getattr(model, name))) for name in ("gain_degC_per_pct", "time_constant_s"))
+    return all(interval is not None and holds(interval, value) for interval, value in inside)
+
+
+def _without_events(log: Log, problem: PowerProblem, fit: PowerFit, held_out: HeldOut) -> Iterator[Rival]:
+    if not problem.drift and not problem.loads_s:
+        return
+    plain = replace(problem, drift=False, loads_s=())
+    refit = min((plain.fit(), plain.refine(fit.vector[None, :])), key=lambda trial: bic_of(plain, trial))
+    closed = is_feedback(log) or follows_temperature(log)
+    if refit.model is None or (not closed and held_out.rmse_degC < _SURE * unseen(plain, refit).rmse_degC):
+        return
+    law = "power logged, without drift and loads"
+    if plain.ambient_degC is None and not is_sensible(plain, refit):
+        # under feedback a load drives the gain of a fit without it towards nothing, and the ambient to the setpoint
+        plain, law = _held(plain), f"{law}, ambient at the lowest reading"
+        refit = plain.fit()
+    if not isinstance(refit.model, Fopdt):
+        return
+    events = " and ".join(["drift"] * problem.drift + ["load steps"] * bool(problem.loads_s))
+    answers = ", and in a closed loop the power answers them" if closed else ""
+    yield Rival(plain, refit, refit.model, law, (
+        f"With {events} fitted, {_heater(fit.model)}; without, {_heater(refit.model)}. They can absorb a slow response "
+        f"of the heater{answers}. The log does not decide, so both are candidates and the intervals contain both."
+    ))
+
+
+def _at_rest(problem: PowerProblem, fit: PowerFit, ambient: Interval | None) -> Iterator[Rival]:
+    """Return the fit with the ambient at the lowest reading, where a free one lies above it for sure."""
+    lowest = lowest_degC(problem)
+    if ambient is None or ambient.low is None or ambient.low <= lowest or is_sensible(problem, fit):
+        return
+    held = _held(problem)
+    refit = min((held.fit(), held.refine(fit.vector[None, :])), key=lambda trial: bic_of(held, trial))
+    if not isinstance(refit.model, Fopdt):
+        return
+    yield Rival(held, refit, refit.model, "power logged, ambient at the lowest reading", (
+        f"Left free, the ambient comes out at {fit.linear[AMBIENT]:.3g} °C, above the lowest reading of "
+        f"{lowest:.3g} °C, though no heater is colder than its room: a slow part of the heater passes for its initial "
+        f"state. With the ambient at that reading {_heater(refit.model)}; both are candidates, the intervals hold "
+        "both, and --ambient would settle it."
+    ))
+
+
+def _other_start(problem: PowerProblem, fit: PowerFit) -> Iterator[Rival]:
+    """Return the fit with the other power before the log, none or the first one, where it is nearly as good."""
+    first = float(problem.readings.level_pct[0])
+    if first == 0.0:
+        return
+    other = replace(problem, power_before_pct=0.0 if problem.power_before_pct is None else None)
+    refit = min((other.fit(), other.refine(fit.vector[None, :])), key=lambda trial: bic_of(other, trial))
+    if not isinstance(refit.model, Fopdt) or bic_of(other, refit) > bic_of(problem, fit) + _NEAR:
+        return
+    yield Rival(other, refit, refit.model, f"power logged, {other.power_before:g} % before it", (
+        f"With {problem.power_before:g} % power before the log, {_heater(fit.model)}; with {other.power_before:g} %, "
+        f"{_heater(refit.model)}. The log does not decide, so both are candidates and the intervals contain both; "
+        "--power-before would settle it."
+    ))
+
+
+def _other_rest(log: Log, problem: PowerProblem, fit: PowerFit) -> Iterator[Rival]:
+    """Return the fit from rest, or not from rest, where it is nearly as good and the readings do not settle it."""
+    if problem.at_rest and is_plain_rest(problem, math.exp(float(fit.vector[0]))):
+        return
+    closed = is_feedback(log) or follows_temperature(log)
+    for other in starts(replace(problem, at_rest=False), closed=closed):
+        if other.at_rest == problem.at_rest or other.power_before_pct != problem.power_before_pct:
+            continue
+        refit = min((other.fit(), other.refine(fit.vector[None, :])), key=lambda trial: bic_of(other, trial))
+        if isinstance(refit.model, Fopdt) and bic_of(other, refit) < bic_of(problem, fit) + _NEAR:
+            begun = ("not from rest", "from rest")
+            yield Rival(other, refit, refit.model, f"power logged, {begun[other.at_rest]}", (
+                f"With a start {begun[problem.at_rest]}, {_heater(fit.model)}; {begun[other.at_rest]}, "
+                f"{_heater(refit.model)}. The readings before the first step do not decide, so both are candidates and "
+                "the intervals contain both; log more readings before the first step."
+            ))
+
+
+def _other_edges(log: Log, problem: PowerProblem, fit: PowerFit, dead: Interval | None) -> Iterator[Rival]:
+    """Return the fits with a power that changed at the beginning of gaps, not at their end, if nearly as good.
+
+    Nobody saw when it changed, so the dead time may be longer by as much as the gap: it is the longest that fits.
+    """
+    assert log.power_pct is not None
+    step = np.diff(log.time_s)
+    places = 1 + np.flatnonzero((step > GAP * np.median(step)) & (np.diff(log.power_pct) != 0.0))
+    ways = [places, *(places[i : i + 1] for i in range(len(places)))] if len(places) > 1 else [places]
+    late_s = float(fit.vector[1]) if dead is None or dead.high is None else dead.high
+    for way in ways[: _WAYS + 1] if len(places) else ():
+        other, gap_s = replace(problem, readings=_earlier(problem.readings, log.time_s, way)), step[way - 1].max()
+        most_s = min(late_s + float(gap_s), float(other.high[1]))
+        starts = np.array([[fit.vector[0], shift, fit.vector[2]] for shift in (fit.vector[1], 0.5 * most_s, most_s)])
+        best = min((other.fit(), other.refine(starts)), key=lambda trial: bic_of(other, trial))
+        if bic_of(other, best) > bic_of(problem, fit) + _NEAR:
+            continue
+        at = _latest(other, best, most_s)
+        if isinstance(at.model, Fopdt):
+            named = ", ".join(f"{t:.6g}" for t in log.time_s[way])
+            law = "power logged, changed as gaps began" + ("" if way is places else f" (before {named} s)")
+            yield Rival(other, at, at.model, law, (
+                f"The power changed in a gap of the log, before {named} s. If it changed at the end of the gap, the "
+                f"dead time is {fit.vector[1]:.3g} s; if at its beginning, up to {at.model.dead_time_s:.3g} s. Both "
+                "are candidates; log a step of the power without a gap."
+            ), shifted=True)
+
+
+def _latest(problem: PowerProblem, best: PowerFit, most_s: float) -> PowerFit:
+    """Return the fit with the longest dead time, up to the most, that is nearly as good as the best."""
+    limit = bic_of(problem, best) + _NEAR
+    early_s, late_s, trial_s, latest = float(best.vector[1]), most_s, most_s, best
+    for _ in range(_TRIALS):
+        there = held_at(problem, best, "dead_time_s", trial_s)
+        if there.model is not None and bic_of(problem, there) < limit:
+            early_s, latest = trial_s, there
+        else:
+            late_s = trial_s
+        trial_s = 0.5 * (early_s + late_s)
+    return latest
+
+
+def _earlier(readings: Readings, time_s: Array, places: npt.NDArray[np.intp]) -> Readings:
+    """Return the readings with the edges at these places of the log just after the reading before."""
+    before = dict(zip(time_s[places], time_s[places - 1] + 1e-9 * (time_s[places] - time_s[places - 1]), strict=True))
+    return replace(readings, edge_s=np.array([before.get(edge, edge) for edge in readings.edge_s]))
+
+
+def _held(problem: PowerProblem) -> PowerProblem:
+    return replace(problem, ambient_degC=lowest_degC(problem))
+
+
+def _heater(model: object) -> str:
+    assert isinstance(model, Fopdt)
+    return f"the gain is {model.gain_degC_per_pct:.3g} °C/% and the time constant {model.time_constant_s:.3g} s"
 
 
 _PLAUSIBLE_HEATERS_NEAR: Final = 10.0  # BIC points
@@ -95,9 +293,7 @@ def open_ends(orders: Sequence[tuple[str, Mapping[str, Interval | None]]]) -> It
             yield Finding(name=finding, message=f"With {open_[0]}, the {what} within the log.")
 
 
-Array = npt.NDArray[np.float64]
 
-_NEAR = 10.0  # BIC points
 
 
 class _CandidateTrial(NamedTuple):

@@ -33,8 +33,14 @@ import numpy.typing as npt
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
-from heatertune.pid.loop.robustness import encloses_nothing, sensitivity_peaks
-from heatertune.pid.loop.sampled import frequencies, iae_load, part_responses, sample_plant
+from heatertune.pid.sampled_loop import (
+    encloses_nothing,
+    frequencies,
+    iae_load,
+    part_responses,
+    sample_plant,
+    sensitivity_peaks,
+)
 from heatertune.pid.search.robust import peaks_on
 from heatertune.pid.values import PidDesign
 

@@ -18,10 +18,9 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.values import HeaterModel
-from heatertune.pid.loop.sampled import frequencies, part_responses, sample_plant
-from heatertune.pid.timer import Timer
+from heatertune.pid.sampled_loop import frequencies, part_responses, sample_plant
 from heatertune.pid.tune import STRUCTURES, settle
-from heatertune.pid.values import PidDesign
+from heatertune.pid.values import PidDesign, Timer
 from heatertune.units import check
 
 __all__ = ["quick_tune"]

@@ -22,24 +22,14 @@ import numpy as np
 from heatertune.errors import InputError
 from heatertune.model.statistics import RATIO, Interval
 from heatertune.model.values import FittedModel, Fopdt, HeaterModel, TwoLag
-from heatertune.pid.loop.robustness import noise_gain, sensitivity_peaks
+from heatertune.pid.sampled_loop import noise_gain, sensitivity_peaks
 from heatertune.pid.specs import Specs
 from heatertune.pid.values import PidDesign, Promise
 from heatertune.units import whole
 
 __all__ = [
-    "ROBUST",
-    "BrokenLimit",
-    "Open",
-    "RobustDesign",
-    "SampledMs",
-    "draw_heaters",
-    "drawn_of",
-    "interval_ends",
-    "ms_over",
-    "peaks_on",
-    "robust_design",
-    "spreads_of",
+    "ROBUST", "BrokenLimit", "Open", "RobustDesign", "SampledMs", "draw_heaters", "drawn_of", "interval_ends",
+    "ms_over", "peaks_on", "robust_design", "spreads_of",
 ]
 
 
@@ -103,7 +93,7 @@ def peaks_on(heater: HeaterModel, design: PidDesign) -> dict[str, float]:
     if design.sample_time_s > 0.0:
         ms, mt = sensitivity_peaks(heater, design)
         return {"ms": ms, "mt": mt, "mks": noise_gain(heater, design) if math.isfinite(ms) else math.inf}
-    from heatertune.pid.continuous.optimum import margins  # noqa: PLC0415 - compiles; words are of sampled loops
+    from heatertune.pid.continuous_optimum import margins  # noqa: PLC0415 - compiles; words are of sampled loops
 
     judged, noise = margins((heater,), design)
     return {"ms": judged.ms, "mt": judged.mt, "mks": noise}

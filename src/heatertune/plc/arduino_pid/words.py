@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from heatertune.errors import OutOfRange
-from heatertune.pid.timer import Timer
-from heatertune.pid.values import PidDesign
+from heatertune.pid.values import PidDesign, Timer
 from heatertune.plc.parallel.words import design_from, gain_field, gains_of, oddities_of
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import Scaling, WordField, Words

@@ -12,7 +12,7 @@ from heatertune.plc.cpu.s7_200.assembler import Network, block, block_number, pr
 from heatertune.plc.cpu.s7_200.cpu import carry_out
 from heatertune.plc.cpu.s7_200.memory import V_BEGIN, V_END, WHOLE, bit, cell, put_word, word
 from heatertune.plc.cpu.statements import in_ascii
-from heatertune.supervision.text.statements import (
+from heatertune.supervision.text.structured_text import (
     INPUTS,
     OUTPUTS,
     WIDE,
@@ -25,9 +25,9 @@ from heatertune.supervision.text.statements import (
     steps,
 )
 
-__all__ = ["FILE", "S7200Text", "reading_of", "written"]
+__all__ = ["S7_200_FILE", "S7200Text", "reading_of", "s7_200_text"]
 
-FILE: Final = "monitor.awl"
+S7_200_FILE: Final = "monitor.awl"
 #: first of its words: those below are the controller's
 _FIRST: Final = 300
 _ALWAYS: Final = "LD SM0.0"
@@ -48,7 +48,7 @@ def reading_of(target: str, per_count: int) -> list[str]:
     return ["MOVW VW0, AC0"] if target == "s7-200" else ["MOVW VW86, AC0", f"DIV {per_count:+d}, AC0"]
 
 
-def written(statements: Statements, head: list[str], reading: list[str], cycle_ms: int) -> str:
+def s7_200_text(statements: Statements, head: list[str], reading: list[str], cycle_ms: int) -> str:
     """Return the text of the two subroutines.
 
     Args:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from heatertune.errors import OutOfRange
-from heatertune.pid.timer import Timer
+from heatertune.pid.values import Timer
 from heatertune.plc.cpu.s7_200.cpu import S7200Program, carry_out
 from heatertune.plc.cpu.s7_200.memory import ATTACHED, BEGUN, ENABLED, FAULTS, WIDTH, bit, cell, put_word, word
 from heatertune.plc.ramp import Number

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from heatertune.pid.timer import Timer
+from heatertune.pid.values import Timer
 from heatertune.plc.inputs import FOUR_TO_TWENTY, Range
 
 __all__ = ["FULL_SCALE", "INPUT_S", "RANGES", "TICK_S", "TIMER"]

@@ -1,1 +1,0 @@
-"""The commands that write one table of many cases."""

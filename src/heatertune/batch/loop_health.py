@@ -1,0 +1,283 @@
+"""The logs of running loops → one table: what is wrong with each, why, and the words that would cure it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from heatertune import cache
+from heatertune.batch import CaseBatch, Progress, Row, TableColumn, Workers, run, silent
+from heatertune.batch.engine import read_rows
+from heatertune.batch.fleets import find_logs
+from heatertune.codec import data_folder, read_document
+from heatertune.errors import HeatertuneError, InputError, LogError
+from heatertune.log import read_log
+from heatertune.log.values import Log
+from heatertune.loops.diagnosis import Cure, Diagnosis, cure_words, diagnose
+from heatertune.loops.loop_values import Cause, LoopEntry, list_loops, read_list
+from heatertune.loops.measures import at_limit
+from heatertune.model import document as model_document
+from heatertune.model.power.known_controller import replay_controller
+from heatertune.model.values import FittedModel, Fopdt, model_by_hand
+from heatertune.plc import Scaling, Words
+from heatertune.proof.design_request import DesignRequest
+from heatertune.proof.known_controller_check import controllers
+from heatertune.proof.words_file import WORDS_SCHEMA, words_of
+from heatertune.settings import ReadSettings
+from heatertune.writing import read_bytes
+
+__all__ = ["SCHEMA", "HealthSettings", "health", "last_table", "rank_rows"]
+
+SCHEMA: Final = "heatertune/health/1"
+
+_POINTS: Final = 90  # of a sparkline, each with its lowest and highest
+_HEATER: Final = {"gain_degC_per_pct": "process gain [°C/%]", "time_constant_s": "time constant [s]",
+                  "dead_time_s": "dead time [s]", "ambient_degC": "ambient temperature, reached without power [°C]"}
+_COLUMNS: Final = (
+    TableColumn(name="name", kind="text", description="the loop"),
+    TableColumn(name="file", kind="text", description="its log, without the part of its path that all logs share"),
+    TableColumn(name="outcome", kind="text",
+                description="the cause of what is wrong, or well; no log: it cannot be read; crashed: "
+                                             "a fault of the program"),
+    TableColumn(name="reason", kind="text", description="what was found, with its numbers"),
+    TableColumn(name="also", kind="text", description="what else was found"),
+    TableColumn(name="excess", kind="float", description="how far the worst is beyond what is accepted; below 1: well"),
+    TableColumn(name="confidence", kind="text", description="of the cause: high, medium, low"),
+    TableColumn(name="doubt", kind="text", description="what is to be said against the heater found, or why none was"),
+    TableColumn(name="what_to_do", kind="text", description="in one sentence"),
+    TableColumn(name="times_worse", kind="float",
+                description="mean error, as a multiple of what is possible for this heater"),
+    TableColumn(name="half_cycles", kind="int", description="of the error in a row after one event"),
+    TableColumn(name="period_s", kind="float", description="of a whole cycle [s]"),
+    TableColumn(name="swing_degC", kind="float", description="median peak to peak of them [°C]"),
+    TableColumn(name="full_power_pct", kind="float",
+                description="share of the time at full power, the setpoint out of reach [%]"),
+    TableColumn(name="switchings_per_h", kind="float", description="of what switches the heater"),
+    TableColumn(name="pwm_period_s", kind="float", description="in force [s]"),
+    TableColumn(name="switch_ticks", kind="int",
+                description="ticks that the switch counts in it, where the log shows them"),
+    TableColumn(name="hours", kind="float", description="length of the log [h]"),
+    TableColumn(name="loads", kind="int", description="loads found in it"),
+    *(TableColumn(name=name, kind="float", description=f"{what} of the heater found") for name,
+      what in _HEATER.items()),
+    TableColumn(name="fit_pct", kind="float", description="how much of the log it explains [%]"),
+    TableColumn(name="target", kind="text", description="controller of the parameters that would fix it"),
+    TableColumn(name="words", kind="text", description="these words, as JSON"),
+    TableColumn(name="verdict", kind="text", description="of their proof"),
+    TableColumn(name="why", kind="text", description="what the proof does not keep, or why there are no words"),
+    TableColumn(name="gain_pct_per_degC", kind="float",
+                description="proportional gain K of these words' design [%/°C]"),
+    TableColumn(name="integral_time_s", kind="float", description="its TN [s]"),
+    TableColumn(name="sample_time_s", kind="float", description="its TA [s]"),
+    TableColumn(name="words_pwm_period_s", kind="float", description="PWM period of the proof [s]"),
+    TableColumn(name="was_degC", kind="float", description="mean error of the log beyond noise [°C]"),
+    TableColumn(name="would_degC", kind="float", description="the same, the logged day lived with these words [°C]"),
+    TableColumn(name="course", kind="text",
+                description="the error for a picture: lowest and highest of equal parts, as JSON [°C]"),
+    TableColumn(name="log_taken", kind="text", description="what was taken of the log as what"),
+)
+
+
+class HealthTask(NamedTuple):
+    """A loop on its way to a worker: what is known of it, its log, and the documents of its design."""
+
+    loop: LoopEntry
+    content: bytes | None
+    problem: str | None
+    words: Mapping[str, Any] | None
+    model: Mapping[str, Any] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HealthSettings:
+    """What is asked of all loops.
+
+    Attributes:
+        asked: what a cure is designed for; its target may be empty: only loops whose own is known get words.
+        read: how the logs are read.
+    """
+
+    request: DesignRequest
+    read: ReadSettings
+
+
+def health(
+    logs: str | Path, settings: HealthSettings, *, out: str | Path, workers: Workers,
+    loops: str | Path | Mapping[str, LoopEntry] | None = None, since: str | Path | None = None, resume: bool = False,
+    progress: Progress = silent,
+) -> dict[str, Any]:
+    """Examine every loop whose log is there, write the table, and return the document, the worst loop first.
+
+    Args:
+        logs: as `heatertune.batch.fleets.find_logs`.
+        settings: what is asked of all loops.
+        out: Parquet file.
+        workers: where the loops are examined.
+        loops: list of the loops, see `read_list`, or what it says; None: each log is a loop of its name.
+        since: table of an earlier run; each loop is told beside what it was then.
+        resume: go on where a run was stopped.
+        progress: told how many loops are examined, and how many there are.
+
+    Raises:
+        InputError: no log, a list that is not right, no earlier table, documents of a design that are none; as
+            `heatertune.batch.engine`.
+    """
+    folder, names = find_logs(logs)
+    told, beside = _listed(loops)
+    earlier = {} if since is None else {row["name"]: row for row in read_rows(Path(since))}
+    cases = [_with_documents(loop, beside, earlier.get(loop.name)) for loop in list_loops(names, told)]
+    batch = CaseBatch(
+        do=_examined, common=settings, cases=cases, sent=partial(_sent, folder), lost=_lost, columns=_COLUMNS,
+        identity={"asked": repr(settings.request), "read": repr(settings.read), "logs": hashlib.sha256(
+            json.dumps(names).encode()).hexdigest()})
+    summary = run(batch, out, workers=workers, resume=resume, progress=progress)
+    rows = rank_rows(read_rows(Path(out)))
+    causes = {cause.label for cause in Cause}
+    return {
+        "schema": SCHEMA, "table": summary["table"], "outcomes": summary["outcomes"],
+        "loops": [row | _since(row, earlier) for row in rows if row["outcome"] in causes],
+        "left_out": [{name: row[name] for name in ("name", "file", "outcome", "reason")}
+                     for row in rows if row["outcome"] not in causes],
+        "gone": sorted(set(earlier) - {row["name"] for row in rows}),
+        "compared": since is not None,
+    }
+
+
+def _listed(loops: str | Path | Mapping[str, LoopEntry] | None) -> tuple[Mapping[str, LoopEntry], Path]:
+    """Return what is said of the loops, and where the folders that it names lie."""
+    if loops is None or isinstance(loops, Mapping):
+        return loops or {}, Path()
+    return read_list(loops), Path(loops).parent
+
+
+def rank_rows(rows: Sequence[Row]) -> list[Row]:
+    """Return rows with the worst first; of two that are as bad, the surer one."""
+    sure = {"high": 0, "medium": 1, "low": 2}
+    return sorted(rows, key=lambda row: (-(row["excess"] or 0.0), sure.get(row["confidence"], 3), row["name"]))
+
+
+def _since(row: Row, earlier: Mapping[str, Row]) -> dict[str, Any]:
+    """Return what a loop was, and whether it is better, worse or the same: a fifth, or another cause, counts."""
+    before = earlier.get(row["name"])
+    if before is None or before["excess"] is None:
+        return {"was": None, "change": "new" if earlier else None}
+    ratio = row["excess"] / max(before["excess"], 1e-9)
+    both_well = row["outcome"] == before["outcome"] == Cause.WELL.label
+    change = "same" if both_well or 1.0 / 1.2 <= ratio <= 1.2 else "worse" if ratio > 1.0 else "better"
+    return {"was": before["outcome"], "change": change}
+
+
+def _with_documents(loop: LoopEntry, beside: Path, before: Row | None) -> tuple[LoopEntry, Any, Any]:
+    """Return a loop with the documents of its design; without, its heater is that of the earlier run."""
+    if loop.folder is None:
+        return loop, None, None if before is None else {name: before[name] for name in _HEATER}
+    data = data_folder(beside / loop.folder)
+    words = data / "words.json"
+    return (loop, read_document(words, WORDS_SCHEMA) if words.exists() else None,
+            read_document(data / "model.json", model_document.SCHEMA))
+
+
+def _sent(folder: str, case: tuple[LoopEntry, Any, Any]) -> HealthTask:
+    loop, words, model = case
+    try:
+        return HealthTask(loop, read_bytes(Path(folder, loop.file)), None, words, model)
+    except OSError as problem:
+        return HealthTask(loop, None, f"cannot be read: {problem.strerror}", words, model)
+
+
+def _lost(case: tuple[LoopEntry, Any, Any], why: str) -> Row:
+    return {"name": case[0].name, "file": case[0].file, "outcome": "crashed", "reason": why}
+
+
+def _examined(settings: HealthSettings, sent: HealthTask) -> Row:
+    """Return the row of one loop; this runs on the worker."""
+    loop = sent.loop
+    row: Row = {"name": loop.name, "file": loop.file}
+    try:
+        if sent.content is None:
+            raise LogError(str(sent.problem), file=loop.file)
+        words = None if sent.words is None else words_of(sent.words, loop.target or sent.words["target"], loop.file)
+        log = read_log(loop.file, settings.read, content=sent.content)
+        row["log_taken"] = None if log.taken is None else log.taken.line
+        with cache.cache_disabled():
+            told = diagnose(_powered(log, loop, words), loop, _before(sent.model))
+            cure = cure_words(told, loop, _asked(settings.request, loop, words))
+        return row | _told(told) | ({} if cure is None else _cure(cure))
+    except HeatertuneError as problem:
+        return row | {"outcome": "no log", "reason": str(problem)}
+    except Exception as problem:  # one loop must not stop the others, whatever is wrong in the program
+        return row | {"outcome": "crashed", "reason": f"{type(problem).__name__}: {problem}"}
+
+
+def _powered(log: Log, loop: LoopEntry, words: Words | None) -> Log:
+    """Return a log with its power; where it holds none, that of its known words."""
+    if log.power_pct is not None or words is None or words.ramp is not None:
+        return log
+    return replay_controller(log, controllers(words)[0], loop.setpoint_degC)
+
+
+def _before(model: Mapping[str, Any] | None) -> FittedModel | None:
+    if model is None or model.get("gain_degC_per_pct", 0.0) is None:
+        return None
+    return model_document.from_document(model) if "schema" in model else model_by_hand(Fopdt(**model))
+
+
+def _asked(request: DesignRequest, loop: LoopEntry, words: Words | None) -> DesignRequest | None:
+    """Return what this loop's cure is designed for, None where nobody says for which controller."""
+    target = loop.target or (None if words is None else words.target) or request.target
+    if not target:
+        return None
+    scaling = request.scaling if words is None else words.scaling
+    if loop.low_degC is not None and loop.high_degC is not None:
+        scaling = Scaling(low_degC=loop.low_degC, high_degC=loop.high_degC)
+    return replace(request, target=target, scaling=scaling)
+
+
+def _told(told: Diagnosis) -> Row:
+    heater = None if told.fitted_model is None else told.fitted_model.model
+    return {
+        "outcome": told.cause.label, "reason": told.faults[0].message if told.faults else None,
+        "also": "; ".join(found.message for found in told.faults[1:]) or None, "excess": float(told.excess),
+        "confidence": told.confidence, "doubt": told.why_not or None, "what_to_do": told.cause.value,
+        "times_worse": told.worse, "half_cycles": told.swings.count, "period_s": told.swings.period_s,
+        "swing_degC": told.swings.size_degC, "full_power_pct": 100.0 * at_limit(told.course, high=True),
+        "switchings_per_h": told.switchings_per_h, "pwm_period_s": told.pwm_period_s, "switch_ticks": told.switch_ticks,
+        "hours": told.course.hours,
+        "loads": len(told.loads), "course": json.dumps(_course(told)),
+        "fit_pct": None if told.fitted_model is None else told.fitted_model.fit_pct,
+        **({} if heater is None else asdict(heater)),
+    }
+
+
+def _course(told: Diagnosis) -> list[list[float]]:
+    """Return lowest and highest error of equal parts of the log, setpoint minus temperature turned about [°C]."""
+    parts = np.array_split(-told.course.error_degC, min(_POINTS, len(told.course.error_degC)))
+    return [[float(f"{part.min():.3g}"), float(f"{part.max():.3g}")] for part in parts]
+
+
+def _cure(cure: Cure) -> Row:
+    design = cure.design
+    row: Row = {"verdict": cure.verdict or None, "why": cure.reason or None, "was_degC": cure.was_degC,
+                "would_degC": cure.would_degC, "words_pwm_period_s": cure.pwm_period_s}
+    if cure.words is None or design is None:
+        return row
+    return row | {"target": cure.words.target, "words": json.dumps(dict(cure.words.values)),
+                  **{name: getattr(design, name) for name in ("gain_pct_per_degC", "integral_time_s", "sample_time_s")}}
+
+
+def last_table(out: str | Path) -> Path:
+    """Return the table of the last run at a place.
+
+    Raises:
+        InputError: there is none.
+    """
+    if not Path(out).is_file():
+        raise InputError(f"--since last: there is no {out} of an earlier run; leave --since out the first time")
+    return Path(out)

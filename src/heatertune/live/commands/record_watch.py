@@ -1,0 +1,367 @@
+"""The commands that only read a running loop: `record` and `watch`.
+
+`heatertune record`: a running loop → a log, read only.
+
+`heatertune watch`: a running loop beside its proven band; it only looks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from heatertune import chain
+from heatertune.cli import printing
+from heatertune.cli.printing import LINE, can_take
+from heatertune.errors import HeatertuneError, InputError
+from heatertune.live.client.connection import address_of
+
+if TYPE_CHECKING:
+    from heatertune.live.loop_watch import BandWatch, OnlineMonitor
+    from heatertune.live.recorder import RecordingState
+    from heatertune.live.write.proven_words import ProvenWords
+
+__all__ = [
+    "ALL_SIGNALS", "RECORD_EXAMPLE", "WATCH_EXAMPLE", "add_record", "add_watch", "asked_to_end", "live_line",
+    "show_notes", "signals_as_ctrl_c", "tell",
+]
+
+
+RECORD_EXAMPLE: Final = "example: heatertune record s7://192.168.0.10/0/2/db30 --design out/ -o log.csv"
+
+
+def add_record(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "record", help="running loop → a log for fit; the PLC is only read", epilog=RECORD_EXAMPLE,
+        description="Read temperature, power and setpoint of a running controller, scan by scan, into a CSV file. Each "
+                    "row is on disk before the next one; an incomplete last row is recognised. Stop with Ctrl-C.",
+    )
+    command.add_argument("address", metavar="ADDRESS", help="s7://HOST:PORT/RACK/SLOT/dbN, s7://HOST/10.00/10.01/db1 "
+                         "(TSAPs of an S7-200), modbus://HOST:PORT/UNIT/REGISTER, opc.tcp://HOST:PORT/NODE or "
+                         "as511://DEVICE/dbN")
+    command.add_argument("-o", "--out", required=True, metavar="FILE", help="the log to write")
+    where = command.add_mutually_exclusive_group()
+    where.add_argument("--design", metavar="DIR",
+                       help="folder that heatertune design wrote, of the controller at this address")
+    where.add_argument("--map", metavar="FILE", help="small TOML file with the addresses of temperature and power")
+    command.add_argument("--every", type=float, metavar="S",
+                         help="shortest interval between two rows (default: each scan if the PLC counts them, else 1 "
+                              "s)")
+    command.add_argument("--for", dest="for_s", type=float, metavar="S", help="stop after this duration")
+    command.add_argument("--append", action="store_true", help="continue an existing log")
+    command.add_argument("--timeout", type=float, default=2.0, metavar="S",
+                         help="time after which an answer counts as lost (default: 2)")
+    printing.add_output_options(command)
+    command.set_defaults(run=_run_record)
+
+
+def _run_record(settings: argparse.Namespace) -> int:
+    from heatertune.live.controller_block import places_given  # noqa: PLC0415
+    from heatertune.live.recorder import RecordingSetup, record  # noqa: PLC0415 - the help must not wait for it
+
+    address = address_of(settings.address)
+    how = RecordingSetup(every_s=settings.every, for_s=settings.for_s, append=settings.append,
+                         timeout_s=settings.timeout,
+                    pwm_period_s=_pwm_period_s(settings.design))
+    places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
+    shown_notes: list[str] = []
+    with asked_to_end() as asked:
+        def shown(so_far: RecordingState) -> None:
+            show_notes(so_far, shown_notes)
+            if not settings.quiet:
+                LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}; Ctrl-C ends it")
+
+        so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(asked))
+    LINE.end()
+    document = _document(settings, so_far)
+    printing.output(settings, document, lambda: _lines(document))
+    return 1 if so_far.notes else 0
+
+
+def show_notes(so_far: RecordingState, shown: list[str]) -> None:
+    """Show on stderr, once, what others have done to the log."""
+    for note in so_far.notes[len(shown):]:
+        tell(note)
+        shown.append(note)
+
+
+def tell(message: str) -> None:
+    """Show a message that stays on stderr, where that neither waits nor fails: what is under way goes on."""
+    LINE.end()
+    if can_take(sys.stderr):
+        with suppress(OSError):
+            print(message, file=sys.stderr, flush=True)
+
+
+def _pwm_period_s(design: str | None) -> float | None:
+    if design is None:
+        return None
+    from heatertune.proof.words_file import pwm_period_in  # noqa: PLC0415 - who gives a map needs no proof's code
+
+    return pwm_period_in(design)
+
+
+#: signals that end what can be ended at any time: Ctrl-C, a service manager, a terminal that is closed
+_ENDING: Final = ("SIGINT", "SIGTERM", "SIGHUP")
+#: all that would end or stop a program that has left a controller in manual, as far as a program can catch them
+ALL_SIGNALS: Final = (*_ENDING, "SIGQUIT", "SIGBREAK", "SIGTSTP", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGVTALRM",
+                      "SIGPROF", "SIGIO", "SIGPWR", "SIGSTKFLT", "SIGXCPU")
+#: would stop a program in the background that writes to its terminal, or reads from it
+_IGNORED: Final = ("SIGTTOU", "SIGTTIN")
+
+
+@contextmanager
+def asked_to_end(signals: Sequence[str] = _ENDING) -> Iterator[list[int]]:
+    """Give a list that is filled when somebody asks for the end.
+
+    What the caller of this program has it ignore, as `nohup` does with SIGHUP, stays ignored, but for Ctrl-C and
+    SIGTERM.
+
+    Args:
+        signals: names of those that ask for it; a system does not have them all.
+    """
+    asked: list[int] = []
+    before: dict[int, Any] = {}
+    for name in signals:
+        number = getattr(signal, name, None)
+        if number is not None and (name in ("SIGINT", "SIGTERM") or signal.getsignal(number) is not signal.SIG_IGN):
+            before[number] = signal.signal(number, lambda number, _: asked.append(number))
+    if signals is not _ENDING:
+        before |= {number: signal.signal(number, signal.SIG_IGN) for name in _IGNORED
+                   if (number := getattr(signal, name, None)) is not None}
+    try:
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def signals_as_ctrl_c() -> Iterator[None]:
+    """Have SIGTERM and SIGHUP interrupt as Ctrl-C does, but for those that the caller of this program has it ignore."""
+
+    def interrupt(_number: int, _frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in _ENDING:
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def live_line(so_far: RecordingState, wall_s: float, hand: str = "") -> str:
+    """Return what is recorded just now, on one line of a terminal.
+
+    Args:
+        so_far: recorded.
+        wall_s: since the beginning, by this machine's clock [s].
+        hand: what is done to the controller, a few words.
+    """
+    if so_far.trouble:
+        return f"{so_far.rows} rows; no answer, trying again: {so_far.trouble}"[:60]
+    if so_far.last is None:
+        return f"waiting for the first scan, {wall_s:.0f} s"
+    seen = so_far.last.signals
+    parts = [f"{so_far.last.time_s:.0f} s", f"{seen['temperature']:.2f} °C"]
+    parts += [f"{seen['power']:.1f} %"] if "power" in seen else []
+    parts += [hand] if hand else [f"setpoint {seen['setpoint']:.1f} °C"] if "setpoint" in seen else []
+    return f"{so_far.rows} rows: {', '.join(parts)}"[:60]
+
+
+def _document(settings: argparse.Namespace, so_far: RecordingState) -> dict[str, Any]:
+    return {
+        "schema": "heatertune/record/1", "address": settings.address, "log": settings.out, "rows": so_far.rows,
+        "until_s": None if so_far.last is None else so_far.last.time_s,
+        "clock": "this machine" if so_far.interval_s is None else "scans of the PLC", "interval_s": so_far.interval_s,
+        "gaps": so_far.gaps, "notes": so_far.notes, "torn_looks": so_far.torn,
+        "last": None if so_far.last is None else dict(so_far.last.signals),
+    }
+
+
+def _lines(document: Mapping[str, Any]) -> str:
+    log, rows = document["log"], document["rows"]
+    if not rows:
+        return f"{log}: nothing was recorded"
+    clock = ("time is this machine's clock" if document["interval_s"] is None
+             else f"time is the PLC's own count of scans, each {document['interval_s']:.6g} s")
+    lines = [f"{log}: {rows} rows, until {document['until_s']:.6g} s; {clock}"]
+    if document["gaps"]:
+        lines.append(f"- {document['gaps']} times without readings: each is a comment in the log")
+    lines += [f"- {note}" for note in document["notes"]]
+    if document["torn_looks"]:
+        lines.append(f"- {document['torn_looks']} looks that a scan fell into were left out")
+    return "\n".join([*lines, f"next: heatertune read {Path(log)}"])
+
+
+WATCH_EXAMPLE: Final = "example: heatertune watch s7://192.168.0.10/0/2/db30 --design out/"
+_SHOWN: Final = 6
+_NOT_JUDGED: Final = "NOT JUDGED"
+
+
+def add_watch(commands: Any) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "watch", help="compare a running loop with its proven band: outside, oscillating, drifting",
+        epilog=WATCH_EXAMPLE,
+        description="Compare a running loop, scan by scan, with its proof; report if it leaves the band, oscillates, "
+                    "or needs another power than at first. It only reads. Stop with Ctrl-C.",
+    )
+    command.add_argument("address", metavar="ADDRESS", help="as for heatertune record")
+    command.add_argument("--design", metavar="DIR", required=True,
+                         help="folder with the parameters that run there, and their proof")
+    command.add_argument("-o", "--out", metavar="FILE", help="the log (default: DIR/watch_TIME.csv)")
+    command.add_argument("--for", dest="for_s", type=float, metavar="S",
+                         help="stop after this duration (default: never)")
+    command.add_argument("--append", action="store_true", help="continue an existing log")
+    command.add_argument("--refit", action="store_true", help="identify the heater from the recorded log at the end")
+    command.add_argument("--monitor", metavar="FILE", help=(
+        "supervision.json by heatertune supervise: its monitor runs alongside; it does not replace a thermal cut-out"))
+    printing.add_output_options(command)
+    command.set_defaults(run=_run_watch)
+
+
+def _run_watch(settings: argparse.Namespace) -> int:
+    from heatertune.live.controller_block import places_of  # noqa: PLC0415
+    from heatertune.live.loop_watch import BandWatch, others_there  # noqa: PLC0415
+    from heatertune.live.plc_state import PlcState  # noqa: PLC0415
+    from heatertune.live.recorder import RecordingSetup, record  # noqa: PLC0415
+    from heatertune.live.write.proven_words import read_proven  # noqa: PLC0415 - the help must not wait for it
+
+    address, proven = address_of(settings.address), read_proven(settings.design, printing.Progress(settings))
+    places = places_of(proven.words)
+    if places is None:
+        raise InputError(f"{settings.design}: where {proven.words.target} shows its temperature is not known here")
+    log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
+    beside, monitored = BandWatch(proven), _monitored(settings.monitor, proven)
+    others, unknown = others_there(proven, address)
+    open_experiment = PlcState(address).message()
+    with asked_to_end() as asked:
+        so_far = record(address, log, places, RecordingSetup(
+            every_s=None if monitored is None else min(1.0, 0.5 * monitored.view.scan_s), for_s=settings.for_s,
+            append=settings.append, pwm_period_s=proven.view.actuator.pwm_period_s),
+            shown=_shown(settings, beside, monitored), ended=lambda: bool(asked))
+    LINE.end()
+    if not others:  # somebody may have written some meanwhile
+        others, unknown = others_there(proven, address)
+    unmoved = _unmoved(beside, so_far)
+    well = beside.seen.readings > 0 and beside.seen.well and not unmoved  # who has seen nothing knows nothing
+    open_experiment = open_experiment or PlcState(address).message()  # one may have begun meanwhile
+    well = well and not others and (monitored is None or not monitored.messages()) and not so_far.trouble
+    well = well and not open_experiment
+    seen = beside.seen.to_document()
+    seen["messages"] = [*(line for line in (open_experiment, others, unmoved) if line), *seen["messages"]]
+    document = {"schema": "heatertune/watch/2", "address": address.text, "log": str(log), "rows": so_far.rows,
+                "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well,
+                "words_not_compared": unknown or None, **seen,
+                "monitor": None if monitored is None else monitored.to_document(),
+                "refit": _refitted(log, proven) if settings.refit else None}
+    printing.output(settings, document, lambda: _lines_watch(document))
+    return 0 if well else 1
+
+
+def _unmoved(beside: BandWatch, so_far: RecordingState) -> str:
+    """Return that nothing is known, for nothing that was read has changed and no counter says that it is new."""
+    seen = beside.seen
+    if so_far.interval_s is not None or seen.readings == 0 or seen.still_s < min(seen.seconds, beside.window_s):
+        return ""
+    return (f"{_NOT_JUDGED}: nothing that was read has changed for {seen.still_s:.4g} s, and no counter is read: a CPU "
+            "that stands, a frozen sensor and a loop at rest look the same. Watch for longer")
+
+
+def _monitored(path: str | None, proven: ProvenWords) -> OnlineMonitor | None:
+    from heatertune.live.loop_watch import OnlineMonitor  # noqa: PLC0415 - only where it is asked for
+    from heatertune.supervision.document import read_supervision  # noqa: PLC0415
+
+    if path is None:
+        return None
+    view = read_supervision(path)
+    try:
+        return OnlineMonitor(view, proven.words)
+    except InputError as problem:
+        raise InputError(f"--monitor {path}: {problem}") from None
+
+
+def _shown(
+    settings: argparse.Namespace, beside: BandWatch, monitored: OnlineMonitor | None
+) -> Callable[[RecordingState], object]:
+    begun, last = time.monotonic(), [0]
+    shown_notes: list[str] = []
+
+    def shown(so_far: RecordingState) -> None:
+        show_notes(so_far, shown_notes)
+        if so_far.last is not None and so_far.rows > last[0]:
+            last[0] = so_far.rows
+            beside.see(so_far.last)
+            if monitored is not None:
+                monitored.see(so_far.last)
+        if not settings.quiet:
+            seen = beside.seen
+            band = "" if seen.band is None else f"; proven {seen.band[0]:.4g}…{seen.band[1]:.4g} °C"
+            told = (*seen.notes(), *(() if monitored is None else monitored.messages()))
+            found = f" NOT WELL: {told[-1]}" if told else ""
+            LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}{band}{found}"[:118])
+
+    return shown
+
+
+def _refitted(log: Path, proven: ProvenWords) -> dict[str, Any]:
+    """Return each parameter as it is now, beside what the proof was made on."""
+    try:
+        fitted = chain.fit(log)
+    except HeatertuneError as problem:
+        return {"message": f"the log does not tell the heater: {problem}"}
+    found = {}
+    for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"):
+        now, interval = getattr(fitted.model, name), fitted.ci95.get(name)
+        was = getattr(proven.fitted_model.model, name)
+        apart = interval is not None and (
+            (interval.low is not None and was < interval.low) or (interval.high is not None and was > interval.high))
+        found[name] = {"was": was, "now": now, "low": interval and interval.low, "high": interval and interval.high,
+                       "moved": apart}
+    return {"message": fitted.outcome_text, "parameters": found}
+
+
+def _lines_watch(document: Mapping[str, Any]) -> str:
+    if not document["readings"] and not document["unusable"]:
+        why = f"; {document['messages'][0]}" if document["messages"] else ""
+        return f"{document['log']}: nothing was seen{why}"
+    judged = not (len(document["messages"]) == 1 and document["messages"][0].startswith(_NOT_JUDGED))
+    head = ("WELL: inside the proven band" if document["well"] else "NOT WELL" if judged else _NOT_JUDGED) + (
+        f", {document['readings']} readings; at most {100.0 * document['largest_share_of_band']:.0f} % of the band") + (
+        f"; {document['gaps']} gap{'s' if document['gaps'] > 1 else ''} in the log" if document["gaps"] else "")
+    lost = [f"- the link was lost and is not back: {document['lost']}"] if document["lost"] else []
+    unknown = document["words_not_compared"]
+    open_ = [f"- whether the words there are the proven ones is not known: {unknown}"] if unknown else []
+    lines = [head, *lost, *open_, *(f"- {each}" for each in document["messages"][:_SHOWN])]
+    if len(document["messages"]) > _SHOWN:
+        lines.append(f"- and {len(document['messages']) - _SHOWN} more: --json")
+    monitor = document["monitor"]
+    if monitor is not None:
+        missed = (f"{monitor['missed']} missed, begun anew {monitor['begun_anew']} times, "
+                  f"blind for {100.0 * monitor['blind_share']:.0f} % of the time")
+        lines += [*monitor["messages"], f"monitor: {monitor['scans']} scans, {missed}; it replaces no thermal cut-out"]
+    refit = document["refit"]
+    if refit is not None:
+        lines.append(f"refit: {refit['message']}")
+        for name, each in refit.get("parameters", {}).items():
+            interval = "not known" if each["low"] is None or each["high"] is None else (
+                f"{each['low']:.4g} … {each['high']:.4g}")
+            lines.append(f"  {name}: {each['now']:.4g} (95 %: {interval}); was {each['was']:.4g}"
+                         f"{': MOVED' if each['moved'] else ''}")
+    return "\n".join([*lines, f"next: heatertune read {document['log']}"])

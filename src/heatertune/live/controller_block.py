@@ -1,0 +1,288 @@
+"""A controller's block in a PLC: what a virtual PLC serves of it, and where it shows temperature, power and setpoint.
+
+Where a PLC shows temperature, power and setpoint: as the controller's own block has them, or as a small file says.
+
+The file is TOML: tables `temperature` [°C], `power` [%], `setpoint` [°C] and `counter` (of scans), all but the first
+left out where there is none, and `block`, where the address does not say it. Each table has `byte` (or `register`) and
+`format`; `raw` are two numbers as they stand there and `range` what they mean; of a counter, `interval_s` is the time
+between two scans.
+
+What a virtual PLC serves of each controller: its block as bytes, and one scan on these bytes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from heatertune.codec import read_toml
+from heatertune.errors import DocumentError, InputError
+from heatertune.live.block_memory import STRUCTS, RegisterRange, Signal
+from heatertune.plc import Words, controller_for
+from heatertune.plc.controller import Controller
+from heatertune.plc.open_points import assumptions_from
+from heatertune.plc.ramp import Number
+from heatertune.plc.words import FLOATS
+
+__all__ = [
+    "ROLES", "SERVED", "Counter", "Places", "ServedBlock", "block_for", "places_given", "places_in", "places_of",
+]
+
+
+class ServedBlock(Protocol):
+    """A controller's block in a PLC.
+
+    Attributes:
+        number: of the block; for an S7-200, whose V memory it is, 1.
+        description: what it is, a few words.
+        manual: whether clients can put the controller in manual.
+        speaks: the protocols that reach it, the first without being asked for.
+        registers: where Modbus finds its words; none: word w is register w.
+        signals: where it shows temperature [°C], power [%] and setpoint [°C], by these names.
+        words: word → where it stands; a word that stands elsewhere in the PLC, or in one bit, is none of them.
+        bits: word of one bit → its byte, and which of that it is.
+        mode: bytes that tell manual from automatic; none where nothing does.
+        operators: words that are the operator's while the controller is in manual.
+        undone_by: what in the PLC writes its own words over those of a client, a few words; nothing does where empty.
+    """
+
+    number: int
+    description: str
+    speaks: tuple[str, ...]
+    registers: Sequence[RegisterRange]
+    manual: bool
+    signals: Mapping[str, Signal]
+    words: Mapping[str, Signal]
+    bits: Mapping[str, tuple[int, int]]
+    mode: slice
+    operators: tuple[str, ...]
+    undone_by: str
+
+    def image(self) -> bytes:
+        """Return its bytes before the first scan."""
+
+    def begin(self) -> Any:
+        """Return the state before the first scan, which nobody else changes."""
+
+    def scan(
+        self, cells: bytearray, state: Any, setpoint: Number, reading: Number
+    ) -> tuple[Any, float, Number, int]:
+        """Run one scan on the block; what it writes goes into `cells`. Total for every bit pattern.
+
+        Args:
+            cells: the block, as the scan finds it.
+            state: before the scan.
+            setpoint: as the program asks for it; where it is another than at the scan before, it is written.
+            reading: of the input module.
+
+        Returns:
+            State, power 0…100 %, output and flags, as `heatertune.plc.core.StepFunctions.step` gives them.
+        """
+
+    def restarted(self, state: Any) -> Any:
+        """Return the state after a start-up."""
+
+    def in_manual(self, cells: bytes | bytearray) -> bool:
+        """Return whether the controller is in manual."""
+
+    def into_automatic(self, cells: bytearray) -> None:
+        """Put the controller back in automatic."""
+
+    def put_in_manual(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
+        """Return what a client writes to put the controller in manual with a power.
+
+        Args:
+            cells: the block as it stands.
+            power_pct: 0…100 [%].
+
+        Returns:
+            First byte, and the bytes, of one request; the bytes that stood there before bring back what was.
+
+        Raises:
+            InputError: the controller has no manual mode that clients can reach.
+        """
+
+    def put_word(self, cells: bytearray, name: str, value: float) -> None:
+        """Write one word, as somebody at a programming unit does.
+
+        Raises:
+            InputError: no such word, or a value that the word cannot hold.
+        """
+
+
+#: target → module and class of its block; only what is served is loaded
+SERVED: Final[Mapping[str, tuple[str, str]]] = {
+    "s5-ob251": ("siemens_blocks", "Ob251Block"), "s7-200": ("siemens_blocks", "PaperMemory"),
+    "s7-200-pid": ("siemens_blocks", "PidMemory"),
+    "s7-300": ("siemens_blocks", "PidTipBlock"), "fb41": ("siemens_blocks", "ContCBlock"),
+    "pid-compact": ("siemens_blocks", "CompactBlock"),
+    "pid-temp": ("siemens_blocks", "TempBlock"), "weg": ("modbus_blocks", "WegBlock"),
+    "iec-pid": ("modbus_blocks", "IecPidBlock"),
+    **dict.fromkeys(
+        ("pband", "omron-e5cc", "eurotherm-3200", "jumo-dicon", "omega-cn7800"), ("modbus_blocks", "InstrumentBlock")),
+}
+
+
+def block_for(controller: Controller, words: Words, switches: Mapping[str, str]) -> ServedBlock:
+    """Return what a virtual PLC serves of a controller that runs words.
+
+    Raises:
+        KeyError: it is none of those that can be served.
+        UnknownName: no such switch or setting.
+    """
+    module, name = SERVED[controller.name]
+    made: Callable[[Controller, Words, Any], ServedBlock] = getattr(import_module(f"heatertune.live.{module}"), name)
+    return made(controller, words, assumptions_from(controller.assumptions, switches))
+
+
+#: what is recorded, in the order of a log's columns
+ROLES: Final = ("temperature", "power", "setpoint")
+_MOST_BYTE: Final = 65535
+_LEAST_SPAN: Final = 1e-9  # between two raw or shown values: anything smaller is a typing error, and divides by nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counter:
+    """A program's own count of scans.
+
+    Attributes:
+        signal: where it stands.
+        interval_s: time between two scans [s].
+    """
+
+    signal: Signal
+    interval_s: float
+
+    @property
+    def turn(self) -> int:
+        """After so many it begins anew."""
+        return 1 << 8 * self.signal.size
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Places:
+    """Where to look.
+
+    Attributes:
+        block: number of the data block; None: as the address says.
+        signals: role → where and how it stands; temperature always.
+        counter: of scans, if there is one.
+        told: where this is from, a few words.
+    """
+
+    block: int | None
+    signals: Mapping[str, Signal]
+    counter: Counter | None = None
+    summary: str = ""
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """First byte, and how many, that hold all of it."""
+        all_of_them = [*self.signals.values(), *([self.counter.signal] if self.counter else [])]
+        begin = min(signal.start for signal in all_of_them)
+        return begin, max(signal.start + signal.size for signal in all_of_them) - begin
+
+
+def places_of(words: Words) -> Places | None:
+    """Return where a controller's block shows what is recorded; None where heatertune does not know its block."""
+    if words.target not in SERVED:
+        return None
+    block = block_for(controller_for(words.target), words, {})
+    return Places(block=block.number, signals=block.signals, summary=f"the block of {words.target}")
+
+
+def places_in(path: str | Path) -> Places:
+    """Return what a file says; see this module for its form.
+
+    Raises:
+        DocumentError: it cannot be read, or says something else; the message names the entry.
+    """
+    said = read_toml(path)
+    for name in said:
+        if name not in ("block", "counter", *ROLES):
+            raise DocumentError(f"{path}: entry {name!r}: expected block, counter, {', '.join(ROLES)}")
+    signals: dict[str, Signal] = {
+        role: _signal(path, role, said[role], ("raw", "range")) for role in ROLES if role in said}
+    if "temperature" not in signals:
+        raise DocumentError(f"{path}: no [temperature]; expected where it stands: byte, format, raw, range")
+    block = said.get("block")
+    if block is not None and not (type(block) is int and 1 <= block <= _MOST_BYTE):
+        raise DocumentError(f"{path}: block = {block!r}: expected a whole number 1…{_MOST_BYTE}")
+    counter = _counter(path, said["counter"]) if "counter" in said else None
+    return Places(block=block, signals=signals, counter=counter, summary=Path(path).name)
+
+
+def places_given(*, design: str | Path | None = None, map_file: str | Path | None = None) -> Places | None:
+    """Return the places that a file says, or those of the controller whose design lies in a folder; None: no one says.
+
+    Raises:
+        InputError: nobody knows where that controller shows its temperature; as `places_in` and `words_in`.
+    """
+    if map_file is not None:
+        return places_in(map_file)
+    if design is None:
+        return None
+    from heatertune.proof.words_file import words_in  # noqa: PLC0415 - who gives a map needs no proof's code
+
+    words, _ = words_in(design)
+    places = places_of(words)
+    if places is None:
+        raise InputError(f"{design}: where {words.target} shows its temperature is not known here; say it in "
+                         "a small file: --map FILE.toml")
+    return places
+
+
+def _counter(path: str | Path, said: Any) -> Counter:
+    signal = _signal(path, "counter", said, ("interval_s",))
+    if signal.format in FLOATS:
+        raise DocumentError(f"{path}: [counter] format = {signal.format!r}: expected a whole number, as UINT or UDINT")
+    interval = _finite(said.get("interval_s"))
+    if interval is None or not interval > 0.0:
+        raise DocumentError(f"{path}: [counter] interval_s = {said.get('interval_s')!r}: expected seconds > 0")
+    return Counter(signal=signal, interval_s=interval)
+
+
+def _signal(path: str | Path, role: str, said: Any, also: tuple[str, ...]) -> Signal:
+    def wrong(what: str, expected: str) -> DocumentError:
+        return DocumentError(f"{path}: [{role}] {what}; expected {expected}")
+
+    if not isinstance(said, dict):
+        raise wrong(f"is {said!r}", "a table with byte and format")
+    for name in said:
+        if name not in ("byte", "register", "format", *also):
+            raise wrong(f"entry {name!r}", f"byte or register, format, {', '.join(also)}")
+    if ("byte" in said) == ("register" in said):
+        raise wrong("says no byte and no register" if "byte" not in said else "says byte and register", "one of them")
+    name = "byte" if "byte" in said else "register"
+    place = said[name]
+    if type(place) is not int or not 0 <= place <= _MOST_BYTE:
+        raise wrong(f"{name} = {place!r}", f"a whole number 0…{_MOST_BYTE}")
+    form = said.get("format")
+    if not isinstance(form, str) or form not in STRUCTS:
+        raise wrong(f"format = {form!r}", f"one of {', '.join(STRUCTS)}")
+    start = place if name == "byte" else 2 * place
+    if "raw" not in also:
+        return Signal(start, form)
+    return Signal(start, form, _pair(said.get("raw"), "raw", wrong), _pair(said.get("range"), "range", wrong))
+
+
+def _pair(entry: Any, name: str, wrong: Any) -> tuple[float, float]:
+    ends = [_finite(end) for end in entry] if isinstance(entry, list) else []
+    if len(ends) != 2 or ends[0] is None or ends[1] is None or not abs(ends[1] - ends[0]) >= _LEAST_SPAN:
+        raise wrong(f"{name} = {entry!r}", "two different numbers, as [0, 2047]")
+    return ends[0], ends[1]
+
+
+def _finite(entry: Any) -> float | None:
+    """Return a number of a TOML file; None for anything else, infinities, and integers that no float holds."""
+    if type(entry) not in (int, float):
+        return None
+    try:
+        number = float(entry)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None

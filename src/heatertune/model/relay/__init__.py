@@ -1,1 +1,0 @@
-"""A relay test: the heater from its swing."""

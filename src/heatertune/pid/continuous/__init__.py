@@ -1,1 +1,0 @@
-"""The loop in continuous time: its optimum with exact dead time."""

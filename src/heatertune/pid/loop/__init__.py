@@ -1,1 +1,0 @@
-"""The sampled loop: its responses, its sensitivity and its margins."""
