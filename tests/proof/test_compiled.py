@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.witness.trace_measures import judge
 
 from heatertune import compiled as machine
 from heatertune.compiled import compile_function, worth_compiling
@@ -21,7 +22,7 @@ from heatertune.plain import bound
 from heatertune.plc import COOLING, TARGETS, Scaling, controller_for
 from heatertune.plc.core import as_it_is
 from heatertune.plc.single_precision import single, to_single
-from heatertune.proof import Actuator, Load, LoopLimits, Scenario, TemperatureStep, judge, simulate
+from heatertune.proof import Actuator, Load, LoopLimits, Scenario, TemperatureStep, simulate
 from heatertune.proof.criteria import columns_of
 from heatertune.proof.kernel import run
 from heatertune.proof.loop import in_loop, run_loop

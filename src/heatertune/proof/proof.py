@@ -27,7 +27,7 @@ from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.acceptance import Acceptance, Coverage, Run
-from heatertune.proof.criteria import Criterion, LoopLimits, band_of, worst_of
+from heatertune.proof.criteria import Criterion, LoopLimits, band_of, criteria_of_words, worst_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, with_digest
 from heatertune.proof.heaters import MainsScenario, mains_label
 from heatertune.proof.interlock import Interlock
@@ -36,7 +36,6 @@ from heatertune.proof.runs import AllRuns, Runs
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.specification import Specification
 from heatertune.proof.trace import Trace
-from heatertune.proof.trace_criteria import of_words
 from heatertune.proof.verdict import NOT_PROVEN, FitDiagnostics, blocking_findings, combined_verdict
 from heatertune.show import NotebookDisplay
 
@@ -371,7 +370,7 @@ def _results(
     for part in runs.parts:
         for run, (name, model, switches) in enumerate(part.cases):
             label, ran = part.label(run), judged[len(results)]
-            words = () if part.mains_power is not None else of_words(
+            words = () if part.mains_power is not None else criteria_of_words(
                 acceptance.limits, margins.get(model), step, label)
             results.append(RunResult(model=name, switches=switches, label=label, criteria=(*ran, *words),
                                      mains_power=part.mains_power))

@@ -11,10 +11,10 @@ from typing import Final
 
 from heatertune.codec import read_toml
 from heatertune.errors import DocumentError, HeatertuneError, UnknownName, one_line
+from heatertune.proof.criteria import LIMITS
 from heatertune.proof.profile import Profile, profile_of_table, read_profile, table_of
 from heatertune.proof.specification import (
     GENERAL,
-    LIMITS,
     NOTHING,
     PRESETS,
     STORY,

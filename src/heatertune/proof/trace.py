@@ -15,6 +15,7 @@ from heatertune.heater.exact import advance, area, turning_times
 from heatertune.model.values import HeaterModel
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
+from heatertune.proof.criteria import Criterion
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.scenario import Scenario, phases_of
 from heatertune.show import NotebookDisplay
@@ -45,6 +46,8 @@ class Trace(NotebookDisplay):
         words, switches: what the PLC ran; None and empty for an ideal controller.
         flags: name → number of scans after which the flag was set.
         interlock, cut_s: what watched the heater, if anything did, and the instant from which on it kept it off [s].
+        criteria: what the run amounts to, in a fixed order; empty where it was not measured. All temperatures are the
+            true ones, at any instant, not the sensor's, and the setpoint is the one asked for, also during a ramp.
     """
 
     time_s: Array
@@ -64,6 +67,7 @@ class Trace(NotebookDisplay):
     flags: Mapping[str, int] = field(default_factory=dict)
     interlock: Interlock | None = None
     cut_s: float = math.inf
+    criteria: tuple[Criterion, ...] = ()
 
     def __post_init__(self) -> None:
         for attribute in fields(self):

@@ -14,6 +14,7 @@ from typing import Any, Final
 from heatertune.model.findings import KINDS, remedy_of
 from heatertune.plc.keyed_entry import KeyedEntry
 from heatertune.plc.targets import REPAIRED
+from heatertune.proof.criteria import CRITERION
 from heatertune.proof.long_outage import JUDGED
 from heatertune.proof.ripple_and_wear import life
 from heatertune.proof.verdict import (
@@ -49,6 +50,7 @@ from heatertune.report.text import (
     model_rows,
     quantity,
     ramp_note,
+    readable_name,
     search_notes,
     unit_text,
 )
@@ -68,12 +70,6 @@ _SAID: Final = 4
 #: words up to which each has a line with its meaning
 _WITH_MEANING: Final = 10
 
-#: criterion → what people call it
-_CALLED: Final = {
-    "limit_cycle": "swing at rest", "steady_offset": "offset at rest", "ms": "Ms (robustness)",
-    "step_power": "power per sensor step", "pwm_ripple": "ripple", "iae": "integral of the error",
-    "deviation": "deviation under load", "overflow": "overflows", "settling_time": "settling time",
-}
 #: what only those ask for who know how a fit or an optimum is found
 _OF_EXPERTS: Final = re.compile(r"IPOPT|BIC|Ljung|TRdom|candidate|half rule|Jury|Nyquist|feasible")
 _SETTINGS: Final = re.compile(r"settings of (.+) \(they change no run\)")
@@ -262,7 +258,7 @@ def _value(criterion: Document) -> str:
 
 
 def _called(name: str) -> str:
-    return _CALLED.get(name, name.replace("_", " "))
+    return CRITERION[name].label or readable_name(name)
 
 
 def _doubts(proof: Document, unsure: Iterable[str] = ()) -> dict[str, list[str]]:

@@ -1,29 +1,31 @@
-"""Trace and margins → criteria."""
+"""What a run amounts to by its trace: a second arithmetic beside the kernel's meter.
+
+The meter adds up stretch by stretch while the loop runs; this program takes the finished trace: extremes at all instants
+at which the temperature may turn, integrals of the exact answer, crossings by halving.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from heatertune.pid.values import Margins
+from heatertune.plc.pwm import INSTANT_S
 from heatertune.proof.criteria import (
+    CRITERION,
     Criterion,
-    CriterionTable,
     LoopLimits,
     band_of,
     columns_of,
-    periods_at_rest,
+    criteria_of_words,
     phases_measured,
 )
-from heatertune.proof.interlock import Interlock
 from heatertune.proof.loop import plant_row
+from heatertune.proof.phase_statistics import CriterionTable
 from heatertune.proof.scenario import Phase, SetpointRampEvent
 from heatertune.proof.trace import Trace
-
-__all__ = ["judge", "of_words"]
 
 Array = npt.NDArray[np.float64]
 #: instants [s] and distances from the setpoint there [°C]
@@ -49,15 +51,16 @@ def judge(
         step_power_pct: power that one step of the reading moves at once; None: it is not judged [%].
         where: label of the run.
     """
-    columns = columns_of(_measured(trace, limits), limits)
+    columns = columns_of(measured(trace, limits), limits)
     return (
         *(criterion for column in columns for criterion in column.criteria([where])),
-        *([_trips(trace, trace.interlock, where)] if trace.interlock is not None else ()),
-        *of_words(limits, margins, step_power_pct, where),
+        *([_trips(trace, where)] if trace.interlock is not None else ()),
+        *criteria_of_words(limits, margins, step_power_pct, where),
     )
 
 
-def _measured(trace: Trace, limits: LoopLimits) -> CriterionTable:
+def measured(trace: Trace, limits: LoopLimits) -> CriterionTable:
+    """Measure a trace."""
     scenario, period = trace.scenario, trace.actuator.pwm_period_s
     band, phases = band_of(limits, trace.resolution_degC), phases_measured(
         scenario, limits, float(trace.time_s[-1]), period)
@@ -87,7 +90,7 @@ def _phase(trace: Trace, number: int, phase: Phase, band: float) -> list[float]:
     level = np.full(len(crossed), phase.setpoint_degC)
     zeros = trace.crossed_at(times[crossed], times[crossed + 1], level)
     absolute = np.abs(_integrals(trace, phase, np.union1d(times, zeros))).sum()
-    settled = _stays_within(trace, phase, times, error, band)
+    settled = stays_within(trace, phase, times, error, band)
     lag = _lag(trace, number, times)
     return [float(error.max()), float(error.min()), float(absolute), settled, *_rest(trace, phase), lag]
 
@@ -106,7 +109,7 @@ def _rest(trace: Trace, phase: Phase) -> list[float]:
     return [float(_integrals(trace, phase, times).sum()), float(error.max()), float(error.min())]
 
 
-def _stays_within(trace: Trace, phase: Phase, times: Array, error: Array, band: float) -> float:
+def stays_within(trace: Trace, phase: Phase, times: Array, error: Array, band: float) -> float:
     """Return the instant after which |error| ≤ band [s], infinite where it ends outside."""
     outside = np.flatnonzero(np.abs(error) > band)
     if len(outside) == 0:
@@ -126,37 +129,12 @@ def _integrals(trace: Trace, phase: Phase, times: Array) -> Array:
 def _ripple(trace: Trace, phase: Phase, period: float) -> float:
     """Return the median peak to peak within one PWM period at rest [°C]."""
     times, error = _error(trace, phase, phase.rest_s)
-    number = np.minimum((times - phase.rest_s) / period, periods_at_rest(phase, period) - 1).astype(int)
+    periods = max(1, math.floor((phase.end_s - phase.rest_s) / period + INSTANT_S))  # the last one is as long as it takes
+    number = np.minimum((times - phase.rest_s) / period, periods - 1).astype(int)
     _, firsts = np.unique(number, return_index=True)
     return float(np.median(np.maximum.reduceat(error, firsts) - np.minimum.reduceat(error, firsts)))
 
 
-def _trips(trace: Trace, interlock: Interlock, where: str) -> Criterion:
-    return Criterion(
-        name="interlock_trips", value=float(math.isfinite(trace.cut_s)), limit=0.0, unit="1", where=where,
-        what=f"1 where the interlock {interlock.name}, limit {interlock.limit_degC:g} °C, "
-        "switched the heater off for good, else 0.",
-    )
-
-
-def of_words(
-    limits: LoopLimits, margins: Margins | None, step_power_pct: float | None, where: str = ""
-) -> Iterator[Criterion]:
-    """Return what needs no run: margins on a heater, and the power that one step of the reading moves at once [%]."""
-    if margins is not None:
-        yield Criterion(
-            name="stability", value=float(margins.stable), limit=1.0, unit="1", at_least=True, where=where,
-            what="1 where the linear loop of the words as realised is stable, else 0.")
-        yield Criterion(
-            name="ms", value=margins.ms, limit=limits.ms, unit="1", where=where,
-            what="Maximum sensitivity of the words as realised.")
-        yield Criterion(
-            name="gain_margin", value=margins.gain_margin, limit=limits.gain_margin, unit="1", at_least=True,
-            where=where, what="Factor by which the heater's gain may grow.")
-        yield Criterion(
-            name="phase_margin", value=margins.phase_margin_deg, limit=limits.phase_margin_deg, unit="°", at_least=True,
-            where=where, what="Phase that the loop may lose.")
-    if step_power_pct is not None:
-        yield Criterion(
-            name="step_power", value=step_power_pct, limit=limits.step_power_pct, unit="% of power", where=where,
-            what="Power that one step of the reading, or its noise where that is more, moves within one scan.")
+def _trips(trace: Trace, where: str) -> Criterion:
+    return CRITERION["interlock_trips"].criterion(
+        float(math.isfinite(trace.cut_s)), where=where, interlock=trace.interlock.name, limit_degC=f"{trace.interlock.limit_degC:g}")
