@@ -11,6 +11,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.heater.exact import advance
 from heatertune.pid.values import Margins
 from heatertune.plc.pwm import INSTANT_S
 from heatertune.proof.criteria import (
@@ -28,6 +29,7 @@ from heatertune.proof.scenario import Phase, SetpointRampEvent
 from heatertune.proof.trace import Trace
 
 Array = npt.NDArray[np.float64]
+HALVINGS = 60  # of the time between two instants, until its ends are neighbours as numbers
 #: instants [s] and distances from the setpoint there [°C]
 Course = tuple[Array, Array]
 
@@ -88,7 +90,7 @@ def _phase(trace: Trace, number: int, phase: Phase, band: float) -> list[float]:
     times, error = _error(trace, phase, phase.begin_s)
     crossed = np.flatnonzero(error[1:] * error[:-1] < 0.0)
     level = np.full(len(crossed), phase.setpoint_degC)
-    zeros = trace.crossed_at(times[crossed], times[crossed + 1], level)
+    zeros = crossed_at(trace, times[crossed], times[crossed + 1], level)
     absolute = np.abs(_integrals(trace, phase, np.union1d(times, zeros))).sum()
     settled = stays_within(trace, phase, times, error, band)
     lag = _lag(trace, number, times)
@@ -118,12 +120,33 @@ def stays_within(trace: Trace, phase: Phase, times: Array, error: Array, band: f
     if last == len(times) - 1:
         return math.inf
     edge = np.array([phase.setpoint_degC + math.copysign(band, error[last])])
-    return float(trace.crossed_at(times[[last]], times[[last + 1]], edge).item())
+    return float(crossed_at(trace, times[[last]], times[[last + 1]], edge).item())
 
 
 def _integrals(trace: Trace, phase: Phase, times: Array) -> Array:
     """Return ∫error dt from each instant to the next [°C·s]."""
     return trace.areas(times) - phase.setpoint_degC * np.diff(times)
+
+
+def crossed_at(trace: Trace, low_s: Array, high_s: Array, levels_degC: Array) -> Array:
+    """Return the instants at which the temperature is at some levels [s], all of one shape.
+
+    Args:
+        trace: of the run.
+        low_s: an instant of `Trace.course` before each [s].
+        high_s: the next one, after it [s].
+        levels_degC: what lies between the temperatures at both [°C].
+    """
+    since, y, x, target = trace._stretch_at(low_s)
+    lags = trace._lags()
+    above = advance(y, x, target, low_s - since, *lags) > levels_degC
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low_s + high_s)
+        if np.all((middle == low_s) | (middle == high_s)):
+            break
+        still = (advance(y, x, target, middle - since, *lags) > levels_degC) == above
+        low_s, high_s = np.where(still, middle, low_s), np.where(still, high_s, middle)
+    return high_s
 
 
 def _ripple(trace: Trace, phase: Phase, period: float) -> float:

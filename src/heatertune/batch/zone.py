@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
 from typing import Final
 
@@ -22,7 +22,7 @@ from heatertune.proof.criteria import CRITERIA
 from heatertune.proof.design_request import DesignRequest
 from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.proof.text_comparison import as_exported
-from heatertune.proof.verdict import blocking_findings, samples_told
+from heatertune.proof.verdict import samples_told
 
 __all__ = ["HEAD", "RESULT", "lost_row", "word_columns", "zone_row"]
 
@@ -152,14 +152,10 @@ def _words(words: Words) -> Row:
 
 
 def _proof(proof: Proof) -> Row:
-    worst, boost = {criterion.name: criterion for criterion in proof.criteria}, proof.words.boost
-    broken = [criterion.name for criterion in proof.criteria if not criterion.ok]
-    reasons = [f"not kept: {', '.join(broken)}"] if broken else []
-    reasons += [f"not proven: {criterion['name']}" for criterion in blocking_findings(proof.diagnostics.to_document())]
-    if proof.samples is not None and proof.samples.verdict != "PASS":
-        reasons += [samples_told(proof.samples.to_document())]
+    worst, boost = {criterion.name: criterion.value for criterion in proof.criteria}, proof.words.boost
+    columns = {kind.column: worst.get(kind.name, math.nan) for kind in CRITERIA if kind.column}
     return {
-        "outcome": proof.verdict, "reason": "; ".join(reasons) or None,
+        "outcome": proof.verdict, "reason": "; ".join(_reasons(proof)) or None,
         "remarks": "; ".join(proof.diagnostics.remarks) or None,
         "ramp_degC_per_min": None if proof.words.ramp is None else proof.ramp_degC_per_min,
         "hold_degC": proof.hold_degC,
@@ -167,9 +163,16 @@ def _proof(proof: Proof) -> Row:
         "boost_again_degC": None if boost is None else boost.again_degC,
         "setpoint_degC": proof.scenario.setpoint_degC, "pwm_period_s": proof.actuator.pwm_period_s,
         "runs": len(proof.runs),
-        **{kind.column: None if kind.name not in worst or math.isnan(worst[kind.name].value)
-           else float(worst[kind.name].value) for kind in CRITERIA if kind.column},
+        **{column: None if math.isnan(value) else float(value) for column, value in columns.items()},
     }
+
+
+def _reasons(proof: Proof) -> Iterator[str]:
+    if proof.broken_criteria:
+        yield f"not kept: {', '.join(proof.broken_criteria)}"
+    yield from (f"not proven: {name}" for name in proof.diagnostics.blocking)
+    if proof.samples is not None and proof.samples.verdict != "PASS":
+        yield samples_told(proof.samples.to_document())
 
 
 def _sampled(proof: Proof) -> Row:

@@ -13,7 +13,7 @@ from heatertune.model.values import FittedModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words
 from heatertune.proof.redesign import DesignRequest, DesignResult, find_passing_design
-from heatertune.proof.verdict import NOT_PROVEN, blocking_findings, combined_verdict
+from heatertune.proof.verdict import NOT_PROVEN, combined_verdict
 from heatertune.units import written
 
 __all__ = ["Cure", "cure_words"]
@@ -82,9 +82,8 @@ def _asked(told: Diagnosis, loop: LoopEntry, request: DesignRequest) -> DesignRe
 
 def _lived(told: Diagnosis, fitted: FittedModel, done: DesignResult) -> Cure:
     proof, words = done.proof, done.proof.words
-    broken = [criterion.name.replace("_", " ") for criterion in proof.criteria if not criterion.ok]
-    why = [f"not kept: {', '.join(broken)}"] if broken else []
-    open_points = [point["name"] for point in blocking_findings(proof.diagnostics.to_document())]
+    broken = ", ".join(proof.broken_criteria).replace("_", " ")
+    why, open_points = [f"not kept: {broken}"] if broken else [], [*proof.diagnostics.blocking]
     running = words.controller()
     lived = day(told.course, fitted.hypothetical[0], running, running.scan_s)
     _, was, would = times_worse(lived, told.course)

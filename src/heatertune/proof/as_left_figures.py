@@ -335,15 +335,12 @@ def seen_in(
     courses = [_course(log, parts, part, forgiven_degC) for part in parts.parts]
     ruler = _Ruler.of(proof, step_degC, float(np.median(np.diff(log.time_s))))
     rests = [rest for course in courses if (rest := ruler.rest_of(course)) is not None]
-    at_rest = _at_rest(rests, ruler, at_best=forgiven_degC > 0.0)
+    over_all = {**_at_rest(rests, ruler, at_best=forgiven_degC > 0.0), switchings_per_h: _switchings(log, ruler)}
 
     def seen(kind: CriterionKind) -> TraceMeasurement:
         if kind.measure in (settling_s, *_OF_PART):
-            own = [course for course in courses if course.part.kind in kind.phases]
-            return ruler.worst(kind, own) if own else TraceMeasurement(None, _NO_EVENT[kind.phases[0]])
-        if kind.measure is switchings_per_h:
-            return _switchings(log, ruler)
-        return at_rest.get(kind.measure) or TraceMeasurement(None, kind.not_in_trace)
+            return ruler.worst(kind, [course for course in courses if course.part.kind in kind.phases])
+        return over_all.get(kind.measure) or TraceMeasurement(None, kind.not_in_trace)
 
     return {name: seen(CRITERION[name]) for name in proof.criteria}
 
@@ -387,8 +384,10 @@ class _Ruler:
         """Whether the readings are near enough to one another to show what the PWM does."""
         return _OF_PERIOD * self.interval_s <= self.period_s
 
-    def worst(self, kind: CriterionKind, courses: Iterable[_PartReadings]) -> TraceMeasurement:
+    def worst(self, kind: CriterionKind, courses: Sequence[_PartReadings]) -> TraceMeasurement:
         """Return what the worst of some parts shows; one that cannot be measured leaves the criterion so."""
+        if not courses:
+            return TraceMeasurement(None, _NO_EVENT[kind.phases[0]])
         limit, factor = self.limits.get(kind.name), self.pct if kind.of else 1.0
         if kind.measure is settling_s:
             return _worst(self._settled(course, limit) for course in courses)
@@ -495,24 +494,24 @@ def _at_rest(
         why = TraceMeasurement(None, f"no rest in the trace: it begins {ruler.rests_after_s:.0f} s after the setpoint "
                                      "change")
         return dict.fromkeys((offset_degC, swing_degC, ripple_degC, reserve_pct), why)
-    seen: dict[PhaseMeasure | None, TraceMeasurement] = {
+    return {
         offset_degC: TraceMeasurement(max(abs(_mean(rest.time_s, rest.error_degC)) for rest in rests)),
         swing_degC: TraceMeasurement(max(float(np.ptp(rest.error_degC)) / 2.0 for rest in rests)),
-        ripple_degC: _too_slow(ruler),
+        ripple_degC: TraceMeasurement(max(_ripple(rest, ruler.period_s) for rest in rests)) if ruler.shows_pulses
+        else _too_slow(ruler),
+        reserve_pct: _reserve(rests, ruler, at_best=at_best),
     }
-    if ruler.shows_pulses:
-        seen[ripple_degC] = TraceMeasurement(max(_ripple(rest, ruler.period_s) for rest in rests))
+
+
+def _reserve(rests: Sequence[_PartReadings], ruler: _Ruler, *, at_best: bool) -> TraceMeasurement:
+    """Return the power that is left over at rest at the highest setpoint."""
     held = [rest for rest in rests if abs(rest.part.setpoint_degC - ruler.highest_degC) <= ruler.band_degC
             and rest.part.kind != "recovery" and rest.power_pct is not None]
-    if held and any(map(_is_pulses, held)) and not ruler.shows_pulses:
-        seen[reserve_pct] = _too_slow(ruler)  # in step with the period, the mean of such readings may be any
-    elif held:
-        unsure = [_unsure_pct(rest, ruler) if at_best else 0.0 for rest in held]
-        reserves = [100.0 - _mean_power(rest) + off for rest, off in zip(held, unsure, strict=True)]
-        seen[reserve_pct] = TraceMeasurement(min(reserves))
-    else:
-        seen[reserve_pct] = TraceMeasurement(None, "no power at the highest setpoint's rest in the trace")
-    return seen
+    if not held:
+        return TraceMeasurement(None, "no power at the highest setpoint's rest in the trace")
+    if any(map(_is_pulses, held)) and not ruler.shows_pulses:
+        return _too_slow(ruler)  # in step with the period, the mean of such readings may be any
+    return TraceMeasurement(min(100.0 - _mean_power(rest) + at_best * _unsure_pct(rest, ruler) for rest in held))
 
 
 def _mean(time_s: Array, values: Array) -> float:

@@ -414,26 +414,26 @@ def phases_measured(scenario: Scenario, limits: LoopLimits, end_s: float, period
 
 
 def meter_for(
-    phases: Sequence[Phase], scenario: Scenario, limits: LoopLimits, *, period_s: float, resolution_degC: float,
+    scenario: Scenario, limits: LoopLimits, *, end_s: float, period_s: float, resolution_degC: float,
     flags: Sequence[str], loops: int = 1,
-) -> Meter:
-    """Return the kernel's meter for some loops.
+) -> tuple[Meter, tuple[Phase, ...]]:
+    """Return the kernel's meter for some loops, and the phases that it measures.
 
     Args:
-        phases: of the scenario.
         scenario: what they live through.
         limits: what is right.
+        end_s: instant of the last scan [s].
         period_s: of the PWM [s].
         resolution_degC: step of the reading [°C].
         flags: of the controller, by their bits.
         loops: how many.
     """
-    resting_s = phases[0].end_s - phases[0].rest_s
-    periods = max(1, math.floor(resting_s / period_s + INSTANT_S))
+    phases = phases_measured(scenario, limits, end_s, period_s)
+    periods = max(1, math.floor((phases[0].end_s - phases[0].rest_s) / period_s + INSTANT_S))
     wrong = sum(1 << place for place, name in enumerate(flags) if name in limits.overflow_flags)
     return Meter(True, np.array(scenario.setpoints_degC), band_of(limits, resolution_degC), period_s, wrong,
                  np.zeros((loops, len(phases) * COLUMNS)), np.zeros((loops, TOTALS)), np.empty((loops, periods)),
-                 np.empty((loops, periods)), np.array(scenario.leads))
+                 np.empty((loops, periods)), np.array(scenario.leads)), phases
 
 
 #: what helps at the heater itself, the most fundamental first
@@ -513,22 +513,23 @@ class CriterionKind:
         there = not self.phases or bool({*self.phases} & {*(resting if self.at_rest else kinds)})
         return there and not (self.limited_only and self.limit_in(limits) is None)
 
-    def column_of(self, measured: CriterionTable, limits: LoopLimits) -> CriterionColumn | None:
-        """Return the criterion of loops; None: they have none such."""
+    def column_of(self, measured: CriterionTable, limits: LoopLimits, measure: PhaseMeasure) -> CriterionColumn:
+        """Return the criterion of loops that have it, taken by its measure."""
         phases = [number for number, phase in enumerate(measured.phases)
                   if phase.kind in self.phases and (not self.at_rest or phase.rest_s < phase.end_s)]
-        limit: float | Array | None = self.limit_in(limits)
-        if self.measure is None or (self.phases and not phases) or (self.limited_only and limit is None):
-            return None
-        values = self.measure(measured, phases)
+        values, limit = measure(measured, phases), self._limit_of(measured, phases, limits)
         if self.of:
             values = values / STEPS_DEGC[self.of](measured, phases) * 100.0
-        if limit is None and self.otherwise:
-            limit = measured.band_degC if self.otherwise == "band" else numbers_of(measured, phases, "limit_s")
         column = CriterionColumn(
             name=self.name, unit=self.unit, what=self.description.format(band=f"{measured.band_degC:.3g}"),
             values=values, limits=None if limit is None else np.full(values.shape, limit), at_least=self.at_least)
         return _worst(column) if values.ndim > 1 else column
+
+    def _limit_of(self, measured: CriterionTable, phases: Sequence[int], limits: LoopLimits) -> float | Array | None:
+        limit = self.limit_in(limits)
+        if limit is not None or not self.otherwise:
+            return limit
+        return measured.band_degC if self.otherwise == "band" else numbers_of(measured, phases, "limit_s")
 
     def criterion(self, value: float, limits: LoopLimits | None = None, where: str = "", **facts: str) -> Criterion:
         """Return it with a value that no phase shows; `facts` fill in its description."""
@@ -538,7 +539,10 @@ class CriterionKind:
 
 def columns_of(measured: CriterionTable, limits: LoopLimits) -> list[CriterionColumn]:
     """Return what the loops amount to, in the order of `CRITERIA`."""
-    return [column for kind in CRITERIA if (column := kind.column_of(measured, limits)) is not None]
+    kinds = {phase.kind for phase in measured.phases}
+    resting = {phase.kind for phase in measured.phases if phase.rest_s < phase.end_s}
+    return [kind.column_of(measured, limits, kind.measure) for kind in CRITERIA
+            if kind.measure is not None and kind.occurs(kinds, resting, limits)]
 
 
 def criteria_of_words(

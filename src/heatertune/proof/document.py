@@ -31,7 +31,6 @@ from heatertune.proof.verdict import (
     NOT_PROVEN,
     PROOF_SCHEMA,
     FitDiagnosticsView,
-    blocking_findings,
     combined_verdict,
     verdict_of_samples,
 )
@@ -378,14 +377,12 @@ class ProofView:
         """The verdict that follows from the values."""
         kept = all(criterion.keeps(criterion.value) for criterion in self.criteria.values())
         drawn = [] if self.samples is None else [self.samples.derived]
-        heard = [{"name": finding.name, "accepted": finding.accepted} for finding in self.findings]
-        return combined_verdict(["PASS" if kept else "FAIL", *drawn,
-                                 *([NOT_PROVEN] if blocking_findings({"findings": heard}) else [])])
+        blocked = any(finding.effect == "blocks" and not finding.accepted for finding in self.findings)
+        return combined_verdict(["PASS" if kept else "FAIL", *drawn, *([NOT_PROVEN] if blocked else [])])
 
     def _demand_all_criteria(self) -> None:
-        sources = {"run", "flags", *({"interlock"} if self.interlock else ())}
-        if any(CRITERION[name].source == "words" for name in self.criteria if name in CRITERION):
-            sources.add("words")
+        there = {kind.source for kind in CRITERIA if kind.name in self.criteria}
+        sources = {"run", "flags", *there & {"words"}, *(["interlock"] if self.interlock else ())}
         needed = [kind.name for kind in CRITERIA if kind.source in sources and self._has(kind, self.scenario)]
         if missing := [name for name in needed if name not in self.criteria]:
             raise DocumentError(f"criteria.{missing[0]}: is missing")
@@ -400,11 +397,11 @@ class ProofView:
 
     def _demand_band(self) -> None:
         """Refuse a band that is wider than the tolerance without the finding that says so."""
-        coarse = any(heard.name == "coarse-sensor" for heard in self.findings)
+        coarse = "coarse-sensor" in {finding.name for finding in self.findings}
         for name in (name for name in self.criteria if CRITERION[name].otherwise == "band"):
             band, own = self.criteria[name].limit, CRITERION[name].limit_in(self.limits)
-            asked = self.limits.tolerance_degC if own is None else own
-            if band is None or (band > asked and not (coarse and own is None)):
+            asked, wider = (self.limits.tolerance_degC, coarse) if own is None else (own, False)
+            if band is None or (band > asked and not wider):
                 raise DocumentError(f"criteria.{name}.limit: {band}; the tolerance is {asked:g} °C")
 
     def _check_run(self, at: str, run: RunView) -> None:
@@ -444,15 +441,19 @@ class ProofView:
             raise DocumentError(f"{at}.bound: {criterion.bound!r}; the other way round is right")
         if not kind.otherwise and criterion.limit != kind.limit_in(self.limits):
             raise DocumentError(f"{at}.limit: {criterion.limit}; limits.{kind.limit or name} says otherwise")
-        own = [(run, run.criteria[name]) for run in self.runs if name in run.criteria]
-        values = [outcome.value for _, outcome in own]
+        self._check_worst(at, name, criterion)
+
+    def _check_worst(self, at: str, name: str, criterion: CriterionView) -> None:
+        """Refuse a criterion that is not the worst of the runs."""
+        own = [run for run in self.runs if name in run.criteria]
+        values = [run.criteria[name].value for run in own]
         worst = min(values) if criterion.bound == ">=" else max(values)
-        alike = all(self._longest_s(name, run.mains_power) is None for run, _ in own)
+        alike = all(self._longest_s(name, run.mains_power) is None for run in own)
         if worst != criterion.value and (alike or criterion.value not in values):
             raise DocumentError(f"{at}.value: {encode(criterion.value)}; the worst run has {worst:g}")
         if criterion.ok != criterion.keeps(criterion.value):
             raise DocumentError(f"{at}.ok: {criterion.ok}; its value says otherwise")
-        if criterion.ok != all(outcome.ok for _, outcome in own):
+        if criterion.ok != all(run.criteria[name].ok for run in own):
             raise DocumentError(f"{at}.ok: {criterion.ok}; its runs say otherwise")
 
     def _longest_s(self, name: str, mains_power: float | None = None) -> float | None:

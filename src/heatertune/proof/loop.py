@@ -23,15 +23,15 @@ from heatertune.plc.single_precision import single, to_single
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import (
     CRITERION,
+    Criterion,
     LoopLimits,
     columns_of,
     meter_for,
-    phases_measured,
 )
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import LoopBatch, TraceArrays, run, run_all
 from heatertune.proof.meter import Meter, no_meter
-from heatertune.proof.phase_statistics import rests_of, table_from
+from heatertune.proof.phase_statistics import CriterionTable, rests_of, table_from
 from heatertune.proof.scenario import (
     Scenario,
     conditions,
@@ -215,10 +215,9 @@ def trace_run(
     actuator, scans = actuator_of(controller, actuator), scans_of(controller, scenario)
     time = np.arange(scans, dtype=np.float64) * controller.scan_s + late_s
     plant = np.array([plant_row(model, scenario)])
-    period, own = actuator.pwm_period_s, controller.resolution_degC
-    phases = () if limits is None else phases_measured(scenario, limits, float(time[-1]), period)
-    meter = no_meter() if limits is None else meter_for(
-        phases, scenario, limits, period_s=period, flags=controller.core.flags, resolution_degC=own)
+    meter, phases = (no_meter(), ()) if limits is None else meter_for(
+        scenario, limits, end_s=float(time[-1]), period_s=actuator.pwm_period_s, flags=controller.core.flags,
+        resolution_degC=controller.resolution_degC)
     events = events_of(scenario, [model.dead_time_s], marks=rests_of(phases))
     batch = LoopBatch(scans, noise_degC[None], late_s[None], plant, *events, np.array(scenario.leads))
     pulses = pulses_of(time[-1] + 2.0 * controller.scan_s, actuator) + 2 * scenario.supplied.count(False)  # start-ups
@@ -229,7 +228,6 @@ def trace_run(
     )
     given = (program_of(controller, scenario), batch, actuator.switches, cut_s, edges, record, meter)
     switched, rows = run_with(controller, given, (1 + meter.measures) * scans)  # plain, a measured scan takes two
-    columns = [] if limits is None else columns_of(table_from(meter, phases, scenario, plant), limits)
     shown = edges[:switched][np.abs(edges[:switched]) <= time[-1]]
     return Trace(
         time_s=time,
@@ -249,8 +247,13 @@ def trace_run(
         flags={
             name: int(np.count_nonzero(record.flags >> place & 1)) for place, name in enumerate(controller.core.flags)
         },
-        criteria=tuple(criterion for column in columns for criterion in column.criteria([""])),
+        criteria=() if limits is None else _criteria(table_from(meter, phases, scenario, plant), limits),
     )
+
+
+def _criteria(measured: CriterionTable, limits: LoopLimits) -> tuple[Criterion, ...]:
+    """Return the criteria of the only loop that was measured."""
+    return tuple(criterion for column in columns_of(measured, limits) for criterion in column.criteria([""]))
 
 
 def run_with(controller: LoopController, given: tuple[Any, ...], scans: int, *, ahead: int = 0) -> tuple[int, int]:

@@ -23,7 +23,7 @@ from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import Conditions
 from heatertune.units import written
 
-__all__ = ["both_that_pass", "broken_names", "broken_told", "limits_above", "limits_that_pass", "loosen_conditions",
+__all__ = ["both_that_pass", "broken_told", "limits_above", "limits_that_pass", "loosen_conditions",
            "options_of", "passing_settings", "physical_help", "settings_told", "suspects", "tolerance_that_passes",
            "within_reach"]
 
@@ -99,8 +99,7 @@ def tolerance_that_passes(
         conditions: of it.
         passes: whether another proof is good enough.
     """
-    broken = [each.name for each in proof.criteria if not each.ok]
-    if not all(name.endswith("_time") or name in _IN_BAND for name in broken):
+    if not all(name.endswith("_time") or name in _IN_BAND for name in proof.broken_criteria):
         return None
     screen = RunScreen(fitted_model=fitted).with_failed(proof)
     for wider in _wider(proof, conditions):
@@ -220,11 +219,6 @@ def _rounded_up(value: float) -> float:
     """Return a number of two digits that is larger by some hundredths at least."""
     digit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.ceil(value * _ROOM / digit) * digit:.6g}")
-
-
-def broken_names(proof: Proof) -> set[str]:
-    """Return the criteria that a proof breaks."""
-    return {each.name for each in proof.criteria if not each.ok}
 
 
 def broken_told(criteria: Iterable[Criterion]) -> str:

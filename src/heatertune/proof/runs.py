@@ -22,7 +22,7 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.processors import ProgressCallback, processors, threaded_map
 from heatertune.proof.acceptance import Coverage, Run
-from heatertune.proof.criteria import Criterion, LoopLimits, columns_of, meter_for, phases_measured
+from heatertune.proof.criteria import Criterion, LoopLimits, columns_of, meter_for
 from heatertune.proof.heaters import RATED_ONLY, limits_off_rated, mains_label
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import LoopBatch, TraceArrays
@@ -79,10 +79,9 @@ def measure_runs(  # noqa: PLR0913 - what differs from loop to loop stands in ar
     scans, period, count = scans_of(controller, scenario), actuator.pwm_period_s, len(rows)
     if shorter := [given.shape[1] for given in (noise_degC, late_s) if 1 < given.shape[1] < scans]:
         raise ValueError(f"noise_degC, late_s: of {scans} scans, got {shorter[0]}")
-    phases = phases_measured(scenario, limits, (scans - 1) * controller.scan_s, period)
     dead = rows[:, 3].tolist()
-    meter = meter_for(phases, scenario, limits, period_s=period, flags=controller.core.flags,
-                      resolution_degC=controller.resolution_degC, loops=count)
+    meter, phases = meter_for(scenario, limits, end_s=(scans - 1) * controller.scan_s, period_s=period, loops=count,
+                              flags=controller.core.flags, resolution_degC=controller.resolution_degC)
     program = program_of(controller, scenario)
     events = events_of(scenario, dead, sizes, rests_of(phases))
     batch = LoopBatch(scans, noise_degC, late_s, rows, *events, meter.leads, cooling)

@@ -91,7 +91,7 @@ def _ramped(
         plain = prove(words, fitted, conditions)
     if words.ramp is not None or ramp == "none":
         return plain, []
-    broken = {criterion.name for criterion in plain.criteria if not criterion.ok}
+    broken = {*plain.broken_criteria}
     alone = bool(broken) and broken <= OVERSHOOTS | REHEATS
     helps = bool(broken & BY_RAMP) if ramp == "auto" else alone
     if not helps or not controller.has_ramp:
@@ -189,7 +189,7 @@ def _told(plain: Proof, ramped: Proof) -> str:
     def change(name: str, unit: str) -> str:
         return f"from {written(_value(plain, name))} to {written(_value(ramped, name))} {unit}"
 
-    others = [criterion.name for criterion in ramped.criteria if not criterion.ok]
+    others = ramped.broken_criteria
     fails = f" {' and '.join(others)} fails with it." if others else ""
     held = f", which follows the reading within {ramped.hold_degC:.3g} °C," if ramped.hold_degC is not None else ""
     opened = f", after an open circuit {change('reheat_overshoot', '% of the rise')}" if held else ""

@@ -190,20 +190,8 @@ def _written(out: str | None) -> list[str]:
 
 def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
     """Return the verdict with what breaks, and the way on."""
-    verdict = proof["verdict"]
-    runs, heaters = len(proof["runs"]), len({run["model"] for run in proof["runs"]})
-    where = f"{proof['target']} at {proof['scenario']['setpoint_degC']:g} °C"
-    on = f"{count(runs, 'run')} on {count(heaters, 'plausible heater')}"
-    broken = [name for name, criterion in proof["criteria"].items() if not criterion["ok"]]
-    if broken:
-        said = f"{', '.join(_breaks(proof, name) for name in broken[:_NAMED])}"
-        said += f" and {len(broken) - _NAMED} more" if len(broken) > _NAMED else ""
-        said += f"; {on}"
-    else:
-        said = f"every limit is kept in {on}"
-    if relaxed := relaxed_clause(proof):
-        where = f"{relaxed}; {where}"
-    lines = wrap_text("; ".join([f"{where}: {said}", *sample_lines(proof)]), f"{verdict}  ", _SAID)
+    verdict, relaxed = proof["verdict"], [relaxed] if (relaxed := relaxed_clause(proof)) else []
+    lines = wrap_text("; ".join([*relaxed, _finding(proof), *sample_lines(proof)]), f"{verdict}  ", _SAID)
     if open_ := {finding["name"]: finding for finding in blocking_findings(proof)}:
         first, *more = open_.values()
         others = ", ".join(finding["name"] for finding in more)
@@ -213,6 +201,17 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
         unproven = set(open_) - set(JUDGED) or any(BREAKS_NONE in remark for remark in proof["remarks"])
         lines += ["no limit is broken by:" if unproven else "nearest that passes:", *command(nearest)]
     return lines
+
+
+def _finding(proof: Document) -> str:
+    """Return where and on what a proof was made, and what breaks a limit there."""
+    where = f"{proof['target']} at {proof['scenario']['setpoint_degC']:g} °C"
+    heaters = len({run["model"] for run in proof["runs"]})
+    on = f"{count(len(proof['runs']), 'run')} on {count(heaters, 'plausible heater')}"
+    broken = [name for name, criterion in proof["criteria"].items() if not criterion["ok"]]
+    more = f" and {len(broken) - _NAMED} more" if len(broken) > _NAMED else ""
+    named = f"{', '.join(_breaks(proof, name) for name in broken[:_NAMED])}{more}; {on}"
+    return f"{where}: {named if broken else f'every limit is kept in {on}'}"
 
 
 def _breaks(proof: Document, name: str) -> str:
