@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 
-import pytest
 from tests.conftest import ROOT
 
 from heatertune.proof.criteria import CRITERIA, CRITERION, LIMITS, LoopLimits
@@ -50,13 +49,12 @@ proof = prove_models(controller, controller.encode(design, Scaling()), [("heater
 document = check_document(json.loads(json.dumps(proof.to_document())), "proof.json")
 print(json.dumps({
     "criterion": document["criteria"]["rest_distance"], "limit": document["limits"]["rest_distance_degC"], "spec": spec_text(spec),
-    "brief": verify_brief(document), "columns": [column.name for column in RESULT], 
+    "brief": verify_brief(document), "columns": [column.name for column in RESULT],
     "nearest": limits_above(each for each in proof.criteria if each.name == "rest_distance"),
     "help": physical_help(["rest_distance"])}))
 """
 
 
-@pytest.mark.long(seconds=15)
 def test_a_criterion_is_added_in_one_file(tmp_path):
     copied = tmp_path / "heatertune"
     shutil.copytree(SOURCE, copied, ignore=shutil.ignore_patterns("__pycache__"))
