@@ -276,9 +276,7 @@ def diagnose(log: Log, loop: LoopEntry, before: FittedModel | None = None) -> Di
         log = replace(log, setpoint_degC=np.full(len(log.time_s), loop.setpoint_degC))
     if log.setpoint_degC is None:
         raise InputError(f"{log.name}: the log holds no setpoint; log it, or give setpoint_degC in the list")
-    period, own = loop.pwm_period_s, found_period_s(log)
-    if own is not None and (period is None or abs(own / period - 1.0) < _ABOUT):
-        period = own  # finer than anybody says it
+    period = _pwm_period_s(log, loop)
     course = course_of(log, period)
     cleared = None if (why_not := _no_power(log)) else without_loads(log, period)
     loads, fitted = () if cleared is None else cleared.loads, None
@@ -297,8 +295,13 @@ def diagnose(log: Log, loop: LoopEntry, before: FittedModel | None = None) -> Di
         swings=swung, switchings_per_h=switchings_per_h(log, period), pwm_period_s=period,
         longer_period_s=_longer(loop, fitted, course, period), switch_ticks=cleared and cleared.ticks,
         faults=())
-    still = tuple(_still(log))
-    return replace(result, faults=still or tuple(_found(result, loop, before)))
+    return replace(result, faults=tuple(_still(log)) or tuple(_found(result, loop, before)))
+
+
+def _pwm_period_s(log: Log, loop: LoopEntry) -> float | None:
+    """Return the PWM period: that of the logged switch where it is about the stated one, as it is finer [s]."""
+    stated, own = loop.pwm_period_s, found_period_s(log)
+    return own if own is not None and (stated is None or abs(own / stated - 1.0) < _ABOUT) else stated
 
 
 def _still(log: Log) -> Iterator[LoopFault]:

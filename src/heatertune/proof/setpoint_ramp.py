@@ -82,11 +82,7 @@ def _ramped(
     words: Words, fitted: FittedModel, ramp: float | str | None, conditions: Conditions | None, plain: Proof | None,
     progress: ProgressCallback,
 ) -> tuple[Proof, list[str]]:
-    controller = controller_for(words.target)
-    if isinstance(ramp, float | int):
-        words = replace(words, ramp=controller.ramp(words, ramp), boost=None)
-    elif ramp is not None:
-        words = replace(words, ramp=None, boost=words.boost if ramp == "none" else None)
+    words, controller = _with_ramp(words, ramp), controller_for(words.target)
     if plain is None or plain.words != words:
         plain = prove(words, fitted, conditions)
     if words.ramp is not None or ramp == "none":
@@ -101,13 +97,19 @@ def _ramped(
     if ramped is None:
         return plain, ["No setpoint ramp that ends half way to the disturbance keeps the limit on overshoot."]
     price = _told(plain, ramped)
-    if ramp == "auto" and (ramped.verdict != "FAIL" or alone):
+    if ramp != "auto":
+        failed, fail = " and the ".join(sorted(broken)).replace("_", " "), "fails" if len(broken) == 1 else "fail"
+        return plain, [f"Only the {failed} {fail}. --setpoint-ramp auto would mend it: with {price}"]
+    if ramped.verdict != "FAIL" or alone:
         return ramped, [f"With {price}"]
-    if ramp == "auto":
-        return plain, [f"A setpoint ramp mends the overshoot alone: with {price}"]
-    failed = " and the ".join(sorted(broken)).replace("_", " ")
-    fail = "fails" if len(broken) == 1 else "fail"
-    return plain, [f"Only the {failed} {fail}. --setpoint-ramp auto would mend it: with {price}"]
+    return plain, [f"A setpoint ramp mends the overshoot alone: with {price}"]
+
+
+def _with_ramp(words: Words, ramp: float | str | None) -> Words:
+    """Return words with a ramp of so many °C/min, or without; as they are where nothing is said."""
+    if isinstance(ramp, float | int):
+        return replace(words, ramp=controller_for(words.target).ramp(words, ramp), boost=None)
+    return words if ramp is None else replace(words, ramp=None, boost=words.boost if ramp == "none" else None)
 
 
 def _cheapest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: set[str]) -> Proof | None:

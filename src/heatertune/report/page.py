@@ -311,13 +311,11 @@ def _acceptance(documents: Documents) -> str:
     seen = {line["name"]: line for line in left["measurements"]} if left else {}
     rows = []
     for name, one in proof["criteria"].items():
-        line = seen.get(name)
-        measured = line is not None and line["measured"] is not None
-        if CRITERION[name].source != "run" or (one["limit"] is None and not measured):
-            continue
-        rows.append([tick(f"test-{name}", f"{readable_name(name)} accepted"), readable_name(name), limit_text(one),
-                     worst_text(_line(name, one)), measured_text(line) if measured and line is not None else BLANK,
-                     "" if line is None else judged_text(line)])
+        line = seen.get(name, {"measured": None, "keeps": None})
+        measured = line["measured"] is not None
+        if CRITERION[name].source == "run" and (one["limit"] is not None or measured):
+            rows.append([tick(f"test-{name}", f"{readable_name(name)} accepted"), readable_name(name), limit_text(one),
+                         worst_text(_line(name, one)), measured_text(line) if measured else BLANK, judged_text(line)])
     ends = proof["criteria"].get("settling_time", {}).get("limit")
     long_enough = "" if ends is None else f" for at least {2.0 * ends:.0f} s"
     heads = ["", "criterion", "limit", "proven worst", "measured", ""]
