@@ -20,6 +20,7 @@ from markdown.extensions.toc import slugify
 from heatertune.cli import parser
 from heatertune.plc import GROUPS, TARGETS, controller_for
 from heatertune.plc.commissioning import commissioning
+from heatertune.proof.criteria import CRITERIA, LIMITS
 from heatertune.terms import TERMS, GlossaryTerm
 
 SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
@@ -73,6 +74,19 @@ def symbols() -> str:
 def words() -> str:
     """Return the table of words."""
     return _table(("term", "meaning"), [(_anchored(term), term.meaning) for term in TERMS if not term.field])
+
+
+def criteria() -> str:
+    """Return the table of criteria, each with the limit that users write."""
+    options = {measure.field: name for name, limit in LIMITS.items() for measure in limit.units.values()}
+    otherwise = {"band": "`tolerance`", "part": "the time that its part of the test sequence lasts", "": ""}
+    rows = []
+    for kind in (kind for kind in CRITERIA if not kind.limited_only):
+        own = f"`{options[kind.limit]}`" if kind.limit in options else ""
+        bound = ", otherwise ".join(filter(None, (own, otherwise[kind.otherwise]))) or "fixed"
+        meaning = kind.description.format(band="tolerance", interlock="NAME", limit_degC="LIMIT")
+        rows.append((kind.name.replace("_", " "), kind.unit, bound, meaning))
+    return _table(("criterion", "unit", "limit", "meaning"), rows)
 
 
 def _anchored(term: GlossaryTerm) -> str:
@@ -156,7 +170,8 @@ def modules(room: str) -> list[str]:
 
 
 GENERATORS: dict[str, Callable[[], str]] = {
-    "commands": commands, "symbols": symbols, "words": words, "controllers": controllers, "rooms": rooms,
+    "commands": commands, "symbols": symbols, "words": words, "controllers": controllers, "criteria": criteria,
+    "rooms": rooms,
     "plant": plant,
 } | {f"service_{name.replace('-', '_')}": partial(service, name) for name in TARGETS
 } | {f"python_{room}": partial(python, room) for room in ROOMS}

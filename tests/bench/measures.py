@@ -27,12 +27,12 @@ from heatertune.proof import (
     LoopLimits,
     Scenario,
     TemperatureStep,
-    judge,
     prove_models,
     simulate,
 )
 from heatertune.proof.scenario import delay_heater
 from tests.proof.test_exact_measures import STEP_S, errors, stays
+from tests.witness.trace_measures import judge
 
 _SHARE = 1e-3
 

@@ -17,9 +17,10 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tes
 
 from heatertune.compiled import decide
 from heatertune.plc import TARGETS
-from heatertune.proof import Acceptance, judge, prove_models, simulate
+from heatertune.proof import Acceptance, prove_models, simulate
 from heatertune.proof.scenario import delay_heater
 from tests.proof.test_metered import NEAR, drawn
+from tests.witness.trace_measures import judge
 
 _LEAST = 5  # each proof is timed so often, and the least counts
 

@@ -15,9 +15,10 @@ from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import COOLING, TARGETS, Scaling, controller_for
 from heatertune.plc.open_points import always, settings_to_prove
 from heatertune.plc.pwm import Actuator
-from heatertune.proof.criteria import LoopLimits, join_tables
+from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.loop import in_loop, scans_of
 from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, measure
+from heatertune.proof.phase_statistics import join_tables
 from heatertune.proof.runs import measure_runs
 from heatertune.proof.scenario import Load, Mains, Scenario
 

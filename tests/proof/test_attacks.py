@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.witness import trace_measures
 
 from heatertune.errors import DocumentError, ExportRefused, HeatertuneError, InputError
 from heatertune.model.values import Fopdt, model_by_hand
@@ -14,7 +15,6 @@ from heatertune.proof.document import check_document, with_digest
 from heatertune.proof.loop import in_loop, noise_of, plant_row, scans_of
 from heatertune.proof.prove_words import prove
 from heatertune.proof.runs import measure_runs
-from heatertune.proof.trace_criteria import _measured
 from heatertune.proof.verdict import combined_verdict, derived_verdict, verdict_of_samples
 from heatertune.proof.words_file import certificate
 
@@ -123,7 +123,7 @@ def test_a_temperature_that_is_no_number_is_seen_wherever_it_comes_in(proof):
 
 
 def test_what_was_measured_and_is_no_number_breaks_a_limit_whatever_it_is(proof):
-    measured = _measured(proof.nominal, proof.limits)
+    measured = trace_measures.measured(proof.nominal, proof.limits)
     judged = [number for number, phase in enumerate(measured.phases) if phase.kind != "off"]
     for name, places in (("table", np.ndindex(*measured.table.shape)), ("totals", np.ndindex(*measured.totals.shape)),
                          ("ripple", [(0,)])):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.witness.trace_measures import judge
 
 from heatertune import compiled as machine
 from heatertune.compiled import compile_function, worth_compiling
@@ -21,13 +22,13 @@ from heatertune.plain import bound
 from heatertune.plc import COOLING, TARGETS, Scaling, controller_for
 from heatertune.plc.core import as_it_is
 from heatertune.plc.single_precision import single, to_single
-from heatertune.proof import Actuator, Load, LoopLimits, Scenario, TemperatureStep, judge, simulate
+from heatertune.proof import Actuator, Load, LoopLimits, Scenario, TemperatureStep, simulate
 from heatertune.proof.criteria import columns_of
 from heatertune.proof.kernel import run
 from heatertune.proof.loop import in_loop, run_loop
 from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, measure, replay
 from heatertune.proof.monte_carlo.quantiles import prove_samples
-from heatertune.proof.runs import _medians
+from heatertune.proof.phase_statistics import _medians
 
 LOOPS = ("weg", "s5-ob251")  # single precision and whole numbers; the other rooms differ from them in `step` alone
 HEATERS = (

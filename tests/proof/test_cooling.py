@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.witness.pid_temp import HeatCool, Pulses, Set, with_factor
+from tests.witness.trace_measures import judge
 
 from heatertune import chain
 from heatertune import compiled as machine
@@ -16,7 +17,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.cooler import with_cooling
 from heatertune.plc.pwm import pid_compact
-from heatertune.proof import LoopLimits, SampleRequest, SampleSpread, judge, replay, simulate
+from heatertune.proof import LoopLimits, SampleRequest, SampleSpread, replay, simulate
 from heatertune.proof.criteria import columns_of
 from heatertune.proof.loop import in_loop, noise_of, plant_row, scans_of
 from heatertune.proof.monte_carlo.draw import measure

@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from tests.witness.trace_measures import judge
 
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.proof import (
@@ -14,7 +15,6 @@ from heatertune.proof import (
     LoopLimits,
     Scenario,
     TemperatureStep,
-    judge,
     prove_models,
     simulate,
 )

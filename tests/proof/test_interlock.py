@@ -5,12 +5,13 @@ from itertools import product
 
 import numpy as np
 import pytest
+from tests.witness.trace_measures import judge
 
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.model.values import Fopdt
 from heatertune.plain import bound
 from heatertune.plc.cpu.one_bit.machine import OneBitState
-from heatertune.proof import Actuator, Interlock, Scenario, TemperatureStep, judge, prove_models, simulate
+from heatertune.proof import Actuator, Interlock, Scenario, TemperatureStep, prove_models, simulate
 from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.interlock import _BITS, INTERLOCKS, _scan
 from heatertune.proof.kernel import LOAD, Events, ScanClock, TraceArrays, run

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.witness.trace_measures import judge, stays_within
 
 from heatertune.errors import OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import Margins
-from heatertune.proof import Actuator, Criterion, Load, LoopLimits, Scenario, TemperatureStep, Trace, judge
+from heatertune.proof import Actuator, Criterion, Load, LoopLimits, Scenario, TemperatureStep, Trace
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.scenario import Mains, NewSetpoint, Phase, PlcPower, SetpointRampEvent
-from heatertune.proof.trace_criteria import _stays_within
 
 PERIOD = 0.05
 AMBIENT, SETPOINT = 20.0, 60.0
@@ -81,7 +81,7 @@ def test_the_crossing_into_the_band_is_found_between_the_samples():
     trace = replace(trace, stretches=np.array([[10.0, 57.0, 57.0, 62.0]]))
     times, error = np.array([0.0, 10.0, 30.0]), np.array([-5.0, -3.0, 1.0])
     phase = Phase(begin_s=0.0, end_s=30.0, rest_s=30.0, limit_s=30.0, setpoint_degC=SETPOINT, kind="heat-up", up=True, by_power=True)
-    assert _stays_within(trace, phase, times, error, 2.0) == pytest.approx(10.0 + 50.0 * math.log(5.0 / 4.0))
+    assert stays_within(trace, phase, times, error, 2.0) == pytest.approx(10.0 + 50.0 * math.log(5.0 / 4.0))
 
 
 def test_what_never_settles_fails_and_is_null_in_json():

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.witness.trace_measures import judge
 
 from heatertune.errors import NotRepresentable
 from heatertune.model.values import Fopdt, TwoLag
@@ -21,15 +22,15 @@ from heatertune.proof import (
     LoopLimits,
     Scenario,
     TemperatureStep,
-    judge,
     paper_scenario,
     prove_models,
     runs,
     simulate,
 )
-from heatertune.proof.criteria import CriterionColumn, CriterionTable, columns_of
+from heatertune.proof.criteria import CriterionColumn, columns_of
 from heatertune.proof.loop import in_loop
 from heatertune.proof.meter import COLUMNS, HIGHEST, LOWEST, SETTLED, TOTALS, begin, is_led, no_meter
+from heatertune.proof.phase_statistics import CriterionTable
 from heatertune.proof.runs import measure_runs
 from heatertune.proof.scenario import SetpointRampEvent, delay_heater, phases_of
 

@@ -4,11 +4,12 @@ import math
 from dataclasses import replace
 
 import pytest
+from tests.witness.trace_measures import judge
 
 from heatertune import compiled
 from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.plc import Scaling, Words, controller_for
-from heatertune.proof import judge, simulate
+from heatertune.proof import simulate
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.proof import DRAWS, draw_noise, nearest
 from heatertune.proof.prove_words import prove

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.proof.ways import assert_same_compiled_and_plain
+from tests.witness.trace_measures import judge
 
 from heatertune.errors import DocumentError, InputError
 from heatertune.model.values import Fopdt, TwoLag, model_by_hand
@@ -18,7 +19,6 @@ from heatertune.proof import (
     Coverage,
     LoopLimits,
     TestSequence,
-    judge,
     prove,
     prove_models,
     simulate,

@@ -5,6 +5,7 @@ from threading import get_ident
 
 import numpy as np
 import pytest
+from tests.witness.trace_measures import judge
 
 from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
@@ -18,7 +19,6 @@ from heatertune.proof import (
     Coverage,
     LoopLimits,
     Scenario,
-    judge,
     paper_scenario,
     prove_models,
     runs,

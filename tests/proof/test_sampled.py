@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.witness.trace_measures import judge
 
 from heatertune.codec import decode, encode
 from heatertune.errors import DocumentError, InputError
@@ -19,7 +20,6 @@ from heatertune.proof import (
     SampleRequest,
     SampleSpread,
     Scenario,
-    judge,
     prove_samples,
     replay,
 )

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from heatertune.errors import DocumentError, HeatertuneError, InputError, OutOfRange, UnknownName
-from heatertune.proof.criteria import LoopLimits
+from heatertune.proof.criteria import LIMITS, LoopLimits
 from heatertune.proof.prove_words import told_of_aim, tune_settings_for
 from heatertune.proof.spec_file import in_force, read_spec, spec_text, specification_of
-from heatertune.proof.specification import LIMITS, PRESETS, limits_from, preset
+from heatertune.proof.specification import PRESETS, limits_from, preset
 from heatertune.proof.test_sequence import TestSequence
 from heatertune.settings import Conditions, TuneSettings
 

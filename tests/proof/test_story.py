@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from tests.proof.ways import assert_same_compiled_and_plain
+from tests.witness.trace_measures import judge
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, TwoLag
@@ -25,7 +26,6 @@ from heatertune.proof import (
     Scenario,
     TemperatureStep,
     TestSequence,
-    judge,
     prove_models,
     simulate,
     story_for,

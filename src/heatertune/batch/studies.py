@@ -221,6 +221,10 @@ def _check(where: str, case: Mapping[str, Any]) -> None:
             raise DocumentError(f"{where}: {key} without {needed}, which it belongs to")
     if case.get("samples") and "interlock" in case:
         raise DocumentError(f"{where}: samples behind an interlock, which they are run without: leave out either")
+    _check_values(where, case)
+
+
+def _check_values(where: str, case: Mapping[str, Any]) -> None:
     missing = [key for key in _BY_HAND if key not in case]
     if "gain_degC_per_pct" in case and missing:
         raise DocumentError(f"{where}: no {missing[0]}; a model entered by its numbers needs {', '.join(_BY_HAND)}")

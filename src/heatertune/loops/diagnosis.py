@@ -44,7 +44,7 @@ from heatertune.plc import Words
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.redesign import DesignRequest, DesignResult, find_passing_design
 from heatertune.proof.ripple_and_wear import SWITCHES, propose_period
-from heatertune.proof.verdict import NOT_PROVEN, blocking_findings, combined_verdict
+from heatertune.proof.verdict import NOT_PROVEN, combined_verdict
 from heatertune.units import written
 
 __all__ = ["Cure", "Day", "Diagnosis", "cure_words", "day", "diagnose", "ideal", "times_worse"]
@@ -283,9 +283,7 @@ def diagnose(log: Log, loop: LoopEntry, before: FittedModel | None = None) -> Di
         log = replace(log, setpoint_degC=np.full(len(log.time_s), loop.setpoint_degC))
     if log.setpoint_degC is None:
         raise InputError(f"{log.name}: the log holds no setpoint; log it, or give setpoint_degC in the list")
-    period, own = loop.pwm_period_s, found_period_s(log)
-    if own is not None and (period is None or abs(own / period - 1.0) < _ABOUT):
-        period = own  # finer than anybody says it
+    period = _pwm_period_s(log, loop)
     course = course_of(log, period)
     cleared = None if (why_not := _no_power(log)) else without_loads(log, period)
     loads, fitted = () if cleared is None else cleared.loads, None
@@ -304,8 +302,13 @@ def diagnose(log: Log, loop: LoopEntry, before: FittedModel | None = None) -> Di
         swings=swung, switchings_per_h=switchings_per_h(log, period), pwm_period_s=period,
         longer_period_s=_longer(loop, fitted, course, period), switch_ticks=cleared and cleared.ticks,
         faults=())
-    still = tuple(_still(log))
-    return replace(result, faults=still or tuple(_found(result, loop, before)))
+    return replace(result, faults=tuple(_still(log)) or tuple(_found(result, loop, before)))
+
+
+def _pwm_period_s(log: Log, loop: LoopEntry) -> float | None:
+    """Return the PWM period: that of the logged switch where it is about the stated one, as it is finer [s]."""
+    stated, own = loop.pwm_period_s, found_period_s(log)
+    return own if own is not None and (stated is None or abs(own / stated - 1.0) < _ABOUT) else stated
 
 
 def _still(log: Log) -> Iterator[LoopFault]:
@@ -495,9 +498,8 @@ def _asked(told: Diagnosis, loop: LoopEntry, request: DesignRequest) -> DesignRe
 
 def _lived(told: Diagnosis, fitted: FittedModel, done: DesignResult) -> Cure:
     proof, words = done.proof, done.proof.words
-    broken = [criterion.name.replace("_", " ") for criterion in proof.criteria if not criterion.ok]
-    why = [f"not kept: {', '.join(broken)}"] if broken else []
-    open_points = [point["name"] for point in blocking_findings(proof.diagnostics.to_document())]
+    broken = ", ".join(proof.broken_criteria).replace("_", " ")
+    why, open_points = [f"not kept: {broken}"] if broken else [], [*proof.diagnostics.blocking]
     running = words.controller()
     lived = day(told.course, fitted.hypothetical[0], running, running.scan_s)
     _, was, would = times_worse(lived, told.course)

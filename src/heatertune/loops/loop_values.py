@@ -103,6 +103,7 @@ class LoopFault:
 
 
 _KEYS: Final = tuple(field.name for field in fields(LoopEntry))
+_Entry = Mapping[str, Any]
 _NUMBERS: Final = ("setpoint_degC", "pwm_period_s", "low_degC", "high_degC")
 
 
@@ -126,7 +127,8 @@ def read_list(path: str | Path) -> dict[str, LoopEntry]:
     """
     told: dict[str, LoopEntry] = {}
     names: dict[str, str] = {}
-    for where, entry in _entries(Path(path)):
+    entries = _entries_of_toml if Path(path).suffix.lower() == ".toml" else _entries_of_csv
+    for where, entry in entries(Path(path)):
         loop = _loop(entry, where)
         if loop.file in told:
             raise InputError(f"{where}: the log {loop.file!r} is listed twice; a loop has one log")
@@ -136,16 +138,17 @@ def read_list(path: str | Path) -> dict[str, LoopEntry]:
     return told
 
 
-def _entries(path: Path) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    if path.suffix.lower() == ".toml":
-        document = read_toml(path)
-        if set(document) != {"loop"} or not isinstance(document["loop"], list):
-            raise InputError(f"{path}: expected [[loop]] entries and nothing else")
-        for number, entry in enumerate(document["loop"], 1):
-            if not isinstance(entry, dict):
-                raise InputError(f"{path}, loop {number}: expected a table, [[loop]]")
-            yield f"{path}, loop {number}", entry
-        return
+def _entries_of_toml(path: Path) -> Iterator[tuple[str, _Entry]]:
+    document = read_toml(path)
+    if set(document) != {"loop"} or not isinstance(document["loop"], list):
+        raise InputError(f"{path}: expected [[loop]] entries and nothing else")
+    for number, entry in enumerate(document["loop"], 1):
+        if not isinstance(entry, dict):
+            raise InputError(f"{path}, loop {number}: expected a table, [[loop]]")
+        yield f"{path}, loop {number}", entry
+
+
+def _entries_of_csv(path: Path) -> Iterator[tuple[str, _Entry]]:
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as problem:
@@ -154,14 +157,14 @@ def _entries(path: Path) -> Iterator[tuple[str, Mapping[str, Any]]]:
     heads = [head.strip() for head in next(rows, [])]
     for row in rows:
         where = f"{path}, line {rows.line_num}"
-        if not any(cell.strip() for cell in row):
-            continue
-        if len(row) != len(heads):
-            raise InputError(f"{where}: {len(row)} cells; expected {len(heads)}, as in the first line")
-        yield where, {head: cell.strip() for head, cell in zip(heads, row, strict=True) if cell.strip()}
+        cells = [cell.strip() for cell in row]
+        if any(cells) and len(cells) != len(heads):
+            raise InputError(f"{where}: {len(cells)} cells; expected {len(heads)}, as in the first line")
+        if any(cells):
+            yield where, {head: cell for head, cell in zip(heads, cells, strict=True) if cell}
 
 
-def _loop(entry: Mapping[str, Any], where: str) -> LoopEntry:
+def _loop(entry: _Entry, where: str) -> LoopEntry:
     for key in entry:
         if key not in _KEYS:
             raise InputError(f"{where}: unknown field {key!r}{did_you_mean(key, _KEYS)}; expected {', '.join(_KEYS)}")

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.log.values import Log
+from heatertune.proof.phase_statistics import turning_points
 
 __all__ = [
     "RegularLog",
@@ -171,7 +172,7 @@ def _half_cycles(course: RegularLog, start_s: float, end_s: float, shortest_s: f
     if not len(error):
         return none
     least = max(course.turn_degC, _OF_LARGEST * float(np.max(np.abs(error))))
-    turns = np.array(_turns(error.tolist(), least), dtype=int)
+    turns = np.array(turning_points(error.tolist(), least), dtype=int)
     lengths, sizes = np.diff(time[turns]), np.abs(np.diff(error[turns]))
     edges = np.flatnonzero(np.diff(np.concatenate([[0], (lengths >= shortest_s).astype(int), [0]])))
     in_a_row = max((slice(*pair) for pair in edges.reshape(-1, 2).tolist()), key=lambda row: row.stop - row.start,
@@ -182,24 +183,6 @@ def _half_cycles(course: RegularLog, start_s: float, end_s: float, shortest_s: f
     median = float(np.median(lengths[1:]))
     even = float(np.mean((lengths[1:] < _EVEN * median) & (lengths[1:] * _EVEN > median))) >= _MOSTLY
     return Swings(count=len(lengths), period_s=2.0 * median, even=even, size_degC=float(np.median(sizes)))
-
-
-def _turns(values: Sequence[float], least: float) -> list[int]:
-    """Return where values turn, by at least so much each time."""
-    found: list[int] = []
-    high = low = way = 0
-    for place, value in enumerate(values):
-        if value > values[high]:
-            high = place
-        if value < values[low]:
-            low = place
-        if way >= 0 and values[high] - value >= least:
-            found.append(high)
-            way, low = -1, place
-        elif way <= 0 and value - values[low] >= least:
-            found.append(low)
-            way, high = 1, place
-    return found
 
 
 def at_limit(course: RegularLog, *, high: bool) -> float:

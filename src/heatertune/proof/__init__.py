@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     )
     from heatertune.proof.test_sequence import TestSequence, story_for
     from heatertune.proof.trace import Trace
-    from heatertune.proof.trace_criteria import judge
 
 __all__ = [
     "Acceptance",
@@ -49,7 +48,6 @@ __all__ = [
     "TemperatureStep",
     "TestSequence",
     "Trace",
-    "judge",
     "paper_scenario",
     "pid_compact",
     "prove",
@@ -70,7 +68,6 @@ __getattr__, __dir__ = lazy_attributes(__name__, {
     "proof.prove_words": ("prove",),
     "proof.pictures": ("simulate_wish",),
     "proof.interlock": ("Interlock",),
-    "proof.trace_criteria": ("judge",),
     "proof.loop": ("simulate",),
     "proof.proof": ("Proof", "RunResult", "prove_models"),
     "proof.monte_carlo.quantiles": ("SampleProof", "prove_samples"),

@@ -28,6 +28,7 @@ from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, prove
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.nearest_specification import settings_told
+from heatertune.proof.phase_statistics import first_within, turning_points
 from heatertune.proof.repetition import apply_provenance, scaling_of
 from heatertune.proof.spec_file import specification_of
 from heatertune.proof.verdict import NOT_PROVEN
@@ -101,11 +102,12 @@ def observe(
     error = (temperature_degC - setpoint_degC) * math.copysign(1.0, step)  # negative: short of the setpoint
     size, end = abs(step), float(time[-1])
     rest = error[time >= (1.0 - _REST) * end]
+    first = first_within(error, max(tolerance_degC, _BAND_PCT / 100.0 * size))
     swings = _swings(error, max(tolerance_degC, _WIDE_PCT / 100.0 * size))
     seen = Response(
         symptom=Symptom.NONE, setpoint_degC=setpoint_degC, step_degC=step,
         overshoot_pct=100.0 * max(0.0, float(error.max())) / size,
-        settled_s=_settled(time, error, max(tolerance_degC, _BAND_PCT / 100.0 * size)),
+        settled_s=math.inf if first == len(time) else float(time[first]),
         expected_s=end / 2.0 if expected_s is None else expected_s,
         distance_degC=0.0 - float(rest.mean()), swing_degC=float(np.ptp(rest)) / 2.0, swings=len(swings),
         decay=float((swings[-1] / swings[0]) ** (1.0 / (len(swings) - 1))) if len(swings) > 1 else None,
@@ -127,28 +129,10 @@ def _symptom(seen: Response, tolerance_degC: float) -> Symptom:
     return Symptom.RESTLESS if seen.swing_degC > tolerance_degC else Symptom.NONE
 
 
-def _settled(time: Array, error: Array, band: float) -> float:
-    outside = np.flatnonzero(np.abs(error) > band)
-    if len(outside) == 0:
-        return 0.0
-    last = int(outside[-1])
-    return math.inf if last == len(time) - 1 else float(time[last + 1])
-
-
 def _swings(error: Array, least: float) -> Array:
-    """Return the heights of the swings after the first turn; what turns by less than `least` is no turn."""
-    turns: list[float] = []
-    low = high = float(error[0])
-    rising = True  # towards the setpoint
-    for value in error.tolist():
-        low, high = min(low, value), max(high, value)
-        if rising and high - value > least:
-            turns.append(high)
-            rising, low = False, value
-        elif not rising and value - low > least:
-            turns.append(low)
-            rising, high = True, value
-    return np.abs(np.diff(turns))
+    """Return the heights of the swings after the first peak; what turns by no more than `least` is no turn."""
+    turns = error[turning_points(error.tolist(), math.nextafter(least, math.inf))]
+    return np.abs(np.diff(turns[1:] if len(turns) > 1 and turns[0] < turns[1] else turns))
 
 
 SCHEMA: Final = "heatertune/advice/2"

@@ -41,11 +41,11 @@ from heatertune.proof.as_left_figures import (
     parts_of,
     seen_in,
 )
-from heatertune.proof.criteria import CriterionView
+from heatertune.proof.criteria import TIME_OF, CriterionView
 from heatertune.proof.document import ProofView
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.runs import Runs
-from heatertune.proof.scenario import WAYS, NewSetpoint, Scenario
+from heatertune.proof.scenario import NewSetpoint, Scenario
 from heatertune.proof.trace import Trace
 from heatertune.units import count
 
@@ -228,9 +228,7 @@ _SIGMAS: Final = 3.0  # of a reading's step or noise, which the band is widened 
 _SEEN_OF_WAY: Final = 0.5  # of a heat-up that began before the trace: less of it shows too little
 _STILL: Final = 10  # equal readings one after the other that may be a frozen sensor's
 _DRAWN: Final = 1500  # instants of a picture
-#: kind of a part → the criterion that tells when it is over
-_END_OF: Final = {kind: time for kind, (_, time, *_) in WAYS.items()} | {"recovery": "recovery_time"}
-_ENDS: Final = frozenset(_END_OF.values())
+_ENDS: Final = frozenset(TIME_OF.values())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -361,7 +359,7 @@ def as_left(
     seen, at_best = seen_in(log, parts, proof, step), seen_in(log, parts, proof, step, forgiven_degC=margin)
     slack_s = parts.unsure_s + float(np.median(np.diff(log.time_s)))
     lines = tuple(_measurement(name, criterion, seen[name], at_best[name], slack_s,
-                               before_s if name == _END_OF["heat-up"] else 0.0)
+                               before_s if name == TIME_OF["heat-up"] else 0.0)
                   for name, criterion in proof.criteria.items())
     against = tuple(_against(lines, outside))
     whole_degC = step if before_s > 0.0 else 0.0
@@ -503,7 +501,7 @@ def _unseen(parts: TraceParts, lines: Sequence[Measurement]) -> Iterator[str]:
     """Tell where no way to a setpoint and none back from a load is seen to its end."""
     ways = {line.name: line for line in lines if line.name in _ENDS}
     if all(way.measured is None for way in ways.values()):
-        first = ways.get(_END_OF[parts.parts[0].kind])
+        first = ways.get(TIME_OF[parts.parts[0].kind])
         why = "" if first is None else f" ({first.message})"
         yield (f"The loop does not settle within the trace{why}: log until it is at rest. So far it agrees with the "
                "proof.")
@@ -557,7 +555,7 @@ def _too_late(parts: TraceParts, lines: Sequence[Measurement], whole_degC: float
         whole_degC: of a heat-up that began before the trace [°C]; 0: it did not.
     """
     way = abs(parts.parts[0].setpoint_degC - parts.start_degC)
-    others = (line for line in lines if line.name in _ENDS and line.name != _END_OF["heat-up"])
+    others = (line for line in lines if line.name in _ENDS and line.name != TIME_OF["heat-up"])
     if way < _SEEN_OF_WAY * whole_degC and all(line.measured is None for line in others):
         yield (f"The trace shows only the last {way:.3g} °C of a heat-up of {whole_degC:.3g} °C: log from before the "
                "heater is switched on, or through a change of the setpoint. So far nothing speaks against it.")

@@ -17,9 +17,20 @@ from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.circumstances import reading_step_degC
-from heatertune.proof.criteria import IN_DEGC, phases_measured
+from heatertune.proof.criteria import CRITERION, TIME_OF, CriterionKind, phases_measured
 from heatertune.proof.document import ProofView
-from heatertune.proof.scenario import WAYS
+from heatertune.proof.phase_statistics import (
+    PhaseMeasure,
+    behind_degC,
+    beyond_degC,
+    first_within,
+    offset_degC,
+    reserve_pct,
+    ripple_degC,
+    settling_s,
+    swing_degC,
+    switchings_per_h,
+)
 
 __all__ = [
     "LEAST_STEP_DEGC", "LEAVES", "TraceMeasurement", "TracePart", "TraceParts", "begins_mid_way", "begun_mid_way",
@@ -273,13 +284,6 @@ _CALM: Final = 0.1  # of a part: so long within the band, and left again, is mor
 _OF_PERIOD: Final = 8  # readings in a PWM period that show its pulses and its ripple
 _HOUR_S: Final = 3600.0
 
-_NOT_IN_TRACE: Final = {
-    "stability": "of the words, no run shows it", "ms": "of the words, no run shows it",
-    "gain_margin": "of the words, no run shows it", "phase_margin": "of the words, no run shows it",
-    "step_power": "of the words, no run shows it", "overflow": "a flag in the PLC: look there",
-    "iae": "of the whole story that was proven", "saturation": "of the whole story that was proven",
-    "interlock_trips": "the trace does not show the interlock",
-}
 _NO_EVENT: Final = {
     "heat-up": "no heat-up from cold in the trace", "change": "no change of the setpoint in the trace",
     "small-change": "changes of the setpoint are held against the rise",
@@ -329,22 +333,16 @@ def seen_in(
         forgiven_degC: by which each reading is taken nearer to its setpoint [°C].
     """
     courses = [_course(log, parts, part, forgiven_degC) for part in parts.parts]
-    of = {kind: [course for course in courses if course.part.kind == kind] for kind in _NO_EVENT}
     ruler = _Ruler.of(proof, step_degC, float(np.median(np.diff(log.time_s))))
-    seen: dict[str, TraceMeasurement] = {}
-    for kind, (overshoot, time, *_) in WAYS.items():
-        seen |= _each(kind, of[kind], {
-            time: ruler.settled_by(time), overshoot: ruler.beyond_by(overshoot, time, ruler.pct),
-            f"{overshoot}{IN_DEGC}": ruler.beyond_by(f"{overshoot}{IN_DEGC}", time, 1.0)})
-    seen |= _each("recovery", of["recovery"], {
-        "recovery_time": ruler.settled_by("recovery_time"), "deviation": ruler.after_load("deviation", 0, 1.0),
-        "recovery_overshoot": ruler.after_load("recovery_overshoot", 1, ruler.pct),
-        f"recovery_overshoot{IN_DEGC}": ruler.after_load(f"recovery_overshoot{IN_DEGC}", 1, 1.0)})
     rests = [rest for course in courses if (rest := ruler.rest_of(course)) is not None]
-    seen |= _at_rest(rests, ruler, at_best=forgiven_degC > 0.0)
-    seen["switchings"] = _switchings(log, ruler)
-    return {name: seen.get(name) or TraceMeasurement(None, _NOT_IN_TRACE.get(name, "no such part in the trace"))
-            for name in proof.criteria}
+    over_all = {**_at_rest(rests, ruler, at_best=forgiven_degC > 0.0), switchings_per_h: _switchings(log, ruler)}
+
+    def seen(kind: CriterionKind) -> TraceMeasurement:
+        if kind.measure in (settling_s, *_OF_PART):
+            return ruler.worst(kind, [course for course in courses if course.part.kind in kind.phases])
+        return over_all.get(kind.measure) or TraceMeasurement(None, kind.not_in_trace)
+
+    return {name: seen(CRITERION[name]) for name in proof.criteria}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -386,21 +384,29 @@ class _Ruler:
         """Whether the readings are near enough to one another to show what the PWM does."""
         return _OF_PERIOD * self.interval_s <= self.period_s
 
-    def settled_by(self, name: str) -> Callable[[_PartReadings], TraceMeasurement]:
-        return lambda course: self._settled(course, self.limits.get(name))
+    def worst(self, kind: CriterionKind, courses: Sequence[_PartReadings]) -> TraceMeasurement:
+        """Return what the worst of some parts shows; one that cannot be measured leaves the criterion so."""
+        if not courses:
+            return TraceMeasurement(None, _NO_EVENT[kind.phases[0]])
+        limit, factor = self.limits.get(kind.name), self.pct if kind.of else 1.0
+        if kind.measure is settling_s:
+            return _worst(self._settled(course, limit) for course in courses)
+        limit_s = self.limits.get(TIME_OF[kind.phases[0]])
+        return _worst(self._at_most(course, factor * _OF_PART[kind.measure](course, self), limit, limit_s)
+                      for course in courses)
 
     def _settled(self, course: _PartReadings, limit_s: float | None) -> TraceMeasurement:
-        outside = np.flatnonzero(np.abs(course.error_degC) > self.band_degC)
-        if not len(outside):
+        first = first_within(course.error_degC, self.band_degC)
+        if first == 0:
             long_enough = course.length_s >= min(self.slowest_s, math.inf if limit_s is None else limit_s)
             return TraceMeasurement(0.0) if long_enough else TraceMeasurement(
                 None, f"within the band, but seen for {course.length_s:.0f} s only")
-        if outside[-1] < len(course.time_s) - 1:
-            settled = float(course.time_s[outside[-1] + 1])
+        if first < len(course.time_s):
+            settled = float(course.time_s[first])
             if course.length_s < min(_SEEN_ON * settled, math.inf if limit_s is None else limit_s):
                 return TraceMeasurement(None, f"within the band from {settled:.0f} s on, but seen for "
                             f"{course.length_s - settled:.0f} s more only")
-            calm_s = self._calm_before(course, outside)
+            calm_s = self._calm_before(course)
             return TraceMeasurement(settled, f"stays there for the {course.length_s - settled:.0f} s that follow"
                                     if calm_s is None
                         else f"within the band before that, and left it at {course.begins_s + calm_s:.0f} s: where a "
@@ -410,24 +416,12 @@ class _Ruler:
         return TraceMeasurement(None,
                                 f"not yet within ±{self.band_degC:.3g} °C after {course.length_s:.0f} s, where it ends")
 
-    def _calm_before(self, course: _PartReadings, outside: npt.NDArray[np.intp]) -> float | None:
+    def _calm_before(self, course: _PartReadings) -> float | None:
         """Return when the temperature left the band after a long time within it [s], None where it did not."""
+        outside = np.flatnonzero(np.abs(course.error_degC) > self.band_degC)
         apart = np.diff(course.time_s[outside])
         calm = np.flatnonzero(apart > max(_CALM * course.length_s, _AT_REST * self.interval_s))
         return float(course.time_s[outside[calm[0] + 1]]) if len(calm) else None
-
-    def beyond_by(self, name: str, time: str, factor: float) -> Callable[[_PartReadings], TraceMeasurement]:
-        return lambda course: self._beyond(course, self.limits.get(name), self.limits.get(time), factor)
-
-    def _beyond(self, course: _PartReadings, limit: float | None, limit_s: float | None,
-                factor: float) -> TraceMeasurement:
-        sign = math.copysign(1.0, course.part.setpoint_degC - course.part.from_degC)
-        return self._at_most(course, factor * max(0.0, float((sign * course.error_degC).max())), limit, limit_s)
-
-    def after_load(self, name: str, side: int, factor: float) -> Callable[[_PartReadings], TraceMeasurement]:
-        """Return what measures how far a load takes the temperature, on its side (0) or beyond the setpoint (1)."""
-        limit, limit_s = self.limits.get(name), self.limits.get("recovery_time")
-        return lambda course: self._at_most(course, factor * _on_its_side(course, self)[side], limit, limit_s)
 
     def _at_most(self, course: _PartReadings, largest: float, limit: float | None,
                  limit_s: float | None) -> TraceMeasurement:
@@ -457,17 +451,7 @@ def _course(log: Log, parts: TraceParts, part: TracePart, forgiven_degC: float) 
                    power_pct=None if log.power_pct is None else log.power_pct[inside])
 
 
-def _each(
-    kind: str, courses: Sequence[_PartReadings], measures: Mapping[str, Callable[[_PartReadings], TraceMeasurement]]
-) -> dict[str, TraceMeasurement]:
-    """Return what the worst part of a kind shows; one that cannot be measured leaves the criterion so."""
-    if not courses:
-        return {name: TraceMeasurement(None, _NO_EVENT[kind]) for name in measures}
-    return {name: _worst(map(measure, courses)) for name, measure in measures.items()}
-
-
 def _worst(found: Iterable[TraceMeasurement]) -> TraceMeasurement:
-    """Return the largest value; where one is not known, the next says so."""
     seen = list(found)
     known = [one for one in seen if one.value is not None]
     unknown = [one for one in seen if one.value is None]
@@ -476,7 +460,20 @@ def _worst(found: Iterable[TraceMeasurement]) -> TraceMeasurement:
     return max(known, key=lambda one: one.value if one.value is not None else 0.0)
 
 
-def _on_its_side(course: _PartReadings, ruler: _Ruler) -> tuple[float, float]:
+def _beyond(course: _PartReadings, ruler: _Ruler) -> float:
+    """Return how far the readings go beyond the setpoint [°C]; after a load, on the side to which they leave first."""
+    if course.part.kind == "recovery":
+        return _after_load(course, ruler)[0]
+    sign = math.copysign(1.0, course.part.setpoint_degC - course.part.from_degC)
+    return max(0.0, float((sign * course.error_degC).max()))
+
+
+def _behind(course: _PartReadings, ruler: _Ruler) -> float:
+    """Return how far the readings go to the other side after a load [°C]."""
+    return _after_load(course, ruler)[1]
+
+
+def _after_load(course: _PartReadings, ruler: _Ruler) -> tuple[float, float]:
     """Return the largest distances after a load [°C]: on the side to which the temperature leaves first, and beyond."""
     outside = np.flatnonzero(np.abs(course.error_degC) > ruler.band_degC)
     first = outside[0] if len(outside) else int(np.abs(course.error_degC).argmax())
@@ -484,29 +481,37 @@ def _on_its_side(course: _PartReadings, ruler: _Ruler) -> tuple[float, float]:
     return max(0.0, float(along.max())), max(0.0, float(-along.min()))
 
 
-def _at_rest(rests: Sequence[_PartReadings], ruler: _Ruler, *, at_best: bool) -> dict[str, TraceMeasurement]:
+#: what one part shows, beside the time that it takes
+_OF_PART: Final[dict[PhaseMeasure | None, Callable[[_PartReadings, _Ruler], float]]] = {
+    beyond_degC: _beyond, behind_degC: _behind}
+
+
+def _at_rest(
+    rests: Sequence[_PartReadings], ruler: _Ruler, *, at_best: bool
+) -> dict[PhaseMeasure | None, TraceMeasurement]:
+    """Return what the readings at rest show."""
     if not rests:
         why = TraceMeasurement(None, f"no rest in the trace: it begins {ruler.rests_after_s:.0f} s after the setpoint "
                                      "change")
-        return dict.fromkeys(("steady_offset", "limit_cycle", "pwm_ripple", "power_reserve"), why)
-    seen = {
-        "steady_offset": TraceMeasurement(max(abs(_mean(rest.time_s, rest.error_degC)) for rest in rests)),
-        "limit_cycle": TraceMeasurement(max(float(np.ptp(rest.error_degC)) / 2.0 for rest in rests)),
-        "pwm_ripple": _too_slow(ruler),
+        return dict.fromkeys((offset_degC, swing_degC, ripple_degC, reserve_pct), why)
+    return {
+        offset_degC: TraceMeasurement(max(abs(_mean(rest.time_s, rest.error_degC)) for rest in rests)),
+        swing_degC: TraceMeasurement(max(float(np.ptp(rest.error_degC)) / 2.0 for rest in rests)),
+        ripple_degC: TraceMeasurement(max(_ripple(rest, ruler.period_s) for rest in rests)) if ruler.shows_pulses
+        else _too_slow(ruler),
+        reserve_pct: _reserve(rests, ruler, at_best=at_best),
     }
-    if ruler.shows_pulses:
-        seen["pwm_ripple"] = TraceMeasurement(max(_ripple(rest, ruler.period_s) for rest in rests))
+
+
+def _reserve(rests: Sequence[_PartReadings], ruler: _Ruler, *, at_best: bool) -> TraceMeasurement:
+    """Return the power that is left over at rest at the highest setpoint."""
     held = [rest for rest in rests if abs(rest.part.setpoint_degC - ruler.highest_degC) <= ruler.band_degC
             and rest.part.kind != "recovery" and rest.power_pct is not None]
-    if held and any(map(_is_pulses, held)) and not ruler.shows_pulses:
-        seen["power_reserve"] = _too_slow(ruler)  # in step with the period, the mean of such readings may be any
-    elif held:
-        unsure = [_unsure_pct(rest, ruler) if at_best else 0.0 for rest in held]
-        reserves = [100.0 - _mean_power(rest) + off for rest, off in zip(held, unsure, strict=True)]
-        seen["power_reserve"] = TraceMeasurement(min(reserves))
-    else:
-        seen["power_reserve"] = TraceMeasurement(None, "no power at the highest setpoint's rest in the trace")
-    return seen
+    if not held:
+        return TraceMeasurement(None, "no power at the highest setpoint's rest in the trace")
+    if any(map(_is_pulses, held)) and not ruler.shows_pulses:
+        return _too_slow(ruler)  # in step with the period, the mean of such readings may be any
+    return TraceMeasurement(min(100.0 - _mean_power(rest) + at_best * _unsure_pct(rest, ruler) for rest in held))
 
 
 def _mean(time_s: Array, values: Array) -> float:

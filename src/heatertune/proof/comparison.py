@@ -27,7 +27,6 @@ from heatertune.proof import (
     Coverage,
     Proof,
     Trace,
-    judge,
     paper_scenario,
     prove,
     prove_models,
@@ -100,17 +99,16 @@ def _row(
     proof = proven(words)
     nominal = proof.nominal
     same = replace(wished, derivative_filter=_filter(proof))
-    wish = simulate_wish(same, nominal.model, nominal.scenario, nominal.actuator)
-    rounded = None if proof.design is None else simulate_wish(
-        proof.design, nominal.model, nominal.scenario, nominal.actuator
-    )
+    ideal = partial(simulate_wish, model=nominal.model, scenario=nominal.scenario, actuator=nominal.actuator,
+                    limits=proof.limits)
+    wish = ideal(same)
     return row | {
         "verdict": proof.verdict,
         "words": dict(words.values),
         "fails": list(proof.shortfalls),
-        "realised": _figures(proof, nominal),
-        "rounded": None if rounded is None else _figures(proof, rounded),
-        "wished": _figures(proof, wish),
+        "realised": _figures(nominal),
+        "rounded": None if proof.design is None else _figures(ideal(proof.design)),
+        "wished": _figures(wish),
         "series": trace_series(nominal, target),
         "ideal": trace_series(wish, "unrounded"),
     }
@@ -121,8 +119,8 @@ def _filter(proof: Proof) -> float:
     return 0.5 if proof.design is None else proof.design.derivative_filter
 
 
-def _figures(proof: Proof, trace: Trace) -> dict[str, float | None]:
-    criteria = {criterion.name: criterion for criterion in judge(trace, proof.limits)}
+def _figures(trace: Trace) -> dict[str, float | None]:
+    criteria = {criterion.name: criterion for criterion in trace.criteria}
     return {name: criteria[name].to_document()["value"] for name in _NAMES}
 
 

@@ -1,57 +1,81 @@
-"""What a loop is judged by: a criterion is one number and its limit.
+"""What a loop is judged by: every criterion and every limit is declared here, once.
 
-What was measured on loops → criteria: one table for both, the trace of a run and the kernel's meter.
+A criterion is a row of `CRITERIA`. A limit of its own is a field of `LoopLimits` and, for users, a row of `LIMITS`.
+Specifications, documents, verdicts, the columns of a fleet, texts and the comparison with a trace read these tables.
 
-`judge` measures on a trace, `metered` while the loops run; neither knows the other's arithmetic.
+What was measured on loops → criteria: `meter_for` prepares the kernel's meter, `columns_of` holds what it found against
+the limits.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from heatertune.codec import LEFT_OUT, OrInfinite, construct_from, encode
+from heatertune.errors import UnknownName
+from heatertune.pid.values import Margins
 from heatertune.plc.pwm import INSTANT_S
-from heatertune.proof.meter import (
-    ABSOLUTE,
-    FAULTS,
-    HIGHEST,
-    LAG,
-    LIMITED,
-    LOWEST,
-    MEAN,
-    REST_HIGHEST,
-    REST_LOWEST,
-    SCANS,
-    SETTLED,
-    SWITCHINGS,
+from heatertune.proof.meter import COLUMNS, TOTALS, Meter
+from heatertune.proof.phase_statistics import (
+    STEPS_DEGC,
+    CriterionTable,
+    PhaseMeasure,
+    behind_degC,
+    beyond_degC,
+    beyond_ramp_degC,
+    fault_count,
+    highest_degC,
+    iae_degC_s,
+    lag_degC,
+    numbers_of,
+    off_at_rest_degC,
+    offset_degC,
+    reserve_pct,
+    ripple_degC,
+    saturated_pct,
+    settling_s,
+    swing_degC,
+    switchings_per_h,
 )
-from heatertune.proof.scenario import LED, WAYS, Phase, Scenario, SetpointRampEvent, phases_of
+from heatertune.proof.scenario import LED, TO_SETPOINT, Phase, Scenario, phases_of
 from heatertune.settings import STEP_POWER_PCT
 from heatertune.units import check
 
 __all__ = [
-    "IN_DEGC",
+    "CRITERIA",
+    "CRITERION",
+    "HEATER_REMEDIES",
+    "LIMITS",
+    "TIME_OF",
     "Criterion",
     "CriterionColumn",
-    "CriterionTable",
+    "CriterionKind",
+    "CriterionView",
+    "Limit",
     "LoopLimits",
+    "Measure",
     "band_of",
     "columns_of",
-    "join_tables",
-    "periods_at_rest",
+    "criteria_of_words",
+    "limit_of",
+    "meter_for",
+    "names_of",
     "phases_measured",
-    "reorder",
     "worst_of",
 ]
 
+Array = npt.NDArray[np.float64]
 
 _SETTLES_WITHIN: Final = 0.5  # of a soak
+_PERIODS_AT_REST: Final = 3  # PWM periods that the time at rest spans at least
+_TIMES: Final = {"s": 1.0, "min": 60.0, "h": 3600.0}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
@@ -225,41 +249,115 @@ class LoopLimits:
         return min((limit for limit in given if limit is not None), default=_SETTLES_WITHIN * soak_s)
 
 
-Array = npt.NDArray[np.float64]
+class Measure(NamedTuple):
+    """A unit of a limit: the field of `Limits` it sets, and by what a number in it is multiplied."""
 
-#: end of the name of a criterion that is told in percent, where it is limited in °C, too
-IN_DEGC: Final = "_degC"
-#: what an overshoot is a percentage of: unit and meaning
-RISE: Final = ("% of rise", "the rise from ambient to the highest setpoint")
-CHANGE: Final = ("% of change", "that change")
-#: kinds of phases that are held against no criterion, or against those of a profile
-_OWN: Final = ("off", *LED)
-_PERIODS_AT_REST = 3  # PWM periods that the time at rest spans at least
+    field: str
+    factor: float = 1.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CriterionTable:
-    """What was measured on loops that live through one scenario, a row each, see `proof.meter`.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limit:
+    """What can be limited.
 
     Attributes:
-        scenario: what they live through.
-        period_s: of the PWM [s].
-        band_degC: how far from the setpoint is still right [°C].
-        phases: of the scenario; all temperatures are distances from their setpoints.
-        rows: of `Batch.plants`, shape (n, 6).
-        table: what was measured in each phase, shape (n, phases, `COLUMNS`).
-        totals: shape (n, `TOTALS`).
-        ripple: peak to peak in each PWM period at rest [°C], median, shape (n,).
+        what: its meaning.
+        units: unit → what it sets; "T+L" counts in the slowest plausible heater's lags and dead time.
+        example: a value, as a user would write it.
+        at_least: whether the value must be reached; otherwise it must not be exceeded.
+        demanded: whether a limit there must be: nothing cannot be asked for.
+        least: no value is below it, so that to ask for less would be to ask for nothing that there is.
     """
 
-    scenario: Scenario
-    period_s: float
-    band_degC: float
-    phases: tuple[Phase, ...]
-    rows: Array
-    table: Array
-    totals: Array
-    ripple: Array
+    description: str
+    units: Mapping[str, Measure]
+    example: str
+    at_least: bool = False
+    is_required: bool = False
+    least: float = 0.0
+
+
+def _of_time(field_: str) -> dict[str, Measure]:
+    return {unit: Measure(field_, factor) for unit, factor in _TIMES.items()} | {"T+L": Measure(field_)}
+
+
+#: everything that a user can limit, by the name that a user writes
+LIMITS: Final[dict[str, Limit]] = {
+    "tolerance": Limit(
+        description="tolerance around the setpoint: half width of the band, limit of offset and oscillation at rest",
+        units={"degC": Measure("tolerance_degC")}, example="1 degC", is_required=True),
+    "overshoot": Limit(
+        description="beyond the setpoint on heat-up, after a change of the setpoint and a restart, of the rise above "
+                    "ambient",
+        units={"%": Measure("overshoot_pct"), "degC": Measure("overshoot_degC")}, example="5 %"),
+    "reheat-overshoot": Limit(
+        description="beyond the setpoint after the heater's circuit was open for a while, of the rise above ambient",
+        units={"%": Measure("reheat_overshoot_pct"), "degC": Measure("reheat_overshoot_degC")}, example="40 %"),
+    "small-change-overshoot": Limit(
+        description="beyond the setpoint after a small change of the setpoint, of that change",
+        units={"%": Measure("small_change_overshoot_pct"), "degC": Measure("small_change_overshoot_degC")},
+        example="30 %"),
+    "settling": Limit(
+        description="time from cold until the temperature stays in the band", units=_of_time("settling_s"),
+        example="20 min"),
+    "recovery": Limit(
+        description="time after a disturbance until the temperature stays in the band", units=_of_time("recovery_s"),
+        example="5 min"),
+    "recovery-overshoot": Limit(
+        description="beyond the setpoint after a disturbance, on the other side, of the rise above ambient",
+        units={"%": Measure("recovery_overshoot_pct"), "degC": Measure("recovery_overshoot_degC")}, example="5 %"),
+    "load-deviation": Limit(
+        description="largest distance from the setpoint after a disturbance, on its side",
+        units={"degC": Measure("deviation_degC")}, example="2 degC"),
+    "ripple": Limit(
+        description="peak to peak within one PWM period at rest", units={"degC": Measure("pwm_ripple_degC")},
+        example="0.2 degC"),
+    "iae": Limit(
+        description="integral of the absolute error over the whole test "
+                    "sequence", units={"degC·s": Measure("iae_degC_s")},
+        example="5000 degC·s"),
+    "power-reserve": Limit(
+        description="power reserve while the heater holds the highest setpoint, as a share of full power",
+        units={"%": Measure("power_reserve_pct")}, example="10 %", at_least=True),
+    "saturation": Limit(
+        description="share of the scans that ask for 0 or 100 % power", units={"%": Measure("saturation_pct")},
+        example="50 %"),
+    "switchings": Limit(
+        description="how often the heater is switched on", units={"/h": Measure("switchings_per_h")}, example="30 /h"),
+    "ms": Limit(description="maximum sensitivity Ms", units={"": Measure("ms")}, example="1.7", least=1.0),
+    "gain-margin": Limit(
+        description="factor by which the heater's gain may grow", units={"": Measure("gain_margin")}, example="2.5",
+        at_least=True),
+    "phase-margin": Limit(
+        description="phase that the loop may lose", units={"deg": Measure("phase_margin_deg")}, example="45 deg",
+        at_least=True),
+    "step-power": Limit(
+        description="power that one step of the reading, or its noise, may move",
+        units={"%": Measure("step_power_pct")},
+        example="10 %"),
+    "soak-band": Limit(
+        description="tolerance around the temperature of a soak; by default the general tolerance",
+        units={"degC": Measure("soak_band_degC")}, example="3 degC"),
+    "soak-settling": Limit(
+        description="share of a soak after which its tolerance applies; by default one half",
+        units={"%": Measure("soak_settling_pct"), **_of_time("soak_settling_s")}, example="10 min"),
+    "ramp-deviation": Limit(
+        description="largest distance from the setpoint on a profile's ramps",
+        units={"degC": Measure("ramp_deviation_degC")}, example="20 degC"),
+    "peak": Limit(
+        description="highest temperature along a profile", units={"degC": Measure("peak_degC")}, example="1070 degC"),
+}
+
+
+def limit_of(name: str) -> Limit:
+    """Return what a name limits.
+
+    Raises:
+        UnknownName: it limits nothing.
+    """
+    if name not in LIMITS:
+        raise UnknownName("limit", name, LIMITS)
+    return LIMITS[name]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -303,21 +401,6 @@ def _strains(values: Array, limits: Array | None, *, at_least: bool) -> Array:
     return np.where(unknown, math.inf, used)
 
 
-def join_tables(parts: Sequence[CriterionTable]) -> CriterionTable:
-    """Return the loops of all parts, which differ in nothing else, part by part."""
-    def all_of(name: str) -> Array:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    return replace(
-        parts[0], rows=all_of("rows"), table=all_of("table"), totals=all_of("totals"), ripple=all_of("ripple"))
-
-
-def reorder(measured: CriterionTable, places: npt.NDArray[np.intp]) -> CriterionTable:
-    """Return the n loops in another order: first the one of the first place, shape (n,)."""
-    return replace(measured, rows=measured.rows[places], table=measured.table[places], totals=measured.totals[places],
-                   ripple=measured.ripple[places])
-
-
 def band_of(limits: LoopLimits, resolution_degC: float) -> float:
     """Return how far from the setpoint is still right [°C]; the sensor's resolution limits it."""
     return max(limits.tolerance_degC, limits.tolerance_resolutions * resolution_degC)
@@ -330,84 +413,159 @@ def phases_measured(scenario: Scenario, limits: LoopLimits, end_s: float, period
     return phases_of(scenario, end_s, max(0.0, heated_s - periods * period_s))
 
 
-def periods_at_rest(phase: Phase, period_s: float) -> int:
-    """Return how many PWM periods the rest of a phase spans."""
-    return max(1, math.floor((phase.end_s - phase.rest_s) / period_s + INSTANT_S))
+def meter_for(
+    scenario: Scenario, limits: LoopLimits, *, end_s: float, period_s: float, resolution_degC: float,
+    flags: Sequence[str], loops: int = 1,
+) -> tuple[Meter, tuple[Phase, ...]]:
+    """Return the kernel's meter for some loops, and the phases that it measures.
+
+    Args:
+        scenario: what they live through.
+        limits: what is right.
+        end_s: instant of the last scan [s].
+        period_s: of the PWM [s].
+        resolution_degC: step of the reading [°C].
+        flags: of the controller, by their bits.
+        loops: how many.
+    """
+    phases = phases_measured(scenario, limits, end_s, period_s)
+    periods = max(1, math.floor((phases[0].end_s - phases[0].rest_s) / period_s + INSTANT_S))
+    wrong = sum(1 << place for place, name in enumerate(flags) if name in limits.overflow_flags)
+    return Meter(True, np.array(scenario.setpoints_degC), band_of(limits, resolution_degC), period_s, wrong,
+                 np.zeros((loops, len(phases) * COLUMNS)), np.zeros((loops, TOTALS)), np.empty((loops, periods)),
+                 np.empty((loops, periods)), np.array(scenario.leads)), phases
+
+
+#: what helps at the heater itself, the most fundamental first
+_POWER: Final = "more heater power, better insulation or a lower setpoint"
+_SWITCH: Final = "a faster switch (solid-state relay) or a slower, heavier load"
+_INPUT: Final = "a finer input module or a narrower sensor range"
+_SENSOR: Final = "a sensor closer to the heater (less dead time)"
+HEATER_REMEDIES: Final = (_POWER, _SWITCH, _INPUT, _SENSOR)
+
+#: kinds of phases in which the loop is held against the general limits: not those of a profile, nor while it is off
+_HELD: Final = (*TO_SETPOINT, "recovery")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CriterionKind:
+    """One criterion: all that is known of it.
+
+    Attributes:
+        name: in documents and in Python.
+        unit: of value and limit.
+        description: meaning, in one sentence; {band}: how far from the setpoint is right, likewise what else is filled
+            in.
+        measure: takes it from what was measured, in some phases (by their numbers), shape (n, phases) or (n,); None:
+            no run shows it.
+        phases: kinds of the phases in which it is measured, the worst counts; empty: over the whole run.
+        at_rest: whether only while these are at rest.
+        of: what it is a percentage of: the "rise" from ambient to the highest setpoint, the "change" of the setpoint,
+            the "ramp" of a profile; empty: it is none.
+        limit: the field of `LoopLimits` that limits it; empty: it has none of its own.
+        fixed_limit: its limit where no field holds it.
+        otherwise: what limits it where no number does: the "band" around the setpoint, or the time that each "part" of
+            the test sequence lasts; empty: nothing.
+        at_least: whether the value must reach the limit; otherwise it must not exceed it.
+        limited_only: whether it is left out where it has no limit.
+        rated_power_only: whether its limit holds at the rated power alone.
+        source: what shows it: the "run", the "flags" of the PLC, its "interlock", or the "words" without a run.
+        margin: of the words: the attribute of `Margins`; empty: it is no margin.
+        label: what people call it; empty: its name.
+        column: of a fleet's table; empty: it has none there.
+        remedies: of `HEATER_REMEDIES`.
+        not_in_trace: why a trace of readings does not show it.
+    """
+
+    name: str
+    unit: str
+    description: str
+    measure: PhaseMeasure | None = None
+    phases: tuple[str, ...] = ()
+    at_rest: bool = False
+    of: Literal["", "rise", "change", "ramp"] = ""
+    limit: str = ""
+    fixed_limit: float | None = None
+    otherwise: Literal["", "band", "part"] = ""
+    at_least: bool = False
+    limited_only: bool = False
+    rated_power_only: bool = False
+    source: Literal["run", "flags", "interlock", "words"] = "run"
+    margin: str = ""
+    label: str = ""
+    column: str = ""
+    remedies: tuple[str, ...] = ()
+    not_in_trace: str = "no such part in the trace"
+
+    def limit_in(self, limits: LoopLimits) -> float | None:
+        """Return the number that limits it; None: there is none, see `otherwise`."""
+        limit: float | None = getattr(limits, self.limit) if self.limit else self.fixed_limit
+        return limit
+
+    def occurs(self, kinds: Iterable[str], resting: Iterable[str], limits: LoopLimits) -> bool:
+        """Return whether a run has it.
+
+        Args:
+            kinds: of the run's phases.
+            resting: kinds of those that come to rest.
+            limits: that it is held against.
+        """
+        there = not self.phases or bool({*self.phases} & {*(resting if self.at_rest else kinds)})
+        return there and not (self.limited_only and self.limit_in(limits) is None)
+
+    def column_of(self, measured: CriterionTable, limits: LoopLimits, measure: PhaseMeasure) -> CriterionColumn:
+        """Return the criterion of loops that have it, taken by its measure."""
+        phases = [number for number, phase in enumerate(measured.phases)
+                  if phase.kind in self.phases and (not self.at_rest or phase.rest_s < phase.end_s)]
+        values, limit = measure(measured, phases), self._limit_of(measured, phases, limits)
+        if self.of:
+            values = values / STEPS_DEGC[self.of](measured, phases) * 100.0
+        column = CriterionColumn(
+            name=self.name, unit=self.unit, what=self.description.format(band=f"{measured.band_degC:.3g}"),
+            values=values, limits=None if limit is None else np.full(values.shape, limit), at_least=self.at_least)
+        return _worst(column) if values.ndim > 1 else column
+
+    def _limit_of(self, measured: CriterionTable, phases: Sequence[int], limits: LoopLimits) -> float | Array | None:
+        limit = self.limit_in(limits)
+        if limit is not None or not self.otherwise:
+            return limit
+        return measured.band_degC if self.otherwise == "band" else numbers_of(measured, phases, "limit_s")
+
+    def criterion(self, value: float, limits: LoopLimits | None = None, where: str = "", **facts: str) -> Criterion:
+        """Return it with a value that no phase shows; `facts` fill in its description."""
+        return Criterion(name=self.name, value=value, limit=self.limit_in(limits or LoopLimits()), unit=self.unit,
+                         what=self.description.format(**facts), at_least=self.at_least, where=where)
 
 
 def columns_of(measured: CriterionTable, limits: LoopLimits) -> list[CriterionColumn]:
-    """Return what the loops amount to, in a fixed order."""
-    return [*_ways(measured, limits, "heat-up"), *_at_rest(measured, limits), *_recovery(measured, limits),
-            *(column for kind in WAYS if kind != "heat-up" for column in _ways(measured, limits, kind)),
-            *_profile(measured, limits), *_switching(measured, limits)]
+    """Return what the loops amount to, in the order of `CRITERIA`."""
+    kinds = {phase.kind for phase in measured.phases}
+    resting = {phase.kind for phase in measured.phases if phase.rest_s < phase.end_s}
+    return [kind.column_of(measured, limits, kind.measure) for kind in CRITERIA
+            if kind.measure is not None and kind.occurs(kinds, resting, limits)]
 
 
-def _column(name: str, unit: str, values: Array, limit: float | Array | None, what: str) -> CriterionColumn:
-    limits = None if limit is None else np.full(values.shape, limit)
-    return CriterionColumn(name=name, unit=unit, what=what, values=values, limits=limits)
+def criteria_of_words(
+    limits: LoopLimits, margins: Margins | None, step_power_pct: float | None, where: str = ""
+) -> Iterator[Criterion]:
+    """Return what needs no run.
+
+    Args:
+        limits: what is to be kept.
+        margins: of the words on a heater; None: they are not judged.
+        step_power_pct: power that one step of the reading moves at once [%]; None: it is not judged.
+        where: label of the run.
+    """
+    for kind in (kind for kind in CRITERIA if kind.source == "words"):
+        value = step_power_pct if not kind.margin else None if margins is None else float(getattr(margins, kind.margin))
+        if value is not None:
+            yield kind.criterion(value, limits, where)
 
 
-def _steps(measured: CriterionTable) -> Array:
-    """Return how far each loop has to go, up or down [°C], shape (n, 1)."""
-    return np.asarray(np.abs(measured.scenario.setpoint_degC - measured.rows[:, 5:6]))
-
-
-def _changes(measured: CriterionTable, phases: Sequence[int]) -> Array:
-    """Return by how much the setpoint changes at the begin of each phase [°C], shape (phases,)."""
-    asked = measured.scenario.setpoints_degC
-    return np.array([abs(asked[number] - asked[number - 1]) for number in phases])
-
-
-def _rises(measured: CriterionTable, phases: Sequence[int]) -> npt.NDArray[np.bool_]:
-    """Return for each loop whether the event of a phase moves the temperature up: a cooler's power moves it down."""
-    up, by_power = np.array([(measured.phases[number].up, measured.phases[number].by_power) for number in phases]).T
-    return np.asarray(np.where(by_power, (measured.rows[:, :1] > 0.0) == up, up))
-
-
-def _of_kind(measured: CriterionTable, kind: str) -> list[int]:
-    """Return the numbers of the phases of a kind."""
-    return [number for number, phase in enumerate(measured.phases) if phase.kind == kind]
-
-
-def _numbers(measured: CriterionTable, phases: Sequence[int], name: str) -> Array:
-    """Return a number that each phase has."""
-    return np.array([getattr(measured.phases[number], name) for number in phases])
-
-
-def _ways(measured: CriterionTable, limits: LoopLimits, kind: str) -> Iterator[CriterionColumn]:
-    """Return the criteria of the phases on which the temperature has to go to a setpoint."""
-    phases = _of_kind(measured, kind)
-    return map(_worst, _way(measured, limits, kind, phases) if phases else ())
-
-
-def _way(measured: CriterionTable, limits: LoopLimits, kind: str, phases: Sequence[int]) -> Iterator[CriterionColumn]:
-    overshoot, time, when, since = WAYS[kind]
-    seen, asked = measured.table[:, phases], limits.settling_s if kind == "heat-up" else None
-    beyond = np.where(_rises(measured, phases), seen[:, :, HIGHEST], -seen[:, :, LOWEST])
-    steps = _changes(measured, phases) if kind == "small-change" else _steps(measured)
-    yield from _beyond(overshoot, np.maximum(0.0, beyond), steps, _limits_of(limits, overshoot), when,
-                       CHANGE if kind == "small-change" else RISE)
-    yield _column(
-        time, "s", seen[:, :, SETTLED] - _numbers(measured, phases, "begin_s"),
-        _numbers(measured, phases, "limit_s") if asked is None else asked,
-        f"{since} after which the temperature stays within ±{measured.band_degC:.3g} °C of the setpoint.")
-
-
-def _beyond(
-    name: str, beyond: Array, steps: Array, limits: tuple[float | None, float | None], when: str,
-    of: tuple[str, str] = RISE,
-) -> Iterator[CriterionColumn]:
-    """Return how far beyond the setpoint, in percent of a step, and in °C where that is limited."""
-    (pct, degC), (unit, step) = limits, of
-    yield _column(name, unit, beyond / steps * 100.0, pct, f"Beyond the setpoint {when}, of {step}.")
-    if degC is not None:
-        yield _column(f"{name}{IN_DEGC}", "°C", beyond, degC, f"Beyond the setpoint {when}.")
-
-
-def _limits_of(limits: LoopLimits, overshoot: str) -> tuple[float | None, float | None]:
-    """Return the limits of an overshoot, in percent and °C: that after an open circuit has its own."""
-    own = overshoot if hasattr(limits, f"{overshoot}_pct") else "overshoot"
-    return getattr(limits, f"{own}_pct"), getattr(limits, f"{own}{IN_DEGC}")
+def names_of(*measures: PhaseMeasure, phases: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of the criteria that are measured so in phases of some kinds, in any unit."""
+    kinds = frozenset(phases)
+    return tuple(kind.name for kind in CRITERIA if kind.measure in measures and kinds & {*kind.phases})
 
 
 def _worst(column: CriterionColumn) -> CriterionColumn:
@@ -422,138 +580,129 @@ def _worst(column: CriterionColumn) -> CriterionColumn:
                    limits=None if column.limits is None else column.limits[loops, most])
 
 
-def _at_rest(measured: CriterionTable, limits: LoopLimits) -> Iterator[CriterionColumn]:
-    judged = [number for number, phase in enumerate(measured.phases) if phase.kind not in _OWN]
-    rests = [number for number in judged if measured.phases[number].rest_s < measured.phases[number].end_s]
-    yield from map(_worst, _rest(measured, rests) if rests else ())
-    yield _column(
-        "pwm_ripple", "°C", measured.ripple, limits.pwm_ripple_degC,
-        "Peak to peak within one PWM period at rest after the heat-up, median.")
-    errors = np.ascontiguousarray(measured.table[:, judged, ABSOLUTE])  # one order of sums for any number of loops
-    yield _column(
-        "iae", "°C·s", errors.sum(axis=1), limits.iae_degC_s,
-        "Integral of the absolute error over the whole run, except while heater or PLC are off.")
+def _overshoot(
+    name: str, phases: tuple[str, ...], when: str, limit: str, *, measure: PhaseMeasure = beyond_degC,
+    of: Literal["rise", "change", "ramp"] = "rise", column: str = "",
+) -> Iterator[CriterionKind]:
+    """Yield how far beyond the setpoint: in percent of a step, and in °C where that is limited."""
+    step = {"rise": "the rise from ambient to the highest setpoint", "change": "that change",
+            "ramp": "the step of that ramp"}[of]
+    for unit, ending, what in ((f"% of {of}", "", f", of {step}"), ("°C", "_degC", "")):
+        yield CriterionKind(
+            name=f"{name}{ending}", unit=unit, description=f"Beyond the setpoint {when}{what}.", measure=measure,
+            phases=phases, of="" if ending else of, limit=f"{limit}{ending or '_pct'}", limited_only=bool(ending),
+            column="" if ending else column, remedies=(_SENSOR,))
 
 
-def _rest(measured: CriterionTable, phases: Sequence[int]) -> Iterator[CriterionColumn]:
-    seen, band = measured.table[:, phases], measured.band_degC
-    lasts_s = _numbers(measured, phases, "end_s") - _numbers(measured, phases, "rest_s")
-    yield _column(
-        "steady_offset", "°C", np.abs(seen[:, :, MEAN]) / lasts_s, band, "Mean distance from the setpoint at rest.")
-    yield _column(
-        "limit_cycle", "°C", (seen[:, :, REST_HIGHEST] - seen[:, :, REST_LOWEST]) / 2.0, band,
-        "Half of the temperature's peak to peak at rest, PWM ripple included.")
+def _time(name: str, kind: str, since: str, *, limit: str = "", column: str = "") -> CriterionKind:
+    return CriterionKind(
+        name=name, unit="s", description=f"{since} the temperature stays within ±{{band}} °C of the setpoint.",
+        measure=settling_s, phases=(kind,), limit=limit, otherwise="part", rated_power_only=bool(limit), column=column,
+        remedies=(_POWER,))
 
 
-def _recovery(measured: CriterionTable, limits: LoopLimits) -> Iterator[CriterionColumn]:
-    """Return the criteria of the disturbances."""
-    phases = _of_kind(measured, "recovery")
-    return map(_worst, _after(measured, limits, phases) if phases else ())
+_NO_RUN: Final = "of the words, no run shows it"
+_WHOLE_SEQUENCE: Final = "of the whole story that was proven"
 
+#: all criteria, in the order of documents
+CRITERIA: Final[tuple[CriterionKind, ...]] = (
+    *_overshoot("overshoot", ("heat-up",), "during heat-up", "overshoot", column="overshoot_pct"),
+    _time("settling_time", "heat-up", "Time after which", limit="settling_s", column="settling_time_s"),
+    CriterionKind(
+        name="steady_offset", unit="°C", description="Mean distance from the setpoint at rest.", measure=offset_degC,
+        phases=_HELD, at_rest=True, otherwise="band", label="offset at rest", column="steady_offset_degC",
+        remedies=(_INPUT,)),
+    CriterionKind(
+        name="limit_cycle", unit="°C",
+        description="Half of the temperature's peak to peak at rest, PWM ripple included.", measure=swing_degC,
+        phases=_HELD, at_rest=True, otherwise="band", label="swing at rest", column="limit_cycle_degC",
+        remedies=(_SWITCH, _INPUT, _SENSOR)),
+    CriterionKind(
+        name="pwm_ripple", unit="°C",
+        description="Peak to peak within one PWM period at rest after the heat-up, median.", measure=ripple_degC,
+        limit="pwm_ripple_degC", label="ripple", column="pwm_ripple_degC", remedies=(_SWITCH,)),
+    CriterionKind(
+        name="iae", unit="°C·s",
+        description="Integral of the absolute error over the whole run, except while heater or PLC are off.",
+        measure=iae_degC_s, phases=_HELD, limit="iae_degC_s", rated_power_only=True, label="integral of the error",
+        column="iae_degC_s", remedies=(_SENSOR,), not_in_trace=_WHOLE_SEQUENCE),
+    _time("recovery_time", "recovery", "Time after a disturbance until", limit="recovery_s",
+          column="recovery_time_s"),
+    *_overshoot("recovery_overshoot", ("recovery",), "after a disturbance, on the other side", "recovery_overshoot",
+                measure=behind_degC, column="recovery_overshoot_pct"),
+    CriterionKind(
+        name="deviation", unit="°C",
+        description="Largest distance from the setpoint after a disturbance, on its side.", measure=beyond_degC,
+        phases=("recovery",), limit="deviation_degC", label="deviation under load", column="deviation_degC",
+        remedies=(_SENSOR,)),
+    *_overshoot("reheat_overshoot", ("reheat",), "after the heater's circuit was open", "reheat_overshoot"),
+    _time("reheat_time", "reheat", "Time after the heater's circuit is closed again after which"),
+    *_overshoot("change_overshoot", ("change",), "after a change of the setpoint", "overshoot"),
+    _time("change_time", "change", "Time after it after which"),
+    *_overshoot("small_change_overshoot", ("small-change",), "after a small change of the setpoint",
+                "small_change_overshoot", of="change"),
+    _time("small_change_time", "small-change", "Time after it after which"),
+    *_overshoot("restart_overshoot", ("restart",), "after a start-up of the PLC", "overshoot"),
+    _time("restart_time", "restart", "Time after it after which"),
+    CriterionKind(
+        name="soak_deviation", unit="°C",
+        description="Largest distance from the temperature of a soak of the profile, after what it may settle in.",
+        measure=off_at_rest_degC, phases=("soak",), at_rest=True, limit="soak_band_degC", otherwise="band",
+        remedies=(_SENSOR,)),
+    *_overshoot("ramp_overshoot", ("ramp",), "at the end of a ramp of the profile", "overshoot",
+                measure=beyond_ramp_degC, of="ramp"),
+    CriterionKind(
+        name="ramp_deviation", unit="°C", description="Largest distance from the setpoint on the ramps of the profile.",
+        measure=lag_degC, phases=("ramp",), limit="ramp_deviation_degC", remedies=(_SENSOR,)),
+    CriterionKind(
+        name="peak", unit="°C", description="Highest temperature along the profile.", measure=highest_degC, phases=LED,
+        limit="peak_degC"),
+    CriterionKind(
+        name="power_reserve", unit="% of power",
+        description="Power reserve while the heater holds the highest setpoint, as a share of full power.",
+        measure=reserve_pct, limit="power_reserve_pct", at_least=True, rated_power_only=True, remedies=(_POWER,)),
+    CriterionKind(
+        name="saturation", unit="% of scans", description="Share of the scans that ask for 0 or 100 % power.",
+        measure=saturated_pct, limit="saturation_pct", column="saturation_pct", remedies=(_POWER,),
+        not_in_trace=_WHOLE_SEQUENCE),
+    CriterionKind(
+        name="switchings", unit="1/h",
+        description="How often the heater is switched on while the requested power is between its limits; for "
+                    "two-level control, while the circuit is closed.",
+        measure=switchings_per_h, limit="switchings_per_h", column="switchings_per_h", remedies=(_SWITCH,)),
+    CriterionKind(
+        name="overflow", unit="1",
+        description="How often an error flag was set, or the requested power was not a number.", measure=fault_count,
+        limit="overflows", source="flags", label="overflows", column="overflows",
+        not_in_trace="a flag in the PLC: look there"),
+    CriterionKind(
+        name="interlock_trips", unit="1",
+        description="1 where the interlock {interlock}, limit {limit_degC} °C, switched the heater off for good, "
+                    "else 0.",
+        fixed_limit=0.0, source="interlock", column="interlock_trips",
+        not_in_trace="the trace does not show the interlock"),
+    CriterionKind(
+        name="stability", unit="1", description="1 where the linear loop of the words as realised is stable, else 0.",
+        fixed_limit=1.0, at_least=True, source="words", margin="stable", not_in_trace=_NO_RUN),
+    CriterionKind(
+        name="ms", unit="1", description="Maximum sensitivity of the words as realised.", limit="ms", source="words",
+        margin="ms", label="Ms (robustness)", column="ms", remedies=(_SENSOR,), not_in_trace=_NO_RUN),
+    CriterionKind(
+        name="gain_margin", unit="1", description="Factor by which the heater's gain may grow.", limit="gain_margin",
+        at_least=True, source="words", margin="gain_margin", column="gain_margin", remedies=(_SENSOR,),
+        not_in_trace=_NO_RUN),
+    CriterionKind(
+        name="phase_margin", unit="°", description="Phase that the loop may lose.", limit="phase_margin_deg",
+        at_least=True, source="words", margin="phase_margin_deg", column="phase_margin_deg", remedies=(_SENSOR,),
+        not_in_trace=_NO_RUN),
+    CriterionKind(
+        name="step_power", unit="% of power",
+        description="Power that one step of the reading, or its noise where that is more, moves within one scan.",
+        limit="step_power_pct", source="words", label="power per sensor step", remedies=(_INPUT,),
+        not_in_trace=_NO_RUN),
+)
 
-def _after(measured: CriterionTable, limits: LoopLimits, phases: Sequence[int]) -> Iterator[CriterionColumn]:
-    seen, rises = measured.table[:, phases], _rises(measured, phases)
-    along, beyond = (np.where(rises == up, seen[:, :, HIGHEST], -seen[:, :, LOWEST]) for up in (True, False))
-    yield _column(
-        "recovery_time", "s", seen[:, :, SETTLED] - _numbers(measured, phases, "begin_s"),
-        _numbers(measured, phases, "limit_s") if limits.recovery_s is None else limits.recovery_s,
-        f"Time after a disturbance until the temperature stays within ±{measured.band_degC:.3g} °C of the setpoint.")
-    yield from _beyond(
-        "recovery_overshoot", np.maximum(0.0, beyond), _steps(measured), _limits_of(limits, "recovery_overshoot"),
-        "after a disturbance, on the other side")
-    yield _column(
-        "deviation", "°C", np.maximum(0.0, along), limits.deviation_degC,
-        "Largest distance from the setpoint after a disturbance, on its side.")
-
-
-def _profile(measured: CriterionTable, limits: LoopLimits) -> Iterator[CriterionColumn]:
-    """Return the criteria of a profile, none where the setpoint is led along none."""
-    led = [number for number, phase in enumerate(measured.phases) if phase.kind in LED]
-    ramps = _of_kind(measured, "ramp")
-    soaks = [number for number in _of_kind(measured, "soak")
-             if measured.phases[number].rest_s < measured.phases[number].end_s]
-    if soaks:
-        yield _worst(_soak(measured, limits, soaks))
-    if ramps:
-        yield from map(_worst, _ramp_ends(measured, limits, ramps))
-        yield _column("ramp_deviation", "°C", measured.table[:, ramps, LAG].max(axis=1), limits.ramp_deviation_degC,
-                      "Largest distance from the setpoint on the ramps of the profile.")
-    if led:
-        yield _column("peak", "°C", _highest(measured, led), limits.peak_degC, "Highest temperature along the profile.")
-
-
-def _soak(measured: CriterionTable, limits: LoopLimits, phases: Sequence[int]) -> CriterionColumn:
-    seen, band = measured.table[:, phases], limits.soak_band_degC
-    return _column(
-        "soak_deviation", "°C", np.maximum(seen[:, :, REST_HIGHEST], -seen[:, :, REST_LOWEST]),
-        measured.band_degC if band is None else band,
-        "Largest distance from the temperature of a soak of the profile, after what it may settle in.")
-
-
-def _ramp_ends(measured: CriterionTable, limits: LoopLimits, ramps: Sequence[int]) -> Iterator[CriterionColumn]:
-    """Return what goes beyond the ends of ramps: on each, in the soak after it, and on a way back that follows."""
-    beyond, steps = zip(*(_beyond_ramp(measured, number) for number in ramps), strict=True)
-    return _beyond("ramp_overshoot", np.maximum(0.0, np.column_stack(beyond)), np.array(steps),
-                   _limits_of(limits, "ramp_overshoot"), "at the end of a ramp of the profile",
-                   ("% of ramp", "the step of that ramp"))
-
-
-def _beyond_ramp(measured: CriterionTable, number: int) -> tuple[Array, float]:
-    """Return how far each loop goes beyond the end of a ramp, and how high that is [°C]."""
-    phases, ramp, led = measured.phases, measured.phases[number], measured.scenario.disturbances[number - 1]
-    assert isinstance(led, SetpointRampEvent)
-    after = [number]
-    for later in range(number + 1, len(phases)):
-        if phases[later].kind == "ramp" and phases[later].up == ramp.up:
-            break
-        after.append(later)
-        if phases[later].kind == "ramp":
-            break
-    beyond = (_highest(measured, after) - ramp.setpoint_degC if ramp.up
-              else ramp.setpoint_degC - _lowest(measured, after))
-    return beyond, abs(led.setpoint_degC - led.from_degC)
-
-
-def _highest(measured: CriterionTable, phases: Sequence[int]) -> Array:
-    """Return the highest temperature in some phases [°C]."""
-    setpoints = [measured.phases[number].setpoint_degC for number in phases]
-    return np.asarray((measured.table[:, phases, HIGHEST] + setpoints).max(axis=1))
-
-
-def _lowest(measured: CriterionTable, phases: Sequence[int]) -> Array:
-    setpoints = [measured.phases[number].setpoint_degC for number in phases]
-    return np.asarray((measured.table[:, phases, LOWEST] + setpoints).min(axis=1))
-
-
-def _switching(measured: CriterionTable, limits: LoopLimits) -> Iterator[CriterionColumn]:
-    gain, ambient = measured.rows[:, :1], measured.rows[:, 4:5]
-    held = ((np.asarray(measured.scenario.setpoints_degC) - ambient) / gain).max(axis=1)
-    reserve = _column(
-        "power_reserve", "% of power", 100.0 - held, limits.power_reserve_pct,
-        "Power reserve while the heater holds the highest setpoint, as a share of full power.")
-    yield replace(reserve, at_least=True)
-    total = measured.totals
-    yield _column(
-        "saturation", "% of scans", total[:, LIMITED] / np.maximum(total[:, SCANS], 1.0) * 100.0, limits.saturation_pct,
-        "Share of the scans that ask for 0 or 100 % power.")
-    yield _column(
-        "switchings", "1/h", _switchings_per_h(measured), limits.switchings_per_h,
-        "How often the heater is switched on while the requested power is between its limits; for two-level control, "
-        "while the circuit is closed.")
-    yield _column(
-        "overflow", "1", total[:, FAULTS], limits.overflows,
-        "How often an error flag was set, or the requested power was not a number.")
-
-
-def _switchings_per_h(measured: CriterionTable) -> Array:
-    """Return how often each loop's heater is switched on where it has to be, not thinned by times at full power or off.
-
-    A PWM period has one pulse at most; a loop that is hardly ever between its limits would be told to have more.
-    """
-    scenario, total = measured.scenario, measured.totals
-    lasts = np.array([phase.end_s - phase.begin_s for phase in measured.phases])
-    between_s = lasts[np.array(scenario.supplied)].sum() * (1.0 - total[:, LIMITED] / np.maximum(total[:, SCANS], 1.0))
-    closed_s = lasts[[phase.kind != "off" for phase in measured.phases]].sum()
-    times = total[:, SWITCHINGS]
-    often = np.divide(times, between_s, out=np.zeros(len(times)), where=between_s > 0.0)
-    return np.asarray(3600.0 * np.minimum(np.maximum(times / closed_s, often), 1.0 / measured.period_s))
+#: name → criterion
+CRITERION: Final = {kind.name: kind for kind in CRITERIA}
+#: kind of a phase → the criterion that tells when it is over
+TIME_OF: Final = {phase: kind.name for kind in CRITERIA if kind.measure is settling_s for phase in kind.phases}

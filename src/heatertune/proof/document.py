@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from itertools import chain
 from pathlib import Path
@@ -21,23 +21,21 @@ from heatertune.errors import DocumentError
 from heatertune.pid.document import BoostView, RampView
 from heatertune.plc import Scaling
 from heatertune.plc.pwm import Actuator
-from heatertune.proof.criteria import IN_DEGC, CriterionView, LoopLimits
+from heatertune.proof.criteria import CRITERIA, CRITERION, LIMITS, CriterionKind, CriterionView, LoopLimits
 from heatertune.proof.heaters import RATED_ONLY, MainsScenario
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.scenario import LED, WAYS, Scenario, kinds_of, phases_of
+from heatertune.proof.scenario import Scenario, kinds_of, phases_of
 from heatertune.proof.specification import Specification
 from heatertune.proof.verdict import (
     ASSUMED,
     NOT_PROVEN,
     PROOF_SCHEMA,
     FitDiagnosticsView,
-    blocking_findings,
     combined_verdict,
     verdict_of_samples,
 )
 
 __all__ = [
-    "LIMIT_OF",
     "ComparisonView",
     "LogView",
     "OutcomeView",
@@ -243,34 +241,8 @@ def _demand_drawable(**series: Numbers) -> None:
 
 Verdict = Literal["PASS", "FAIL", "NOT PROVEN"]
 
-#: criteria of every run beside those of its ways to a setpoint, and those of a run with disturbances, of a controller
-#: that is a PID, behind an interlock
-_ALWAYS: Final = ("steady_offset", "limit_cycle", "pwm_ripple", "iae", "power_reserve", "saturation", "switchings",
-                  "overflow")
-_DISTURBED: Final = ("recovery_time", "recovery_overshoot", "deviation")
-_OF_PID: Final = ("stability", "ms", "gain_margin", "phase_margin", "step_power")
-_GUARDED: Final = ("interlock_trips",)
-#: criterion → the limit it is held against, by its name among the limits
-LIMIT_OF: Final = {
-    **{overshoot: "overshoot_pct" for overshoot, *_ in WAYS.values()},
-    **{f"{overshoot}{IN_DEGC}": "overshoot_degC" for overshoot, *_ in WAYS.values()},
-    "reheat_overshoot": "reheat_overshoot_pct", f"reheat_overshoot{IN_DEGC}": "reheat_overshoot_degC",
-    "recovery_overshoot": "recovery_overshoot_pct", f"recovery_overshoot{IN_DEGC}": "recovery_overshoot_degC",
-    "small_change_overshoot": "small_change_overshoot_pct",
-    f"small_change_overshoot{IN_DEGC}": "small_change_overshoot_degC",
-    "pwm_ripple": "pwm_ripple_degC", "iae": "iae_degC_s", "deviation": "deviation_degC",
-    "power_reserve": "power_reserve_pct", "saturation": "saturation_pct", "switchings": "switchings_per_h",
-    "overflow": "overflows", "ms": "ms", "gain_margin": "gain_margin", "phase_margin": "phase_margin_deg",
-    "step_power": "step_power_pct", "ramp_overshoot": "overshoot_pct", f"ramp_overshoot{IN_DEGC}": "overshoot_degC",
-    "ramp_deviation": "ramp_deviation_degC", "peak": "peak_degC",
-}
-#: criteria whose limit is the band around the setpoint
-_IN_BAND: Final = ("steady_offset", "limit_cycle", "soak_deviation")
-#: criterion of ways of which each has its own length as its limit → their kind: the worst has used most of its own
-_OF_PARTS: Final = {"recovery_time": "recovery"} | {way[1]: kind for kind, way in WAYS.items() if kind != "heat-up"}
 #: limits that may be in the lags and dead time of a heater
-_IN_HEATERS: Final = ("settling_s", "recovery_s", "soak_settling_s")
-_AT_LEAST: Final = ("stability", "gain_margin", "phase_margin", "power_reserve")
+_IN_HEATERS: Final = {limit.units["T+L"].field for limit in LIMITS.values() if "T+L" in limit.units}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -405,42 +377,31 @@ class ProofView:
         """The verdict that follows from the values."""
         kept = all(criterion.keeps(criterion.value) for criterion in self.criteria.values())
         drawn = [] if self.samples is None else [self.samples.derived]
-        heard = [{"name": finding.name, "accepted": finding.accepted} for finding in self.findings]
-        return combined_verdict(["PASS" if kept else "FAIL", *drawn,
-                                 *([NOT_PROVEN] if blocking_findings({"findings": heard}) else [])])
+        blocked = any(finding.effect == "blocks" and not finding.accepted for finding in self.findings)
+        return combined_verdict(["PASS" if kept else "FAIL", *drawn, *([NOT_PROVEN] if blocked else [])])
 
     def _demand_all_criteria(self) -> None:
-        kinds = {kind for kind, *_ in kinds_of(self.scenario)}
-        ways = [name for kind in kinds & set(WAYS) for name in WAYS[kind][:2]]
-        needed = [*_ALWAYS, *ways, *(_DISTURBED if "recovery" in kinds else ()), *(_GUARDED if self.interlock else ()),
-                  *self._led(kinds)]
-        needed += [f"{name}{IN_DEGC}" for name in needed if name.endswith("overshoot")
-                   and getattr(self.limits, LIMIT_OF[f"{name}{IN_DEGC}"]) is not None]
-        if any(name in self.criteria for name in _OF_PID):
-            needed += _OF_PID
+        there = {kind.source for kind in CRITERIA if kind.name in self.criteria}
+        sources = {"run", "flags", *there & {"words"}, *(["interlock"] if self.interlock else ())}
+        needed = [kind.name for kind in CRITERIA if kind.source in sources and self._has(kind, self.scenario)]
         if missing := [name for name in needed if name not in self.criteria]:
             raise DocumentError(f"criteria.{missing[0]}: is missing")
         if more := [name for name in self.criteria if name not in needed]:
             raise DocumentError(f"criteria.{more[0]}: no such criterion")
 
-    def _led(self, kinds: set[str]) -> Iterator[str]:
-        """Return the criteria of a profile."""
-        phases = zip(kinds_of(self.scenario), self.scenario.rests_s, strict=False)
-        if any(kind == "soak" and rest > 0.0 for (kind, *_), rest in phases):
-            yield "soak_deviation"
-        if "ramp" in kinds:
-            yield from ("ramp_overshoot", "ramp_deviation")
-        if kinds & set(LED):
-            yield "peak"
+    def _has(self, criterion: CriterionKind, scenario: Scenario) -> bool:
+        """Return whether runs of a scenario have a criterion."""
+        kinds = [kind for kind, *_ in kinds_of(scenario)]
+        resting = [kind for kind, rest_s in zip(kinds, scenario.rests_s, strict=False) if rest_s > 0.0]
+        return criterion.occurs(kinds, [kinds[0], *resting], self.limits)
 
     def _demand_band(self) -> None:
         """Refuse a band that is wider than the tolerance without the finding that says so."""
-        coarse, soak = any(heard.name == "coarse-sensor" for heard in self.findings), self.limits.soak_band_degC
-        for name in (name for name in _IN_BAND if name in self.criteria):
-            band, asked = self.criteria[name].limit, self.limits.tolerance_degC
-            if name == "soak_deviation" and soak is not None:
-                asked, coarse = soak, False
-            if band is None or (band > asked and not coarse):
+        coarse = "coarse-sensor" in {finding.name for finding in self.findings}
+        for name in (name for name in self.criteria if CRITERION[name].otherwise == "band"):
+            band, own = self.criteria[name].limit, CRITERION[name].limit_in(self.limits)
+            asked, wider = (self.limits.tolerance_degC, coarse) if own is None else (own, False)
+            if band is None or (band > asked and not wider):
                 raise DocumentError(f"criteria.{name}.limit: {band}; the tolerance is {asked:g} °C")
 
     def _check_run(self, at: str, run: RunView) -> None:
@@ -464,8 +425,8 @@ class ProofView:
             return
         if power not in self._scenarios:
             raise DocumentError(f"{at}.mains_power: {power:g}; the proof has no scenario of this power")
-        kinds = {kind for kind, *_ in kinds_of(self._scenarios[power])}
-        needed = names - RATED_ONLY - set(_OF_PID) - (set() if "recovery" in kinds else set(_of_recovery(names)))
+        needed = {name for name in names - RATED_ONLY if CRITERION[name].source != "words"
+                  and self._has(CRITERION[name], self._scenarios[power])}
         if set(run.criteria) != needed:
             raise DocumentError(f"{at}.criteria: others than those at this power")
 
@@ -475,19 +436,24 @@ class ProofView:
         return {None: self.scenario, **{one.mains_power: one.scenario for one in self.mains}}
 
     def _check_criterion(self, at: str, name: str, criterion: CriterionView) -> None:
-        if criterion.bound != (">=" if name in _AT_LEAST else "<="):
+        kind = CRITERION[name]
+        if criterion.bound != (">=" if kind.at_least else "<="):
             raise DocumentError(f"{at}.bound: {criterion.bound!r}; the other way round is right")
-        if name in LIMIT_OF and criterion.limit != getattr(self.limits, LIMIT_OF[name]):
-            raise DocumentError(f"{at}.limit: {criterion.limit}; limits.{LIMIT_OF[name]} says otherwise")
-        own = [(run, run.criteria[name]) for run in self.runs if name in run.criteria]
-        values = [outcome.value for _, outcome in own]
+        if not kind.otherwise and criterion.limit != kind.limit_in(self.limits):
+            raise DocumentError(f"{at}.limit: {criterion.limit}; limits.{kind.limit or name} says otherwise")
+        self._check_worst(at, name, criterion)
+
+    def _check_worst(self, at: str, name: str, criterion: CriterionView) -> None:
+        """Refuse a criterion that is not the worst of the runs."""
+        own = [run for run in self.runs if name in run.criteria]
+        values = [run.criteria[name].value for run in own]
         worst = min(values) if criterion.bound == ">=" else max(values)
-        alike = all(self._longest_s(name, run.mains_power) is None for run, _ in own)
+        alike = all(self._longest_s(name, run.mains_power) is None for run in own)
         if worst != criterion.value and (alike or criterion.value not in values):
             raise DocumentError(f"{at}.value: {encode(criterion.value)}; the worst run has {worst:g}")
         if criterion.ok != criterion.keeps(criterion.value):
             raise DocumentError(f"{at}.ok: {criterion.ok}; its value says otherwise")
-        if criterion.ok != all(outcome.ok for _, outcome in own):
+        if criterion.ok != all(run.criteria[name].ok for run in own):
             raise DocumentError(f"{at}.ok: {criterion.ok}; its runs say otherwise")
 
     def _longest_s(self, name: str, mains_power: float | None = None) -> float | None:
@@ -495,19 +461,12 @@ class ProofView:
 
         At other than the rated power that is all that limits a time.
         """
-        kind, rated = _OF_PARTS.get(name), mains_power is None
-        if not rated and name == WAYS["heat-up"][1]:
-            kind = "heat-up"
-        if kind is None or (rated and kind == "recovery" and self.limits.recovery_s is not None):
+        kind, rated = CRITERION[name], mains_power is None
+        if kind.otherwise != "part" or (rated and ("heat-up" in kind.phases or kind.limit_in(self.limits) is not None)):
             return None
         scenario = self._scenarios[mains_power]
         parts = phases_of(scenario, scenario.duration_s, 0.0)
-        return max((part.limit_s for part in parts if part.kind == kind), default=0.0)
-
-
-def _of_recovery(names: Iterable[str]) -> list[str]:
-    """Return the criteria of the disturbances among those of a proof."""
-    return [name for name in names if name.removesuffix(IN_DEGC) in _DISTURBED]
+        return max((part.limit_s for part in parts if part.kind in kind.phases), default=0.0)
 
 
 def with_digest(proof: Mapping[str, Any]) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from heatertune.model.cooler_mirror import cools
 from heatertune.model.findings import Finding
 from heatertune.model.outliers import replace_outliers
 from heatertune.model.values import FitOutcome, FittedModel, HeaterModel
-from heatertune.proof.criteria import LoopLimits
+from heatertune.proof.criteria import CRITERIA, LoopLimits
 from heatertune.proof.scenario import Scenario, can_hold
 
 __all__ = [
@@ -53,7 +53,7 @@ MAINS_POWERS: Final = (0.9**2, 1.1**2)
 #: power that is left over where a load or a low mains voltage is tested [%]
 RESERVE_PCT: Final = 5.0
 #: criteria that hold for the rated power alone
-RATED_ONLY: Final = frozenset({"iae", "power_reserve"})
+RATED_ONLY: Final = frozenset(kind.name for kind in CRITERIA if kind.rated_power_only and not kind.otherwise)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +97,8 @@ def mains_label(mains_power: float) -> str:
 
 def limits_off_rated(limits: LoopLimits) -> LoopLimits:
     """Return the limits that hold at other than the rated power: those of time and cost do not."""
-    return replace(limits, settling_s=None, recovery_s=None, iae_degC_s=None, power_reserve_pct=None)
+    rated = (kind.limit for kind in CRITERIA if kind.rated_power_only)
+    return replace(limits, **dict.fromkeys(rated))  # type: ignore[arg-type]  # each of them may be None
 
 
 #: ambient assumed where neither the log nor the user tells it [°C]

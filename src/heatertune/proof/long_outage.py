@@ -58,7 +58,8 @@ from heatertune.model.values import HeaterModel
 from heatertune.pid.values import PidDesign
 from heatertune.plc.controller import Controller
 from heatertune.plc.words import Words
-from heatertune.proof.criteria import IN_DEGC, Criterion
+from heatertune.proof.criteria import Criterion, names_of
+from heatertune.proof.phase_statistics import beyond_degC
 from heatertune.proof.scenario import Disturbance, Mains, NewSetpoint, PlcPower, Scenario, conditions
 from heatertune.proof.verdict import FitDiagnostics
 from heatertune.units import written
@@ -242,10 +243,10 @@ def _saturates_s(model: HeaterModel, step_degC: float, design: PidDesign, most_p
 
 
 #: criteria of the way back from an open circuit, and after a start-up of the PLC
-_REHEATED: Final = ("reheat_overshoot", f"reheat_overshoot{IN_DEGC}")
-_RESTARTED: Final = ("restart_overshoot", f"restart_overshoot{IN_DEGC}")
-_HEATED: Final = ("overshoot", f"overshoot{IN_DEGC}", *_RESTARTED)
-_CHANGED: Final = ("change_overshoot", f"change_overshoot{IN_DEGC}")
+_REHEATED: Final = names_of(beyond_degC, phases=("reheat",))
+_RESTARTED: Final = names_of(beyond_degC, phases=("restart",))
+_HEATED: Final = names_of(beyond_degC, phases=("heat-up", "restart"))
+_CHANGED: Final = names_of(beyond_degC, phases=("change",))
 _RETURN, _GROWTH = "reheat_time", "return_growth"
 _LONGER, _RISING, _BRIEF, _WARM, _PART = "winds-up", "stays-at-limit", "briefly-open", "warm-restart", "part-change"
 _LOW: Final = "low-outage"

@@ -21,9 +21,17 @@ from heatertune.plc.pwm import INSTANT_S, Actuator
 from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import single, to_single
 from heatertune.plc.words import Words
+from heatertune.proof.criteria import (
+    CRITERION,
+    Criterion,
+    LoopLimits,
+    columns_of,
+    meter_for,
+)
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import LoopBatch, TraceArrays, run, run_all
 from heatertune.proof.meter import Meter, no_meter
+from heatertune.proof.phase_statistics import CriterionTable, rests_of, table_from
 from heatertune.proof.scenario import (
     Scenario,
     conditions,
@@ -82,10 +90,10 @@ class LoopController:
     shown: frozenset[tuple[str, str]] = frozenset()
 
 
-def simulate(
+def simulate(  # noqa: PLR0913 - what a run is made of
     controller: Controller, words: Words, model: HeaterModel, scenario: Scenario,
     actuator: Actuator | None = None, switches: Mapping[str, str] | None = None, interlock: Interlock | None = None, *,
-    direct: bool = False,
+    limits: LoopLimits | None = None, direct: bool = False,
 ) -> Trace:
     """Return what the heater does when the PLC runs these words.
 
@@ -97,6 +105,7 @@ def simulate(
         actuator: the switch; not used where the controller makes the PWM itself.
         switches: settings of the controller's open points; those not named have their default.
         interlock: what may switch the heater off for good; None: nothing.
+        limits: the run is measured for the trace's criteria; None: it has none.
         direct: without the controller's listing, where that can be.
 
     Raises:
@@ -108,7 +117,7 @@ def simulate(
 
     def run_from_cold(cut_s: float) -> Trace:
         loop = in_loop(controller, words, scenario.setpoints_degC, switches or {}, direct=direct)
-        return run_loop(loop, model, scenario, actuator, cut_s=cut_s)
+        return run_loop(loop, model, scenario, actuator, limits, cut_s=cut_s)
 
     trace = run_from_cold(math.inf)
     if interlock is None:
@@ -116,7 +125,11 @@ def simulate(
     # up to the cut both runs are the same, so the one without it tells when it comes
     cold_until_s = trace.below_until(interlock.limit_degC)
     cut_s = interlock.opens_s(trace.temperature_at, float(trace.time_s[-1]), cold_until_s)
-    return replace(trace if math.isinf(cut_s) else run_from_cold(cut_s), interlock=interlock, cut_s=cut_s)
+    trace = trace if math.isinf(cut_s) else run_from_cold(cut_s)
+    trips = CRITERION["interlock_trips"].criterion(
+        float(math.isfinite(cut_s)), interlock=interlock.name, limit_degC=f"{interlock.limit_degC:g}")
+    return replace(trace, interlock=interlock, cut_s=cut_s,
+                   criteria=() if limits is None else (*trace.criteria, trips))
 
 
 def check_words(controller: Controller, words: Words, scenario: Scenario) -> None:
@@ -144,8 +157,8 @@ def _range_around(setpoint_degC: float, low_degC: float, high_degC: float) -> tu
 
 
 def run_loop(
-    controller: LoopController, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, *,
-    cut_s: float = math.inf,
+    controller: LoopController, model: HeaterModel, scenario: Scenario, actuator: Actuator | None,
+    limits: LoopLimits | None = None, *, cut_s: float = math.inf,
 ) -> Trace:
     """Return the trace of any controller; errors as in `simulate`.
 
@@ -154,11 +167,12 @@ def run_loop(
         model: the heater.
         scenario: what happens.
         actuator: the switch; None: the controller makes the PWM itself.
+        limits: as for `simulate`.
         cut_s: instant from which on the heater is kept off [s].
     """
     conditions(scenario, model)
     scans = scans_of(controller, scenario)
-    return trace_run(controller, model, scenario, actuator, noise_of(scenario, scans), np.zeros(1), cut_s=cut_s)
+    return trace_run(controller, model, scenario, actuator, noise_of(scenario, scans), np.zeros(1), limits, cut_s=cut_s)
 
 
 def noise_of(scenario: Scenario, scans: int) -> Array:
@@ -184,7 +198,7 @@ def scans_of(controller: LoopController, scenario: Scenario) -> int:
 
 def trace_run(
     controller: LoopController, model: HeaterModel, scenario: Scenario, actuator: Actuator | None, noise_degC: Array,
-    late_s: Array, *, cut_s: float = math.inf,
+    late_s: Array, limits: LoopLimits | None = None, *, cut_s: float = math.inf,
 ) -> Trace:
     """Return the trace of one run whose noise and delay are given, able to hold the setpoint or not.
 
@@ -195,21 +209,25 @@ def trace_run(
         actuator: the switch; None: the controller makes the PWM itself.
         noise_degC: of the readings, one number for all or one for each scan [°C], shape (1,) or (n,).
         late_s: delay of the scans, likewise [s], shape (1,) or (n,).
+        limits: as for `simulate`.
         cut_s: instant from which on the heater is kept off [s].
     """
     actuator, scans = actuator_of(controller, actuator), scans_of(controller, scenario)
     time = np.arange(scans, dtype=np.float64) * controller.scan_s + late_s
-    plant = plant_row(model, scenario)
-    events = events_of(scenario, [model.dead_time_s])
-    batch = LoopBatch(scans, noise_degC[None], late_s[None], np.array([plant]), *events, np.array(scenario.leads))
+    plant = np.array([plant_row(model, scenario)])
+    meter, phases = (no_meter(), ()) if limits is None else meter_for(
+        scenario, limits, end_s=float(time[-1]), period_s=actuator.pwm_period_s, flags=controller.core.flags,
+        resolution_degC=controller.resolution_degC)
+    events = events_of(scenario, [model.dead_time_s], marks=rests_of(phases))
+    batch = LoopBatch(scans, noise_degC[None], late_s[None], plant, *events, np.array(scenario.leads))
     pulses = pulses_of(time[-1] + 2.0 * controller.scan_s, actuator) + 2 * scenario.supplied.count(False)  # start-ups
     edges = np.empty(ring_size(pulses))
     record = TraceArrays(
         True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
         *(np.empty(pulses + batch.event_time.size) for _ in range(4)),
     )
-    given = (program_of(controller, scenario), batch, actuator.switches, cut_s, edges, record, no_meter())
-    switched, rows = run_with(controller, given, scans)
+    given = (program_of(controller, scenario), batch, actuator.switches, cut_s, edges, record, meter)
+    switched, rows = run_with(controller, given, (1 + meter.measures) * scans)  # plain, a measured scan takes two
     shown = edges[:switched][np.abs(edges[:switched]) <= time[-1]]
     return Trace(
         time_s=time,
@@ -229,7 +247,13 @@ def trace_run(
         flags={
             name: int(np.count_nonzero(record.flags >> place & 1)) for place, name in enumerate(controller.core.flags)
         },
+        criteria=() if limits is None else _criteria(table_from(meter, phases, scenario, plant), limits),
     )
+
+
+def _criteria(measured: CriterionTable, limits: LoopLimits) -> tuple[Criterion, ...]:
+    """Return the criteria of the only loop that was measured."""
+    return tuple(criterion for column in columns_of(measured, limits) for criterion in column.criteria([""]))
 
 
 def run_with(controller: LoopController, given: tuple[Any, ...], scans: int, *, ahead: int = 0) -> tuple[int, int]:

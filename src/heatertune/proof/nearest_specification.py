@@ -13,38 +13,29 @@ from typing import Final
 from heatertune.model.cooler_mirror import cools
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words, controller_for
-from heatertune.proof.criteria import Criterion
-from heatertune.proof.document import LIMIT_OF
+from heatertune.proof.criteria import CRITERIA, CRITERION, HEATER_REMEDIES, LIMITS, Criterion
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.proof import Proof
 from heatertune.proof.prove_words import prove
 from heatertune.proof.spec_file import specification_of
-from heatertune.proof.specification import LIMITS, default_limit, quantity
+from heatertune.proof.specification import default_limit, quantity
 from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import Conditions
 from heatertune.units import written
 
-__all__ = ["both_that_pass", "broken_names", "broken_told", "limits_above", "limits_that_pass", "loosen_conditions",
+__all__ = ["both_that_pass", "broken_told", "limits_above", "limits_that_pass", "loosen_conditions",
            "options_of", "passing_settings", "physical_help", "settings_told", "suspects", "tolerance_that_passes",
            "within_reach"]
 
 #: times the tolerance asked for
 _WIDER: Final = (1.5, 2.0, 3.0, 5.0)
 #: criteria that the band decides, beside those of time
-_IN_BAND: Final = ("limit_cycle", "steady_offset", "soak_deviation")
+_IN_BAND: Final = frozenset(kind.name for kind in CRITERIA if kind.otherwise == "band")
 #: limits that are never loosened for a design that fails
-_OF_ROBUSTNESS: Final = ("ms", "gain-margin", "phase-margin", "step-power")
+_OF_ROBUSTNESS: Final = frozenset(kind.limit for kind in CRITERIA if kind.source == "words")
 #: a suggested limit is at most so many times its default
 _MOST_DEFAULTS: Final = 2.0
 _ROUNDING: Final = 1e-9  # of a limit
-#: criteria → what helps at the heater itself, the most fundamental first
-_HELP: Final = (
-    (("power_reserve", "saturation", "_time"), "more heater power, better insulation or a lower setpoint"),
-    (("limit_cycle", "pwm_ripple", "switchings"), "a faster switch (solid-state relay) or a slower, heavier load"),
-    (("steady_offset", "step_power", "limit_cycle"), "a finer input module or a narrower sensor range"),
-    (("overshoot", "overshoot_degC", "deviation", "ms", "_margin", "iae", "limit_cycle"),
-     "a sensor closer to the heater (less dead time)"),
-)
 #: above what was found, for another proof of the same words
 _ROOM: Final = 1.02
 
@@ -108,8 +99,7 @@ def tolerance_that_passes(
         conditions: of it.
         passes: whether another proof is good enough.
     """
-    broken = [each.name for each in proof.criteria if not each.ok]
-    if not all(name.endswith("_time") or name in _IN_BAND for name in broken):
+    if not all(name.endswith("_time") or name in _IN_BAND for name in proof.broken_criteria):
         return None
     screen = RunScreen(fitted_model=fitted).with_failed(proof)
     for wider in _wider(proof, conditions):
@@ -172,11 +162,12 @@ def limits_that_pass(proof: Proof) -> dict[str, str]:
 
 def limits_above(criteria: Iterable[Criterion]) -> dict[str, str]:
     """Return the limits of broken criteria, as `limits_that_pass`."""
-    by_field = {measure.field: (name, unit) for name, kind in LIMITS.items() if name not in _OF_ROBUSTNESS
-                for unit, measure in kind.units.items() if measure.factor == 1.0 and unit != "T+L"}
+    by_field = {measure.field: (name, unit) for name, limit in LIMITS.items() for unit, measure in limit.units.items()
+                if measure.factor == 1.0 and unit != "T+L" and measure.field not in _OF_ROBUSTNESS}
     looser: dict[str, tuple[float, str]] = {}
     for each in (each for each in criteria if not each.ok):
-        field = "tolerance_degC" if each.name in _IN_BAND else LIMIT_OF.get(each.name, "")
+        kind = CRITERION.get(each.name)
+        field = "" if kind is None else {"": kind.limit, "band": "tolerance_degC", "part": ""}[kind.otherwise]
         if field not in by_field or each.at_least or not math.isfinite(each.value):
             return {}
         name, unit = by_field[field]
@@ -220,20 +211,14 @@ def _is_reached(overshoot: float, unit: str, proof: Proof, fitted: FittedModel) 
 
 def physical_help(broken: Iterable[str]) -> str:
     """Return what at the heater, sensor or switch helps against broken criteria; "" where nothing is known to."""
-    names = tuple(broken)
-    kinds = [what for ends, what in _HELP if any(name.endswith(ends) for name in names)]
-    return "; ".join(kinds)
+    helpful = {remedy for name in broken if name in CRITERION for remedy in CRITERION[name].remedies}
+    return "; ".join(remedy for remedy in HEATER_REMEDIES if remedy in helpful)
 
 
 def _rounded_up(value: float) -> float:
     """Return a number of two digits that is larger by some hundredths at least."""
     digit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.ceil(value * _ROOM / digit) * digit:.6g}")
-
-
-def broken_names(proof: Proof) -> set[str]:
-    """Return the criteria that a proof breaks."""
-    return {each.name for each in proof.criteria if not each.ok}
 
 
 def broken_told(criteria: Iterable[Criterion]) -> str:

@@ -22,6 +22,7 @@ from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.plc.core import StepFunctions
 from heatertune.plc.pwm import Actuator
+from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.document import CurveView, OtherRunView, PhaseView, PicturesView, SeriesView
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.loop import LoopController, run_loop
@@ -131,6 +132,7 @@ class _IdealState(NamedTuple):
 def simulate_wish(
     design: PidDesign, model: HeaterModel, scenario: Scenario, actuator: Actuator, *,
     ramp_degC_per_min: float = math.inf, hold_degC: float | None = None, boost: BoostView | None = None,
+    limits: LoopLimits | None = None,
 ) -> Trace:
     """Return what the heater would do if the controller knew no words.
 
@@ -147,6 +149,7 @@ def simulate_wish(
         ramp_degC_per_min: of the setpoint [°C/min].
         hold_degC: how far from the reading it may be on its way [°C]; None: as far as it goes.
         boost: where it is full power that is asked for, and the sums are none; None: nowhere.
+        limits: as for `simulate`.
 
     Raises:
         InputError, OutOfRange: as `simulate`.
@@ -158,7 +161,7 @@ def simulate_wish(
         scan_s=design.sample_time_s, ramp_calls=int(ramped),
         ramp_step=ramp_degC_per_min / 60.0 * design.sample_time_s if ramped else 0.0, ramp_hold=hold_degC or 0.0,
     )
-    return run_loop(controller, model, scenario, actuator)
+    return run_loop(controller, model, scenario, actuator, limits)
 
 
 def _law_of(design: PidDesign, boost: BoostView | None = None, cooling: float = 0.0) -> _Law:

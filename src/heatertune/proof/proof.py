@@ -27,7 +27,7 @@ from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.acceptance import Acceptance, Coverage, Run
-from heatertune.proof.criteria import Criterion, LoopLimits, band_of, worst_of
+from heatertune.proof.criteria import Criterion, LoopLimits, band_of, criteria_of_words, worst_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, with_digest
 from heatertune.proof.heaters import MainsScenario, mains_label
 from heatertune.proof.interlock import Interlock
@@ -36,8 +36,7 @@ from heatertune.proof.runs import AllRuns, Runs
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.specification import Specification
 from heatertune.proof.trace import Trace
-from heatertune.proof.trace_criteria import of_words
-from heatertune.proof.verdict import NOT_PROVEN, FitDiagnostics, blocking_findings, combined_verdict
+from heatertune.proof.verdict import NOT_PROVEN, FitDiagnostics, combined_verdict
 from heatertune.show import NotebookDisplay
 
 if TYPE_CHECKING:
@@ -231,7 +230,7 @@ class Proof(NotebookDisplay):
 
         What the fit leaves open no run shows; too few samples do not show what share of all heaters passes.
         """
-        heard = [NOT_PROVEN] if blocking_findings(self.diagnostics.to_document()) else []
+        heard = [NOT_PROVEN] if self.diagnostics.blocking else []
         broken = ["FAIL"] if not all(criterion.ok for criterion in self.criteria) else []
         drawn = [] if self.samples is None else [self.samples.verdict]
         return combined_verdict([*(run.verdict for run in self.runs), *broken, *heard, *drawn])
@@ -239,8 +238,12 @@ class Proof(NotebookDisplay):
     @property
     def shortfalls(self) -> tuple[str, ...]:
         """Names of the criteria that are not kept, then of the findings that leave the words unproven."""
-        broken = (criterion.name for criterion in self.criteria if not criterion.ok)
-        return (*broken, *(finding["name"] for finding in blocking_findings(self.diagnostics.to_document())))
+        return (*self.broken_criteria, *self.diagnostics.blocking)
+
+    @property
+    def broken_criteria(self) -> tuple[str, ...]:
+        """Names of the criteria that are not kept."""
+        return tuple(criterion.name for criterion in self.criteria if not criterion.ok)
 
     @property
     def setpoint_ramp(self) -> RampView | None:
@@ -371,7 +374,7 @@ def _results(
     for part in runs.parts:
         for run, (name, model, switches) in enumerate(part.cases):
             label, ran = part.label(run), judged[len(results)]
-            words = () if part.mains_power is not None else of_words(
+            words = () if part.mains_power is not None else criteria_of_words(
                 acceptance.limits, margins.get(model), step, label)
             results.append(RunResult(model=name, switches=switches, label=label, criteria=(*ran, *words),
                                      mains_power=part.mains_power))

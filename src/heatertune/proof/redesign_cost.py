@@ -61,4 +61,4 @@ def broken(found: DesignResult) -> str:
     """Return the criteria that a design breaks, in the story or in other lengths of its parts, for a reader."""
     if names := briefly(found.proof.diagnostics):
         return ", ".join(told for part, told in _BRIEFLY.items() if any(each.startswith(part) for each in names))
-    return ", ".join(each.name.replace("_", " ") for each in found.proof.criteria if not each.ok)
+    return ", ".join(found.proof.broken_criteria).replace("_", " ")

@@ -119,7 +119,7 @@ class _RefinementLoop:
     def run(self, words: Words, design: PidDesign) -> _RefinementTrial:
         proof: Proof = prove(words, self.fitted_model, self.conditions)
         cost = next(criterion.value for criterion in proof.criteria if criterion.name == "iae")
-        broken = frozenset(criterion.name for criterion in proof.criteria if not criterion.ok)
+        broken = frozenset(proof.broken_criteria)
         excess = max(0.0, max(criterion.strain for criterion in proof.criteria) - 1.0)
         return _RefinementTrial(words=words, design=design, broken=broken, excess=excess, cost=cost)
 

@@ -22,20 +22,10 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.processors import ProgressCallback, processors, threaded_map
 from heatertune.proof.acceptance import Coverage, Run
-from heatertune.proof.criteria import (
-    Criterion,
-    CriterionTable,
-    LoopLimits,
-    band_of,
-    columns_of,
-    join_tables,
-    periods_at_rest,
-    phases_measured,
-    reorder,
-)
+from heatertune.proof.criteria import Criterion, LoopLimits, columns_of, meter_for
 from heatertune.proof.heaters import RATED_ONLY, limits_off_rated, mains_label
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.kernel import REST, LoopBatch, TraceArrays
+from heatertune.proof.kernel import LoopBatch, TraceArrays
 from heatertune.proof.long_outage import LongOutage
 from heatertune.proof.loop import (
     LoopController,
@@ -51,12 +41,11 @@ from heatertune.proof.loop import (
     scans_of,
     simulate,
 )
-from heatertune.proof.meter import COLUMNS, TOTALS, Meter
+from heatertune.proof.phase_statistics import CriterionTable, join_tables, reorder, rests_of, table_from
 from heatertune.proof.scenario import Scenario, conditions, delay_heater, events_of
 from heatertune.proof.search_budget import count_scans
 from heatertune.proof.switch_edges import AS_TOLD
 from heatertune.proof.trace import Trace
-from heatertune.proof.trace_criteria import judge
 
 __all__ = ["AllRuns", "Runs", "judged_once", "measure_runs"]
 
@@ -90,18 +79,12 @@ def measure_runs(  # noqa: PLR0913 - what differs from loop to loop stands in ar
     scans, period, count = scans_of(controller, scenario), actuator.pwm_period_s, len(rows)
     if shorter := [given.shape[1] for given in (noise_degC, late_s) if 1 < given.shape[1] < scans]:
         raise ValueError(f"noise_degC, late_s: of {scans} scans, got {shorter[0]}")
-    phases = phases_measured(scenario, limits, (scans - 1) * controller.scan_s, period)
-    marks = [(phase.rest_s, REST) for phase in phases if phase.rest_s < phase.end_s]
-    periods = periods_at_rest(phases[0], period)
     dead = rows[:, 3].tolist()
-    table, totals = np.zeros((count, len(phases) * COLUMNS)), np.zeros((count, TOTALS))
-    high, low = np.empty((count, periods)), np.empty((count, periods))
-    band = band_of(limits, controller.resolution_degC)
-    wrong = sum(1 << place for place, name in enumerate(controller.core.flags) if name in limits.overflow_flags)
-    leads = np.array(scenario.leads)
-    meter = Meter(True, np.array(scenario.setpoints_degC), band, period, wrong, table, totals, high, low, leads)
+    meter, phases = meter_for(scenario, limits, end_s=(scans - 1) * controller.scan_s, period_s=period, loops=count,
+                              flags=controller.core.flags, resolution_degC=controller.resolution_degC)
     program = program_of(controller, scenario)
-    batch = LoopBatch(scans, noise_degC, late_s, rows, *events_of(scenario, dead, sizes, marks), leads, cooling)
+    events = events_of(scenario, dead, sizes, rests_of(phases))
+    batch = LoopBatch(scans, noise_degC, late_s, rows, *events, meter.leads, cooling)
     if side_by_side:
         from heatertune.proof.lanes.choice import run_side_by_side  # noqa: PLC0415 - a proof alone must not wait for it
 
@@ -112,19 +95,7 @@ def measure_runs(  # noqa: PLR0913 - what differs from loop to loop stands in ar
         record = TraceArrays(False, none, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
         given = (program, batch, actuator.switches, np.inf, edges, record, meter)
         run_with(controller, given, 2 * count * scans, ahead=2 * ahead * scans)  # plain, a measured scan takes two
-    ripple = _medians(np.where(high >= low, high - low, np.nan))
-    return CriterionTable(
-        scenario=scenario, period_s=period, band_degC=band, phases=phases, rows=rows,
-        table=table.reshape(count, -1, COLUMNS), totals=totals, ripple=ripple,
-    )
-
-
-def _medians(table: Array) -> Array:
-    """Return the median of each row, what is not a number left out: `nanmedian` takes longer than a third of a run."""
-    ordered, rows = np.sort(table, axis=1), np.arange(len(table))  # what is not a number comes last
-    numbers = np.count_nonzero(~np.isnan(table), axis=1)
-    below, above = ordered[rows, np.maximum(numbers - 1, 0) // 2], ordered[rows, numbers // 2]
-    return np.asarray((below + above) / 2.0)
+    return table_from(meter, phases, scenario, rows)
 
 
 _Judged = tuple[Criterion, ...]
@@ -257,7 +228,8 @@ class Runs:
         _, model, setting = self.cases[run]
         scenario = self.scenario if seed is None else replace(self.scenario, seed=seed)
         return simulate(
-            self.controller, self.words, model, scenario, self.actuator, setting, self.interlock, direct=direct)
+            self.controller, self.words, model, scenario, self.actuator, setting, self.interlock, limits=self.limits,
+            direct=direct)
 
     def judge_all(self) -> list[_Judged]:
         """Return the criteria of each run."""
@@ -278,7 +250,8 @@ class Runs:
 
     def judge(self, trace: Trace, run: int) -> _Judged:
         """Return the criteria of a run from its trace."""
-        return self._held(judge(trace, self.limits, where=self.label(run)))
+        label = self.label(run)
+        return self._held(tuple(replace(criterion, where=label) for criterion in trace.criteria))
 
     def _held(self, criteria: _Judged) -> _Judged:
         """Return the criteria that hold at the power of these runs."""

@@ -25,7 +25,7 @@ from heatertune.units import check
 
 __all__ = [
     "LED",
-    "WAYS",
+    "TO_SETPOINT",
     "Disturbance",
     "Load",
     "Mains",
@@ -284,18 +284,8 @@ class Scenario:
         return tuple(shares)
 
 
-#: kind of a phase that leads to a setpoint → its two criteria, when they are, and from when on time counts
-WAYS: Final = {
-    "heat-up": ("overshoot", "settling_time", "during heat-up", "Time"),
-    "reheat": ("reheat_overshoot", "reheat_time", "after the heater's circuit was open",
-               "Time after the heater's circuit is closed again"),
-    "change": ("change_overshoot", "change_time", "after a change of the setpoint", "Time after it"),
-    "small-change": ("small_change_overshoot", "small_change_time", "after a small change of the setpoint",
-                     "Time after it"),
-    "restart": ("restart_overshoot", "restart_time", "after a start-up of the PLC", "Time after it"),
-}
-
-
+#: kinds of the phases that lead to a setpoint
+TO_SETPOINT: Final = ("heat-up", "reheat", "change", "small-change", "restart")
 #: kinds of the phases of a profile
 LED: Final = ("ramp", "soak")
 

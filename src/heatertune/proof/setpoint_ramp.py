@@ -16,10 +16,12 @@ from heatertune.model.values import FittedModel
 from heatertune.plc import Ramp, Words, controller_for
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, prove
-from heatertune.proof.criteria import band_of
+from heatertune.proof.criteria import band_of, names_of
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.long_outage import sums_up
+from heatertune.proof.phase_statistics import beyond_degC, offset_degC, settling_s, swing_degC
 from heatertune.proof.runs import judged_once
+from heatertune.proof.scenario import TO_SETPOINT
 from heatertune.proof.scenario import conditions as conditions_of
 from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.worst_runs import RunScreen
@@ -36,18 +38,15 @@ _OF_SETTLING: Final = 0.8  # of the time until all has settled, that the ramp it
 #: times how far from the setpoint is still right, from the loosest on; the looser ones only where none of these will do
 _HOLDS: Final = ((8.0, 4.0, 2.0), (32.0, 16.0))
 #: criteria that a slower way to the setpoint helps to keep
-OVERSHOOTS: Final = frozenset(
-    f"{way}overshoot{unit}" for way in ("", "change_", "small_change_", "restart_") for unit in ("", "_degC"))
+OVERSHOOTS: Final = frozenset(names_of(beyond_degC, phases={*TO_SETPOINT} - {"reheat"}))
 #: criteria that only a holdback helps to keep: the setpoint is at its end when the heater's circuit opens
-REHEATS: Final = frozenset({"reheat_overshoot", "reheat_overshoot_degC", "reheat_time"})
+REHEATS: Final = frozenset(names_of(beyond_degC, settling_s, phases=("reheat",)))
 #: what stays where even the slowest way to the setpoint leaves it
-_UNLED: Final = frozenset({"steady_offset", "limit_cycle", "recovery_time"})
+_UNLED: Final = frozenset(names_of(offset_degC, swing_degC, settling_s, phases=("recovery",)))
 #: what a windup on the way leaves behind
-_LEFT_BEHIND: Final = frozenset(
-    {"settling_time", "steady_offset", "limit_cycle", "recovery_time", "change_time", "small_change_time",
-     "restart_time"})
+_LEFT_BEHIND: Final = _UNLED.union(names_of(settling_s, phases={*TO_SETPOINT} - {"reheat"}))
 #: what each slower way mends a little more of
-_LED: Final = OVERSHOOTS | (REHEATS - {"reheat_time"})
+_LED: Final = frozenset(names_of(beyond_degC, phases=TO_SETPOINT))
 _MENDED: Final = 0.5  # of what the fastest way breaks it by: where the slowest leaves more, none between them keeps it
 #: all that a ramp with a holdback may mend
 BY_RAMP: Final = OVERSHOOTS | REHEATS | _LEFT_BEHIND
@@ -83,16 +82,12 @@ def _ramped(
     words: Words, fitted: FittedModel, ramp: float | str | None, conditions: Conditions | None, plain: Proof | None,
     progress: ProgressCallback,
 ) -> tuple[Proof, list[str]]:
-    controller = controller_for(words.target)
-    if isinstance(ramp, float | int):
-        words = replace(words, ramp=controller.ramp(words, ramp), boost=None)
-    elif ramp is not None:
-        words = replace(words, ramp=None, boost=words.boost if ramp == "none" else None)
+    words, controller = _with_ramp(words, ramp), controller_for(words.target)
     if plain is None or plain.words != words:
         plain = prove(words, fitted, conditions)
     if words.ramp is not None or ramp == "none":
         return plain, []
-    broken = {criterion.name for criterion in plain.criteria if not criterion.ok}
+    broken = {*plain.broken_criteria}
     alone = bool(broken) and broken <= OVERSHOOTS | REHEATS
     helps = bool(broken & BY_RAMP) if ramp == "auto" else alone
     if not helps or not controller.has_ramp:
@@ -102,13 +97,19 @@ def _ramped(
     if ramped is None:
         return plain, ["No setpoint ramp that ends half way to the disturbance keeps the limit on overshoot."]
     price = _told(plain, ramped)
-    if ramp == "auto" and (ramped.verdict != "FAIL" or alone):
+    if ramp != "auto":
+        failed, fail = " and the ".join(sorted(broken)).replace("_", " "), "fails" if len(broken) == 1 else "fail"
+        return plain, [f"Only the {failed} {fail}. --setpoint-ramp auto would mend it: with {price}"]
+    if ramped.verdict != "FAIL" or alone:
         return ramped, [f"With {price}"]
-    if ramp == "auto":
-        return plain, [f"A setpoint ramp mends the overshoot alone: with {price}"]
-    failed = " and the ".join(sorted(broken)).replace("_", " ")
-    fail = "fails" if len(broken) == 1 else "fail"
-    return plain, [f"Only the {failed} {fail}. --setpoint-ramp auto would mend it: with {price}"]
+    return plain, [f"A setpoint ramp mends the overshoot alone: with {price}"]
+
+
+def _with_ramp(words: Words, ramp: float | str | None) -> Words:
+    """Return words with a ramp of so many °C/min, or without; as they are where nothing is said."""
+    if isinstance(ramp, float | int):
+        return replace(words, ramp=controller_for(words.target).ramp(words, ramp), boost=None)
+    return words if ramp is None else replace(words, ramp=None, boost=words.boost if ramp == "none" else None)
 
 
 def _cheapest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: set[str]) -> Proof | None:
@@ -190,7 +191,7 @@ def _told(plain: Proof, ramped: Proof) -> str:
     def change(name: str, unit: str) -> str:
         return f"from {written(_value(plain, name))} to {written(_value(ramped, name))} {unit}"
 
-    others = [criterion.name for criterion in ramped.criteria if not criterion.ok]
+    others = ramped.broken_criteria
     fails = f" {' and '.join(others)} fails with it." if others else ""
     held = f", which follows the reading within {ramped.hold_degC:.3g} °C," if ramped.hold_degC is not None else ""
     opened = f", after an open circuit {change('reheat_overshoot', '% of the rise')}" if held else ""

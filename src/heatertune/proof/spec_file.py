@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 from heatertune.codec import read_toml
 from heatertune.errors import DocumentError, HeatertuneError, UnknownName, one_line
+from heatertune.proof.criteria import LIMITS
 from heatertune.proof.profile import Profile, profile_of_table, read_profile, table_of
 from heatertune.proof.specification import (
     GENERAL,
-    LIMITS,
     NOTHING,
     PRESETS,
     STORY,
@@ -28,6 +28,8 @@ from heatertune.proof.test_sequence import TestSequence
 from heatertune.settings import Conditions
 
 __all__ = ["in_force", "read_spec", "spec_text", "specification_of"]
+
+_T = TypeVar("_T")
 
 _TABLES: Final = ("preset", "limits", "story", "profile")
 
@@ -92,28 +94,35 @@ def read_spec(path: str | Path) -> Specification:
     for name, value, kind in (("preset", base, str), ("limits", given, dict), ("story", story, dict)):
         if not isinstance(value, kind):
             raise DocumentError(f"{path}: {name}: expected a {'text' if kind is str else 'table'}")
-    try:
-        begun = preset(base)
-    except UnknownName as problem:
-        raise DocumentError(f"{path}: preset: {problem}") from problem
-    own: dict[str, tuple[str, ...]] = {}
-    for name, value in given.items():
-        try:
-            own[name] = split(name, _texts(value))
-            begun.with_limits({name: own[name]})
-        except HeatertuneError as problem:
-            raise DocumentError(f"{path}: limits.{name}: {problem}") from problem
-    parts: dict[str, str] = {}
-    for name, value in story.items():
-        try:
-            parts[name] = _setting(value)
-            replace(begun, story={name: parts[name]})
-        except HeatertuneError as problem:
-            raise DocumentError(f"{path}: story.{name}: {problem}") from problem
+    begun = _at(f"{path}: preset", partial(preset, base))
+    own = {name: _at(f"{path}: limits.{name}", partial(_own_limit, begun, name, value))
+           for name, value in given.items()}
+    parts = {name: _at(f"{path}: story.{name}", partial(_own_part, begun, name, value))
+             for name, value in story.items()}
     return Specification(
         name=Path(path).name, limits={**begun.limits, **own}, story={**begun.story, **parts},
         profile=_profile(Path(path), document.get("profile")), base=None if base == GENERAL else base,
         reasons={name: why for name, why in begun.reasons.items() if own.get(name) in (None, begun.limits[name])})
+
+
+def _at(place: str, read: Callable[[], _T]) -> _T:
+    """Return what is read at a place of a file; an error names it."""
+    try:
+        return read()
+    except HeatertuneError as problem:
+        raise DocumentError(f"{place}: {problem}") from problem
+
+
+def _own_limit(begun: Specification, name: str, value: object) -> tuple[str, ...]:
+    values = split(name, _texts(value))
+    begun.with_limits({name: values})
+    return values
+
+
+def _own_part(begun: Specification, name: str, value: object) -> str:
+    setting = _setting(value)
+    replace(begun, story={name: setting})
+    return setting
 
 
 def _profile(path: Path, given: object) -> Profile | None:

@@ -18,24 +18,20 @@ from typing import Final, NamedTuple
 
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.proof.criteria import LoopLimits
+from heatertune.proof.criteria import LIMITS, LoopLimits, limit_of
 from heatertune.proof.profile import Profile
 from heatertune.proof.test_sequence import TestSequence
 from heatertune.units import check
 
 __all__ = [
     "GENERAL",
-    "LIMITS",
     "NOTHING",
     "PRESETS",
     "STORY",
-    "Limit",
-    "Measure",
     "Preset",
     "SequencePart",
     "Specification",
     "default_limit",
-    "limit_of",
     "limits_from",
     "preset",
     "quantity",
@@ -56,107 +52,6 @@ _SPELLINGS: Final = {
     "1/h": "/h", "per hour": "/h", "percent": "%", "degC s": "degC·s", "degC*s": "degC·s", "(T+L)": "T+L",
 }
 _SETTINGS: Final = {"on": True, "off": False}
-_TIMES: Final = {"s": 1.0, "min": 60.0, "h": 3600.0}
-
-
-class Measure(NamedTuple):
-    """A unit of a limit: the field of `Limits` it sets, and by what a number in it is multiplied."""
-
-    field: str
-    factor: float = 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Limit:
-    """What can be limited.
-
-    Attributes:
-        what: its meaning.
-        units: unit → what it sets; "T+L" counts in the slowest plausible heater's lags and dead time.
-        example: a value, as a user would write it.
-        at_least: whether the value must be reached; otherwise it must not be exceeded.
-        demanded: whether a limit there must be: nothing cannot be asked for.
-        least: no value is below it, so that to ask for less would be to ask for nothing that there is.
-    """
-
-    description: str
-    units: Mapping[str, Measure]
-    example: str
-    at_least: bool = False
-    is_required: bool = False
-    least: float = 0.0
-
-
-def _of_time(field_: str) -> dict[str, Measure]:
-    return {unit: Measure(field_, factor) for unit, factor in _TIMES.items()} | {"T+L": Measure(field_)}
-
-
-#: everything that a user can limit, by the name that a user writes
-LIMITS: Final[dict[str, Limit]] = {
-    "tolerance": Limit(
-        description="tolerance around the setpoint: half width of the band, limit of offset and oscillation at rest",
-        units={"degC": Measure("tolerance_degC")}, example="1 degC", is_required=True),
-    "overshoot": Limit(
-        description="beyond the setpoint on heat-up, after a change of the setpoint and a restart, of the rise above "
-                    "ambient",
-        units={"%": Measure("overshoot_pct"), "degC": Measure("overshoot_degC")}, example="5 %"),
-    "reheat-overshoot": Limit(
-        description="beyond the setpoint after the heater's circuit was open for a while, of the rise above ambient",
-        units={"%": Measure("reheat_overshoot_pct"), "degC": Measure("reheat_overshoot_degC")}, example="40 %"),
-    "small-change-overshoot": Limit(
-        description="beyond the setpoint after a small change of the setpoint, of that change",
-        units={"%": Measure("small_change_overshoot_pct"), "degC": Measure("small_change_overshoot_degC")},
-        example="30 %"),
-    "settling": Limit(
-        description="time from cold until the temperature stays in the band", units=_of_time("settling_s"),
-        example="20 min"),
-    "recovery": Limit(
-        description="time after a disturbance until the temperature stays in the band", units=_of_time("recovery_s"),
-        example="5 min"),
-    "recovery-overshoot": Limit(
-        description="beyond the setpoint after a disturbance, on the other side, of the rise above ambient",
-        units={"%": Measure("recovery_overshoot_pct"), "degC": Measure("recovery_overshoot_degC")}, example="5 %"),
-    "load-deviation": Limit(
-        description="largest distance from the setpoint after a disturbance, on its side",
-        units={"degC": Measure("deviation_degC")}, example="2 degC"),
-    "ripple": Limit(
-        description="peak to peak within one PWM period at rest", units={"degC": Measure("pwm_ripple_degC")},
-        example="0.2 degC"),
-    "iae": Limit(
-        description="integral of the absolute error over the whole test "
-                    "sequence", units={"degC·s": Measure("iae_degC_s")},
-        example="5000 degC·s"),
-    "power-reserve": Limit(
-        description="power reserve while the heater holds the highest setpoint, as a share of full power",
-        units={"%": Measure("power_reserve_pct")}, example="10 %", at_least=True),
-    "saturation": Limit(
-        description="share of the scans that ask for 0 or 100 % power", units={"%": Measure("saturation_pct")},
-        example="50 %"),
-    "switchings": Limit(
-        description="how often the heater is switched on", units={"/h": Measure("switchings_per_h")}, example="30 /h"),
-    "ms": Limit(description="maximum sensitivity Ms", units={"": Measure("ms")}, example="1.7", least=1.0),
-    "gain-margin": Limit(
-        description="factor by which the heater's gain may grow", units={"": Measure("gain_margin")}, example="2.5",
-        at_least=True),
-    "phase-margin": Limit(
-        description="phase that the loop may lose", units={"deg": Measure("phase_margin_deg")}, example="45 deg",
-        at_least=True),
-    "step-power": Limit(
-        description="power that one step of the reading, or its noise, may move",
-        units={"%": Measure("step_power_pct")},
-        example="10 %"),
-    "soak-band": Limit(
-        description="tolerance around the temperature of a soak; by default the general tolerance",
-        units={"degC": Measure("soak_band_degC")}, example="3 degC"),
-    "soak-settling": Limit(
-        description="share of a soak after which its tolerance applies; by default one half",
-        units={"%": Measure("soak_settling_pct"), **_of_time("soak_settling_s")}, example="10 min"),
-    "ramp-deviation": Limit(
-        description="largest distance from the setpoint on a profile's ramps",
-        units={"degC": Measure("ramp_deviation_degC")}, example="20 degC"),
-    "peak": Limit(
-        description="highest temperature along a profile", units={"degC": Measure("peak_degC")}, example="1070 degC"),
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,17 +167,6 @@ class Specification:
             name=self.name, limits={**self.limits, **given}, story=self.story, profile=self.profile, base=self.base,
             changed=tuple(dict.fromkeys((*self.changed, *given))),
             reasons={name: why for name, why in self.reasons.items() if name not in given})
-
-
-def limit_of(name: str) -> Limit:
-    """Return what a name limits.
-
-    Raises:
-        UnknownName: it limits nothing.
-    """
-    if name not in LIMITS:
-        raise UnknownName("limit", name, LIMITS)
-    return LIMITS[name]
 
 
 def limits_from(texts: Iterable[str]) -> dict[str, tuple[str, ...]]:

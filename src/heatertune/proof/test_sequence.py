@@ -348,13 +348,7 @@ class _SequenceBuilder:
         yield from self._loads_not_tested()
         if not story.opens:
             yield "an open circuit of the heater"
-        if self.low_degC is None:
-            yield "a change of the setpoint"
-        elif self.loop.small_change_degC > 0.0 and not self._small_degC:
-            least = self.loop.small_change_degC
-            yield f"a small change of the setpoint (none from {least:.3g} °C on is within its range)"
-        if self.low_degC is not None and self.loop.cooling_gain > 0.0 and not self._is_held(self._stated_low_degC):
-            yield f"rest at {self._stated_low_degC:.4g} °C, which the cooler has to hold"
+        yield from self._changes_not_tested()
         if not story.mains:
             yield "mains voltage"
         elif not self._mains_tested:
@@ -367,6 +361,16 @@ class _SequenceBuilder:
         arrived = {leg.segment for leg in legs if self._judged_s(leg) > 0.0}
         yield from (f"whether segment {number} of the profile arrives (no soak longer than what it may settle in)"
                     for number in dict.fromkeys(leg.segment for leg in legs) if number not in arrived)
+
+    def _changes_not_tested(self) -> Iterator[str]:
+        if self.low_degC is None:
+            yield "a change of the setpoint"
+            return
+        if self.loop.small_change_degC > 0.0 and not self._small_degC:
+            least = self.loop.small_change_degC
+            yield f"a small change of the setpoint (none from {least:.3g} °C on is within its range)"
+        if self.loop.cooling_gain > 0.0 and not self._is_held(self._stated_low_degC):
+            yield f"rest at {self._stated_low_degC:.4g} °C, which the cooler has to hold"
 
     def _loads_not_tested(self) -> Iterator[str]:
         if self.story.load_pct == 0.0:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +14,7 @@ from heatertune.heater.exact import advance, area, turning_times
 from heatertune.model.values import HeaterModel
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
+from heatertune.proof.criteria import Criterion
 from heatertune.proof.interlock import Interlock
 from heatertune.proof.scenario import Scenario, phases_of
 from heatertune.show import NotebookDisplay
@@ -22,8 +22,6 @@ from heatertune.show import NotebookDisplay
 __all__ = ["Trace"]
 
 Array = npt.NDArray[np.float64]
-
-_HALVINGS: Final = 60  # of the time between two instants, until its ends are neighbours as numbers
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,6 +43,8 @@ class Trace(NotebookDisplay):
         words, switches: what the PLC ran; None and empty for an ideal controller.
         flags: name → number of scans after which the flag was set.
         interlock, cut_s: what watched the heater, if anything did, and the instant from which on it kept it off [s].
+        criteria: what the run amounts to, in a fixed order; empty where it was not measured. All temperatures are the
+            true ones, at any instant, not the sensor's, and the setpoint is the one asked for, also during a ramp.
     """
 
     time_s: Array
@@ -64,6 +64,7 @@ class Trace(NotebookDisplay):
     flags: Mapping[str, int] = field(default_factory=dict)
     interlock: Interlock | None = None
     cut_s: float = math.inf
+    criteria: tuple[Criterion, ...] = ()
 
     def __post_init__(self) -> None:
         for attribute in fields(self):
@@ -113,25 +114,6 @@ class Trace(NotebookDisplay):
         values = self.temperature_at(times)
         values[-1] = self.temperature_at(end_s, before=True)
         return times, values
-
-    def crossed_at(self, low_s: Array, high_s: Array, levels_degC: Array) -> Array:
-        """Return the instants at which the temperature is at some levels [s], all of one shape.
-
-        Args:
-            low_s: an instant of `course` before each [s].
-            high_s: the next one, after it [s].
-            levels_degC: what lies between the temperatures at both [°C].
-        """
-        since, y, x, target = self._stretch_at(low_s)
-        lags = self._lags()
-        above = advance(y, x, target, low_s - since, *lags) > levels_degC
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low_s + high_s)
-            if np.all((middle == low_s) | (middle == high_s)):
-                break
-            still = (advance(y, x, target, middle - since, *lags) > levels_degC) == above
-            low_s, high_s = np.where(still, middle, low_s), np.where(still, high_s, middle)
-        return high_s
 
     def below_until(self, level_degC: float) -> float:
         """Return an instant up to which the temperature is below a level [s]; infinite where it always is."""

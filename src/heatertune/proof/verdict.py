@@ -92,6 +92,12 @@ class FitDiagnostics:
                 raise UnknownName("finding to accept", name, blocks)
 
     @property
+    def blocking(self) -> tuple[str, ...]:
+        """Names of the findings that leave the words unproven."""
+        return tuple(finding.name for finding in self.findings
+                     if finding.kind.effect == "blocks" and finding.name not in self.accepted)
+
+    @property
     def views(self) -> tuple[FitDiagnosticsView, ...]:
         """What is written of the findings."""
         return tuple(construct_from(FitDiagnosticsView, finding, effect=finding.kind.effect,

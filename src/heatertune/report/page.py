@@ -24,8 +24,8 @@ from heatertune.plc import OpenPoint, Scaling, controller_for
 from heatertune.plc.commissioning import commissioning
 from heatertune.plc.inputs import describe_range
 from heatertune.plc.keyed_entry import KeyedEntry
+from heatertune.proof.criteria import CRITERION, LIMITS
 from heatertune.proof.profile import Profile
-from heatertune.proof.specification import LIMITS
 from heatertune.proof.verdict import blocking_findings, relaxed_clause, sample_lines, samples_told, told_of
 from heatertune.report import plots
 from heatertune.report.as_left_section import in_plc, judged_text, measured_text, plot_as_left, worst_text, written
@@ -164,7 +164,6 @@ def limits(documents: Documents) -> str:
 #: steps of COMMISSIONING.md that are done once; the others stand in the appendix, for when they are needed
 _INTO_SERVICE: Final = ("Entering the parameters", "The first minutes")
 #: criteria that no plant shows: they are of the words, or of flags in the PLC
-_OF_WORDS: Final = ("stability", "ms", "gain_margin", "phase_margin", "step_power", "overflow", "interlock_trips")
 _SHORT: Final = 160  # characters of all words in one cell
 _SIDE_BY_SIDE: Final = 5  # words from which on they stand in two columns
 _MOST_LETTERS: Final = 34  # of the longest word and of the longest value, for two columns to leave their meaning room
@@ -311,13 +310,11 @@ def _acceptance(documents: Documents) -> str:
     seen = {line["name"]: line for line in left["measurements"]} if left else {}
     rows = []
     for name, one in proof["criteria"].items():
-        line = seen.get(name)
-        measured = line is not None and line["measured"] is not None
-        if name in _OF_WORDS or (one["limit"] is None and not measured):
-            continue
-        rows.append([tick(f"test-{name}", f"{readable_name(name)} accepted"), readable_name(name), limit_text(one),
-                     worst_text(_line(name, one)), measured_text(line) if measured and line is not None else BLANK,
-                     "" if line is None else judged_text(line)])
+        line = seen.get(name, {"measured": None, "keeps": None})
+        measured = line["measured"] is not None
+        if CRITERION[name].source == "run" and (one["limit"] is not None or measured):
+            rows.append([tick(f"test-{name}", f"{readable_name(name)} accepted"), readable_name(name), limit_text(one),
+                         worst_text(_line(name, one)), measured_text(line) if measured else BLANK, judged_text(line)])
     ends = proof["criteria"].get("settling_time", {}).get("limit")
     long_enough = "" if ends is None else f" for at least {2.0 * ends:.0f} s"
     heads = ["", "criterion", "limit", "proven worst", "measured", ""]

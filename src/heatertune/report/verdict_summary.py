@@ -14,6 +14,7 @@ from typing import Any, Final
 from heatertune.model.findings import KINDS, remedy_of
 from heatertune.plc.keyed_entry import KeyedEntry
 from heatertune.plc.targets import REPAIRED
+from heatertune.proof.criteria import CRITERION
 from heatertune.proof.long_outage import JUDGED
 from heatertune.proof.ripple_and_wear import life
 from heatertune.proof.verdict import (
@@ -49,6 +50,7 @@ from heatertune.report.text import (
     model_rows,
     quantity,
     ramp_note,
+    readable_name,
     search_notes,
     unit_text,
 )
@@ -68,12 +70,6 @@ _SAID: Final = 4
 #: words up to which each has a line with its meaning
 _WITH_MEANING: Final = 10
 
-#: criterion → what people call it
-_CALLED: Final = {
-    "limit_cycle": "swing at rest", "steady_offset": "offset at rest", "ms": "Ms (robustness)",
-    "step_power": "power per sensor step", "pwm_ripple": "ripple", "iae": "integral of the error",
-    "deviation": "deviation under load", "overflow": "overflows", "settling_time": "settling time",
-}
 #: what only those ask for who know how a fit or an optimum is found
 _OF_EXPERTS: Final = re.compile(r"IPOPT|BIC|Ljung|TRdom|candidate|half rule|Jury|Nyquist|feasible")
 _SETTINGS: Final = re.compile(r"settings of (.+) \(they change no run\)")
@@ -194,20 +190,8 @@ def _written(out: str | None) -> list[str]:
 
 def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
     """Return the verdict with what breaks, and the way on."""
-    verdict = proof["verdict"]
-    runs, heaters = len(proof["runs"]), len({run["model"] for run in proof["runs"]})
-    where = f"{proof['target']} at {proof['scenario']['setpoint_degC']:g} °C"
-    on = f"{count(runs, 'run')} on {count(heaters, 'plausible heater')}"
-    broken = [name for name, criterion in proof["criteria"].items() if not criterion["ok"]]
-    if broken:
-        said = f"{', '.join(_breaks(proof, name) for name in broken[:_NAMED])}"
-        said += f" and {len(broken) - _NAMED} more" if len(broken) > _NAMED else ""
-        said += f"; {on}"
-    else:
-        said = f"every limit is kept in {on}"
-    if relaxed := relaxed_clause(proof):
-        where = f"{relaxed}; {where}"
-    lines = wrap_text("; ".join([f"{where}: {said}", *sample_lines(proof)]), f"{verdict}  ", _SAID)
+    verdict, relaxed = proof["verdict"], [relaxed] if (relaxed := relaxed_clause(proof)) else []
+    lines = wrap_text("; ".join([*relaxed, _finding(proof), *sample_lines(proof)]), f"{verdict}  ", _SAID)
     if open_ := {finding["name"]: finding for finding in blocking_findings(proof)}:
         first, *more = open_.values()
         others = ", ".join(finding["name"] for finding in more)
@@ -217,6 +201,17 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
         unproven = set(open_) - set(JUDGED) or any(BREAKS_NONE in remark for remark in proof["remarks"])
         lines += ["no limit is broken by:" if unproven else "nearest that passes:", *command(nearest)]
     return lines
+
+
+def _finding(proof: Document) -> str:
+    """Return where and on what a proof was made, and what breaks a limit there."""
+    where = f"{proof['target']} at {proof['scenario']['setpoint_degC']:g} °C"
+    heaters = len({run["model"] for run in proof["runs"]})
+    on = f"{count(len(proof['runs']), 'run')} on {count(heaters, 'plausible heater')}"
+    broken = [name for name, criterion in proof["criteria"].items() if not criterion["ok"]]
+    more = f" and {len(broken) - _NAMED} more" if len(broken) > _NAMED else ""
+    named = f"{', '.join(_breaks(proof, name) for name in broken[:_NAMED])}{more}; {on}"
+    return f"{where}: {named if broken else f'every limit is kept in {on}'}"
 
 
 def _breaks(proof: Document, name: str) -> str:
@@ -262,7 +257,7 @@ def _value(criterion: Document) -> str:
 
 
 def _called(name: str) -> str:
-    return _CALLED.get(name, name.replace("_", " "))
+    return CRITERION[name].label or readable_name(name)
 
 
 def _doubts(proof: Document, unsure: Iterable[str] = ()) -> dict[str, list[str]]:

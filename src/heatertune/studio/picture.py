@@ -13,9 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.proof import Proof, Trace
-from heatertune.proof.criteria import band_of, phases_measured
+from heatertune.proof.criteria import CRITERION, TIME_OF, band_of, names_of, phases_measured
 from heatertune.proof.loop import plant_row
-from heatertune.proof.scenario import WAYS, Phase, event_name
+from heatertune.proof.phase_statistics import behind_degC, beyond_degC, first_within
+from heatertune.proof.scenario import Phase, event_name
 
 __all__ = [
     "Line", "Picture", "PicturePart", "Wall", "course_of", "downsample", "parts_of", "picture_of", "step_corners",
@@ -202,12 +203,11 @@ def parts_of(trace: Trace, proof: Proof) -> list[PicturePart]:
     found = []
     for event, phase in zip((None, *trace.scenario.disturbances), _phases(trace, proof), strict=True):
         time, temperature = trace.course(phase.begin_s, phase.end_s)
-        outside = np.flatnonzero(np.abs(temperature - phase.setpoint_degC) > band)
-        last = int(outside[-1]) + 1 if len(outside) else 0
+        first = first_within(temperature - phase.setpoint_degC, band)
         found.append(PicturePart(
             name=event_name(event), begin_s=phase.begin_s, rest_s=phase.rest_s, end_s=phase.end_s,
             setpoint_degC=phase.setpoint_degC, highest_degC=float(temperature.max()),
-            lowest_degC=float(temperature.min()), within_s=None if last == len(time) else float(time[last])))
+            lowest_degC=float(temperature.min()), within_s=None if first == len(time) else float(time[first])))
     return found
 
 
@@ -218,19 +218,17 @@ def walls_of(proof: Proof, run: int) -> Iterator[Wall]:
     before = trace.scenario.setpoint_degC
     step = abs(before - float(row[5]))
     for phase in _phases(trace, proof):
-        if phase.kind not in (*WAYS, "recovery"):
+        if phase.kind not in TIME_OF:
             continue
         rises = (float(row[0]) > 0.0) == phase.up if phase.by_power else phase.up
         settles = limits.settling_s if phase.kind == "heat-up" else (
             limits.recovery_s if phase.kind == "recovery" else None)
         in_s = min(phase.begin_s + (phase.limit_s if settles is None else settles), phase.end_s)
-        name = "recovery_overshoot" if phase.kind == "recovery" else WAYS[phase.kind][0]
         up = rises != (phase.kind == "recovery")
         asked = phase.setpoint_degC
         change = abs(asked - before) if phase.kind == "small-change" else step
         before = asked
-        beyond = [*_beyond(proof, name, change)]
-        if beyond:
+        if beyond := [*_beyond(proof, phase, change)]:
             yield _side(phase.begin_s, phase.end_s, asked, min(beyond), up=up, name="overshoot")
         if phase.kind == "recovery" and limits.deviation_degC is not None:
             yield _side(phase.begin_s, phase.end_s, asked, limits.deviation_degC, up=not up, name="deviation")
@@ -239,14 +237,12 @@ def walls_of(proof: Proof, run: int) -> Iterator[Wall]:
                 yield _side(in_s, phase.end_s, asked, band, up=side, name="settled")
 
 
-def _beyond(proof: Proof, name: str, step: float) -> Iterator[float]:
-    """Return how far beyond the setpoint a limit lets a run go [°C]."""
-    own = name if hasattr(proof.limits, f"{name}_pct") else "overshoot"
-    pct, degC = getattr(proof.limits, f"{own}_pct"), getattr(proof.limits, f"{own}_degC")
-    if pct is not None:
-        yield pct / 100.0 * step
-    if degC is not None:
-        yield degC
+def _beyond(proof: Proof, phase: Phase, step: float) -> Iterator[float]:
+    """Return how far beyond the setpoint the limits let a run go [°C]."""
+    for name in names_of(behind_degC if phase.kind == "recovery" else beyond_degC, phases=(phase.kind,)):
+        limit = CRITERION[name].limit_in(proof.limits)
+        if limit is not None:
+            yield limit / 100.0 * step if CRITERION[name].of else limit
 
 
 def _side(begin_s: float, end_s: float, asked: float, far: float, *, up: bool, name: str) -> Wall:

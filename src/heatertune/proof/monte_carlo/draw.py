@@ -56,11 +56,12 @@ from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.processors import processors, threaded_list
-from heatertune.proof.criteria import CriterionTable, LoopLimits, join_tables, reorder
+from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.lanes.choice import fits, order_by_edges, pays
 from heatertune.proof.lanes.rows import LANES, STEP
 from heatertune.proof.loop import LoopController, actuator_of, in_loop, plant_row, scans_of, trace_run
 from heatertune.proof.meter import Places
+from heatertune.proof.phase_statistics import CriterionTable, join_tables, reorder
 from heatertune.proof.runs import measure_runs
 from heatertune.proof.scenario import Disturbance, Load, Mains, Scenario, TemperatureStep
 from heatertune.proof.switch_edges import AS_TOLD
@@ -426,13 +427,14 @@ def _chunks(places: npt.NDArray[np.intp], *, side_by_side: bool) -> list[_Sample
             for begin in range(0, len(own), chunk)]
 
 
-def replay(drawing: SampleRequest, seed: int, setting: int = 0) -> Trace:
+def replay(drawing: SampleRequest, seed: int, setting: int = 0, limits: LoopLimits | None = None) -> Trace:
     """Return the trace of the sample that has this seed: the same run, instant by instant.
 
     Args:
         drawing: what is drawn.
         seed: of the sample.
         setting: number of the controller.
+        limits: for which the run is measured; None: for none.
 
     Raises:
         OutOfRange: a negative seed.
@@ -447,7 +449,7 @@ def replay(drawing: SampleRequest, seed: int, setting: int = 0) -> Trace:
     disturbances = tuple(map(_sized, drawing.scenario.disturbances, factors.tolist()))
     scenario = replace(drawing.scenario, ambient_degC=model.ambient_degC, start_degC=start, disturbances=disturbances,
                        seed=seed)
-    return trace_run(controller, model, scenario, actuator, noise, late)
+    return trace_run(controller, model, scenario, actuator, noise, late, limits)
 
 
 def _heater(row: Array) -> HeaterModel:

@@ -11,7 +11,7 @@ from heatertune.model.values import FittedModel
 from heatertune.options import merge_options
 from heatertune.pid.search.robust import spreads_of
 from heatertune.plc import Words, controller_for
-from heatertune.proof import LoopLimits, Proof, SampleRequest, SampleSpread, judge, prove_samples, replay
+from heatertune.proof import LoopLimits, Proof, SampleRequest, SampleSpread, prove_samples, replay
 from heatertune.proof.heaters import holding_heaters
 from heatertune.proof.interlock import demand_none
 from heatertune.proof.monte_carlo.quantiles import SampleProof, hardest_setting
@@ -106,8 +106,8 @@ def replay_document(
     assumed, seed = conditions or Conditions(), whole("seed", seed)
     drawing = drawing_for(words, fitted, spread or {}, assumed)
     limits = _limits(assumed, fitted)
-    trace = replay(drawing, seed, hardest_setting(drawing, limits, seed))
-    criteria, model = judge(trace, limits), trace.model
+    trace = replay(drawing, seed, hardest_setting(drawing, limits, seed), limits)
+    criteria, model = trace.criteria, trace.model
     return {
         "schema": SCHEMA, "seed": seed, "verdict": "PASS" if all(criterion.ok for criterion in criteria) else "FAIL",
         "target": words.target, "words": dict(words.values), "switches": dict(trace.switches),

@@ -179,8 +179,7 @@ def design_changes(
         boost_open: whether there may be a boost.
         least_interval_s: TA is not taken below [s].
     """
-    words, broken = proof.words, {criterion.name for criterion in proof.criteria if not criterion.ok}
-    broken |= briefly(proof.diagnostics)
+    words, broken = proof.words, {*proof.broken_criteria, *briefly(proof.diagnostics)}
     own = controller_for(words.target).timing(words).pwm_period_s is not None
     switch = _SwitchChoice(proof=proof, models=tuple(models), own=own)
     given = own or period_given

@@ -31,7 +31,7 @@ from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, redesign_cost
 from heatertune.proof.design_request import Candidate, DesignRequest, DesignResult, plainly
 from heatertune.proof.long_outage import briefly, sums_up, winds_up
-from heatertune.proof.nearest_specification import broken_names, settings_told
+from heatertune.proof.nearest_specification import settings_told
 from heatertune.proof.prove_words import tune_settings_for
 from heatertune.proof.redesign.design_changes import (
     OF_WINDUP,
@@ -351,7 +351,7 @@ class GainSearch:
         """Return what to try with a ramp: the optimum, what helped so far, and what keeps all that no ramp mends."""
         search, own = self.search, self.family.place
         yield from dict.fromkeys((own, search.place or own))
-        if unled := broken_names(search.first.proof) - BY_RAMP:
+        if unled := {*search.first.proof.broken_criteria} - BY_RAMP:
             screen = RunScreen(fitted_model=search.fitted_model, names=frozenset(unled)).with_failed(search.first.proof)
             kept = next((place for place in self.family.places() if self.keeps(place, screen)), own)
             yield from dict.fromkeys((self.bisect(kept, screen), kept) if kept != own else ())
@@ -459,7 +459,7 @@ class RedesignSearch:
             wound = tuple(self.wound)
             if wound and not self.dear and (found := self.unwound(wound) or self.calmed(wound)) is not None:
                 return found
-            overshoots = broken_names(self.first.proof) <= OF_WINDUP
+            overshoots = frozenset(self.first.proof.broken_criteria) <= OF_WINDUP
             if overshoots and not (wound or self.dear) and (found := self.unwound(())) is not None:
                 return found
         if self.dear:
@@ -570,7 +570,7 @@ class RedesignSearch:
         Bursts are tried without, and gains where they come last; a led setpoint without, too, as it may need no help.
         """
         helped = DesignChange() if self.best is None else self.best.frame
-        if frame.bursts_s or (frame == DesignChange() and broken_names(self.first.proof) <= OF_WINDUP):
+        if frame.bursts_s or (frame == DesignChange() and OF_WINDUP.issuperset(self.first.proof.broken_criteria)):
             yield frame
         elif frame.has_ramp or frame.has_boost:
             yield from dict.fromkeys(before.with_(frame) for before in (DesignChange(), self.calmer, helped))

@@ -22,7 +22,6 @@ from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.long_outage import OF_RANGE, briefly, unmended, winds_up, wound
 from heatertune.proof.nearest_specification import (
     both_that_pass,
-    broken_names,
     broken_told,
     limits_above,
     limits_that_pass,
@@ -293,7 +292,7 @@ class Suggestion:
         """Return how much of the band the calmest PWM of whole half-waves takes, and what is told of it."""
         proof, tolerance = self.first.proof, self.first.proof.limits.tolerance_degC
         calm = None if self.request.conditions.pwm_period_s else calmest_pwm(proof, self.fitted_model.plants)
-        if calm is None or "limit_cycle" not in broken_names(proof):
+        if calm is None or "limit_cycle" not in proof.broken_criteria:
             return 0.0, ""
         bursts = ""
         if proof.design is not None:  # a control without gains is not designed anew for them
@@ -308,7 +307,7 @@ class Suggestion:
     @property
     def _hopeless(self) -> str:
         """What is told where nothing that may be suggested passes."""
-        help_ = physical_help(sorted(broken_names(self.first.proof)))
+        help_ = physical_help(self.first.proof.broken_criteria)
         return "nothing that was tried passes, nor does any limit of up to twice its default" + (
             f"; changes to the heater would help: {help_}" if help_ else "")
 

@@ -1,31 +1,35 @@
-"""Trace and margins → criteria."""
+"""What a run amounts to by its trace: a second arithmetic beside the kernel's meter.
+
+The meter adds up stretch by stretch while the loop runs; this program takes the finished trace: extremes at all instants
+at which the temperature may turn, integrals of the exact answer, crossings by halving.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.heater.exact import advance
 from heatertune.pid.values import Margins
+from heatertune.plc.pwm import INSTANT_S
 from heatertune.proof.criteria import (
+    CRITERION,
     Criterion,
-    CriterionTable,
     LoopLimits,
     band_of,
     columns_of,
-    periods_at_rest,
+    criteria_of_words,
     phases_measured,
 )
-from heatertune.proof.interlock import Interlock
 from heatertune.proof.loop import plant_row
+from heatertune.proof.phase_statistics import CriterionTable
 from heatertune.proof.scenario import Phase, SetpointRampEvent
 from heatertune.proof.trace import Trace
 
-__all__ = ["judge", "of_words"]
-
 Array = npt.NDArray[np.float64]
+HALVINGS = 60  # of the time between two instants, until its ends are neighbours as numbers
 #: instants [s] and distances from the setpoint there [°C]
 Course = tuple[Array, Array]
 
@@ -49,15 +53,16 @@ def judge(
         step_power_pct: power that one step of the reading moves at once; None: it is not judged [%].
         where: label of the run.
     """
-    columns = columns_of(_measured(trace, limits), limits)
+    columns = columns_of(measured(trace, limits), limits)
     return (
         *(criterion for column in columns for criterion in column.criteria([where])),
-        *([_trips(trace, trace.interlock, where)] if trace.interlock is not None else ()),
-        *of_words(limits, margins, step_power_pct, where),
+        *([_trips(trace, where)] if trace.interlock is not None else ()),
+        *criteria_of_words(limits, margins, step_power_pct, where),
     )
 
 
-def _measured(trace: Trace, limits: LoopLimits) -> CriterionTable:
+def measured(trace: Trace, limits: LoopLimits) -> CriterionTable:
+    """Measure a trace."""
     scenario, period = trace.scenario, trace.actuator.pwm_period_s
     band, phases = band_of(limits, trace.resolution_degC), phases_measured(
         scenario, limits, float(trace.time_s[-1]), period)
@@ -85,9 +90,9 @@ def _phase(trace: Trace, number: int, phase: Phase, band: float) -> list[float]:
     times, error = _error(trace, phase, phase.begin_s)
     crossed = np.flatnonzero(error[1:] * error[:-1] < 0.0)
     level = np.full(len(crossed), phase.setpoint_degC)
-    zeros = trace.crossed_at(times[crossed], times[crossed + 1], level)
+    zeros = crossed_at(trace, times[crossed], times[crossed + 1], level)
     absolute = np.abs(_integrals(trace, phase, np.union1d(times, zeros))).sum()
-    settled = _stays_within(trace, phase, times, error, band)
+    settled = stays_within(trace, phase, times, error, band)
     lag = _lag(trace, number, times)
     return [float(error.max()), float(error.min()), float(absolute), settled, *_rest(trace, phase), lag]
 
@@ -106,7 +111,7 @@ def _rest(trace: Trace, phase: Phase) -> list[float]:
     return [float(_integrals(trace, phase, times).sum()), float(error.max()), float(error.min())]
 
 
-def _stays_within(trace: Trace, phase: Phase, times: Array, error: Array, band: float) -> float:
+def stays_within(trace: Trace, phase: Phase, times: Array, error: Array, band: float) -> float:
     """Return the instant after which |error| ≤ band [s], infinite where it ends outside."""
     outside = np.flatnonzero(np.abs(error) > band)
     if len(outside) == 0:
@@ -115,7 +120,7 @@ def _stays_within(trace: Trace, phase: Phase, times: Array, error: Array, band: 
     if last == len(times) - 1:
         return math.inf
     edge = np.array([phase.setpoint_degC + math.copysign(band, error[last])])
-    return float(trace.crossed_at(times[[last]], times[[last + 1]], edge).item())
+    return float(crossed_at(trace, times[[last]], times[[last + 1]], edge).item())
 
 
 def _integrals(trace: Trace, phase: Phase, times: Array) -> Array:
@@ -123,40 +128,36 @@ def _integrals(trace: Trace, phase: Phase, times: Array) -> Array:
     return trace.areas(times) - phase.setpoint_degC * np.diff(times)
 
 
+def crossed_at(trace: Trace, low_s: Array, high_s: Array, levels_degC: Array) -> Array:
+    """Return the instants at which the temperature is at some levels [s], all of one shape.
+
+    Args:
+        trace: of the run.
+        low_s: an instant of `Trace.course` before each [s].
+        high_s: the next one, after it [s].
+        levels_degC: what lies between the temperatures at both [°C].
+    """
+    since, y, x, target = trace._stretch_at(low_s)
+    lags = trace._lags()
+    above = advance(y, x, target, low_s - since, *lags) > levels_degC
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low_s + high_s)
+        if np.all((middle == low_s) | (middle == high_s)):
+            break
+        still = (advance(y, x, target, middle - since, *lags) > levels_degC) == above
+        low_s, high_s = np.where(still, middle, low_s), np.where(still, high_s, middle)
+    return high_s
+
+
 def _ripple(trace: Trace, phase: Phase, period: float) -> float:
     """Return the median peak to peak within one PWM period at rest [°C]."""
     times, error = _error(trace, phase, phase.rest_s)
-    number = np.minimum((times - phase.rest_s) / period, periods_at_rest(phase, period) - 1).astype(int)
+    periods = max(1, math.floor((phase.end_s - phase.rest_s) / period + INSTANT_S))  # the last one is as long as it takes
+    number = np.minimum((times - phase.rest_s) / period, periods - 1).astype(int)
     _, firsts = np.unique(number, return_index=True)
     return float(np.median(np.maximum.reduceat(error, firsts) - np.minimum.reduceat(error, firsts)))
 
 
-def _trips(trace: Trace, interlock: Interlock, where: str) -> Criterion:
-    return Criterion(
-        name="interlock_trips", value=float(math.isfinite(trace.cut_s)), limit=0.0, unit="1", where=where,
-        what=f"1 where the interlock {interlock.name}, limit {interlock.limit_degC:g} °C, "
-        "switched the heater off for good, else 0.",
-    )
-
-
-def of_words(
-    limits: LoopLimits, margins: Margins | None, step_power_pct: float | None, where: str = ""
-) -> Iterator[Criterion]:
-    """Return what needs no run: margins on a heater, and the power that one step of the reading moves at once [%]."""
-    if margins is not None:
-        yield Criterion(
-            name="stability", value=float(margins.stable), limit=1.0, unit="1", at_least=True, where=where,
-            what="1 where the linear loop of the words as realised is stable, else 0.")
-        yield Criterion(
-            name="ms", value=margins.ms, limit=limits.ms, unit="1", where=where,
-            what="Maximum sensitivity of the words as realised.")
-        yield Criterion(
-            name="gain_margin", value=margins.gain_margin, limit=limits.gain_margin, unit="1", at_least=True,
-            where=where, what="Factor by which the heater's gain may grow.")
-        yield Criterion(
-            name="phase_margin", value=margins.phase_margin_deg, limit=limits.phase_margin_deg, unit="°", at_least=True,
-            where=where, what="Phase that the loop may lose.")
-    if step_power_pct is not None:
-        yield Criterion(
-            name="step_power", value=step_power_pct, limit=limits.step_power_pct, unit="% of power", where=where,
-            what="Power that one step of the reading, or its noise where that is more, moves within one scan.")
+def _trips(trace: Trace, where: str) -> Criterion:
+    return CRITERION["interlock_trips"].criterion(
+        float(math.isfinite(trace.cut_s)), where=where, interlock=trace.interlock.name, limit_degC=f"{trace.interlock.limit_degC:g}")
