@@ -17,12 +17,13 @@ PLACEHOLDER: Final = "YOUR_HEATER"
 KLIPPER_HEATER: Final = OpenPoint(
     name="heater", means={UNKNOWN: 0, "extruder": 1, "heater_bed": 2, "heater_generic": 3},
     summary=("extruder", "heater_bed", "heater_generic"), shows=never,
-    reason="whose gains these are: the section of printer.cfg; while it is unknown the files name no heater of yours",
+    reason="heater that the gains belong to: the section of printer.cfg; if it is unknown, the exported files name "
+           "no heater",
 )
 MARLIN_HEATER: Final = OpenPoint(
     name="heater", means={UNKNOWN: 0, "hotend": 1, "bed": 2}, summary=("hotend", "bed"), shows=never,
-    reason="whose gains these are: M301 and DEFAULT_Kp of a hot end, or M304 and DEFAULT_bedKp of a bed; while it is "
-        "unknown the files have both as comments",
+    reason="heater that the gains belong to: M301 and DEFAULT_Kp of a hot end, or M304 and DEFAULT_bedKp of a bed; "
+           "if it is unknown, the exported files contain both as comments",
 )
 
 

@@ -28,7 +28,7 @@ class EspHomeAssumptions(NamedTuple):
 
     late: Annotated[bool, OpenPoint(
         name="calls", means={"on_time": False, "late": True},
-        reason="each reading of the sensor calls the PID: one each update_interval, or each tenth one is lost",
+        reason="each sensor reading calls the PID: one per update_interval, or every tenth reading is lost",
     )] = False
 
 

@@ -56,7 +56,7 @@ class ContCAssumptions(NamedTuple):
 
     rectangle: Annotated[bool, OpenPoint(
         name="integral", means={"trapezoid": False, "rectangle": True},
-        reason="whether the I part takes the mean of two errors or the last one",
+        reason="whether the I part uses the mean of two errors or the last one",
     )] = False
     whole_cycle: Annotated[bool, OpenPoint(
         name="derivative_lag", means={"half_cycle": False, "whole_cycle": True}, shows=lambda own: own[0].d_sel,
@@ -64,7 +64,7 @@ class ContCAssumptions(NamedTuple):
     )] = False
     only_held: Annotated[bool, OpenPoint(
         name="anti_windup", means={"taken_back": False, "held": True},
-        reason="whether an I part that alone leaves a limit is taken back to it, or only held there",
+        reason="whether an I part that exceeds a limit by itself is reset to the limit, or only stopped",
     )] = False
 
 

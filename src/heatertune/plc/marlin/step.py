@@ -31,14 +31,12 @@ class MarlinAssumptions(NamedTuple):
 
     avr: Annotated[bool, OpenPoint(
         name="timer", means={"1000hz": False, "977hz": True},
-        reason="frequency of the temperature timer, by which I and D are scaled: 1000 Hz, or 976.5625 Hz of an AVR of "
-            "16 MHz",
+        reason="frequency of the temperature timer, which scales I and D: 1000 Hz, or 976.5625 Hz on a 16 MHz AVR",
     )] = False
     inside: Annotated[bool, OpenPoint(
         name="history", means={"all": False, "inside": True},
-        reason="the reading before, of which D takes the change: that of every update (2.0, and again since March "
-               "2024), "
-            "or of the last one within the window, 0 at power-on (2.1.0 to 2.1.2)",
+        reason="previous reading for the D part: that of every update (2.0, and again since March 2024), or the "
+               "last one inside the window, 0 at power-on (2.1.0 to 2.1.2)",
     )] = False
     heater: Annotated[int, MARLIN_HEATER] = 0
 

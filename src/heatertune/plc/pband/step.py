@@ -31,13 +31,12 @@ class PbandAssumptions(NamedTuple):
     anti_windup: Annotated[int, OpenPoint(
         name="anti_windup", means={"held": HOLD, "tracking": WITHIN, "outside_band": OUTSIDE},
         shows=lambda own: own[0].growth != 0.0,
-        reason="what becomes of I at a limit: it does not go on in that direction; it is held so that K·e + I is "
-               "within "
-            "the limits; it is zero while the reading is outside the proportional band",
+        reason="I at a limit: it stops integrating in that direction; it is adjusted so that K·e + I stays within "
+               "the limits; or it is zero while the reading is outside the proportional band",
     )] = HOLD
     on_error: Annotated[bool, OpenPoint(
         name="derivative", means={"reading": False, "error": True}, shows=lambda own: own[0].slope != 0.0,
-        reason="whether D follows the reading alone, or the error, steps of the setpoint included",
+        reason="whether D acts on the reading alone, or on the error, including setpoint steps",
     )] = False
     slow: Annotated[bool, OpenPoint(
         name="derivative_lag", means={"eighth": False, "quarter": True}, shows=lambda own: own[0].slope != 0.0,
@@ -45,18 +44,18 @@ class PbandAssumptions(NamedTuple):
     )] = False
     filtered: Annotated[bool, OpenPoint(
         name="setpoint", means={"as_it_is": False, "filtered": True}, shows=lambda own: own[0].follows > 0.0,
-        reason="whether the setpoint goes through the filter of a 2-PID, which begins at the first reading; α as the "
-            "words have it, 0.65 where they have none",
+        reason="whether the setpoint passes through the filter of a 2-PID, which starts at the first reading; α as "
+               "in the parameters, or 0.65 if they have none",
     )] = False
     whole: Annotated[bool, OpenPoint(
         name="arithmetic", means={"float": False, "integer": True},
-        reason="floating point; or I in 32 bits, in steps of 100 %/(100·2^24) that cut, and the output in steps of 0.1 "
-               "%",
+        reason="floating point; or I in 32 bits, truncated to steps of 100 %/(100·2^24), and the output in steps of "
+               "0.1 %",
     )] = False
     displayed: Annotated[bool, OpenPoint(
         name="reading", means={"fine": False, "display": True}, shows=lambda own: own[0].tenth > 1.0,
-        reason="whether the law sees the input's own steps, or setpoint and reading rounded to 0.1 °C as the display "
-               "does",
+        reason="whether the controller uses the full resolution of the input, or setpoint and reading rounded to "
+               "0.1 °C as displayed",
     )] = False
 
 

@@ -52,23 +52,24 @@ class PidCompactAssumptions(NamedTuple):
 
     anti_windup: Annotated[int, OpenPoint(
         name="anti_windup", means={"stopped": STOPPED, "late": LATE, "limited": LIMITED, "clamped": CLAMPED},
-        reason="what stops I at a limit: no step that leads further out, judged by the sum of this cycle (stopped) or "
-               "of "
-            "the one before (late); and I within the limits too (limited); or P + I within them (clamped)",
+        reason="how I is stopped at a limit: it makes no step further beyond the limit, judged by the sum of this "
+               "cycle (stopped) or of the previous one (late); it is also clamped to the limits (limited); or P + I "
+               "is clamped to them (clamped)",
     )] = STOPPED
     integral: Annotated[int, OpenPoint(
         name="integral", means={"backward": NEW, "forward": OLD, "trapezoid": MEAN},
-        reason="whether I takes the error of this cycle, of the one before, or the mean of both",
+        reason="error that I integrates: that of this cycle, that of the previous one, or the mean of both",
     )] = NEW
     lag: Annotated[int, OpenPoint(
         name="derivative_lag", means={"backward": BACKWARD, "tustin": TUSTIN, "ramp": RAMP, "step": STEP},
         shows=lambda own: own[0].past != 0.0 or own[0].kick != 0.0,
-        reason="how the lag a·TD is sampled: its share of the past is a·TD/(a·TD + T), (a·TD − T/2)/(a·TD + T/2), or "
-            "exp(−T/(a·TD)), so that D is exact for a reading that runs in straight lines (ramp) or in steps (step)",
+        reason="discretisation of the lag a·TD: the weight of its previous value is a·TD/(a·TD + T), (a·TD − "
+               "T/2)/(a·TD + T/2), or exp(−T/(a·TD)), the last exact for a reading that changes linearly (ramp) or "
+               "in steps (step)",
     )] = BACKWARD
     zero_history: Annotated[bool, OpenPoint(
         name="history", means={"present": False, "zero": True},
-        reason="what the first cycle in automatic takes for the one before: its own reading, or zeros, so that D kicks",
+        reason="previous values in the first automatic cycle: its own reading, or zeros, so that D kicks",
     )] = False
 
 

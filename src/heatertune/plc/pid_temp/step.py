@@ -69,15 +69,14 @@ class CoolingAssumptions(NamedTuple):
     zero_history: Annotated[bool, _OPEN["zero_history"]] = False
     cools: Annotated[int, OpenPoint(
         name="parameter_set", means={"now": NOW, "output": OUTPUT, "both": BOTH},
-        reason="by what the block decides which set acts: this cycle's sum of heating's, formed anew with cooling's "
-               "where "
-            "it is negative (now); the output of the cycle before, at 0 the control deviation (output); it changes "
-            "once output and deviation are both of the other side (both)",
+        reason="how the block selects the parameter set: by this cycle's sum with the heating set, recalculated "
+               "with the cooling set if negative (now); by the output of the previous cycle, or the control "
+               "deviation if that is 0 (output); or only when both output and deviation have changed sign (both)",
     )] = NOW
     before_gain: Annotated[bool, OpenPoint(
         name="integral_kept", means={"percent": False, "error": True},
-        reason="what of I stays where the set changes: its part of the output (percent), or what stands before Kp "
-               "(error)",
+        reason="what is kept of I when the set changes: its contribution to the output (percent), or its value "
+               "before the multiplication by Kp (error)",
     )] = False
 
 

@@ -73,11 +73,11 @@ class Ob251Assumptions(NamedTuple):
     )] = False
     flag_of_same_call: Annotated[bool, OpenPoint(
         name="integral_off", means={"previous_call": False, "same_call": True},
-        reason='"at a limit" of which call takes the integral action out',
+        reason="whether the limit of the previous call or of the same call switches the integral action off",
     )] = False
     inward_allowed: Annotated[bool, OpenPoint(
         name="integral_inward", means={"off": False, "on": True},
-        reason="whether integral action that leads back from the limit stays on; the manual gives no direction",
+        reason="whether integral action that moves away from the limit stays on; the manual gives no direction",
     )] = False
     whole_increments: Annotated[bool, OpenPoint(
         name="rounding", means={"fraction_kept": False, "whole_increments": True},
@@ -89,24 +89,25 @@ class Ob251Assumptions(NamedTuple):
     )] = False
     flag_in_manual: Annotated[bool, OpenPoint(
         name="manual_flag", means={"clear": False, "by_output": True}, in_manual=True,
-        reason="whether a call in manual leaves the limit flag clear, or as YA stands",
+        reason="whether a call in manual clears the limit flag, or sets it according to YA",
     )] = False
     sum_outlives_velocity: Annotated[bool, OpenPoint(
         name="velocity_return", means={"last_increment": False, "sum_kept": True}, in_manual=True,
-        reason="from what a change from velocity to position goes on; the 928B's DB has one word for Y_{k−1} and "
-               "dY_{k−1}",
+        reason="starting value after a change from velocity to position form; the 928B's DB has one word for "
+               "Y_{k−1} and dY_{k−1}",
     )] = False
     fraction_in_manual: Annotated[bool, OpenPoint(
         name="manual_way", means={"whole": False, "fraction_kept": True}, in_manual=True,
-        reason="whether each halving on the way to YH is cut to whole units, which a return on the way alone shows",
+        reason="whether each halving step towards YH is truncated to whole units; visible only if automatic returns "
+               "before YH is reached",
     )] = False
     approach_begins_anew: Annotated[bool, OpenPoint(
         name="manual_count", means={"outlives": False, "begins_anew": True}, in_manual=True,
-        reason="whether the count of the four calls outlives HANDART and GESCHW",
+        reason="whether the count of the four calls survives a change of HANDART or GESCHW",
     )] = False
     retained: Annotated[bool, OpenPoint(
         name="start_up", means={"cleared": False, "retained": True}, chosen=True,
-        reason="your choice: whether OB21 and OB22 clear DW18 to DW48, or leave there what a battery kept",
+        reason="your choice: whether OB21 and OB22 clear DW18 to DW48, or keep the values that the battery retained",
     )] = False
 
 

@@ -40,15 +40,13 @@ class S7200PaperAssumptions(NamedTuple):
     )] = False
     stops_at_rails: Annotated[bool, OpenPoint(
         name="rails", means={"edges_stop": True, "edges_go_on": False},
-        reason="whether a width of 0 or of the whole cycle gives no edge, so no update: by the manual it is "
-               "permanently "
-            "off or on, but the paper's logs come back from there",
+        reason="whether a width of 0 or of the whole cycle gives no edge and so no update: the manual says that the "
+               "output then stays off or on, but the paper's logs recover from it",
     )] = True
     loads_cycle: Annotated[bool, OpenPoint(
         name="cycle_time", means={"loaded": True, "never_loaded": False},
-        reason="whether PLS takes the cycle time: by the manual 16#CA in SMB67 does not load it, but the paper's "
-               "heater "
-            "ran",
+        reason="whether PLS loads the cycle time: the manual says that 16#CA in SMB67 does not, but the paper's "
+               "heater worked",
     )] = True
 
 

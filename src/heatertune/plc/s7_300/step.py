@@ -39,11 +39,12 @@ class PidTipAssumptions(NamedTuple):
 
     truncates: Annotated[bool, OpenPoint(
         name="conversion", means={"rnd": False, "trunc": True},
-        reason="whether OUT is rounded (halves to even) or cut when it becomes an INT",
+        reason="whether OUT is rounded (halves to even) or truncated when it is converted to an INT",
     )] = False
     bias_always_clamped: Annotated[bool, OpenPoint(
         name="bias_clamp", means={"adjusted": False, "always": True},
-        reason='the document clamps "the adjusted bias": whether one that was not adjusted is clamped to 0…1 as well',
+        reason='the document clamps "the adjusted bias": whether a bias that was not adjusted is clamped to 0…1 as '
+               'well',
     )] = False
     starts_at_zero: Annotated[bool, OpenPoint(
         name="first_reading", means={"taken": False, "zero": True}, shows=lambda own: own[0].rate != 0.0,

@@ -26,7 +26,7 @@ class SimplePidAssumptions(NamedTuple):
 
     late: Annotated[bool, OpenPoint(
         name="calls", means={"on_time": False, "late": True},
-        reason="the loop calls on time, or each tenth time after twice the interval, which it measures",
+        reason="calls come on time, or every tenth call comes after twice the interval, which the loop measures",
     )] = False
 
 

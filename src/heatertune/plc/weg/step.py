@@ -40,37 +40,38 @@ class WegAssumptions(NamedTuple):
 
     anti_windup: Annotated[int, OpenPoint(
         name="anti_windup", means={"clamp": CLAMP, "freeze": FREEZE, "none": SUM_ON},
-        reason="what becomes of i at a limit: held so that Kp·e + i is within the limits; kept as it was; summed on",
+        reason="i at a limit: adjusted so that Kp·e + i stays within the limits; frozen; or still integrated",
     )] = CLAMP
     manual_unlimited: Annotated[bool, OpenPoint(
         name="manual", means={"limited": False, "unlimited": True}, shows=never,
-        reason="whether ManualSetPoint is held within MinimumOutput and MaximumOutput",
+        reason="whether ManualSetPoint is limited to MinimumOutput…MaximumOutput",
     )] = False
     bumpless: Annotated[bool, OpenPoint(
         name="manual_return", means={"held": False, "bumpless": True}, shows=never,
-        reason="while ManualSetPoint is the output: filter, e(k−1) and i wait; or follow, i being Output − Kp·e",
+        reason="while ManualSetPoint is the output: filter, e(k−1) and i are frozen, or they track, with i = Output "
+               "− Kp·e",
     )] = False
     exact_filter: Annotated[bool, OpenPoint(
         name="filter", means={"implicit": False, "exact": True}, shows=lambda own: own[0].share != 1.0,
-        reason="share of the way per call: Ts/(Tau + Ts), or 1 − exp(−Ts/Tau)",
+        reason="weight of the new value per call: Ts/(Tau + Ts), or 1 − exp(−Ts/Tau)",
     )] = False
     by_parts: Annotated[bool, OpenPoint(
         name="order", means={"as_printed": False, "by_parts": True},
-        reason="order of the operations, each of which rounds: the printed bracket, or (P + I) + D",
+        reason="order of the rounded operations: the printed parentheses, or (P + I) + D",
     )] = False
     runs_at_once: Annotated[bool, OpenPoint(
         name="edge", means={"output_zero": False, "runs_at_once": True},
-        reason="whether the scan of EN's positive edge ends with Output zero, or goes on to compute it",
+        reason="whether the scan with the positive edge of EN ends with Output zero, or calculates Output",
     )] = False
     zero_history: Annotated[bool, OpenPoint(
         name="history", means={"present": False, "zero": True},
-        reason="at that edge: filter at SetPoint and e(k−1) = e(k), or both zero; i is zero either way",
+        reason="at this edge: filter at SetPoint and e(k−1) = e(k), or both zero; i is zero in either case",
     )] = False
     sampling: Annotated[int, OpenPoint(
         name="sampling", means={"caller": CALLER, "skipped": SKIPPED, "block": BLOCK}, summary=("skipped", "block"),
-        reason="who keeps Ts: the caller; or the block (block), which then may skip every second call of a program "
-               "that "
-            "calls it each Ts (skipped): the exported one finds out, and calls it each scan",
+        reason="who keeps Ts: the caller; or the block, which is called each scan (block) or may skip every second "
+               "call of a program that calls it each Ts (skipped). The exported program detects this and then calls "
+               "the block each scan",
     )] = CALLER
 
 

@@ -19,7 +19,7 @@ _ADJUSTMENT_0: Final = cell("SMB28", 1).start
 
 WIDTH_APPLIES: Final = OpenPoint(
     name="width_applies", means={"this_cycle": False, "next_cycle": True},
-    reason="whether a width written at the start of a PWM cycle shapes that cycle or the one after",
+    reason="whether a width written at the start of a PWM cycle applies to that cycle or to the next one",
 )
 
 
