@@ -105,7 +105,7 @@ def test_nothing_said_on_the_command_line_is_nothing_said_in_python(kind):
 
 def test_every_flag_of_a_design_is_one_field_and_reaches_it():
     told = ["--setpoint=50", "--pwm-period=8", "--minimum-on=0.5", "--pwm-rule=pulsegen", "--accept=a", "--accept=b",
-            "--switch=rounding=floor", "--ambient", "19", "21", "--until=30", "--sample-time=words", "--ms=1.4"]
+            "--assume=rounding=floor", "--ambient", "19", "21", "--until=30", "--sample-time=words", "--ms=1.4"]
     given = parser().parse_args(["design", "table4", "--target", "weg", "--out", "o", *told])
     assert options.of(Conditions, given) == Conditions(
         setpoint_degC=50.0, pwm_period_s=8.0, minimum_on_s=0.5, pwm_rule="pulsegen", accept=("a", "b"),

@@ -221,7 +221,7 @@ class WordSettings:
              "limits (default: auto; of parameters, as they are)")
     as_is: bool = option(
         False, bool, "keep the plain design, even if other gains, another PWM or TA, a boost or a ramp would pass",
-        flag="--as-is")
+        flag="--no-redesign")
 
     def __post_init__(self) -> None:
         validate_options(self)
@@ -381,7 +381,7 @@ class Conditions:
         None, "instant at which its fan fails", "--fan-stops", needs="interlock",
         help="time at which the fan of the interlock fails [s]")
     switches: Mapping[str, str] = option(
-        {}, dict, "settings of open points", flag="--switch", metavar="NAME=SETTING",
+        {}, dict, "settings of open points", flag="--assume", metavar="NAME=SETTING",
         help="known setting of an open point; also of a choice that the export follows (see: heatertune targets); may "
              "be repeated")
 

@@ -170,7 +170,7 @@ def design_in(folder):
     assert command(["tune", *heater, "-o", pid, "--quiet"]) == 0
     assert command(["export-db", pid, *asked, "-o", str(folder)]) == 0
     with contextlib.redirect_stdout(io.StringIO()):
-        assert command(["supervise", pid, *asked, "--samples", "20", "--broken", "1", "-o", str(folder / "monitor")]) == 0
+        assert command(["supervise", pid, *asked, "--samples", "20", "--faults-per-kind", "1", "-o", str(folder / "monitor")]) == 0
     return folder / "monitor" / "supervision.json"
 
 
@@ -207,7 +207,7 @@ def run(folder, monitor, protocol, heater, drops, chance, log, *, counted=True):
         said, before = io.StringIO(), 0 if counted else plc.plc.intervals
         try:
             with contextlib.redirect_stdout(said), contextlib.nullcontext() if counted else uncounted(RATES[protocol]):
-                command(["watch", url, "--design", str(folder), "--monitor", str(monitor), "-o", str(log), "--for",
+                command(["watch", url, "--design", str(folder), "--monitor", str(monitor), "-o", str(log), "--duration",
                                   f"{SCANS * plc.scan_s}", "--quiet", "--json"])
         finally:
             proxy.close()

@@ -151,8 +151,8 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=200)
-    parser.add_argument("--as-is", action="store_true")
-    parser.add_argument("--switch", action="append", default=[], metavar="NAME=SETTING")
+    parser.add_argument("--no-redesign", action="store_true")
+    parser.add_argument("--assume", action="append", default=[], metavar="NAME=SETTING")
     settings = parser.parse_args()
     os.environ["HEATERTUNE_CACHE"] = ""
     known, lines = dict(text.split("=") for text in settings.switch), []

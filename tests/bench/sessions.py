@@ -99,7 +99,7 @@ KINDS = {
         pid=_of_ob251),
     # the block's interface in the manual's order from register 0 on, a REAL in two registers
     "weg": Kind(
-        ways={"modbus": "/1"}, more=("--switch", "anti_windup=clamp"),
+        ways={"modbus": "/1"}, more=("--assume", "anti_windup=clamp"),
         places=_reals(16, "MinimumOutput", "MaximumOutput", "Kp", "Ki", "Kd", "TauSetPoint")
         | {"Type": (40, ">H"), "Action": (42, ">H"), "Ts": (44, ">H")},
         shown=((12, ">f", 1.0), (48, ">f", 1.0), (2, ">f", 1.0)),

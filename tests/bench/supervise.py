@@ -206,7 +206,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", default=[], help=f"of {', '.join(HEATERS)}")
     parser.add_argument("--samples", type=int, default=10_000)
-    parser.add_argument("--broken", type=int, default=1000)
+    parser.add_argument("--faults-per-kind", type=int, default=1000)
     parser.add_argument("--kalico", help="folder of Kalico's package")
     settings = parser.parse_args()
     logging.disable(logging.CRITICAL)  # what Klipper's rule says of each machine

@@ -115,7 +115,7 @@ def test_the_heater_that_is_the_hardest_in_a_part_of_the_range_is_found_where_it
         # full power in time where a width applies a cycle of 32 s late; the judge sees it
         assert [finding.name for finding in design.proof.diagnostics.findings] == ["low-outage"]
         assert most(low_overshoots) > 1.0
-        assert design.passes_with == ("--switch", "width_applies=this_cycle")
+        assert design.passes_with == ("--assume", "width_applies=this_cycle")
         design = find_passing_design(fitted, replace(wanted, conditions=replace(wanted.conditions, switches={"width_applies": "this_cycle"})))
     else:
         # a few degrees above the room an open circuit overshoots by more than at 20.2 °C, which the room nearly has; the judge sees it

@@ -208,7 +208,7 @@ def test_where_an_open_point_is_the_cause_the_verdict_names_the_setting_that_wou
     found = find_passing_design(model_by_hand(plant), asked)
     # DIFFERENCES.md of weg: "none" sums on at a limit, so an open circuit winds up without end
     assert passing_settings(found.proof) == {"anti_windup": ("clamp", "freeze")}
-    told = "would pass with --switch anti_windup=clamp"
+    told = "would pass with --assume anti_windup=clamp"
     assert found.proof.verdict == "FAIL"
     assert any(told in remark for remark in found.proof.diagnostics.remarks)
     known = replace(asked, conditions=replace(asked.conditions, switches={"anti_windup": "clamp"}))

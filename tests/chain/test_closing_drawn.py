@@ -114,8 +114,8 @@ def test_a_setting_that_is_what_the_samples_fail_for_is_named_with_what_would_pa
     heard(lambda settings, _: [80 if setting.switches["anti_windup"] == "none" else 100 for setting in settings])
     found = closed_on_samples(HEATER, ASKED)
     assert found.proof.verdict == "FAIL"
-    assert found.passes_with == ("--switch", "anti_windup=clamp")
-    assert found.proof.diagnostics.remarks[-1] == "would pass with --switch anti_windup=clamp: find out what this controller does"
+    assert found.passes_with == ("--assume", "anti_windup=clamp")
+    assert found.proof.diagnostics.remarks[-1] == "would pass with --assume anti_windup=clamp: find out what this controller does"
 
 
 @pytest.mark.parametrize("changed", [

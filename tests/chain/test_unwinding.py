@@ -53,8 +53,8 @@ def test_a_night_is_tried_under_every_setting_and_the_way_on_names_the_one_that_
     # the judge in C, which has the circuit open for up to 40 TN, sees it under that setting alone
     wound = [setting["anti_windup"] for setting in SETTINGS if broken(library, HEATER, held, setting, 0)]
     assert set(wound) == {"none"}
-    assert held.passes_with == ("--switch", "anti_windup=clamp")
-    assert "would pass with --switch anti_windup=clamp" in held.proof.diagnostics.remarks[-1]
+    assert held.passes_with == ("--assume", "anti_windup=clamp")
+    assert "would pass with --assume anti_windup=clamp" in held.proof.diagnostics.remarks[-1]
     known = replace(ASKED.conditions, switches={"anti_windup": "clamp"})
     assert find_passing_design(model_by_hand(HEATER), replace(ASKED, boost="none", conditions=known)).proof.verdict == "PASS"
 
@@ -220,6 +220,6 @@ def test_where_nothing_mends_what_winds_up_under_one_setting_it_is_the_one_to_fi
     request = DesignRequest(target="weg", scaling=Scaling())
     found = find_passing_design(fitted, request)
     assert {run[1]["anti_windup"] for run in found.proof.nights["winds-up"]} == {"none"}
-    assert found.passes_with == ("--switch", "anti_windup=clamp")  # DIFFERENCES.md of weg: "none" sums on at a limit
+    assert found.passes_with == ("--assume", "anti_windup=clamp")  # DIFFERENCES.md of weg: "none" sums on at a limit
     known = replace(request, conditions=replace(request.conditions, switches={"anti_windup": "clamp"}))
     assert find_passing_design(fitted, known).proof.verdict == "PASS"

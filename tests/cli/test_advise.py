@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-KNOWN = ("--switch", "anti_windup=clamp")
+KNOWN = ("--assume", "anti_windup=clamp")
 HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
 
 
@@ -128,15 +128,15 @@ def test_a_step_that_raises_what_it_should_lower_is_worse(run, response, by_hand
 
 @pytest.mark.long
 def test_a_failure_that_hangs_on_what_the_manual_leaves_open_says_what_to_find_out(run, response, pid):
-    # the same design passes above, where --switch says how the block's I part behaves at a limit
+    # the same design passes above, where --assume says how the block's I part behaves at a limit
     status, out, _ = run("advise", response(), "--pid", pid, "--quiet")
     assert status == 1
-    assert "find out what this controller does, and state it with --switch anti_windup=clamp." in out
+    assert "find out what this controller does, and state it with --assume anti_windup=clamp." in out
 
 
 @pytest.mark.long
 def test_a_step_that_helps_but_fails_is_not_the_best(run, response, by_hand):
-    known = ("--switch", "sampling=caller")
+    known = ("--assume", "sampling=caller")
     document = json.loads(run("advise", response(lag_s=280.0), "--pid", by_hand, *known, "--json", "--quiet")[1])
     assert document["symptom"] == "SLOW"
     before, kp, ki, *_ = document["cases"]
@@ -162,7 +162,7 @@ def test_the_papers_tables_are_told_apart(run, by_hand):
     _, out, _ = run("advise", "table3", "--pid", by_hand, "--setpoint", 53.3, "--quiet")
     assert out.startswith("table3: bad: creeps")
     assert "(1) Kp +50 %" in out
-    status, out, _ = run("advise", "table4", "--pid", by_hand, "--setpoint", 53.3, "--switch", "anti_windup=clamp")
+    status, out, _ = run("advise", "table4", "--pid", by_hand, "--setpoint", 53.3, "--assume", "anti_windup=clamp")
     assert out.startswith("table4: almost good, but the overshoot is a bit high")
     assert "nothing changes" in out, "the design has no D part that step (3) could change"
     assert "settled: 900 s" in out

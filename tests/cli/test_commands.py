@@ -214,16 +214,16 @@ def test_the_s7_200_exports_its_program_and_on_request_the_papers_with_its_fault
     by_target = ("export-db", by_hand, "--target", "s7-200", *short)
     assert run(*by_target, "-o", tmp_path / "out")[0] == 0
     assert {"s7_200_program.awl", "data"} == {path.name for path in (tmp_path / "out").iterdir()}
-    status, _, err = run(*by_target, "--faithful", "-o", tmp_path / "paper")
+    status, _, err = run(*by_target, "--as-printed", "-o", tmp_path / "paper")
     assert (status, "FAIL" in err, (tmp_path / "paper").exists()) == (1, True, False)
-    assert run(*by_target, "--faithful", "--force", "-o", tmp_path / "paper")[0] == 0
+    assert run(*by_target, "--as-printed", "--force", "-o", tmp_path / "paper")[0] == 0
     text = (tmp_path / "paper" / "s7_200_paper.awl").read_text()
     assert "FORCED" in text
     faults = json.loads((tmp_path / "paper" / "data" / "proof.json").read_text())["faults"]
     assert len(faults) >= 4
     assert all(f"// fault: {fault}" in text for fault in faults)
-    assert "fault: SMB67 = 16#CA" in run("verify", by_hand, "--target", "s7-200", *short, "--faithful", "--verbose")[1]
-    status, _, err = run("verify", by_hand, "--target", "s5-ob251", "--setpoint", 40, "--faithful")
+    assert "fault: SMB67 = 16#CA" in run("verify", by_hand, "--target", "s7-200", *short, "--as-printed", "--verbose")[1]
+    status, _, err = run("verify", by_hand, "--target", "s5-ob251", "--setpoint", 40, "--as-printed")
     assert (status, "s7-200" in err) == (2, True)
 
 
@@ -267,15 +267,15 @@ def test_an_open_point_that_is_known_of_a_controller_is_not_varied(run, by_hand,
     conditions = ("--target", "weg", "--setpoint", 40, "--json")
     status, out, _ = run("verify", by_hand, *conditions)
     assert (status, json.loads(out)["verdict"]) == (1, "FAIL"), "a block without anti-windup overshoots"
-    status, out, _ = run("verify", by_hand, *conditions, "--switch", "anti_windup=clamp")
+    status, out, _ = run("verify", by_hand, *conditions, "--assume", "anti_windup=clamp")
     document = json.loads(out)
     assert (status, document["stated_settings"]) == (0, {"anti_windup": "clamp"})
     assert {each["switches"]["anti_windup"] for each in document["runs"]} == {"clamp"}
     assert {each["switches"]["filter"] for each in document["runs"]} == {"implicit", "exact"}
-    assert run("export-db", by_hand, *conditions, "--switch", "anti_windup=clamp", "-o", tmp_path)[0] == 0
+    assert run("export-db", by_hand, *conditions, "--assume", "anti_windup=clamp", "-o", tmp_path)[0] == 0
     assert "assumed: anti_windup = clamp" in (tmp_path / "weg_pid_block.st").read_text()
     for wrong, named in (("anti_windup", "NAME=SETTING"), ("windup=clamp", "unknown switch"), ("filter=none", "implicit, exact")):
-        status, _, err = run("verify", by_hand, *conditions, "--switch", wrong)
+        status, _, err = run("verify", by_hand, *conditions, "--assume", wrong)
         assert (status, named in err) == (2, True)
 
 

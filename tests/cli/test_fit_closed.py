@@ -48,7 +48,7 @@ def test_a_known_controller_gives_the_heater_and_the_table_of_its_open_points(ru
     assert document["dead_time_s"] == pytest.approx(25.0, abs=4.0)
     assert len(document["hypotheses"]) > 2
     assert any("Closed again in simulation" in note for note in document["notes"])
-    status, out, _ = run(*given, "--switch", "integral=rectangle")
+    status, out, _ = run(*given, "--assume", "integral=rectangle")
     assert status == 0
     assert "fb41, integral = rectangle replayed" in out
     assert "fb41 replayed" not in out
@@ -80,7 +80,7 @@ def test_two_logs_give_one_heater_and_the_fit_of_each(run):
 @pytest.mark.parametrize(("arguments", "told"), [
     (("table3", "--words", "words.json"), "--words needs --controller"),
     (("table3", "--setpoint", 50), "--setpoint needs --controller"),
-    (("table3", "--switch", "a=b"), "--switch needs --controller"),
+    (("table3", "--assume", "a=b"), "--assume needs --controller"),
     (("table3", "--controller", "fb41"), "needs --words"),
     (("table3", "--controller", "fb42", "--words", "words.json"), "unknown target 'fb42'"),
     (("table3", "table4", "--controller", "fb41", "--words", "words.json"), "takes one log"),

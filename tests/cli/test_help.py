@@ -6,7 +6,7 @@ import re
 import pytest
 
 from heatertune.cli import parser
-from heatertune.cli.command_table import FIRST_OPTIONS
+from heatertune.cli.command_table import FIRST_OPTIONS, current_options
 
 #: a terminal as it opens
 LINES, COLUMNS = 24, 80
@@ -74,3 +74,18 @@ def test_an_error_of_an_option_leads_to_the_help_that_shows_it(arguments, error,
     command, layer = re.search(r"heatertune (\w+) (--help[-a-z]*)\)", error).groups()
     said = printed(run, capsys, command, layer)
     assert all(flag in said for flag in re.findall(r"(?:mean |argument |/)(--[a-z-]+)", error))
+
+
+@pytest.mark.parametrize(("given", "now"), [
+    (["design", "a.csv", "--switch", "calls=late", "--as-is"], ["design", "a.csv", "--assume", "calls=late", "--no-redesign"]),
+    (["decode", "x", "--faithful", "--switch=a=b"], ["decode", "x", "--as-printed", "--assume=a=b"]),
+    (["supervise", "--broken", "9"], ["supervise", "--faults-per-kind", "9"]),
+    (["write", "out", "--yes", "12345678", "--most-writes=5"], ["write", "out", "--confirm", "12345678", "--max-writes=5"]),
+    (["rollback", "r.jsonl", "--yes=1234"], ["rollback", "r.jsonl", "--confirm=1234"]),
+    (["record", "--for", "9", "--every", "2"], ["record", "--duration", "9", "--interval", "2"]),
+    (["experiment", "--yes"], ["experiment", "--yes"]), ([], [])])
+def test_options_of_earlier_releases_are_understood_and_not_listed(given, now):
+    """The names are those of release 0.8.0."""
+    assert current_options(given) == now
+    renamed = {each.partition("=")[0] for each in given} - {each.partition("=")[0] for each in now}
+    assert not any(renamed & flags_of(_COMMANDS[name]) for name in given[:1])

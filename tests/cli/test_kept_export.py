@@ -39,7 +39,7 @@ def test_an_export_is_kept_for_the_same_words_heater_and_conditions_alone(run, p
     assert _files(tmp_path / "a") == _files(tmp_path / "b")
     assert first[1].replace(str(tmp_path / "a"), "") == again[1].replace(str(tmp_path / "b"), "")
     for more in (("--setpoint", 41), ("--gain", 0.81, *HAND[2:]), ("--limit", "overshoot=29%"), ("--force",),
-                 ("--switch", "limit=exceeded")):
+                 ("--assume", "limit=exceeded")):
         before = len(proofs)
         run(*asked, *more, "-o", tmp_path / "c")
         assert len(proofs) == before + 1, more

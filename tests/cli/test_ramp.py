@@ -6,8 +6,8 @@ import re
 import pytest
 
 HAND = ("--gain", 0.8, "--time-constant", 480, "--dead-time", 60, "--ambient", 22)
-CONDITIONS = ("--target", "weg", "--setpoint", 40, "--switch", "order=as_printed", "--switch", "edge=output_zero",
-              "--switch", "anti_windup=clamp", "--switch", "manual=limited", "--switch", "manual_return=held", "--switch", "filter=implicit",
+CONDITIONS = ("--target", "weg", "--setpoint", 40, "--assume", "order=as_printed", "--assume", "edge=output_zero",
+              "--assume", "anti_windup=clamp", "--assume", "manual=limited", "--assume", "manual_return=held", "--assume", "filter=implicit",
               # what an open circuit leaves behind is mended by a holdback, which a rate of one's own has not
               "--limit", "reheat-overshoot=90%")
 

@@ -8,7 +8,7 @@ from scipy.stats import beta
 HAND = ("--gain", 0.37, "--time-constant", 167, "--dead-time", 12, "--ambient", 22)
 #: all that the manual leaves open: one setting, so all samples are of one controller
 KNOWN = tuple(part for setting in ("sum=unlimited", "integral_off=previous_call", "integral_inward=off", "rounding=fraction_kept")
-              for part in ("--switch", setting))
+              for part in ("--assume", setting))
 PROOF = ("--target", "s5-ob251", "--setpoint", 40, "--noise", 0.05, *HAND, "--json")
 
 
@@ -91,7 +91,7 @@ def test_a_sample_runs_under_the_switches_that_are_named(run, by_hand):
     given = tuple("weg" if each == "s5-ob251" else each for each in PROOF)
     found = []
     for way in ("clamp", "none"):
-        each = (*given, "--switch", f"anti_windup={way}")
+        each = (*given, "--assume", f"anti_windup={way}")
         sampled = json.loads(run("verify", by_hand, *each, "--samples", 1, "--seed", 7)[1])["samples"]["criteria"]
         replayed = json.loads(run("verify", by_hand, *each, "--replay", 7)[1])["criteria"]
         assert abs(sampled["iae"]["worst"] - replayed["iae"]["value"]) <= 1e-9 * replayed["iae"]["value"]

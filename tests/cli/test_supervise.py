@@ -25,7 +25,7 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("hot")
     assert main([str(word) for word in ("tune", *HOT, "--quiet", "-o", folder / "pid.json")]) == 0
     assert main([str(word) for word in ("supervise", folder / "pid.json", "--target", "s5-ob251", "--least-noise", 0.05, "--samples", 100,
-                                        "--broken", 20, "--quiet", "-o", folder)]) == 0
+                                        "--faults-per-kind", 20, "--quiet", "-o", folder)]) == 0
     return json.loads((folder / "pid.json").read_text()), json.loads((folder / "supervision.json").read_text()), folder
 
 

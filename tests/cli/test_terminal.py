@@ -179,12 +179,12 @@ def test_names_are_taken_in_any_case():
 
 
 def test_a_command_is_given_again_with_what_makes_it_pass():
-    given = ("design", "x.csv", "--limit", "overshoot=1%", "--tolerance=2", "--limit", "ms=1.6", "--switch", "a=b")
+    given = ("design", "x.csv", "--limit", "overshoot=1%", "--tolerance=2", "--limit", "ms=1.6", "--assume", "a=b")
     assert again(given, ("--tolerance", "3")) == (
-        "heatertune", "design", "x.csv", "--limit", "overshoot=1%", "--limit", "ms=1.6", "--switch", "a=b",
+        "heatertune", "design", "x.csv", "--limit", "overshoot=1%", "--limit", "ms=1.6", "--assume", "a=b",
         "--tolerance", "3")
     assert again(given, ("--limit", "overshoot=5%")) == (
-        "heatertune", "design", "x.csv", "--tolerance=2", "--limit", "ms=1.6", "--switch", "a=b",
+        "heatertune", "design", "x.csv", "--tolerance=2", "--limit", "ms=1.6", "--assume", "a=b",
         "--limit", "overshoot=5%")
     assert again(given, ()) == ()
     for asked in (("--setpoint", "58", "104"), ("--setpoint=104",), ("--setpoint", "104")):
@@ -261,7 +261,7 @@ def test_a_result_that_cannot_be_written_is_no_fault_of_the_program(monkeypatch)
 @pytest.mark.long
 def test_the_status_of_words_that_fail_is_1_whoever_reads_on(tmp_path):
     heater = ("--gain", "0.5", "--time-constant", "120", "--dead-time", "10", "--ambient", "20")
-    limits = ("--target", "weg", "--limit", "settling=1 s", "--as-is", "-o", str(tmp_path / "pid.json"))
+    limits = ("--target", "weg", "--limit", "settling=1 s", "--no-redesign", "-o", str(tmp_path / "pid.json"))
     reads, writes = os.pipe()
     os.close(reads)
     ended = subprocess.run([sys.executable, "-m", "heatertune", "tune", *heater, *limits], stdout=writes, stderr=subprocess.PIPE, check=False)
@@ -273,7 +273,7 @@ def test_the_status_of_words_that_fail_is_1_whoever_reads_on(tmp_path):
 def test_the_smaller_range_that_is_printed_for_what_winds_up_passes_as_it_is_typed(tmp_path, capsys):
     # dead time of two thirds of the lag: see tests/chain/test_closing.py
     given = ["tune", "--gain", "0.53", "--time-constant", "3200", "--dead-time", "2090", "--ambient", "20", "--target", "weg",
-             "--range", "0", "50", "--tolerance", "0.45", "--switch", "anti_windup=clamp", "--switch", "sampling=caller"]
+             "--range", "0", "50", "--tolerance", "0.45", "--assume", "anti_windup=clamp", "--assume", "sampling=caller"]
     assert main([*given, "--setpoint", "30", "40", "--out", str(tmp_path / "pid.json")]) == 1
     screen = capsys.readouterr().out
     assert screen.startswith("NOT PROVEN")

@@ -20,7 +20,7 @@ def _gains(document):
 def test_a_design_that_fails_its_specification_is_closed_and_what_was_done_is_told(run, tmp_path):
     asked = ("tune", *HASTY, "--target", "s7-300", *STORY, "--quiet")
     status, out, _ = run(*asked, "-o", tmp_path / "pid.json")
-    plain_status, plain_out, _ = run(*asked, "--as-is", "-o", tmp_path / "plain.json")
+    plain_status, plain_out, _ = run(*asked, "--no-redesign", "-o", tmp_path / "plain.json")
     assert (status, plain_status) == (0, 1)
     assert out.startswith("PASS  against relaxed limits: ms 2.2 (default 2); s7-300 at 40 °C")
     assert plain_out.startswith("FAIL  s7-300 at 40 °C: overshoot ")

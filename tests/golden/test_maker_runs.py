@@ -328,4 +328,4 @@ def test_a_program_with_the_faults_of_its_source_leads_to_the_one_repaired():
     asked = DesignRequest(target="iec-pid-text", scaling=Scaling(), tune_settings=TuneSettings(), conditions=Conditions(setpoint_degC=60.0))
     made = find_passing_design(model_by_hand(HEATER), asked)
     assert (made.proof.verdict, made.passes_with) == ("FAIL", ("--target", "iec-pid"))
-    assert again(("design", "log.csv", "--target=iec-pid", "--faithful"), made.passes_with) == ("heatertune", "design", "log.csv", "--target", "iec-pid")
+    assert again(("design", "log.csv", "--target=iec-pid", "--as-printed"), made.passes_with) == ("heatertune", "design", "log.csv", "--target", "iec-pid")

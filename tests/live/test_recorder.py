@@ -434,7 +434,7 @@ def test_a_folder_that_is_gone_is_told(served, places, tmp_path):
 def test_the_command_says_that_the_log_was_removed(served, design_folder, tmp_path, capsys, monkeypatch):
     plc, path, looked = served(**FAST), tmp_path / "log.csv", []
     monkeypatch.setattr("heatertune.live.commands.record_watch.LINE.show", lambda _: (looked.append(1), len(looked) == 30 and path.unlink()))
-    line = ["record", plc.urls["s7"], "--design", str(design_folder), "-o", str(path), "--for", "2000"]
+    line = ["record", plc.urls["s7"], "--design", str(design_folder), "-o", str(path), "--duration", "2000"]
     assert main(line) == 1
     said = capsys.readouterr()
     assert said.err.count("was removed or moved while it was recorded into; the log goes on in a new file") == 1
@@ -475,7 +475,7 @@ def _recording(plc, folder, path, *more):
 
 def test_the_command_says_what_it_has(served, design_folder, tmp_path, capsys):
     plc = served(intervals=None, step=False, rate=3000.0)
-    arguments = _recording(plc, design_folder, tmp_path / "log.csv", "--for", "900", "--quiet")[3:]
+    arguments = _recording(plc, design_folder, tmp_path / "log.csv", "--duration", "900", "--quiet")[3:]
     assert main(arguments) == 0
     said = capsys.readouterr().out
     assert re.search(r"log.csv: \d+ rows, until \d+(\.\d+)? s; time is the PLC's own count of scans, each 4 s", said)

@@ -71,9 +71,9 @@ def test_what_cannot_be_recorded_is_told(tmp_path, nobody):
 
 
 @pytest.mark.parametrize(("given", "said"), [
-    (["s7://127.0.0.1/0/2", "logs", "--for", "5"], "give addresses alone, or logs alone"),
-    (["s7://127.0.0.1/0/2"], "--for S"), (["logs", "more"], "give one folder"), (["logs", "--for", "5"], "apply to addresses"),
-    (["s7://127.0.0.1/0/2", "--for", "5", "--resume"], "give their folder in h_logs"),
+    (["s7://127.0.0.1/0/2", "logs", "--duration", "5"], "give addresses alone, or logs alone"),
+    (["s7://127.0.0.1/0/2"], "--duration S"), (["logs", "more"], "give one folder"), (["logs", "--duration", "5"], "apply to addresses"),
+    (["s7://127.0.0.1/0/2", "--duration", "5", "--resume"], "give their folder in h_logs"),
 ])
 def test_addresses_and_logs_are_told_apart(tmp_path, capsys, monkeypatch, given, said):
     monkeypatch.chdir(tmp_path)
@@ -89,7 +89,7 @@ def test_the_command_records_running_loops_and_judges_them(served, tmp_path, cap
     urls = [plc.urls["modbus"] for plc in plcs]
     (tmp_path / "list.csv").write_text(
         "file,name,setpoint_degC,switch\n" + "".join(f"{url},oven {n},50,ssr\n" for n, url in enumerate(urls, 1)))
-    assert main(["health", *urls, nobody, "--for", "1000", "--loops", "list.csv", "-o", "health.html", "--quiet", "--json",
+    assert main(["health", *urls, nobody, "--duration", "1000", "--loops", "list.csv", "-o", "health.html", "--quiet", "--json",
                  "--jobs", "1", "--target", "s5-ob251"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert [row["name"] for row in told["left_out"]] == [nobody], told["left_out"]

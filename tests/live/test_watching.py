@@ -42,7 +42,7 @@ def folder(tmp_path_factory):
 
 def watched(folder, tmp_path, capsys, *faults):
     with virtual_plc(folder, faults=list(faults), **FAST) as plc:
-        status = main(["watch", way(plc, "s7").text, "--design", str(folder), "--for", "9000", "-o", str(tmp_path / "log.csv"),
+        status = main(["watch", way(plc, "s7").text, "--design", str(folder), "--duration", "9000", "-o", str(tmp_path / "log.csv"),
                        "--quiet", "--json"])
     return status, json.loads(capsys.readouterr().out)
 
@@ -60,7 +60,7 @@ def test_an_experiment_and_a_recording_tell_the_period_of_the_proof(folder, tmp_
     head = f"; PWM period: {read_proven(folder).view.actuator.pwm_period_s:.9g} s"
     with virtual_plc(folder, dead_man=1000, **FAST) as plc:
         where, design = way(plc, "s7").text, ["--design", str(folder), "--quiet", "-o"]
-        assert main(["record", where, *design, str(tmp_path / "log.csv"), "--for", "100"]) == 0
+        assert main(["record", where, *design, str(tmp_path / "log.csv"), "--duration", "100"]) == 0
         assert main(["experiment", str(tmp_path / "plan.csv"), where, *design, str(tmp_path / "step.csv"),
                      "--limit-temperature", "90", "--yes"]) == 0
     assert all(head in (tmp_path / name).read_text() for name in ("log.csv", "step.csv"))
@@ -81,7 +81,7 @@ def test_what_goes_wrong_is_told(folder, tmp_path, capsys, fault, told):
 def test_words_that_were_not_proven_are_not_well_though_the_loop_rests(folder, tmp_path, capsys, fault):
     name, value = fault.rpartition(" ")[2].split("=")
     with virtual_plc(folder, faults=[fault], **FAST) as plc:
-        status = main(["watch", way(plc, "s7").text, "--design", str(folder), "--for", "300", "-o", str(tmp_path / "log.csv"), "--quiet"])
+        status = main(["watch", way(plc, "s7").text, "--design", str(folder), "--duration", "300", "-o", str(tmp_path / "log.csv"), "--quiet"])
     said = " ".join(capsys.readouterr().out.split())
     assert (status, said.startswith("NOT WELL, ")) == (1, True)
     assert f"other words stand there than were proven: {name} is KF {int(value):+06d}, not KF {read_proven(folder).words.values[name]:+06d}" in said
@@ -90,7 +90,7 @@ def test_words_that_were_not_proven_are_not_well_though_the_loop_rests(folder, t
 def test_where_nobody_can_compare_the_words_that_is_told(folder, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("heatertune.live.loop_watch.block_image", partial(_unknown, "where the words stand is not known here"))
     with virtual_plc(folder, **FAST) as plc:
-        main(["watch", way(plc, "s7").text, "--design", str(folder), "--for", "300", "-o", str(tmp_path / "log.csv"), "--quiet"])
+        main(["watch", way(plc, "s7").text, "--design", str(folder), "--duration", "300", "-o", str(tmp_path / "log.csv"), "--quiet"])
     said = " ".join(capsys.readouterr().out.split())
     assert "whether the words there are the proven ones is not known: where the words stand is not known here" in said
 
@@ -132,7 +132,7 @@ def test_a_refit_says_which_parameter_has_moved(folder, tmp_path, capsys, monkey
     lost = replace(fitted, model=replace(fitted.model, gain_degC_per_pct=0.5), ci95={"gain_degC_per_pct": Interval(low=0.45, high=0.55)})
     monkeypatch.setattr("heatertune.chain.fit", lambda _: lost)
     with virtual_plc(folder, **FAST) as plc:
-        main(["watch", way(plc, "s7").text, "--design", str(folder), "--for", "300", "-o", str(tmp_path / "log.csv"), "--quiet", "--refit"])
+        main(["watch", way(plc, "s7").text, "--design", str(folder), "--duration", "300", "-o", str(tmp_path / "log.csv"), "--quiet", "--refit"])
     said = capsys.readouterr().out
     assert "gain_degC_per_pct: 0.5 (95 %: 0.45 … 0.55); was 0.9: MOVED" in said
     assert "time_constant_s: 167 (95 %: not known); was 167\n" in said
@@ -154,7 +154,7 @@ def test_who_has_seen_nothing_says_so_and_is_not_well(folder, tmp_path, capsys, 
 def monitor(folder):
     """The monitor of these words; how good it is, is tested where it is made."""
     assert main(["supervise", str(folder / "pid.json"), "--target", "s5-ob251", "--setpoint", "50", "--samples", "20",
-                 "--broken", "1", "-o", str(folder / "monitor"), "--quiet"]) == 0
+                 "--faults-per-kind", "1", "-o", str(folder / "monitor"), "--quiet"]) == 0
     return folder / "monitor" / "supervision.json"
 
 
@@ -164,7 +164,7 @@ def monitor(folder):
 def test_a_monitor_beside_the_watch_sees_a_fault_and_trips_for_nothing_else(folder, monitor, tmp_path, capsys, faults, alarms):
     # the virtual PLC at 200 times its speed: a scan of 3.1 s each 16 ms, so that nearly each is looked at
     with virtual_plc(folder, faults=faults, step=False, rate=200.0, intervals=4000) as plc:
-        status = main(["watch", way(plc, "s7").text, "--design", str(folder), "--monitor", str(monitor), "--for", "900",
+        status = main(["watch", way(plc, "s7").text, "--design", str(folder), "--monitor", str(monitor), "--duration", "900",
                        "-o", str(tmp_path / "log.csv"), "--quiet", "--json"])
     seen = json.loads(capsys.readouterr().out)["monitor"]
     assert seen["scans"] + seen["missed"] > 200, seen

@@ -453,7 +453,7 @@ def test_writes_of_a_word_are_counted_and_end_at_the_budget(plant, capsys):
     assert here.write("--no-watch") == 0
     assert here.rollback("--apply", "--yes", here.digest_before) == 0
     here.record = here.record.with_name("second.jsonl")
-    assert here.write("--no-watch", "--most-writes", "2") == 1
+    assert here.write("--no-watch", "--max-writes", "2") == 1
     assert "was written 2 times from here" in " ".join(capsys.readouterr().out.split())
     assert here.words == {**here.words, **OLD}
 
@@ -501,7 +501,7 @@ def test_an_experiment_that_has_not_ended_is_told_and_nothing_is_written(plant, 
     assert here.rollback("--apply", "--yes", here.digest_before) == 2
     assert told in said()
     assert here.words | {"YH": 0, "STEU": 0} == before | {"YH": 0, "STEU": 0}
-    assert main(["watch", here.address, "--design", str(here.made), "-o", str(tmp_path / "log.csv"), "--for", "40", "--quiet"]) == 1
+    assert main(["watch", here.address, "--design", str(here.made), "-o", str(tmp_path / "log.csv"), "--duration", "40", "--quiet"]) == 1
     assert told in (shown := said())
     assert "NOT WELL" in shown
     assert main(named.split()) == 0

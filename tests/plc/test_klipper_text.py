@@ -70,7 +70,7 @@ def test_of_several_heaters_the_one_that_is_named_is_read(text):
     assert _gains(text, "extruder") == (22.2, 1.08, 114.0)
     assert _gains(text, "heater_bed") == (54.027, 0.77, 948.182)
     assert _gains(text, "heater_generic") == (11.5, 1.08, 114.0)
-    with pytest.raises(HeatertuneError, match=r"\[extruder\].*expected those of one heater: --switch heater=extruder"):
+    with pytest.raises(HeatertuneError, match=r"\[extruder\].*expected those of one heater: --assume heater=extruder"):
         _gains(text)
 
 
@@ -103,7 +103,7 @@ def test_what_save_config_says_counts_and_the_rest_is_told():
     (EXAMPLE.replace("control: pid", "control: watermark"), ("line 4", "control", "'watermark'")),
     (EXAMPLE.replace("control: pid", "control: pid_v"), ("line 4", "control", "'pid_v'")),
     (EXAMPLE + "max_power: 1.5\n", ("line 10", "max_power", "'1.5'")), (EXAMPLE + "smooth_time: 0\n", ("line 10", "smooth_time")),
-    (BED + EXAMPLE.replace("[extruder]", "[heater_generic chamber]"), ("[heater_bed] and [heater_generic chamber]", "--switch heater=heater_bed or --switch heater=heater_generic")),
+    (BED + EXAMPLE.replace("[extruder]", "[heater_generic chamber]"), ("[heater_bed] and [heater_generic chamber]", "--assume heater=heater_bed or --assume heater=heater_generic")),
     ("[extruder]\nheater_pin: PB4\n", ("no gains", "PID_CALIBRATE")), ("hello\n", ("no gains",)), ("\n", ("no gains",)),
     ("pid_Kp=1.0 pid_Ki=2.0 pid_Kd=3.0\npid_Kp=1.5 pid_Ki=2.0 pid_Kd=3.0", ("line 2", "'1.5'", "1.0, as in line 1")),
     ("pid_Kp=1.0 pid_Ki=inf pid_Kd=3.0", ("line 1", "pid_Ki", "'inf'")),

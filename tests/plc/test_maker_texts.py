@@ -324,7 +324,7 @@ def test_of_a_hot_end_and_a_bed_the_one_that_is_named_is_read(text, hotend, bed)
     for heater, numbers in (("hotend", hotend), ("bed", bed)):
         values = read(text, None, "Configuration.h", heater).values
         assert [values[name] for name in ("Kp", "Ki", "Kd", "PID_MAX")] == [*map(single, numbers[:3]), numbers[3]]
-    with pytest.raises(InputError, match="gains of a hot end and a bed; expected those of one heater: --switch heater=hotend or"):
+    with pytest.raises(InputError, match="gains of a hot end and a bed; expected those of one heater: --assume heater=hotend or"):
         controller_for("marlin").text(text, None, "Configuration.h")
     with pytest.raises(InputError, match="gains of a hot end; expected those of a bed"):
         read("M301 P1 I1 D1", None, "gains.gcode", "bed")

@@ -57,7 +57,7 @@ def test_the_lines_are_those_that_the_configuration_takes():
     (KLIPPER, "heater_bed", ("[verify_heater heater_bed]",)), (KLIPPER, None, ("[verify_heater YOUR_HEATER]",)),
     (MARLIN, "bed", ("#define THERMAL_PROTECTION_BED_PERIOD 40", "#define THERMAL_PROTECTION_BED_HYSTERESIS 4", "#define WATCH_BED_TEMP_PERIOD 20",
                      "// #define BED_MAXTEMP 260")),
-    (MARLIN, None, ("// of a hot end; for a bed design with --switch heater=bed", "// #define HEATER_0_MAXTEMP 260"))])
+    (MARLIN, None, ("// of a hot end; for a bed design with --assume heater=bed", "// #define HEATER_0_MAXTEMP 260"))])
 def test_the_lines_are_of_the_heater_that_is_known(rule, heater, lines):
     text = lines_of(rule, [], {} if heater is None else {"heater": heater})[1].splitlines()
     assert set(lines) <= set(text)

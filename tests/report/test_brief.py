@@ -115,7 +115,7 @@ def test_samples_stand_in_the_first_lines_with_what_they_break_where_the_runs_br
     said = " ".join(verify_brief(proof).split())
     assert "180 of 200 samples keep every limit under x = z, so at most 93.28 % of all do (95 % confidence), 95 % must" in said
     assert "remedy: of all samples, 2 % break recovery overshoot and 0.5 % break overshoot: if your controller is known to behave " in said
-    assert "state it with --switch; heatertune design or fleet with --samples searches for the smallest change that passes" in said
+    assert "state it with --assume; heatertune design or fleet with --samples searches for the smallest change that passes" in said
     drawn["settings"][0]["passing_count"] = 195
     drawn["criteria"] = {**spots, "power_reserve": {"passing": 1.0, "worst": -3.0}}
     said = " ".join(verify_brief(proof).split())

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from heatertune.proof.write_comparison import WriteHistory
 
-__all__ = ["COMMAND_MODULES", "FIRST_OPTIONS", "Command", "command", "written_in"]
+__all__ = ["COMMAND_MODULES", "FIRST_OPTIONS", "Command", "command", "current_options", "written_in"]
 
 #: command, in the order of the help → its module in heatertune
 COMMAND_MODULES: Final = {
@@ -70,24 +70,24 @@ FIRST_OPTIONS: Final[dict[str, tuple[str, ...]]] = {
     "plan": ("--out", "--limit-temperature", *_MODEL, "--max-duration", "--power", "--aim", "--kind", "--json"),
     "tune": ("--out", *_TARGET, *_MODEL, "--structure", "--method", "--ms", "--setpoint-ramp", "--limit", "--json"),
     "pareto": ("--out", *_MODEL, "--structure", "--ms-range", "--points", "--objective", "--sample-time", *_OUTPUT),
-    "export-db": ("--out", *_TARGET, "--pwm-period", "--words", "--setpoint-ramp", "--switch", "--spec", "--limit",
+    "export-db": ("--out", *_TARGET, "--pwm-period", "--words", "--setpoint-ramp", "--assume", "--spec", "--limit",
                   "--accept", "--force", *_OUTPUT),
-    "verify": (*_TARGET, "--pwm-period", "--switch", "--spec", "--limit", "--accept", "--noise", "--samples",
+    "verify": (*_TARGET, "--pwm-period", "--assume", "--spec", "--limit", "--accept", "--noise", "--samples",
                "--json", "--verbose"),
     "supervise": ("--out", *_TARGET, *_MODEL, "--spread", "--ambient-spread", "--least-noise", "--samples", "--json"),
     "compare": ("--out", "--setpoint", "--range", "--pwm-period", "--spec", "--limit", "--accept", *_MODEL, *_OUTPUT),
     "advise": ("--pid", *_TARGET, "--spec", "--limit", *_COLUMNS, *_OUTPUT),
     "fleet": ("--out", *_TARGET, *_UNITS, "--structure", "--ms", "--limit", "--accept", "--samples", "--resume",
               "--jobs", "--json"),
-    "health": ("--out", "--loops", "--since", "--for", "--every", *_TARGET, *_UNITS, "--limit", "--json"),
+    "health": ("--out", "--loops", "--since", "--duration", "--interval", *_TARGET, *_UNITS, "--limit", "--json"),
     "report": ("--plant-tag", "--as-left", "--setpoint", "--ambient", "--begins-at", "--load-at", *_UNITS, "--record",
                *_OUTPUT),
-    "decode": (*_TARGET, "--input", "--called-every", "--model", *_MODEL, "--switch", "--spec", "--limit", *_OUTPUT),
+    "decode": (*_TARGET, "--input", "--called-every", "--model", *_MODEL, "--assume", "--spec", "--limit", *_OUTPUT),
     "simulate": ("--serve", "--port", "--rate", "--sample", "--fault", "--faults", "--setpoint", "--noise", *_OUTPUT),
-    "record": ("--out", "--for", "--every", "--design", "--map", *_OUTPUT),
+    "record": ("--out", "--duration", "--interval", "--design", "--map", *_OUTPUT),
     "experiment": ("--design", "--out", "--limit-temperature", "--limit-rate", "--until", "--in-manual", "--restore",
                    "--yes", *_OUTPUT),
-    "write": ("--apply", "--yes", "--called-every", "--range", "--as-exported", "--in-manual", "--no-watch",
+    "write": ("--apply", "--confirm", "--called-every", "--range", "--as-exported", "--in-manual", "--no-watch",
               "--record", *_OUTPUT),
 }
 
@@ -108,6 +108,23 @@ def command(name: str) -> Command:
     """Import a command: of its module the function `add_` and the constant `_EXAMPLE` of its name."""
     module, stem = import_module(f"heatertune.{COMMAND_MODULES[name]}"), name.replace("-", "_")
     return Command(getattr(module, f"add_{stem}"), getattr(module, f"{stem.upper()}_EXAMPLE"))
+
+
+#: options of the releases before 0.9.0 → what they are called now; they are understood, but not listed
+_RENAMED: Final = {
+    "--switch": "--assume", "--as-is": "--no-redesign", "--faithful": "--as-printed", "--broken": "--faults-per-kind",
+    "--most-writes": "--max-writes"}
+#: likewise, of some commands alone: "--yes" of `experiment` takes no value, and stays
+_RENAMED_IN: Final = {
+    "write": {"--yes": "--confirm"}, "rollback": {"--yes": "--confirm"},
+    **{name: {"--for": "--duration", "--every": "--interval"} for name in ("health", "record", "watch")}}
+
+
+def current_options(arguments: Sequence[str]) -> list[str]:
+    """Return a command line in which the options of earlier releases have the names of today."""
+    names = _RENAMED | _RENAMED_IN.get(arguments[0] if arguments else "", {})
+    options = (each.partition("=") for each in arguments)
+    return [f"{names.get(option, option)}{equals}{value}" for option, equals, value in options]
 
 
 def written_in(paths: Sequence[str], directory: str) -> WriteHistory:

@@ -14,7 +14,7 @@ from itertools import takewhile
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from heatertune import options, plc
-from heatertune.cli.command_table import FIRST_OPTIONS
+from heatertune.cli.command_table import FIRST_OPTIONS, current_options
 from heatertune.codec import peek_schema
 from heatertune.errors import InputError, UnknownName, did_you_mean
 from heatertune.plc.targets import COOLING, FAITHFUL, NAMES
@@ -104,7 +104,7 @@ class CommandParser(argparse.ArgumentParser):
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Return the options; "--option=--" has no value, argparse makes a list of it."""
-        given = sys.argv[1:] if args is None else args
+        given = current_options(sys.argv[1:] if args is None else args)
         for argument in given:
             if argument.startswith("-") and argument.endswith("=--"):
                 self.error(f"argument {argument.removesuffix('=--')}: expected a value, got '--'")
@@ -202,7 +202,7 @@ def again(given: Sequence[str], options: Sequence[str]) -> tuple[str, ...]:
     command = tuple(given)
     for flag, value in zip(options[::2], options[1::2], strict=True):
         if flag == "--target":
-            command = tuple(word for word in command if word != "--faithful")  # the target says which
+            command = tuple(word for word in command if word != "--as-printed")  # the target says which
         command = (*_without(command, flag, value.partition("=")[0] if "=" in value else ""), flag, *value.split())
     return ("heatertune", *command)
 
@@ -275,7 +275,7 @@ def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = 
     group.add_argument("--target", required=needed and target is None, default=target, metavar="NAME",
                        type=options.one_of(NAMES),
                        help=f"the controller (see: heatertune targets): {', '.join(NAMES)}{default}")
-    group.add_argument("--faithful", action="store_true",
+    group.add_argument("--as-printed", action="store_true",
                        help="the program exactly as its source prints it, with its faults (s7-200)")
     options.add(group, Conditions, "switches", default=argparse.SUPPRESS)
     add_condition_options(command)
@@ -320,16 +320,16 @@ def interval_by_words(settings: argparse.Namespace) -> bool:
 
 
 def target(settings: argparse.Namespace) -> str:
-    """Return the target; with --faithful the same as its source prints it, with --cooling-gain the one with a cooler.
+    """Return the target; with --as-printed the same as its source prints it, with --cooling-gain the one with a cooler.
 
     Raises:
-        UnknownName: --faithful for a target that has no such version.
+        UnknownName: --as-printed for a target that has no such version.
     """
-    if not settings.faithful:
+    if not settings.as_printed:
         cools = options.provided_options(Conditions, settings).get("cooling_gain") is not None
         return COOLING.get(settings.target, settings.target) if cools else str(settings.target)
     if settings.target not in FAITHFUL:
-        raise UnknownName("target with --faithful", settings.target, FAITHFUL)
+        raise UnknownName("target with --as-printed", settings.target, FAITHFUL)
     return FAITHFUL[settings.target]
 
 

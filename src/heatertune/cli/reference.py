@@ -150,7 +150,7 @@ def _told(target: Any) -> str:
         "  words " + ", ".join(_word(w) for w in target["words"]),
         "  inputs of a scan " + ", ".join(f"{name} ({form})" for name, form in target["inputs"].items()),
     ]
-    for title, chosen in (("left open by the manual, proven under every setting", False), ("chosen by --switch", True)):
+    for title, chosen in (("left open by the manual, proven under every setting", False), ("chosen by --assume", True)):
         of_title = [s for s in target["switches"] if s["chosen"] == chosen]
         lines += [f"  {title}:"] if of_title else []
         lines += [f"    {s['name']} ({', '.join(s['settings'])}): {s['why']}" for s in of_title]

@@ -33,7 +33,7 @@ __all__ = ["ProofSource", "add_known_options", "in_force", "known_words", "proof
 
 
 def add_known_options(command: argparse.ArgumentParser) -> None:
-    """Add --controller, --words, --setpoint and --switch."""
+    """Add --controller, --words, --setpoint and --assume."""
     group = command.add_argument_group("a log without power, from a known controller")
     group.add_argument("--controller", metavar="NAME", help=f"the controller of this log: one of {', '.join(NAMES)}")
     group.add_argument("--words", metavar="FILE", help="its parameters: words.json as written by export-db")

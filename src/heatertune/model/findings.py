@@ -82,10 +82,10 @@ KINDS: Final[dict[str, FindingKind]] = {
         "use a narrower sensor range (--range) or a finer input module, or a wider tolerance (--tolerance)"),
     "winds-up": FindingKind(
         "blocks", "it winds up more the longer the heater circuit is open",
-        "find out what your controller does at its limit (--switch), or keep it in manual while the circuit is open"),
+        "find out what your controller does at its limit (--assume), or keep it in manual while the circuit is open"),
     "briefly-open": FindingKind(
         "blocks", "it exceeds its overshoot limit after a shorter open circuit than that of the test sequence",
-        "allow that overshoot (--limit reheat-overshoot), find out what your controller does at its limit (--switch), "
+        "allow that overshoot (--limit reheat-overshoot), find out what your controller does at its limit (--assume), "
         "or keep it in manual while the circuit is open"),
     "low-outage": FindingKind(
         "blocks", "it exceeds its overshoot limit after an open circuit at a lower setpoint of use",
@@ -102,7 +102,7 @@ KINDS: Final[dict[str, FindingKind]] = {
         "allow that overshoot (--limit overshoot), or state a smaller range (--setpoint)"),
     "stays-at-limit": FindingKind(
         "blocks", "it may stay at full power if the setpoint rises while the heater warms up",
-        "find out what your controller does at its limit (--switch), leave out D (--structure pi), or let the heater "
+        "find out what your controller does at its limit (--assume), leave out D (--structure pi), or let the heater "
         "settle before the setpoint rises"),
     "known-faults": FindingKind(
         "blocks", "the program has known faults in states that no run reaches",

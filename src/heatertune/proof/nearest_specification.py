@@ -58,7 +58,7 @@ def passing_settings(proof: Proof) -> dict[str, tuple[str, ...]]:
 def settings_told(proof: Proof, what: str) -> list[str]:
     """Return a sentence for each switch that the failure of `what` hangs on alone, see `passing_settings`."""
     return [f"With {name} = {' or '.join(kept)}, no run of {what} fails: find out what this controller does, and state "
-            f"it with --switch {name}={kept[0]}." for name, kept in passing_settings(proof).items()]
+            f"it with --assume {name}={kept[0]}." for name, kept in passing_settings(proof).items()]
 
 
 def suspects(proof: Proof, wound: Sequence[Mapping[str, str]] = ()) -> dict[str, str]:

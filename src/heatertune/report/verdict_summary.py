@@ -139,7 +139,7 @@ def _of_samples(samples: Document, *, closed: bool = False) -> str:
     reserve = spots.get("power_reserve", {}).get("worst")
     most, helps = max(one["passing_count"] for one in samples["settings"]), []
     if verdict_of_samples(samples["count"], samples["quantile"], [most]) == "PASS":
-        helps += ["if your controller is known to behave differently, state it with --switch"]
+        helps += ["if your controller is known to behave differently, state it with --assume"]
     if reserve is not None and not reserve > 0.0:
         helps += ["some heaters lack the power for this setpoint"]
     elif not closed:
@@ -267,7 +267,7 @@ def _doubts(proof: Document, unsure: Iterable[str] = ()) -> dict[str, list[str]]
     return {
         "not known": [*told["not known"], *unsure],
         "not tested": [_SETTINGS.sub(_points, part) for part in told["not tested"]],
-        "assumed": [*told["assumed"], *(f"--switch {setting}" for setting in known)],
+        "assumed": [*told["assumed"], *(f"--assume {setting}" for setting in known)],
         "asked": told["asked"], "also": told["changed"], "faults": list(proof["faults"]),
     }
 

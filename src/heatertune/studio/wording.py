@@ -64,7 +64,7 @@ def fault_told(problem: Exception) -> str:
             "control to continue; if it happens again, restart the studio and report what its terminal shows.")
 
 
-_SWITCH: Final = re.compile(r",? and say --switch \w+=\S+?(?=[.;]|$)|--switch (\w+)=(\S+)")
+_SWITCH: Final = re.compile(r",? and say --assume \w+=\S+?(?=[.;]|$)|--assume (\w+)=(\S+)")
 _LIMIT: Final = re.compile(r"--limit ([\w-]+)=(\S+)")
 _TOLERANCE: Final = re.compile(r"--tolerance ([\d.]*\d)")
 _INTERVAL: Final = re.compile(r"--sample-time ([\d.]*\d)(?= --)")
@@ -124,7 +124,7 @@ def assumed_told(settings: StudioSettings) -> str:
 def _moved(options: tuple[str, ...], settings: StudioSettings) -> Iterator[tuple[str, Any]]:
     """Return the settings that options mean: flags and values, in turn."""
     pairs = list(zip(options[::2], options[1::2], strict=True))
-    switches = tuple(value.partition("=")[::2] for flag, value in pairs if flag == "--switch")
+    switches = tuple(value.partition("=")[::2] for flag, value in pairs if flag == "--assume")
     limits = tuple(value for flag, value in pairs if flag == "--limit")
     if switches:
         yield "assumptions", (*settings.assumptions, *switches)

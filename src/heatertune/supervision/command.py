@@ -46,7 +46,7 @@ def add_supervise(commands: Any) -> None:
         "noise that the sensor always has; its absence reveals a frozen sensor (default: 0)"))
     group.add_argument("--samples", type=int, default=1000, metavar="N", help=(
         "new heaters on which it must not trip (default: 1000)"))
-    group.add_argument("--broken", type=int, default=60, metavar="N", help=(
+    group.add_argument("--faults-per-kind", type=int, default=60, metavar="N", help=(
         "heaters on which each fault is simulated (default: 60)"))
     group.add_argument("--seed", type=int, default=0, help="seed of the first sampled heater (default: 0)")
     printing.add_output_options(command)
@@ -62,7 +62,7 @@ def _run_supervise(settings: argparse.Namespace) -> int:
         progress.note(note)
     counts = SampleCounts(
         spread_pct=settings.spread, checked=settings.samples, ambient_degC=settings.ambient_spread,
-        least_noise_degC=settings.least_noise, broken=settings.broken, seed=settings.seed)
+        least_noise_degC=settings.least_noise, broken=settings.faults_per_kind, seed=settings.seed)
     document = supervise(words, fitted, conditions, counts, progress=progress)
     page = report.supervision_page(document)
     if settings.out is not None:

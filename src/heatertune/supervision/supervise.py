@@ -239,7 +239,7 @@ def lines_of(rule: Rule, head: Sequence[str], known: Mapping[str, str]) -> tuple
     bed, limit = ("BED_", "BED") if known.get("heater") == "bed" else ("", "HEATER_0")
     defines = {f"THERMAL_PROTECTION_{bed}PERIOD": rule.period, f"THERMAL_PROTECTION_{bed}HYSTERESIS": rule.hysteresis,
                f"WATCH_{bed}TEMP_PERIOD": rule.watch_period, f"WATCH_{bed}TEMP_INCREASE": rule.watch_increase}
-    whose = [] if "heater" in known else ["// of a hot end; for a bed design with --switch heater=bed"]
+    whose = [] if "heater" in known else ["// of a hot end; for a bed design with --assume heater=bed"]
     text = [*whose, *(f"#define {name} {value:g}" for name, value in defines.items() if value),
             "// in Configuration.h, as its parts bear them:", f"// #define {limit}_MINTEMP {rule.min_temp:g}",
             f"// #define {limit}_MAXTEMP {rule.max_temp:g}"]
@@ -378,7 +378,7 @@ class SampleCounts:
         check("--ambient-spread", self.ambient_degC, least=0.0, most=50.0)
         check("--least-noise", self.least_noise_degC, least=0.0)
         check("--samples", self.checked, least=1, most=1_000_000)
-        check("--broken", self.broken, least=1, most=100_000)
+        check("--faults-per-kind", self.broken, least=1, most=100_000)
         check("--seed", self.seed, least=0, most=FRESH - 1000)
 
 

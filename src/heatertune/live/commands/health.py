@@ -38,9 +38,9 @@ def add_health(commands: Any) -> None:
     command.add_argument("--loops", metavar="FILE",
                          help="CSV or TOML with what the logs do not contain: columns file, name, target, folder, "
                               "setpoint_degC, switch, pwm_period_s, low_degC, high_degC, map")
-    command.add_argument("--for", dest="for_s", type=float, metavar="S",
+    command.add_argument("--duration", dest="for_s", type=float, metavar="S",
                          help="how long to record the loops at the addresses")
-    command.add_argument("--every", type=float, metavar="S", help="shortest interval between two rows of these logs")
+    command.add_argument("--interval", type=float, metavar="S", help="shortest interval between two rows of these logs")
     command.add_argument("--since", metavar="last|FILE", help="compare with the previous run; or with a Parquet table")
     common.add_proof_options(command, needed=False)
     options.add(command, WordSettings, "switch_kind", "as_is")
@@ -84,19 +84,19 @@ def _logs(settings: argparse.Namespace, page: Path) -> tuple[str | Path, Any, li
         if len(settings.logs) > 1:
             raise InputError(f"{settings.logs[1]}: give one folder, one pattern in quotation marks or one list; or "
                              "addresses")
-        if settings.for_s is not None or settings.every is not None:
-            raise InputError("--for and --every apply to addresses, not to existing logs")
+        if settings.for_s is not None or settings.interval is not None:
+            raise InputError("--duration and --interval apply to addresses, not to existing logs")
         return settings.logs[0], settings.loops, []
     if len(addresses) < len(settings.logs):
         raise InputError(f"{addresses[0]} is an address: give addresses alone, or logs alone")
     if settings.for_s is None:
-        raise InputError("--for S is needed: how long to record the loops, long enough for a setpoint change or a load")
+        raise InputError("--duration S is needed: how long to record the loops, enough for a setpoint change or a load")
     if settings.resume:
         raise InputError(f"--resume continues with existing logs: give their folder in {page.stem}_logs")
     folder = page.with_name(f"{page.stem}_logs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
     with asked_to_end() as asked:
         loops, left_out = record_addresses(
-            addresses, folder, RecordingSetup(for_s=settings.for_s, every_s=settings.every), loops=settings.loops,
+            addresses, folder, RecordingSetup(for_s=settings.for_s, every_s=settings.interval), loops=settings.loops,
             ended=lambda: bool(asked), shown=lambda rows: None if settings.quiet else LINE.show(
                 lambda: f"{len(addresses)} loops, {rows} rows; Ctrl-C ends it"))
     LINE.end()

@@ -53,10 +53,10 @@ def add_record(commands: Any) -> None:
     where.add_argument("--design", metavar="DIR",
                        help="folder that heatertune design wrote, of the controller at this address")
     where.add_argument("--map", metavar="FILE", help="small TOML file with the addresses of temperature and power")
-    command.add_argument("--every", type=float, metavar="S",
+    command.add_argument("--interval", type=float, metavar="S",
                          help="shortest interval between two rows (default: each scan if the PLC counts them, else 1 "
                               "s)")
-    command.add_argument("--for", dest="for_s", type=float, metavar="S", help="stop after this duration")
+    command.add_argument("--duration", dest="for_s", type=float, metavar="S", help="stop after this duration")
     command.add_argument("--append", action="store_true", help="continue an existing log")
     command.add_argument("--timeout", type=float, default=2.0, metavar="S",
                          help="time after which an answer counts as lost (default: 2)")
@@ -69,7 +69,7 @@ def _run_record(settings: argparse.Namespace) -> int:
     from heatertune.live.recorder import RecordingSetup, record  # noqa: PLC0415 - the help must not wait for it
 
     address = address_of(settings.address)
-    how = RecordingSetup(every_s=settings.every, for_s=settings.for_s, append=settings.append,
+    how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append,
                          timeout_s=settings.timeout,
                     pwm_period_s=_pwm_period_s(settings.design))
     places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
@@ -226,7 +226,7 @@ def add_watch(commands: Any) -> None:
     command.add_argument("--design", metavar="DIR", required=True,
                          help="folder with the parameters that run there, and their proof")
     command.add_argument("-o", "--out", metavar="FILE", help="the log (default: DIR/watch_TIME.csv)")
-    command.add_argument("--for", dest="for_s", type=float, metavar="S",
+    command.add_argument("--duration", dest="for_s", type=float, metavar="S",
                          help="stop after this duration (default: never)")
     command.add_argument("--append", action="store_true", help="continue an existing log")
     command.add_argument("--refit", action="store_true", help="identify the heater from the recorded log at the end")

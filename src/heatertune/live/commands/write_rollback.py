@@ -69,12 +69,12 @@ def add_write(commands: Any) -> None:
 def add_guard(command: argparse.ArgumentParser, of_what: str) -> None:
     """Add the options of a write: writing at all, and the link."""
     command.add_argument("--apply", action="store_true", help="write (default: only show)")
-    command.add_argument("--yes", metavar="DIGITS", help=f"first digits of the digest of {of_what}")
+    command.add_argument("--confirm", metavar="DIGEST", help=f"first digits of the digest of {of_what}")
     link = command.add_argument_group("the link")
     link.add_argument("--reconnect", type=int, default=5, metavar="N", help="connection attempts (default: 5)")
     link.add_argument("--timeout", type=float, default=2.0, metavar="S",
                       help="time after which an answer counts as lost [s] (default: 2)")
-    link.add_argument("--most-writes", type=int, default=1000, metavar="N",
+    link.add_argument("--max-writes", type=int, default=1000, metavar="N",
                       help="most writes of one word from this machine, as its memory wears out (default: 1000)")
 
 
@@ -84,7 +84,7 @@ def link_of(settings: argparse.Namespace) -> LinkSettings:
 
     check("--reconnect", settings.reconnect, least=1)
     check("--timeout", settings.timeout, above=0.0)
-    check("--most-writes", settings.most_writes, least=1)
+    check("--max-writes", settings.max_writes, least=1)
     return LinkSettings(tries=settings.reconnect, timeout_s=settings.timeout)
 
 
@@ -107,13 +107,13 @@ def _run_write(settings: argparse.Namespace) -> int:
     progress = printing.Progress(settings)
     wanted = WriteRequest(proven_words=read_proven(settings.directory, progress), address=address, declared=said,
                           link=link,
-                    most_writes=settings.most_writes, watch=not settings.no_watch,
+                    most_writes=settings.max_writes, watch=not settings.no_watch,
                     record=None if settings.record is None else Path(settings.record))
     document = {"schema": PLAN_SCHEMA, "directory": settings.directory, "address": address.text,
                 "digest": wanted.proven_words.view.digest, "yes": wanted.proven_words.yes, "applied": settings.apply}
     if settings.apply:
         with signals_as_ctrl_c():
-            done = apply_write(wanted, settings.yes, progress)
+            done = apply_write(wanted, settings.confirm, progress)
         document |= done.to_document()
         printing.output(settings, document, lambda: "\n".join(_of_applied(done)))
         return 0 if done.end.is_done else 1
@@ -156,7 +156,7 @@ def _of_plan(settings: argparse.Namespace, wanted: WriteRequest, plan: WritePlan
     yield from (f"- a write that never ended: heatertune rollback {path}" for path in open_)
     if all(check.ok is not False for check in plan.checks) and plan.parts and not plan.no_order:
         said = [check.option for check in plan.checks if check.ok is None and check.option]
-        again = " ".join([*settings.given, *said, "--apply", "--yes", wanted.proven_words.yes])
+        again = " ".join([*settings.given, *said, "--apply", "--confirm", wanted.proven_words.yes])
         yield from wrap_text(f"heatertune {again}", "to write: ")
 
 
@@ -215,7 +215,7 @@ def _run_rollback(settings: argparse.Namespace) -> int:
         "yes": before.yes, "applied": settings.apply}
     if settings.apply:
         with signals_as_ctrl_c():
-            ended = rolled_back(before, settings.yes, link, settings.most_writes, unproven=settings.unproven)
+            ended = rolled_back(before, settings.confirm, link, settings.max_writes, unproven=settings.unproven)
     else:
         try:
             ended = inspect_write(before, link)
@@ -241,5 +241,5 @@ def _lines(settings: argparse.Namespace, before: Before, ended: WriteEnd, open_e
         was = ", ".join(f"{name} = {before.before[name]:g}" for name in back)
         why = not_proven(before, ended.stands) if back and ended.stands is not None else ""
         yield from wrap_text(f"what would be put back is not proven: {why}", "- ") if why else ()
-        again = f"heatertune rollback {settings.record} --apply --yes {before.yes}{' --unproven' if why else ''}"
+        again = f"heatertune rollback {settings.record} --apply --confirm {before.yes}{' --unproven' if why else ''}"
         yield from wrap_text(f"to put back {was}: {again}" if back else "nothing to put back")

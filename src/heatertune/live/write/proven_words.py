@@ -83,7 +83,7 @@ class ProvenWords:
         """
         if typed is None or len(typed) < LEAST_YES or not self.digest.startswith(typed.lower()):
             found = "it was not said" if typed is None else f"found {typed!r}"
-            raise InputError(f"--yes: {found}; expected the first digits of the digest of the proof that you have "
+            raise InputError(f"--confirm: {found}; expected the first digits of the digest of the proof that you have "
                              f"read, as {self.yes}")
 
     def open_in_between(self, values: Mapping[str, Number]) -> str:

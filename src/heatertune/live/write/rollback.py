@@ -212,7 +212,7 @@ def rolled_back(
     """
     if yes is None or len(yes) < LEAST_YES or not str(before.lines.begin["sha256"]).startswith(yes.lower()):
         found = "it was not said" if yes is None else f"found {yes!r}"
-        raise InputError(f"--yes: {found}; expected the first digits of the digest of what is put back, {before.yes}")
+        raise InputError(f"--confirm: {found}; expected the first digits of the digest, {before.yes}")
     budget = Budget(before.address, before.image.number, most_writes)
     peer = Peer(before.address, before.image, before.interval_s, link)
     state = PlcState(before.address)

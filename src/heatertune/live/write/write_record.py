@@ -214,7 +214,7 @@ class Budget:
     def spent(self, names: tuple[str, ...]) -> str:
         """Return which word has been written often enough, a sentence; nothing where none has."""
         counts = self.counts()
-        return next((f"{name} was written {counts[name]} times from here, and {self._most} is the most (--most-writes; "
+        return next((f"{name} was written {counts[name]} times from here, and {self._most} is the most (--max-writes; "
                      f"the count is in {self.path})" for name in names if counts[name] >= self._most), "")
 
     def count(self, names: tuple[str, ...]) -> None:

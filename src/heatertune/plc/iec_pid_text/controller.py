@@ -29,7 +29,7 @@ class StandardPid(Controller, name="iec-pid-text"):
     cannot = (
         "no limits, no anti-windup, no P or PD: TR = 0 divides by zero",
         "KP has to be negative for a heater, and by hand the output is KP*X0",
-        "one unit of time in the I and D part for seconds alone (`--switch time_unit=s`: matiec)",
+        "one unit of time in the I and D part for seconds alone (`--assume time_unit=s`: matiec)",
         "no setpoint ramp and no boost",
     )
     fields, assumptions, timer, counts = FIELDS, StandardPidAssumptions, TIMER, COUNTS

@@ -203,7 +203,7 @@ def _config(words: Words, certificate: Certificate) -> str:
     section, name = heater_of(certificate.switches)
     missing = (f"; put your heater's name in the place of {PLACEHOLDER}, which Klipper refuses"
                if name == PLACEHOLDER else "")
-    whose = ("your [extruder], [heater_bed] or [heater_generic ...]; design with --switch heater=extruder, heater_bed "
+    whose = ("your [extruder], [heater_bed] or [heater_generic ...]; design with --assume heater=extruder, heater_bed "
              "or heater_generic, and the files name it" if section == PLACEHOLDER else f"your [{section}]")
     pwm = _PWM_S if certificate.actuator is None else certificate.actuator.pwm_period_s
     lines = [

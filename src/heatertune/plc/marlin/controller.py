@@ -25,7 +25,7 @@ class Marlin(Controller, name="marlin"):
     can = (
         "P, PI, PD and PID in single precision, D on the reading and filtered (PID_K1)",
         "full power below the window PID_FUNCTIONAL_RANGE around the setpoint, none above",
-        "exported as lines of Configuration.h and as G-code: M301, or M304 of a bed (`--switch heater=bed`)",
+        "exported as lines of Configuration.h and as G-code: M301, or M304 of a bed (`--assume heater=bed`)",
     )
     cannot = (
         "127 steps of power; the setpoint is whole degrees",

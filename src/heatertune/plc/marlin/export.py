@@ -185,7 +185,7 @@ def _settings(file: str, text: str) -> TextSettings:
 _BUILT_WITH: Final = {"hotend": "PIDTEMP, of a single hot end; no lists per hot end", "bed": "PIDTEMPBED"}
 _OF: Final = {UNKNOWN: "", "hotend": " of a hot end", "bed": " of the bed"}
 _WHICH: Final = ("gains of which heater? take the lines of yours without the sign of a comment, or design with "
-                 "--switch heater=hotend or heater=bed")
+                 "--assume heater=hotend or heater=bed")
 
 _FORMAT = {field.name: field.format for field in FIELDS}
 

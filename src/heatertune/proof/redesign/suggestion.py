@@ -53,7 +53,7 @@ _HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
 def known_as(request: DesignRequest, settings: Mapping[str, str]) -> tuple[DesignRequest, tuple[str, ...]]:
     """Return what is asked for where settings of open points are known, and the options that say so."""
     known = {**request.conditions.switches, **settings}
-    options = tuple(word for name, setting in settings.items() for word in ("--switch", f"{name}={setting}"))
+    options = tuple(word for name, setting in settings.items() for word in ("--assume", f"{name}={setting}"))
     return replace(request, conditions=replace(request.conditions, switches=known)), options
 
 
