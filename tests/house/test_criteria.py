@@ -30,7 +30,7 @@ TRIAL = {
 #: proves PI parameters with a limit for the trial criterion, and prints what the readers of the table say of it
 SCRIPT = """
 import json
-from heatertune.batch.zone import RESULT
+from heatertune.batch.fleets import RESULT
 from heatertune.model.values import Fopdt
 from heatertune.pid.loop.robustness import margins
 from heatertune.pid.values import PidDesign

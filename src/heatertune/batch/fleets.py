@@ -28,11 +28,12 @@ from heatertune.plc import Words, controller_for
 from heatertune.plc.words import FLOATS
 from heatertune.processors import on_one
 from heatertune.proof import Proof
+from heatertune.proof.criteria import CRITERIA
 from heatertune.proof.redesign import DesignRequest
 from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.proof.spec_file import specification_of
 from heatertune.proof.text_comparison import as_exported
-from heatertune.proof.verdict import blocking_findings, samples_told
+from heatertune.proof.verdict import samples_told
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.writing import read_bytes, read_text
 
@@ -40,16 +41,6 @@ __all__ = [
     "HEAD", "RESULT", "SCHEMA", "ZoneSettings", "find_logs", "fleet", "lost_row", "word_columns", "zone_row",
 ]
 
-
-#: column → criterion of the proof
-_CRITERIA: Final = {
-    "overshoot_pct": "overshoot", "settling_time_s": "settling_time", "steady_offset_degC": "steady_offset",
-    "limit_cycle_degC": "limit_cycle", "pwm_ripple_degC": "pwm_ripple", "iae_degC_s": "iae",
-    "recovery_time_s": "recovery_time", "recovery_overshoot_pct": "recovery_overshoot", "deviation_degC": "deviation",
-    "saturation_pct": "saturation", "switchings_per_h": "switchings", "overflows": "overflow",
-    "interlock_trips": "interlock_trips", "ms": "ms", "gain_margin": "gain_margin",
-    "phase_margin_deg": "phase_margin",
-}
 
 _WHAT: Final = {
     "gain_degC_per_pct": "process gain [°C/%]", "time_constant_s": "time constant [s]", "dead_time_s": "dead time [s]",
@@ -97,8 +88,8 @@ RESULT: Final = (
     TableColumn(name="pwm_period_s", kind="float",
                 description="PWM period of the proof [s]: the one to set where none was given"),
     TableColumn(name="runs", kind="int", description="closed-loop runs of the proof"),
-    *(TableColumn(name=name, kind="float", description=f"{criterion.replace('_', ' ')}, the worst over all runs")
-      for name, criterion in _CRITERIA.items()),
+    *(TableColumn(name=kind.column, kind="float", description=f"{kind.name.replace('_', ' ')}, the worst over all runs")
+      for kind in CRITERIA if kind.column),
     TableColumn(name="samples", kind="int", description="drawn heaters on which the words were proven, too"),
     TableColumn(name="samples_passing_pct", kind="float", description="share of them that keep every limit [%]"),
     TableColumn(name="samples_worst_seed", kind="int", description="seed of the worst of them, for verify --replay"),
@@ -177,14 +168,10 @@ def _words(words: Words) -> Row:
 
 
 def _proof(proof: Proof) -> Row:
-    worst, boost = {criterion.name: criterion for criterion in proof.criteria}, proof.words.boost
-    broken = [criterion.name for criterion in proof.criteria if not criterion.ok]
-    reasons = [f"not kept: {', '.join(broken)}"] if broken else []
-    reasons += [f"not proven: {criterion['name']}" for criterion in blocking_findings(proof.diagnostics.to_document())]
-    if proof.samples is not None and proof.samples.verdict != "PASS":
-        reasons += [samples_told(proof.samples.to_document())]
+    worst, boost = {criterion.name: criterion.value for criterion in proof.criteria}, proof.words.boost
+    columns = {kind.column: worst.get(kind.name, math.nan) for kind in CRITERIA if kind.column}
     return {
-        "outcome": proof.verdict, "reason": "; ".join(reasons) or None,
+        "outcome": proof.verdict, "reason": "; ".join(_reasons(proof)) or None,
         "remarks": "; ".join(proof.diagnostics.remarks) or None,
         "ramp_degC_per_min": None if proof.words.ramp is None else proof.ramp_degC_per_min,
         "hold_degC": proof.hold_degC,
@@ -192,9 +179,16 @@ def _proof(proof: Proof) -> Row:
         "boost_again_degC": None if boost is None else boost.again_degC,
         "setpoint_degC": proof.scenario.setpoint_degC, "pwm_period_s": proof.actuator.pwm_period_s,
         "runs": len(proof.runs),
-        **{column: None if name not in worst or math.isnan(worst[name].value) else float(worst[name].value)
-           for column, name in _CRITERIA.items()},
+        **{column: None if math.isnan(value) else float(value) for column, value in columns.items()},
     }
+
+
+def _reasons(proof: Proof) -> Iterator[str]:
+    if proof.broken_criteria:
+        yield f"not kept: {', '.join(proof.broken_criteria)}"
+    yield from (f"not proven: {name}" for name in proof.diagnostics.blocking)
+    if proof.samples is not None and proof.samples.verdict != "PASS":
+        yield samples_told(proof.samples.to_document())
 
 
 def _sampled(proof: Proof) -> Row:
