@@ -381,13 +381,13 @@ class ProofView:
         return combined_verdict(["PASS" if kept else "FAIL", *drawn, *([NOT_PROVEN] if blocked else [])])
 
     def _demand_all_criteria(self) -> None:
-        there = {kind.source for kind in CRITERIA if kind.name in self.criteria}
-        sources = {"run", "flags", *there & {"words"}, *(["interlock"] if self.interlock else ())}
-        needed = [kind.name for kind in CRITERIA if kind.source in sources and self._has(kind, self.scenario)]
-        if missing := [name for name in needed if name not in self.criteria]:
-            raise DocumentError(f"criteria.{missing[0]}: is missing")
-        if more := [name for name in self.criteria if name not in needed]:
-            raise DocumentError(f"criteria.{more[0]}: no such criterion")
+        is_pid = any(kind.source == "words" and kind.name in self.criteria for kind in CRITERIA)
+        untold = {"words": not is_pid, "interlock": self.interlock is None}
+        needed = dict.fromkeys(kind.name for kind in CRITERIA if self._has(kind, self.scenario)
+                               and not untold.get(kind.source))
+        for name in needed | dict.fromkeys(self.criteria):
+            if name not in self.criteria or name not in needed:
+                raise DocumentError(f"criteria.{name}: {'is missing' if name in needed else 'no such criterion'}")
 
     def _has(self, criterion: CriterionKind, scenario: Scenario) -> bool:
         """Return whether runs of a scenario have a criterion."""
