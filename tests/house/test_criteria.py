@@ -16,8 +16,8 @@ TABLE = "proof/criteria.py"
 
 #: what the trial adds to the table: a field, the limit that users write, and the criterion
 FIELD = "    peak_degC: float | None = field(default=None, metadata=LEFT_OUT)\n"
-LIMIT = '    "peak": Limit(\n'
-ROW = '    CriterionKind(\n        name="peak"'
+LIMIT = '    "peak": Limit('
+ROW = '    CriterionKind(name="peak"'
 TRIAL = {
     FIELD: f"    rest_distance_degC: float | None = field(default=None, metadata=LEFT_OUT)\n{FIELD}",
     LIMIT: '    "rest-distance": Limit(description="largest distance from the setpoint at rest", example="3 degC",\n'

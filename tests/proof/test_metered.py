@@ -131,7 +131,7 @@ def test_a_listing_that_fails_fails_the_proof_whatever_its_direct_form_does(tent
     assert [run.verdict for run in proof.runs] == (["PASS", "FAIL"] if late else ["FAIL"])
 
 
-def test_an_interlock_is_judged_by_traces():
+def test_a_run_behind_an_interlock_is_measured_up_to_its_end():
     which, chance = controller_for("s5-ob251"), random.Random(3)
     scenario, actuator, limits = conditions(chance)
     words, models = words_of("s5-ob251", chance), heaters(chance, 2)
@@ -139,9 +139,21 @@ def test_an_interlock_is_judged_by_traces():
     proof = prove_models(which, words, models, scenario, actuator, Acceptance(limits=limits), interlock=watch)
     for run in proof.runs:
         heater = delay_heater(dict(models)[run.model], which.delay_s)
-        trace = simulate(which, words, heater, scenario, actuator, run.switches, watch)
+        trace = simulate(which, words, heater, scenario, actuator, run.switches, watch, limits=limits)
         assert np.isfinite(trace.cut_s)
-        assert run.criteria[:-1] == judge(trace, limits, where=run.label)
+        assert run.criteria[:-1] == tuple(replace(each, where=run.label) for each in trace.criteria)
+        for measured, traced in zip(trace.criteria, judge(trace, limits), strict=True):
+            assert (measured.name, measured.value, measured.ok) == (traced.name, pytest.approx(traced.value, **NEAR), traced.ok)
+
+
+def test_a_trace_is_the_same_bit_for_bit_whether_it_is_measured_or_not():
+    which, words, models, scenario, actuator, _ = drawn("weg", 5)
+    limits = LoopLimits()
+    free, measured = (simulate(which, words, models[0][1], scenario, actuator, limits=each) for each in (None, limits))
+    assert free.criteria == ()
+    assert [each.name for each in measured.criteria] == [each.name for each in judge(measured, limits)]
+    for name in ("temperature_degC", "reading_degC", "power_asked_pct", "edge_time_s", "stretches"):
+        np.testing.assert_array_equal(getattr(free, name), getattr(measured, name))
 
 
 def test_each_loop_is_held_against_the_disturbance_that_uses_most_of_its_time():

@@ -16,7 +16,7 @@ from heatertune.plc import TARGETS, Certificate, controller_for
 from heatertune.plc.design import encode
 from heatertune.plc.keyed_entry import as_typed
 from heatertune.proof.criteria import Criterion
-from heatertune.proof.nearest_specification import limits_that_pass
+from heatertune.proof.nearest_specification import limits_above
 from heatertune.proof.specification import preset
 from heatertune.report.controller_comparison import targets_brief
 from heatertune.report.layout import LINES, WIDTH, command, labelled_lines, notes_within, wrap_text
@@ -179,9 +179,9 @@ def _broken(*criteria):
 
 
 def test_the_limits_that_a_design_would_keep_are_a_little_above_what_it_does():
-    assert limits_that_pass(_broken(("overshoot", 24.1, 20.0, False), ("change_overshoot", 26.0, 20.0, False),
-                                    ("iae", 3.0, None, False))) == {"overshoot": "27%"}
-    assert limits_that_pass(_broken(("limit_cycle", 1.234, 1.0, False))) == {"tolerance": "1.3degC"}
+    assert limits_above(_broken(("overshoot", 24.1, 20.0, False), ("change_overshoot", 26.0, 20.0, False),
+                                    ("iae", 3.0, None, False)).criteria) == {"overshoot": "27%"}
+    assert limits_above(_broken(("limit_cycle", 1.234, 1.0, False)).criteria) == {"tolerance": "1.3degC"}
 
 
 @pytest.mark.parametrize("broken", [
@@ -189,7 +189,7 @@ def test_the_limits_that_a_design_would_keep_are_a_little_above_what_it_does():
     ("stability", 0.0, 1.0, True), ("overflow", 3.0, 0.0, False), ("power_reserve", 3.0, 5.0, True),
 ])
 def test_robustness_and_what_never_happens_are_never_loosened(broken):
-    assert limits_that_pass(_broken(("overshoot", 24.1, 20.0, False), broken)) == {}
+    assert limits_above(_broken(("overshoot", 24.1, 20.0, False), broken).criteria) == {}
 
 
 def test_a_comparison_is_one_screen():

@@ -81,6 +81,10 @@ _NEEDS: Final = {
 }
 
 
+#: key of a study → setting of a case
+CaseSettings = Mapping[str, Any]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study:
     """The cases of a study: the grid's, its first key varying slowest, then the listed ones; made when asked for.
@@ -91,9 +95,9 @@ class Study:
         listed: what each listed case sets.
     """
 
-    fixed: Mapping[str, Any]
+    fixed: CaseSettings
     grid: Mapping[str, Sequence[Any]]
-    listed: Sequence[Mapping[str, Any]]
+    listed: Sequence[CaseSettings]
 
     @property
     def keys(self) -> list[str]:
@@ -109,7 +113,7 @@ class Study:
     def __len__(self) -> int:
         return self._combinations + len(self.listed)
 
-    def case(self, number: int) -> Mapping[str, Any]:
+    def case(self, number: int) -> CaseSettings:
         """Return what a case sets; the first is number 0."""
         if number >= self._combinations:
             return {**self.fixed, **self.listed[number - self._combinations]}
@@ -197,7 +201,7 @@ def _demand_known(where: str | Path, kind: str, name: str, allowed: Any) -> None
         raise DocumentError(f"{where}: {UnknownName(kind, name, allowed)}")
 
 
-def _shapes(path: str | Path, study: Study) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _shapes(path: str | Path, study: Study) -> Iterator[tuple[str, CaseSettings]]:
     """Return one case of each shape with its place: those that differ only in numbers need no second look."""
     if study.grid:
         chosen = {key: settings if key in ("target", "switches", "input", "samples") else settings[:1]
@@ -208,7 +212,7 @@ def _shapes(path: str | Path, study: Study) -> Iterator[tuple[str, Mapping[str, 
         yield f"{path}, [[case]] {k}", {**study.fixed, **case}
 
 
-def _check(where: str, case: Mapping[str, Any]) -> None:
+def _check(where: str, case: CaseSettings) -> None:
     """Refuse a case without a heater or a target, or with a key that needs another one."""
     sources = [key for key in _SOURCES if key in case]
     if len(sources) != 1:
@@ -219,12 +223,12 @@ def _check(where: str, case: Mapping[str, Any]) -> None:
     for key, needed in _NEEDS.items():
         if key in case and needed not in case:
             raise DocumentError(f"{where}: {key} without {needed}, which it belongs to")
-    if case.get("samples") and "interlock" in case:
-        raise DocumentError(f"{where}: samples behind an interlock, which they are run without: leave out either")
     _check_values(where, case)
 
 
-def _check_values(where: str, case: Mapping[str, Any]) -> None:
+def _check_values(where: str, case: CaseSettings) -> None:
+    if case.get("samples") and "interlock" in case:
+        raise DocumentError(f"{where}: samples behind an interlock, which they are run without: leave out either")
     missing = [key for key in _BY_HAND if key not in case]
     if "gain_degC_per_pct" in case and missing:
         raise DocumentError(f"{where}: no {missing[0]}; a model entered by its numbers needs {', '.join(_BY_HAND)}")
@@ -235,7 +239,7 @@ def _check_values(where: str, case: Mapping[str, Any]) -> None:
         raise DocumentError(f"{where}: {case['target']}: {problem}") from problem
 
 
-def scaling_of(case: Mapping[str, Any]) -> Scaling:
+def scaling_of(case: CaseSettings) -> Scaling:
     """Return the sensor's range of a case; errors as `heatertune.plc.inputs.sensor_scaling`."""
     low, high = _RANGE
     plain = options_of(SensorSettings)["range_degC"].default
@@ -252,7 +256,7 @@ class Case(NamedTuple):
 
     number: int
     name: str
-    settings: Mapping[str, Any]
+    settings: CaseSettings
     content: Any
 
 
@@ -326,7 +330,7 @@ def _columns(cases: Study) -> tuple[TableColumn, ...]:
     )
 
 
-def _name(settings: Mapping[str, Any], varied: list[str]) -> str:
+def _name(settings: CaseSettings, varied: list[str]) -> str:
     return ", ".join(f"{key} = {_told(settings[key])}" for key in varied if key in settings)
 
 
@@ -360,7 +364,7 @@ def _beside(folder: Path, spec: str) -> str:
     return str(folder / spec) if spec.endswith(".toml") else spec
 
 
-def _of(kind: type[_T], settings: Mapping[str, Any]) -> _T:
+def _of(kind: type[_T], settings: CaseSettings) -> _T:
     """Return a dataclass of options as a case sets them."""
     return kind(**{name: settings[name] for name in options_of(kind) if name in settings})
 

@@ -261,11 +261,11 @@ class Limit:
     """What can be limited.
 
     Attributes:
-        what: its meaning.
+        description: its meaning.
         units: unit → what it sets; "T+L" counts in the slowest plausible heater's lags and dead time.
         example: a value, as a user would write it.
         at_least: whether the value must be reached; otherwise it must not be exceeded.
-        demanded: whether a limit there must be: nothing cannot be asked for.
+        is_required: whether a limit there must be: nothing cannot be asked for.
         least: no value is below it, so that to ask for less would be to ask for nothing that there is.
     """
 
@@ -281,6 +281,10 @@ def _of_time(field_: str) -> dict[str, Measure]:
     return {unit: Measure(field_, factor) for unit, factor in _TIMES.items()} | {"T+L": Measure(field_)}
 
 
+def _of_overshoot(field_: str) -> dict[str, Measure]:
+    return {"%": Measure(f"{field_}_pct"), "degC": Measure(f"{field_}_degC")}
+
+
 #: everything that a user can limit, by the name that a user writes
 LIMITS: Final[dict[str, Limit]] = {
     "tolerance": Limit(
@@ -289,63 +293,48 @@ LIMITS: Final[dict[str, Limit]] = {
     "overshoot": Limit(
         description="beyond the setpoint on heat-up, after a change of the setpoint and a restart, of the rise above "
                     "ambient",
-        units={"%": Measure("overshoot_pct"), "degC": Measure("overshoot_degC")}, example="5 %"),
+        units=_of_overshoot("overshoot"), example="5 %"),
     "reheat-overshoot": Limit(
         description="beyond the setpoint after the heater's circuit was open for a while, of the rise above ambient",
-        units={"%": Measure("reheat_overshoot_pct"), "degC": Measure("reheat_overshoot_degC")}, example="40 %"),
+        units=_of_overshoot("reheat_overshoot"), example="40 %"),
     "small-change-overshoot": Limit(
         description="beyond the setpoint after a small change of the setpoint, of that change",
-        units={"%": Measure("small_change_overshoot_pct"), "degC": Measure("small_change_overshoot_degC")},
-        example="30 %"),
-    "settling": Limit(
-        description="time from cold until the temperature stays in the band", units=_of_time("settling_s"),
-        example="20 min"),
-    "recovery": Limit(
-        description="time after a disturbance until the temperature stays in the band", units=_of_time("recovery_s"),
-        example="5 min"),
+        units=_of_overshoot("small_change_overshoot"), example="30 %"),
+    "settling": Limit(description="time from cold until the temperature stays in the band",
+        units=_of_time("settling_s"), example="20 min"),
+    "recovery": Limit(description="time after a disturbance until the temperature stays in the band",
+        units=_of_time("recovery_s"), example="5 min"),
     "recovery-overshoot": Limit(
         description="beyond the setpoint after a disturbance, on the other side, of the rise above ambient",
-        units={"%": Measure("recovery_overshoot_pct"), "degC": Measure("recovery_overshoot_degC")}, example="5 %"),
-    "load-deviation": Limit(
-        description="largest distance from the setpoint after a disturbance, on its side",
+        units=_of_overshoot("recovery_overshoot"), example="5 %"),
+    "load-deviation": Limit(description="largest distance from the setpoint after a disturbance, on its side",
         units={"degC": Measure("deviation_degC")}, example="2 degC"),
-    "ripple": Limit(
-        description="peak to peak within one PWM period at rest", units={"degC": Measure("pwm_ripple_degC")},
-        example="0.2 degC"),
-    "iae": Limit(
-        description="integral of the absolute error over the whole test "
-                    "sequence", units={"degC·s": Measure("iae_degC_s")},
-        example="5000 degC·s"),
+    "ripple": Limit(description="peak to peak within one PWM period at rest",
+        units={"degC": Measure("pwm_ripple_degC")}, example="0.2 degC"),
+    "iae": Limit(description="integral of the absolute error over the whole test sequence",
+        units={"degC·s": Measure("iae_degC_s")}, example="5000 degC·s"),
     "power-reserve": Limit(
         description="power reserve while the heater holds the highest setpoint, as a share of full power",
         units={"%": Measure("power_reserve_pct")}, example="10 %", at_least=True),
-    "saturation": Limit(
-        description="share of the scans that ask for 0 or 100 % power", units={"%": Measure("saturation_pct")},
-        example="50 %"),
-    "switchings": Limit(
-        description="how often the heater is switched on", units={"/h": Measure("switchings_per_h")}, example="30 /h"),
+    "saturation": Limit(description="share of the scans that ask for 0 or 100 % power",
+        units={"%": Measure("saturation_pct")}, example="50 %"),
+    "switchings": Limit(description="how often the heater is switched on", units={"/h": Measure("switchings_per_h")},
+        example="30 /h"),
     "ms": Limit(description="maximum sensitivity Ms", units={"": Measure("ms")}, example="1.7", least=1.0),
-    "gain-margin": Limit(
-        description="factor by which the heater's gain may grow", units={"": Measure("gain_margin")}, example="2.5",
-        at_least=True),
-    "phase-margin": Limit(
-        description="phase that the loop may lose", units={"deg": Measure("phase_margin_deg")}, example="45 deg",
-        at_least=True),
-    "step-power": Limit(
-        description="power that one step of the reading, or its noise, may move",
-        units={"%": Measure("step_power_pct")},
-        example="10 %"),
-    "soak-band": Limit(
-        description="tolerance around the temperature of a soak; by default the general tolerance",
+    "gain-margin": Limit(description="factor by which the heater's gain may grow", units={"": Measure("gain_margin")},
+        example="2.5", at_least=True),
+    "phase-margin": Limit(description="phase that the loop may lose", units={"deg": Measure("phase_margin_deg")},
+        example="45 deg", at_least=True),
+    "step-power": Limit(description="power that one step of the reading, or its noise, may move",
+        units={"%": Measure("step_power_pct")}, example="10 %"),
+    "soak-band": Limit(description="tolerance around the temperature of a soak; by default the general tolerance",
         units={"degC": Measure("soak_band_degC")}, example="3 degC"),
-    "soak-settling": Limit(
-        description="share of a soak after which its tolerance applies; by default one half",
+    "soak-settling": Limit(description="share of a soak after which its tolerance applies; by default one half",
         units={"%": Measure("soak_settling_pct"), **_of_time("soak_settling_s")}, example="10 min"),
-    "ramp-deviation": Limit(
-        description="largest distance from the setpoint on a profile's ramps",
+    "ramp-deviation": Limit(description="largest distance from the setpoint on a profile's ramps",
         units={"degC": Measure("ramp_deviation_degC")}, example="20 degC"),
-    "peak": Limit(
-        description="highest temperature along a profile", units={"degC": Measure("peak_degC")}, example="1070 degC"),
+    "peak": Limit(description="highest temperature along a profile", units={"degC": Measure("peak_degC")},
+        example="1070 degC"),
 }
 
 
@@ -608,30 +597,24 @@ _WHOLE_SEQUENCE: Final = "of the whole story that was proven"
 CRITERIA: Final[tuple[CriterionKind, ...]] = (
     *_overshoot("overshoot", ("heat-up",), "during heat-up", "overshoot", column="overshoot_pct"),
     _time("settling_time", "heat-up", "Time after which", limit="settling_s", column="settling_time_s"),
-    CriterionKind(
-        name="steady_offset", unit="°C", description="Mean distance from the setpoint at rest.", measure=offset_degC,
-        phases=_HELD, at_rest=True, otherwise="band", label="offset at rest", column="steady_offset_degC",
-        remedies=(_INPUT,)),
-    CriterionKind(
-        name="limit_cycle", unit="°C",
+    CriterionKind(name="steady_offset", unit="°C", description="Mean distance from the setpoint at rest.",
+        measure=offset_degC, phases=_HELD, at_rest=True, otherwise="band", label="offset at rest",
+        column="steady_offset_degC", remedies=(_INPUT,)),
+    CriterionKind(name="limit_cycle", unit="°C",
         description="Half of the temperature's peak to peak at rest, PWM ripple included.", measure=swing_degC,
         phases=_HELD, at_rest=True, otherwise="band", label="swing at rest", column="limit_cycle_degC",
         remedies=(_SWITCH, _INPUT, _SENSOR)),
-    CriterionKind(
-        name="pwm_ripple", unit="°C",
+    CriterionKind(name="pwm_ripple", unit="°C",
         description="Peak to peak within one PWM period at rest after the heat-up, median.", measure=ripple_degC,
         limit="pwm_ripple_degC", label="ripple", column="pwm_ripple_degC", remedies=(_SWITCH,)),
-    CriterionKind(
-        name="iae", unit="°C·s",
+    CriterionKind(name="iae", unit="°C·s",
         description="Integral of the absolute error over the whole run, except while heater or PLC are off.",
         measure=iae_degC_s, phases=_HELD, limit="iae_degC_s", rated_power_only=True, label="integral of the error",
         column="iae_degC_s", remedies=(_SENSOR,), not_in_trace=_WHOLE_SEQUENCE),
-    _time("recovery_time", "recovery", "Time after a disturbance until", limit="recovery_s",
-          column="recovery_time_s"),
+    _time("recovery_time", "recovery", "Time after a disturbance until", limit="recovery_s", column="recovery_time_s"),
     *_overshoot("recovery_overshoot", ("recovery",), "after a disturbance, on the other side", "recovery_overshoot",
-                measure=behind_degC, column="recovery_overshoot_pct"),
-    CriterionKind(
-        name="deviation", unit="°C",
+        measure=behind_degC, column="recovery_overshoot_pct"),
+    CriterionKind(name="deviation", unit="°C",
         description="Largest distance from the setpoint after a disturbance, on its side.", measure=beyond_degC,
         phases=("recovery",), limit="deviation_degC", label="deviation under load", column="deviation_degC",
         remedies=(_SENSOR,)),
@@ -640,63 +623,52 @@ CRITERIA: Final[tuple[CriterionKind, ...]] = (
     *_overshoot("change_overshoot", ("change",), "after a change of the setpoint", "overshoot"),
     _time("change_time", "change", "Time after it after which"),
     *_overshoot("small_change_overshoot", ("small-change",), "after a small change of the setpoint",
-                "small_change_overshoot", of="change"),
+        "small_change_overshoot", of="change"),
     _time("small_change_time", "small-change", "Time after it after which"),
     *_overshoot("restart_overshoot", ("restart",), "after a start-up of the PLC", "overshoot"),
     _time("restart_time", "restart", "Time after it after which"),
-    CriterionKind(
-        name="soak_deviation", unit="°C",
+    CriterionKind(name="soak_deviation", unit="°C",
         description="Largest distance from the temperature of a soak of the profile, after what it may settle in.",
         measure=off_at_rest_degC, phases=("soak",), at_rest=True, limit="soak_band_degC", otherwise="band",
         remedies=(_SENSOR,)),
     *_overshoot("ramp_overshoot", ("ramp",), "at the end of a ramp of the profile", "overshoot",
-                measure=beyond_ramp_degC, of="ramp"),
-    CriterionKind(
-        name="ramp_deviation", unit="°C", description="Largest distance from the setpoint on the ramps of the profile.",
-        measure=lag_degC, phases=("ramp",), limit="ramp_deviation_degC", remedies=(_SENSOR,)),
-    CriterionKind(
-        name="peak", unit="°C", description="Highest temperature along the profile.", measure=highest_degC, phases=LED,
-        limit="peak_degC"),
-    CriterionKind(
-        name="power_reserve", unit="% of power",
+        measure=beyond_ramp_degC, of="ramp"),
+    CriterionKind(name="ramp_deviation", unit="°C",
+        description="Largest distance from the setpoint on the ramps of the profile.", measure=lag_degC,
+        phases=("ramp",), limit="ramp_deviation_degC", remedies=(_SENSOR,)),
+    CriterionKind(name="peak", unit="°C", description="Highest temperature along the profile.", measure=highest_degC,
+        phases=LED, limit="peak_degC"),
+    CriterionKind(name="power_reserve", unit="% of power",
         description="Power reserve while the heater holds the highest setpoint, as a share of full power.",
         measure=reserve_pct, limit="power_reserve_pct", at_least=True, rated_power_only=True, remedies=(_POWER,)),
-    CriterionKind(
-        name="saturation", unit="% of scans", description="Share of the scans that ask for 0 or 100 % power.",
+    CriterionKind(name="saturation", unit="% of scans", description="Share of the scans that ask for 0 or 100 % power.",
         measure=saturated_pct, limit="saturation_pct", column="saturation_pct", remedies=(_POWER,),
         not_in_trace=_WHOLE_SEQUENCE),
-    CriterionKind(
-        name="switchings", unit="1/h",
+    CriterionKind(name="switchings", unit="1/h",
         description="How often the heater is switched on while the requested power is between its limits; for "
                     "two-level control, while the circuit is closed.",
         measure=switchings_per_h, limit="switchings_per_h", column="switchings_per_h", remedies=(_SWITCH,)),
-    CriterionKind(
-        name="overflow", unit="1",
+    CriterionKind(name="overflow", unit="1",
         description="How often an error flag was set, or the requested power was not a number.", measure=fault_count,
         limit="overflows", source="flags", label="overflows", column="overflows",
         not_in_trace="a flag in the PLC: look there"),
-    CriterionKind(
-        name="interlock_trips", unit="1",
-        description="1 where the interlock {interlock}, limit {limit_degC} °C, switched the heater off for good, "
-                    "else 0.",
+    CriterionKind(name="interlock_trips", unit="1",
+        description="1 where the interlock {interlock}, limit {limit_degC} °C, switched the heater off for good, else "
+                    "0.",
         fixed_limit=0.0, source="interlock", column="interlock_trips",
         not_in_trace="the trace does not show the interlock"),
-    CriterionKind(
-        name="stability", unit="1", description="1 where the linear loop of the words as realised is stable, else 0.",
-        fixed_limit=1.0, at_least=True, source="words", margin="stable", not_in_trace=_NO_RUN),
-    CriterionKind(
-        name="ms", unit="1", description="Maximum sensitivity of the words as realised.", limit="ms", source="words",
-        margin="ms", label="Ms (robustness)", column="ms", remedies=(_SENSOR,), not_in_trace=_NO_RUN),
-    CriterionKind(
-        name="gain_margin", unit="1", description="Factor by which the heater's gain may grow.", limit="gain_margin",
-        at_least=True, source="words", margin="gain_margin", column="gain_margin", remedies=(_SENSOR,),
-        not_in_trace=_NO_RUN),
-    CriterionKind(
-        name="phase_margin", unit="°", description="Phase that the loop may lose.", limit="phase_margin_deg",
+    CriterionKind(name="stability", unit="1",
+        description="1 where the linear loop of the words as realised is stable, else 0.", fixed_limit=1.0,
+        at_least=True, source="words", margin="stable", not_in_trace=_NO_RUN),
+    CriterionKind(name="ms", unit="1", description="Maximum sensitivity of the words as realised.", limit="ms",
+        source="words", margin="ms", label="Ms (robustness)", column="ms", remedies=(_SENSOR,), not_in_trace=_NO_RUN),
+    CriterionKind(name="gain_margin", unit="1", description="Factor by which the heater's gain may grow.",
+        limit="gain_margin", at_least=True, source="words", margin="gain_margin", column="gain_margin",
+        remedies=(_SENSOR,), not_in_trace=_NO_RUN),
+    CriterionKind(name="phase_margin", unit="°", description="Phase that the loop may lose.", limit="phase_margin_deg",
         at_least=True, source="words", margin="phase_margin_deg", column="phase_margin_deg", remedies=(_SENSOR,),
         not_in_trace=_NO_RUN),
-    CriterionKind(
-        name="step_power", unit="% of power",
+    CriterionKind(name="step_power", unit="% of power",
         description="Power that one step of the reading, or its noise where that is more, moves within one scan.",
         limit="step_power_pct", source="words", label="power per sensor step", remedies=(_INPUT,),
         not_in_trace=_NO_RUN),

@@ -353,23 +353,35 @@ def nights_of(
               if isinstance(event, Mains) and isinstance(closed, Mains) and event.share == 0.0 < closed.share}
     if opened:
         yield from _opened(scenario, models, max(opened, key=lambda one: opened[one]), opened, brief_s, lower_s)
+    if not scenario.rests_s:
+        return
+    if warm_s:
+        yield from _restarted(scenario, warm_s)
+    if lower_s:
+        yield _cold_at_lower_setpoints(scenario, _downwards(lower_s, scenario), models)
+    if lows_degC:
+        yield from _changed_in_part(scenario, lows_degC)
+
+
+def _restarted(scenario: Scenario, warm_s: Sequence[float]) -> Iterator[LongOutage]:
     back = next((number for number, (lost, event) in enumerate(pairwise(scenario.disturbances))
                  if isinstance(lost, PlcPower) and isinstance(event, PlcPower) and event.on), None)
-    if warm_s and back is not None and scenario.rests_s:
+    if back is not None:
         told = f"Where the PLC is restarted after {_minutes(warm_s)} without supply"
         yield LongOutage(_WARM, _each(scenario, back, warm_s), told,
                          "; the limit is kept where the heater is hot, or cold")
-    if lower_s and scenario.rests_s:
-        yield _cold_at_lower_setpoints(scenario, _downwards(lower_s, scenario), models)
+
+
+def _changed_in_part(scenario: Scenario, lows_degC: Sequence[float]) -> Iterator[LongOutage]:
     fall = next((number for number, pair in enumerate(pairwise(scenario.disturbances))
                  if all(isinstance(event, NewSetpoint) for event in pair)), None)
-    if lows_degC and fall is not None and scenario.rests_s:
+    if fall is not None:
         falls, rises = scenario.disturbances[fall:fall + 2]
         befores = [NewSetpoint(time_s=falls.time_s, setpoint_degC=low) for low in lows_degC]
         down_s = rises.time_s - falls.time_s - scenario.rests_s[fall + 1] + scenario.rests_s[fall + 2]
         told = f"Where the setpoint changes between its highest and {min(lows_degC):.4g} to {max(lows_degC):.4g} °C"
         yield LongOutage(_PART, _each(scenario, fall, [down_s] * len(befores), befores), told,
-                    "; the limit is kept where it falls to its lowest, and rises from there")
+                         "; the limit is kept where it falls to its lowest, and rises from there")
 
 
 def _opened(

@@ -215,10 +215,12 @@ def trace_run(
     actuator, scans = actuator_of(controller, actuator), scans_of(controller, scenario)
     time = np.arange(scans, dtype=np.float64) * controller.scan_s + late_s
     plant = np.array([plant_row(model, scenario)])
-    meter, phases = (no_meter(), ()) if limits is None else meter_for(
-        scenario, limits, end_s=float(time[-1]), period_s=actuator.pwm_period_s, flags=controller.core.flags,
-        resolution_degC=controller.resolution_degC)
+    meter, phases = meter_for(
+        scenario, limits or LoopLimits(), end_s=float(time[-1]), period_s=actuator.pwm_period_s,
+        flags=controller.core.flags, resolution_degC=controller.resolution_degC)
+    # measured or not, the kernel takes the same steps: the trace is the same, bit for bit
     events = events_of(scenario, [model.dead_time_s], marks=rests_of(phases))
+    meter = no_meter() if limits is None else meter
     batch = LoopBatch(scans, noise_degC[None], late_s[None], plant, *events, np.array(scenario.leads))
     pulses = pulses_of(time[-1] + 2.0 * controller.scan_s, actuator) + 2 * scenario.supplied.count(False)  # start-ups
     edges = np.empty(ring_size(pulses))

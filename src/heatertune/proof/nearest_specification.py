@@ -23,7 +23,7 @@ from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import Conditions
 from heatertune.units import written
 
-__all__ = ["both_that_pass", "broken_told", "limits_above", "limits_that_pass", "loosen_conditions",
+__all__ = ["both_that_pass", "broken_told", "limits_above", "loosen_conditions",
            "options_of", "passing_settings", "physical_help", "settings_told", "suspects", "tolerance_that_passes",
            "within_reach"]
 
@@ -133,7 +133,7 @@ def both_that_pass(
         passes: whether another proof is good enough.
     """
     for wider in _wider(proof, conditions):
-        looser = limits_that_pass(found := prove(words, fitted, wider))
+        looser = limits_above((found := prove(words, fitted, wider)).criteria)
         if not looser or not within_reach(looser, found, fitted, wider):
             continue
         if passes(prove(words, fitted, loosen_conditions(wider, looser))):
@@ -152,16 +152,11 @@ def options_of(limits: Mapping[str, str]) -> tuple[str, ...]:
     return tuple(word for name, value in limits.items() for word in ("--limit", f"{name}={value}"))
 
 
-def limits_that_pass(proof: Proof) -> dict[str, str]:
-    """Return the limits that a proof breaks, each with the value that it would keep; none where one is not to be moved.
+def limits_above(criteria: Iterable[Criterion]) -> dict[str, str]:
+    """Return the limits of broken criteria, each with the value that it would keep; none where one is not to be moved.
 
     Robustness is not to be moved, nor is there a limit for what never happens or is a fault.
     """
-    return limits_above(proof.criteria)
-
-
-def limits_above(criteria: Iterable[Criterion]) -> dict[str, str]:
-    """Return the limits of broken criteria, as `limits_that_pass`."""
     by_field = {measure.field: (name, unit) for name, limit in LIMITS.items() for unit, measure in limit.units.items()
                 if measure.factor == 1.0 and unit != "T+L" and measure.field not in _OF_ROBUSTNESS}
     looser: dict[str, tuple[float, str]] = {}
@@ -179,7 +174,7 @@ def within_reach(limits: Mapping[str, str], proof: Proof, fitted: FittedModel, c
     """Return whether limits may be suggested: within twice their defaults, and where sensor and log reach.
 
     Args:
-        limits: name → value, as `limits_that_pass` returns them.
+        limits: name → value, as `limits_above` returns them.
         proof: whose limits these are to replace.
         fitted: the heater and its candidates; one of a log tells how hot that was.
         conditions: of the proof.

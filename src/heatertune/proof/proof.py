@@ -462,33 +462,39 @@ def _after_a_night(
     under the hardest setting: it may be another one. Where a few places come near to a limit, many are looked at.
     Whether a setting winds up does not show in the story where the setpoint is held near the reading.
     """
-    def judged(night: LongOutage, only: Sequence[Run]) -> list[tuple[Run, tuple[Criterion, ...]]]:
-        again = runs.again(night.scenario, only, replace(coverage, progress=str))
-        ran = ((name, switches, runs.mains_power) for name, _, switches in again.cases)
-        return [(run, night.compare(criteria, before[again.label(number)]))
-                for number, (run, criteria) in enumerate(zip(ran, again.judge_all(), strict=True))]
-
-    models, before = runs.models, {result.label: result.criteria for result in results}
-
-    coarse, fine = (_nights(runs.controller, runs.words, runs.scenario, models, closely=closely)
+    coarse, fine = (_nights(runs.controller, runs.words, runs.scenario, runs.models, closely=closely)
                     for closely in (False, True))
     findings, broken = list[Finding](), dict[str, tuple[Run, ...]]()
     for first, closer in zip(coarse, fine, strict=True):
-        hardest = _hardest_after(results, first.name)
-        every = [(name, hardest[-1].switches, runs.mains_power) for name, _ in models]
-        told = judged(first, [*(run.run for run in hardest), *every])
-        (model, *_), _ = max(told, key=lambda each: first.strain(each[1]))
-        others = [run for run in ((model, run.switches, runs.mains_power) for run in hardest)
-                  if run not in [ran for ran, _ in told]]
-        told += judged(first, others) if others else []
-        near = [run for run, criteria in told if first.strain(criteria) > _NEAR]
-        if near and closer.scenario != first.scenario:
-            told += judged(closer, near)
+        told = _judged_after(runs, results, coverage, first, closer)
         if found := closer.findings(criterion for _, criteria in told for criterion in criteria):
             findings += found
             over = [run for run, criteria in told if closer.findings(criteria)]
             broken[closer.name] = tuple(run for place, run in enumerate(over) if run not in over[:place])
     return findings, broken
+
+
+def _judged_after(
+    runs: Runs, results: Sequence[RunResult], coverage: Coverage, first: LongOutage, closer: LongOutage
+) -> list[tuple[Run, tuple[Criterion, ...]]]:
+    """Return what the hardest runs do after an outage, and at more places where these come near to a limit."""
+    before, power = {result.label: result.criteria for result in results}, runs.mains_power
+
+    def judged(night: LongOutage, only: Sequence[Run]) -> list[tuple[Run, tuple[Criterion, ...]]]:
+        again = runs.again(night.scenario, only, replace(coverage, progress=str))
+        return [((name, switches, power), night.compare(criteria, before[again.label(number)]))
+                for number, ((name, _, switches), criteria) in enumerate(zip(
+                    again.cases, again.judge_all(), strict=True))]
+
+    hardest = _hardest_after(results, first.name)
+    told = judged(first, [*(run.run for run in hardest),
+                          *((name, hardest[-1].switches, power) for name, _ in runs.models)])
+    (model, *_), _ = max(told, key=lambda each: first.strain(each[1]))
+    ran = [run for run, _ in told]
+    if others := [run for run in ((model, run.switches, power) for run in hardest) if run not in ran]:
+        told += judged(first, others)
+    near = [run for run, criteria in told if first.strain(criteria) > _NEAR]
+    return told + (judged(closer, near) if near and closer.scenario != first.scenario else [])
 
 
 def _nights(

@@ -257,7 +257,7 @@ def _value(criterion: Document) -> str:
 
 
 def _called(name: str) -> str:
-    return CRITERION[name].label or readable_name(name)
+    return (name in CRITERION and CRITERION[name].label) or readable_name(name)
 
 
 def _doubts(proof: Document, unsure: Iterable[str] = ()) -> dict[str, list[str]]:

@@ -24,7 +24,6 @@ from heatertune.proof.nearest_specification import (
     both_that_pass,
     broken_told,
     limits_above,
-    limits_that_pass,
     loosen_conditions,
     options_of,
     passing_settings,
@@ -348,7 +347,7 @@ class Suggestion:
 
     def _by_limits(self) -> tuple[str, ...]:
         """Return the options that loosen each broken limit by as little as will do, none where they would not."""
-        looser = limits_that_pass(self.first.proof)
+        looser = limits_above(self.first.proof.criteria)
         if not looser or not within_reach(looser, self.first.proof, self.fitted_model, self.first.conditions):
             return ()
         self.progress(f"{redesign_cost.broken(self.first)} fails: trying wider limits")
