@@ -152,8 +152,8 @@ def add_study(commands: Any) -> None:
     command = commands.add_parser(
         "study", help="a sweep over targets, settings and heaters → one table", epilog=STUDY_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        description="Take every case of a study through the chain, and write one row per case. What cannot be done\n"
-        "is a row with its reason. Exit status 0 where the table is written, whatever the verdicts in it.",
+        description="Run the chain on every case of a study and write one row per case. A case that cannot be run\n"
+        "gets a row with the reason. Exits 0 once the table is written, whatever its verdicts.",
     )
     command.add_argument("study", metavar="STUDY.toml", help="the definition of the sweep")
     add_table_options(command)

@@ -142,14 +142,14 @@ class Parts:
         """
         if self.folder.exists() and not resume:
             raise InputError(
-                f"{self.folder}: the parts of a run that was stopped; --resume goes on with it, else remove the folder")
+                f"{self.folder}: parts of an interrupted run; continue it with --resume, or remove the folder")
         if (self.folder / _MANIFEST).exists():
             earlier = read_document(self.folder / _MANIFEST, _SCHEMA).get("identity")
             other = _differences(earlier, json.loads(json.dumps(identity)))
             if other:
                 raise InputError(
-                    f"{self.folder}: the parts of another run, with other {', '.join(other)}; "
-                    "give what that run was given, or remove the folder")
+                    f"{self.folder}: parts of a run with different {', '.join(other)}; "
+                    "repeat the options of that run, or remove the folder")
         else:
             write_files(self.folder, {_MANIFEST: to_json({"schema": _SCHEMA, "identity": identity})})
 
@@ -185,7 +185,8 @@ class Parts:
             try:
                 rows = [json.loads(line) for line in path.read_bytes().split(b"\n")[:-1]]
             except (OSError, ValueError) as problem:
-                raise DocumentError(f"{path}: no part of a table; remove it, --resume makes it again") from problem
+                raise DocumentError(f"{path}: not a valid part of a table; remove it, and --resume computes it "
+                                    "again") from problem
             yield from rows
 
     def contents(self) -> list[str]:
@@ -261,7 +262,7 @@ def hold_lock(
     except OSError as problem:
         raise InputError(f"{path}: cannot be written: {problem.strerror}") from problem
     with file:
-        _demand(file, path, what or f"{table}: another run writes it", instead)
+        _demand(file, path, what or f"{table}: another run is writing it", instead)
         with suppress(OSError):  # on a full disk the lock holds all the same
             os.write(file.fileno(), f"process {os.getpid()}{holder}".encode())
         try:
@@ -279,7 +280,7 @@ def _demand(file: IO[str], path: Path, what: str, instead: str) -> None:
         mine = False
     if not mine:
         file.seek(0)
-        raise InputError(f"{what} ({file.read() or 'just begun'}); wait for its end{instead}")
+        raise InputError(f"{what} ({file.read() or 'just started'}); wait until it ends{instead}")
     file.truncate(0)
 
 
@@ -354,7 +355,7 @@ def read_rows(path: Path) -> list[Row]:
         with path.open("rb") as file:
             return list(arrow.parquet.read_table(file).to_pylist())
     except (OSError, arrow.ArrowInvalid) as problem:
-        raise InputError(f"{path}: no table: {problem}") from problem
+        raise InputError(f"{path}: not a Parquet table: {problem}") from problem
 
 
 def _groups(rows: Iterable[Row]) -> Iterator[list[Row]]:
@@ -400,7 +401,7 @@ def run(
     """
     demand_parquet()
     if not batch.cases:
-        raise InputError(f"{out}: no case to do")
+        raise InputError(f"{out}: there are no cases to run")
     with hold_lock(Path(out)):
         return {"table": str(out), **_run(batch, Path(out), workers, progress, resume=resume)}
 
@@ -453,7 +454,8 @@ def _task(
         InputError: the worker's program is another one, so its numbers might be, too.
     """
     if _program() != program:
-        raise InputError(f"a worker runs another program: there {_program()}, here {program}; install the same")
+        raise InputError(f"a worker runs a different program ({_program()}; expected {program}); install the same "
+                         "version there")
     with _ONE_AT_A_TIME:
         return [do(shared, case) for case in cases]
 
@@ -466,7 +468,7 @@ def _program() -> str:
         InputError: the source is no longer the one that runs.
     """
     if (source := source_digest()) is None:
-        raise InputError("heatertune was replaced by another release while it runs; start it again")
+        raise InputError("heatertune was replaced by another release during the run; start the run again")
     versions = [f"{name} {metadata.version(name)}" for name in _LIBRARIES]
     return ", ".join([f"heatertune {source[:12]}", f"Python {sys.version.split()[0]}", *versions])
 

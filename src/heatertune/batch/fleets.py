@@ -55,44 +55,42 @@ _DESIGN: Final = {
 #: the columns every row begins with
 HEAD: Final = (
     TableColumn(name="outcome", kind="text",
-                description="PASS, FAIL or NOT PROVEN; else the stage that refused: no log, no fit, "
-                                             "no design, no words, no proof; crashed: a fault of the program"),
-    TableColumn(name="reason", kind="text", description="what a proof did not keep, or why a stage refused"),
+                description="PASS, FAIL or NOT PROVEN; or the stage that failed: no log, no fit, no design, no words, "
+                            "no proof; crashed: program error"),
+    TableColumn(name="reason", kind="text", description="limits that the proof did not keep, or why a stage failed"),
 )
 
 #: the columns of what was found
 RESULT: Final = (
-    TableColumn(name="log_taken", kind="text", description="what was taken of the log as what"),
-    TableColumn(name="fit_outcome", kind="text", description="how the fit ended"),
+    TableColumn(name="log_taken", kind="text", description="columns of the log and their meaning"),
+    TableColumn(name="fit_outcome", kind="text", description="outcome of the fit"),
     *(TableColumn(name=f"{name}{end}", kind="float", description=f"{what}{of}") for name, what in _WHAT.items() for end,
       of in (
         ("", " of the working model"), ("_ci95_low", ", low end of its 95 % interval"),
         ("_ci95_high", ", high end of its 95 % interval"))),
-    TableColumn(name="fit_pct", kind="float", description="how much of the log the working model explains [%]"),
-    TableColumn(name="models", kind="int", description="candidate models that were tuned for and proven on"),
+    TableColumn(name="fit_pct", kind="float", description="fit of the working model to the log [%]"),
+    TableColumn(name="models", kind="int", description="candidate models used for tuning and proof"),
     *(TableColumn(name=name, kind="float", description=f"{what} of the design") for name, what in _DESIGN.items()),
-    TableColumn(name="structure", kind="text", description="parts of the controller"),
-    TableColumn(name="method", kind="text", description="how the design was found"),
-    TableColumn(name="words", kind="text", description="the words the PLC will hold, as JSON"),
+    TableColumn(name="structure", kind="text", description="controller structure"),
+    TableColumn(name="method", kind="text", description="design method"),
+    TableColumn(name="words", kind="text", description="the parameters for the PLC, as JSON"),
     TableColumn(name="remarks", kind="text",
-                description="what else stands on the verdict's line: what was changed to pass, or "
-                                             "what would pass"),
+                description="other remarks of the verdict line: changes made to pass, or changes that would pass"),
     TableColumn(name="ramp_degC_per_min", kind="float", description="setpoint ramp [°C/min]; empty: none"),
     TableColumn(name="hold_degC", kind="float",
-                description="its holdback: how far from the reading it lets the setpoint be [°C]; "
-                                                "empty: as far as it goes"),
+                description="its holdback: largest distance of the setpoint from the reading [°C]; empty: unlimited"),
     TableColumn(name="boost_within_degC", kind="float",
-                description="full power until so near to the setpoint [°C]; empty: none"),
-    TableColumn(name="boost_again_degC", kind="float", description="and again where it is farther off than this [°C]"),
+                description="boost: full power until this distance from the setpoint [°C]; empty: none"),
+    TableColumn(name="boost_again_degC", kind="float", description="boost: full power again beyond this distance [°C]"),
     TableColumn(name="setpoint_degC", kind="float", description="setpoint of the proof [°C]"),
     TableColumn(name="pwm_period_s", kind="float",
-                description="PWM period of the proof [s]: the one to set where none was given"),
+                description="PWM period of the proof [s]; set this one if you gave none"),
     TableColumn(name="runs", kind="int", description="closed-loop runs of the proof"),
     *(TableColumn(name=kind.column, kind="float", description=f"{kind.name.replace('_', ' ')}, the worst over all runs")
       for kind in CRITERIA if kind.column),
-    TableColumn(name="samples", kind="int", description="drawn heaters on which the words were proven, too"),
-    TableColumn(name="samples_passing_pct", kind="float", description="share of them that keep every limit [%]"),
-    TableColumn(name="samples_worst_seed", kind="int", description="seed of the worst of them, for verify --replay"),
+    TableColumn(name="samples", kind="int", description="sampled heaters of the proof"),
+    TableColumn(name="samples_passing_pct", kind="float", description="percentage of them that keep every limit [%]"),
+    TableColumn(name="samples_worst_seed", kind="int", description="seed of the worst sample, for verify --replay"),
 )
 
 
@@ -203,7 +201,7 @@ SCHEMA: Final = "heatertune/fleet/1"
 _ENDINGS: Final = (".csv", ".tsv", ".txt", ".log", ".dat")
 _COLUMNS: Final = (
     TableColumn(name="name", kind="text",
-                description="the log's file, without the part of its path that all logs share"),
+                description="file of the log, without the common part of the paths"),
     *HEAD, *RESULT,
 )
 

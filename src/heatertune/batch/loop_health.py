@@ -42,46 +42,48 @@ _HEATER: Final = {"gain_degC_per_pct": "process gain [°C/%]", "time_constant_s"
                   "dead_time_s": "dead time [s]", "ambient_degC": "ambient temperature, reached without power [°C]"}
 _COLUMNS: Final = (
     TableColumn(name="name", kind="text", description="the loop"),
-    TableColumn(name="file", kind="text", description="its log, without the part of its path that all logs share"),
+    TableColumn(name="file", kind="text", description="its log, without the common part of the paths"),
     TableColumn(name="outcome", kind="text",
-                description="the cause of what is wrong, or well; no log: it cannot be read; crashed: "
-                                             "a fault of the program"),
-    TableColumn(name="reason", kind="text", description="what was found, with its numbers"),
-    TableColumn(name="also", kind="text", description="what else was found"),
-    TableColumn(name="excess", kind="float", description="how far the worst is beyond what is accepted; below 1: well"),
-    TableColumn(name="confidence", kind="text", description="of the cause: high, medium, low"),
-    TableColumn(name="doubt", kind="text", description="what is to be said against the heater found, or why none was"),
-    TableColumn(name="what_to_do", kind="text", description="in one sentence"),
+                description="cause of the fault, or well; no log: it cannot be read; crashed: program error"),
+    TableColumn(name="reason", kind="text", description="the finding, with its figures"),
+    TableColumn(name="also", kind="text", description="further findings"),
+    TableColumn(name="excess", kind="float", description="worst value as a multiple of its limit; below 1: well"),
+    TableColumn(name="confidence", kind="text", description="confidence in the cause: high, medium, low"),
+    TableColumn(name="doubt", kind="text", description="reservations about the identified heater, or why none was "
+                                                       "identified"),
+    TableColumn(name="what_to_do", kind="text", description="recommendation in one sentence"),
     TableColumn(name="times_worse", kind="float",
-                description="mean error, as a multiple of what is possible for this heater"),
-    TableColumn(name="half_cycles", kind="int", description="of the error in a row after one event"),
-    TableColumn(name="period_s", kind="float", description="of a whole cycle [s]"),
-    TableColumn(name="swing_degC", kind="float", description="median peak to peak of them [°C]"),
+                description="mean error as a multiple of the best achievable for this heater"),
+    TableColumn(name="half_cycles", kind="int", description="consecutive half cycles of the error after one event"),
+    TableColumn(name="period_s", kind="float", description="period of a whole cycle [s]"),
+    TableColumn(name="swing_degC", kind="float", description="their median peak-to-peak value [°C]"),
     TableColumn(name="full_power_pct", kind="float",
-                description="share of the time at full power, the setpoint out of reach [%]"),
-    TableColumn(name="switchings_per_h", kind="float", description="of what switches the heater"),
-    TableColumn(name="pwm_period_s", kind="float", description="in force [s]"),
+                description="fraction of the time at full power with the setpoint out of reach [%]"),
+    TableColumn(name="switchings_per_h", kind="float", description="switching operations of the heater per hour"),
+    TableColumn(name="pwm_period_s", kind="float", description="PWM period in the log [s]"),
     TableColumn(name="switch_ticks", kind="int",
-                description="ticks that the switch counts in it, where the log shows them"),
+                description="timer ticks per PWM period, if the log shows them"),
     TableColumn(name="hours", kind="float", description="length of the log [h]"),
-    TableColumn(name="loads", kind="int", description="loads found in it"),
-    *(TableColumn(name=name, kind="float", description=f"{what} of the heater found") for name,
+    TableColumn(name="loads", kind="int", description="loads found in the log"),
+    *(TableColumn(name=name, kind="float", description=f"{what} of the identified heater") for name,
       what in _HEATER.items()),
-    TableColumn(name="fit_pct", kind="float", description="how much of the log it explains [%]"),
+    TableColumn(name="fit_pct", kind="float", description="fit of the heater to the log [%]"),
     TableColumn(name="target", kind="text", description="controller of the parameters that would fix it"),
-    TableColumn(name="words", kind="text", description="these words, as JSON"),
-    TableColumn(name="verdict", kind="text", description="of their proof"),
-    TableColumn(name="why", kind="text", description="what the proof does not keep, or why there are no words"),
+    TableColumn(name="words", kind="text", description="these parameters, as JSON"),
+    TableColumn(name="verdict", kind="text", description="verdict of their proof"),
+    TableColumn(name="why", kind="text", description="limits that the proof does not keep, or why there are no "
+                                                     "parameters"),
     TableColumn(name="gain_pct_per_degC", kind="float",
-                description="proportional gain K of these words' design [%/°C]"),
+                description="proportional gain K of their design [%/°C]"),
     TableColumn(name="integral_time_s", kind="float", description="its TN [s]"),
     TableColumn(name="sample_time_s", kind="float", description="its TA [s]"),
     TableColumn(name="words_pwm_period_s", kind="float", description="PWM period of the proof [s]"),
     TableColumn(name="was_degC", kind="float", description="mean error of the log beyond noise [°C]"),
-    TableColumn(name="would_degC", kind="float", description="the same, the logged day lived with these words [°C]"),
+    TableColumn(name="would_degC", kind="float", description="the same for the logged day, simulated with these "
+                                                             "parameters [°C]"),
     TableColumn(name="course", kind="text",
-                description="the error for a picture: lowest and highest of equal parts, as JSON [°C]"),
-    TableColumn(name="log_taken", kind="text", description="what was taken of the log as what"),
+                description="error for the plot: minimum and maximum of equal sections, as JSON [°C]"),
+    TableColumn(name="log_taken", kind="text", description="columns of the log and their meaning"),
 )
 
 
@@ -279,5 +281,5 @@ def last_table(out: str | Path) -> Path:
         InputError: there is none.
     """
     if not Path(out).is_file():
-        raise InputError(f"--since last: there is no {out} of an earlier run; leave --since out the first time")
+        raise InputError(f"--since last: {out} does not exist; omit --since in the first run")
     return Path(out)

@@ -53,7 +53,7 @@ _TYPES: Final[Mapping[type, Any]] = {float: float, int: int, str: str, bool: boo
 KEYS: Final[Mapping[str, Option]] = {
     "log": _key(str, "a log to fit: a CSV file, table3 or table4"),
     "model": _key(str, "model.json as written by fit"),
-    "gain_degC_per_pct": _key(float, "process gain of a model entered by its numbers", unit="°C/%"),
+    "gain_degC_per_pct": _key(float, "process gain of a model given by its parameters", unit="°C/%"),
     "time_constant_s": _key(float, "its time constant", unit="s"),
     "second_time_constant_s": _key(float, "its second time constant", unit="s"),
     "dead_time_s": _key(float, "its dead time", unit="s"),
@@ -66,7 +66,7 @@ KEYS: Final[Mapping[str, Option]] = {
     "range_high_degC": _key(float, "temperature at the sensor's highest reading", unit="°C"),
     "input": options_of(SensorSettings)["input"],
     **_keys(Conditions),
-    "samples": _key(int, "drawn heaters on which the design is closed, too", least=0.0),
+    "samples": _key(int, "number of sampled heaters for the proof", least=0.0),
 }
 
 _RANGE: Final = ("range_low_degC", "range_high_degC")
@@ -147,7 +147,7 @@ def read_study(path: str | Path) -> Study:
         listed=_listed(path, content.get("case", [])),
     )
     if not len(study):
-        raise DocumentError(f"{path}: no case; expected [grid] with lists, or [[case]]")
+        raise DocumentError(f"{path}: no cases; expected [grid] with lists, or [[case]]")
     for where, case in _shapes(path, study):
         _check(where, case)
     return study
@@ -222,16 +222,16 @@ def _check(where: str, case: CaseSettings) -> None:
         raise DocumentError(f"{where}: no target; expected one of {', '.join(NAMES)}")
     for key, needed in _NEEDS.items():
         if key in case and needed not in case:
-            raise DocumentError(f"{where}: {key} without {needed}, which it belongs to")
+            raise DocumentError(f"{where}: {key} needs {needed}")
     _check_values(where, case)
 
 
 def _check_values(where: str, case: CaseSettings) -> None:
     if case.get("samples") and "interlock" in case:
-        raise DocumentError(f"{where}: samples behind an interlock, which they are run without: leave out either")
+        raise DocumentError(f"{where}: samples cannot be combined with an interlock; omit one of them")
     missing = [key for key in _BY_HAND if key not in case]
     if "gain_degC_per_pct" in case and missing:
-        raise DocumentError(f"{where}: no {missing[0]}; a model entered by its numbers needs {', '.join(_BY_HAND)}")
+        raise DocumentError(f"{where}: no {missing[0]}; a model given by its parameters needs {', '.join(_BY_HAND)}")
     try:
         settings_of(controller_for(case["target"]).switches, case.get("switches", {}))
         scaling_of(case)
@@ -322,7 +322,7 @@ def _columns(cases: Study) -> tuple[TableColumn, ...]:
     kinds = {str: "text", float: "float", int: "int", bool: "bool", dict: "text"}
     return (
         TableColumn(name="case", kind="int", description="number of the case, from 1"),
-        TableColumn(name="name", kind="text", description="what tells the case from the others"),
+        TableColumn(name="name", kind="text", description="settings that distinguish the case"),
         *(TableColumn(name=f"case_{key}", kind=kinds[KEYS[key].kind],
                       description=f"as requested: {KEYS[key].quantity_with_unit}")
           for key in cases.keys),

@@ -50,11 +50,12 @@ def on_dask(address: str) -> Workers:
         try:
             client = distributed.Client(address, timeout=_PATIENCE_S, set_as_default=False)
         except (OSError, ValueError) as problem:
-            raise InputError(f"--scheduler {address}: no Dask scheduler answers there") from problem
+            raise InputError(f"--scheduler {address}: no Dask scheduler answers at this address") from problem
         try:
             yield from _all(distributed, client, chunks, do)
         except (FutureCancelledError, CommClosedError) as problem:
-            raise InputError(f"--scheduler {address}: the scheduler went away; --resume goes on") from problem
+            raise InputError(f"--scheduler {address}: the connection to the scheduler was lost; continue with "
+                             "--resume") from problem
         finally:
             client.close()
 

@@ -1,4 +1,4 @@
-"""The whole chain as functions; it hands later stages to earlier ones where a loop goes back.
+"""The whole chain as functions, one per stage; the results of later stages can lead back to earlier ones.
 
     log = read_log("table4")
     model = fit(log)
@@ -7,7 +7,7 @@
     proof = prove(words, model)
     write_report(log, model, design, proof, "out/")
 
-There is no algorithm here: each function asks the stage that knows. `design` does it all.
+This package contains no algorithms of its own: each function calls its stage. `design` runs the whole chain.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""The JSON documents that no single stage owns: log, words, pictures."""
+"""The JSON documents that belong to no single stage: log, words, pictures."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def log_document(log: Log) -> dict[str, Any]:
 def words_document(
     words: Words, proof: Proof, files: Mapping[str, str | bytes], search: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Return the JSON document of words, in the order in which they are typed in, and how they were found."""
+    """Return the JSON document of the controller parameters, in the order of entry, and how they were found."""
     target, setpoint = controller_for(words.target), proof.scenario.setpoint_degC
     fields = tuple(construct_from(FieldView, field) for field in target.fields)
     document: dict[str, Any] = encode(construct_from(
@@ -49,11 +49,11 @@ def words_document(
 
 
 def without_curves(documents: Mapping[str, Mapping[str, Any]], nearest: Sequence[str] = ()) -> dict[str, Any]:
-    """Return what a program needs of a design: verdict, setpoint, specification, words, criteria and files first.
+    """Return a design without curves: verdict, setpoint, specification, parameters, criteria and files first.
 
     Args:
-        documents: of all stages; those of log and pictures are curves.
-        nearest: of a design that fails, the command whose verdict is PASS.
+        documents: of all stages; log and pictures contain the curves.
+        nearest: for a failing design, the command that gives PASS.
     """
     proof = verdict_first(documents["proof"])
     first = {name: proof.pop(name) for name in FIRST}
@@ -69,9 +69,9 @@ def read_documents(folder: str | Path) -> dict[str, dict[str, Any]]:
     """Return the documents that `design` wrote into a folder.
 
     Raises:
-        DocumentError: one is missing or is none, the proof does not follow from its values, the words do not say
+        DocumentError: one is missing or invalid, the proof does not follow from its values, the parameters do not state
             its verdict, or the words, the design and the heater do not belong together.
-        ExportRefused: the proof is of other words.
+        ExportRefused: the proof belongs to other parameters.
     """
     documents, directory = {}, data_folder(folder)
     for name, view in _VIEWS.items():

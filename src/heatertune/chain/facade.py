@@ -1,8 +1,7 @@
-"""Doors for a session by hand: the stages' own functions, for whatever heater and words are at hand.
+"""The functions of the stages for interactive use, with any heater and any controller parameters.
 
-What is believed of a heater → the experiment that makes it known.
-
-A model against another log; where that holds no power, its known controller gives it.
+Also planning an experiment from prior knowledge of a heater, and validating a model against another log. If that log
+has no power, a known controller provides it.
 """
 
 from __future__ import annotations
@@ -42,22 +41,22 @@ def plan(
     ambient_degC: float | None = None, longest_s: float | None = None, kind: str = "best",
     progress: ProgressCallback = str, **settings: float,
 ) -> dict[str, Any]:
-    """Return the experiment that makes a heater known best, and what it would make known, as a document.
+    """Return the most informative experiment and its expected accuracy, as a document.
 
-    It is kept: the search takes seconds, see `heatertune.cache`.
+    It is cached, because the search takes seconds; see `heatertune.cache`.
 
     Args:
-        believed: a fitted model, or quantity → (low, high), see `experiment.QUANTITIES`.
-        limit_degC: temperature that no heater of the prior may pass [°C].
+        believed: prior knowledge: a fitted model, or quantity → (low, high), see `experiment.QUANTITIES`.
+        limit_degC: temperature that no heater of the prior may exceed [°C].
         noise: of the readings; see `heatertune.model.experiment.fisher.noise_of`.
-        ambient_degC: ambient, where the fit after the experiment will be told it [°C].
+        ambient_degC: ambient, if it will be known in the fit after the experiment [°C].
         longest_s: longest duration [s]; None: six times the slowest heater's lags and dead time.
         kind: "doublet", "relay", or "best" of both.
-        progress: told what begins.
+        progress: called with a short message when a stage begins.
         settings: base_pct, least_pct, most_pct, aim, see `experiment.ExperimentSetup`.
 
     Raises:
-        OutOfRange, InputError: as `propose`; a range that is missing or no heater's.
+        OutOfRange, InputError: as `propose`; a range that is missing or impossible for a heater.
     """
     if isinstance(believed, FittedModel):
         prior = prior_of(believed, ambient_degC=ambient_degC, assumed_degC=ROOM_DEGC)
@@ -81,20 +80,20 @@ def validate(
     fitted: FittedModel, log: Log, settings: ValidateSettings | None = None, *, words: Words | None = None,
     setpoint_degC: float | None = None, known: Mapping[str, str] | None = None, **changed: Any,
 ) -> Verdict:
-    """Judge a model by another log of its heater; arguments and errors as `heatertune.model.validate.validate`.
+    """Validate a model on another log of its heater; arguments and errors as `heatertune.model.validate.validate`.
 
     Args:
         fitted: the model.
-        log: with power, or without where words are given.
-        settings: how it is judged; None: as usual.
-        words: what the controller of a log without power held; its open points are taken at their defaults.
+        log: with power, or without if words are given.
+        settings: of the validation; None: the defaults.
+        words: controller parameters during a log without power; open points have their defaults.
         setpoint_degC: its setpoint [°C]; None: as logged.
-        known: switch → setting of what is known of this very controller.
-        changed: fields of `ValidateSettings` that are other than in `settings`.
+        known: open point → known setting of this controller.
+        changed: fields of `ValidateSettings` that differ from `settings`.
 
     Raises:
         InputError: words for a log with power, or no setpoint.
-        UnknownName: no such switch or setting.
+        UnknownName: no such open point or setting.
     """
     if words is None:
         return judge(fitted, log, settings, **changed)
@@ -110,11 +109,11 @@ def controller(words: Words, **switches: str) -> RunningController:
 
 
 def margins(heater: HeaterModel | FittedModel, what: PidDesign | Words) -> Margins:
-    """Return Ms, Mt, gain and phase margin of the sampled loop; Ms and Mt are infinite where it is unstable.
+    """Return Ms, Mt, gain and phase margin of the sampled loop; Ms and Mt are infinite if it is unstable.
 
     Args:
         heater: of a fit, the working model.
-        what: a design, or words, which stand for the design that they really run.
+        what: a design, or words, which are decoded to the design that they realise.
 
     Raises:
         InputError, OutOfRange: as `decode`.
@@ -125,7 +124,7 @@ def margins(heater: HeaterModel | FittedModel, what: PidDesign | Words) -> Margi
 def iae_load(heater: HeaterModel | FittedModel, what: PidDesign | Words) -> float:
     """Return the integral of the absolute error after a load step of 1 % power in the linear loop [°C·s].
 
-    It is infinite where an offset stays or the loop is unstable; arguments and errors are as in `margins`.
+    It is infinite if an offset stays or the loop is unstable; arguments and errors are as in `margins`.
     """
     return load_iae(_model(heater), _design(what))
 
@@ -147,20 +146,20 @@ def simulate(
     words: Words, heater: HeaterModel | FittedModel, scenario: Scenario | float, actuator: Actuator | None = None, *,
     switches: Mapping[str, str] | None = None, interlock: Interlock | None = None,
 ) -> Trace:
-    """Return what a heater does when the PLC runs these words, the delay of its input module and output included.
+    """Simulate a heater controlled by a PLC with these parameters, with the delay of its input module and output.
 
     Args:
-        words: what the PLC holds; they know their controller.
+        words: the controller parameters, with their target.
         heater: of a fit, the working model.
-        scenario: what happens; a number is the setpoint in the proof's own story [°C].
-        actuator: the switch; None: as in a proof without a PWM period. Not used where the controller makes the PWM.
-        switches: switch → setting of what the manual leaves open; those not named have their default.
-        interlock: what may switch the heater off for good; None: nothing.
+        scenario: the test; a number is the setpoint for the proof's own test sequence [°C].
+        actuator: None: as in a proof without a PWM period. Not used if the controller generates the PWM.
+        switches: open point → setting; others have their default.
+        interlock: may switch the heater off permanently; None: no interlock.
 
     Raises:
         InputError: an unknown ambient temperature.
         OutOfRange: a setpoint outside the sensor's range or out of the heater's reach, words out of their range.
-        UnknownName: a switch or setting that the controller does not have.
+        UnknownName: no such open point or setting.
     """
     controller, model = controller_for(words.target), _model(heater)
     happens = (scenario if isinstance(scenario, Scenario)

@@ -1,8 +1,7 @@
 """The whole chain in one call, and its report.
 
-A folder of `design` and a trace of the commissioned loop → as left, and the record with it.
-
-What `design` wrote of a log with a measured disturbance → feed-forward, run beside plain feedback.
+Also the as-left report (the folder of a `design` and a trace of the commissioned loop), and feed-forward (a design for
+a log with a measured disturbance, compared with plain feedback).
 """
 
 from __future__ import annotations
@@ -70,18 +69,18 @@ def as_left_in(
     directory: str | Path, documents: Mapping[str, Mapping[str, Any]], log: Log,
     settings: AsLeftSettings | None = None, progress: ProgressCallback = str,
 ) -> AsLeft:
-    """Return a trace beside the proof of a design.
+    """Compare a trace with the proof of a design.
 
     Args:
         directory: names the documents in an error.
         documents: of its stages, as `read_documents` returns them.
         log: the trace.
-        settings: what is known beside it.
-        progress: told how far the runs are.
+        settings: additional knowledge about the trace.
+        progress: called with the progress of the runs.
 
     Raises:
         InputError, OutOfRange: as `heatertune.proof.as_left.as_left`.
-        DocumentError: a document is not whole.
+        DocumentError: a document is incomplete.
     """
     held, folder = documents["words"], data_folder(directory)
     words = words_of(held, held["target"], folder / "words.json")
@@ -90,10 +89,10 @@ def as_left_in(
 
 
 def related_documents(directory: str | Path, proof: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return what lies beside the documents of a design: "as_left" and "written" of this proof, and "record".
+    """Return the additional documents of a design: "as_left" and "written" of this proof, and "record".
 
     Raises:
-        DocumentError: one of them is not whole.
+        DocumentError: one of them is incomplete.
     """
     folder, found = data_folder(directory), {}
     for name, schema, kind in (("as_left", AS_LEFT_SCHEMA, AsLeft), ("written", WRITTEN_SCHEMA, WriteHistory),
@@ -108,7 +107,7 @@ def related_documents(directory: str | Path, proof: Mapping[str, Any]) -> dict[s
 
 
 def files_of(directory: str | Path, documents: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
-    """Return what is written of them beside the documents of a design, name → content."""
+    """Return the additional files of a design, name → content."""
     folder = data_folder(directory).relative_to(directory)
     return {str(folder / f"{name}.json"): to_json(documents[name]) for name in ("as_left", "written", "record")
             if name in documents}
@@ -116,11 +115,11 @@ def files_of(directory: str | Path, documents: Mapping[str, Mapping[str, Any]]) 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FedForward:
-    """Feed-forward for the words of a design.
+    """Feed-forward for a design.
 
     Attributes:
-        proof: beside plain feedback.
-        files: name → content: the document, and the PLC's program where it is to be used or was forced.
+        proof: of the feed-forward, compared with plain feedback.
+        files: name → content: the document, and the PLC program if it passes or was forced.
     """
 
     proof: FeedForwardProof
@@ -130,18 +129,18 @@ class FedForward:
 def feed_forward(
     directory: str | Path, settings: FeedForwardSettings | None = None, *, force: bool = False
 ) -> FedForward:
-    """Return feed-forward of the disturbance in the log of a design.
+    """Design feed-forward of the disturbance in the log of a design.
 
     Args:
-        directory: as `heatertune.chain.design` wrote it.
-        settings: how the PLC sees the disturbance; None: an analog sensor over the levels logged.
-        force: return the program whatever the verdicts.
+        directory: written by `heatertune.chain.design`.
+        settings: input of the disturbance; None: an analog sensor over the logged range.
+        force: return the program regardless of the verdicts.
 
     Raises:
-        InputError: no disturbance in the design, one that the log does not show to act, or not as power; a target
-            without an input for it; no power left over.
-        DocumentError: a document is missing or is none.
-        ExportRefused: the words themselves are not proven, and nothing is forced.
+        InputError: no disturbance in the design, or no significant effect, or an effect that is not equivalent to
+            power; a target without an input for it; no power in reserve.
+        DocumentError: a document is missing or invalid.
+        ExportRefused: the parameters themselves are not proven, and `force` is not set.
         NotRepresentable, OutOfRange: the input cannot hold the line.
     """
     asked, folder = merge_options(FeedForwardSettings, settings, {}), data_folder(directory)
@@ -196,13 +195,13 @@ TYPICAL_S: Final = tuple(seconds for _, seconds in _STAGES.values())
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChainResult:
-    """What a design came to.
+    """Result of a design.
 
     Attributes:
         log: as it was read.
         fitted: the heater behind it.
-        closed: the design, its words and their proof.
-        files: for the PLC, name → content; none where the verdict is not PASS and the export was not forced.
+        closed: the design, its parameters and their proof.
+        files: for the PLC, name → content; empty if the verdict is not PASS and the export was not forced.
         documents: of all stages, as JSON holds them.
     """
 
@@ -227,17 +226,17 @@ def design(
     A verdict that is not PASS writes documents and report but no export files, unless `force` is given.
 
     Args:
-        source: a log's file, "table3" / "table4", or what `read_log` returned.
-        request: what the design is asked for.
+        source: file of a log, "table3" / "table4", or the result of `read_log`.
+        request: for the design.
         out: directory for the results.
         read: how the log is read; misprints of a built-in table are corrected.
-        fitted_with: what is known beside the log.
-        force: export whatever the verdict.
-        progress: told what begins.
-        begun: what works `beside` already; None: it begins now.
+        fitted_with: settings of the fit.
+        force: export regardless of the verdict.
+        progress: called with a short message when a stage begins.
+        begun: second process that is already running; None: start it now.
 
     Raises:
-        HeatertuneError: as the stages; nothing is written then.
+        HeatertuneError: as the stages; no files are written in this case.
     """
     controller_for(request.target)  # an unknown target is refused before the long part
     with work_alongside(request.target) if begun is None else nullcontext(begun) as second:
@@ -288,7 +287,7 @@ def write_report(
         wished: the design.
         proof: of its words.
         out: directory for the results.
-        force: export whatever the verdict.
+        force: export regardless of the verdict.
 
     Raises:
         InputError: the directory cannot be written.
@@ -302,16 +301,16 @@ def dossier(
     log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
     search: Mapping[str, Any] | None = None, recipe: DesignProvenance | None = None,
 ) -> dict[str, dict[str, Any]]:
-    """Return the documents of all stages, as JSON holds them: a report drawn now is one drawn later from the files.
+    """Return the documents of all stages in JSON form: a report made from them equals one made later from the files.
 
     Args:
         log: as it was read.
         fitted: the heater behind it.
         wished: the design.
         proof: of its words.
-        files: that were exported, name → content; none where the words may not leave.
-        search: how the words were found, see `heatertune.plc.word_selection.search_document`; None: not told.
-        recipe: how the design became these words; None: not told.
+        files: exported files, name → content; empty if the export was refused.
+        search: how the parameters were found, see `heatertune.plc.word_selection.search_document`; None: omitted.
+        recipe: provenance of the parameters; None: omitted.
     """
     nobody = Worker(None)
     documents = _without_comparison(log, fitted, wished, proof, files, search, recipe, nobody)
@@ -322,7 +321,7 @@ def _without_comparison(
     log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
     search: Mapping[str, Any] | None, recipe: DesignProvenance | None, second: Worker,
 ) -> dict[str, dict[str, Any]]:
-    """Return the documents without the comparison, whose pictures are being drawn."""
+    """Return the documents without the comparison, whose pictures are still being drawn."""
     documents = _found(log, fitted) | {
         "pid": pid_document.to_document(wished, fitted, recipe),
         "words": words_document(proof.words, proof, files, search),
@@ -339,7 +338,7 @@ def _with_comparison(
     documents: Mapping[str, dict[str, Any]], log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof,
     second: Worker,
 ) -> dict[str, dict[str, Any]]:
-    """Return the documents with the comparison, whose pictures are being drawn."""
+    """Return the documents with the comparison, whose pictures are still being drawn."""
     inputs = {name: documents[name] for name in ("model", "pid", "words", "proof")} | {"same_heater": log.same_heater}
     comparison = cache.load_or_compute("comparison", inputs, lambda: encode(ComparisonView(
         paper=paper_runs(fitted) if log.same_heater else None,
@@ -360,18 +359,18 @@ def redraw(
     directory: str | Path, trace: Log | None = None, about: AsLeftSettings | None = None,
     record: RecordSettings | None = None, progress: ProgressCallback = str, *, written: WriteHistory | None = None,
 ) -> dict[str, dict[str, Any]]:
-    """Draw `report.html` anew from the documents in a directory; return them.
+    """Recreate `report.html` from the documents in a directory; return the documents.
 
     Args:
-        directory: that `design` wrote.
-        trace: of the commissioned loop: it is held against the proof; None: as before.
-        about: what is known beside the trace.
-        record: what the record calls the plant and itself; what it does not say is as before.
+        directory: written by `design`.
+        trace: of the commissioned loop, to compare with the proof; None: as before.
+        about: additional knowledge about the trace.
+        record: names of the plant and the record; fields not given stay as before.
         progress: told how far the runs for the trace are.
-        written: what was written into the PLC, of this proof; None: as before.
+        written: record of writes of this proof to the PLC; None: as before.
 
     Raises:
-        DocumentError: a document is missing or is none.
+        DocumentError: a document is missing or invalid.
         InputError: the directory cannot be written; as `heatertune.proof.as_left.as_left`.
     """
     documents = read_documents(directory)

@@ -1,11 +1,11 @@
-"""What a design needs later, done in a second process while the first one is busy: machine code, and pictures.
+"""Compile machine code and draw pictures in a second process while the first one is busy.
 
-Where no machine code of a controller's loop is kept, the compiler needs as long for it as a fit takes. The second
-process (`heatertune.chain.worker`) leaves it on disk and says so, and whoever needs it waits for that. Then it draws
-the sections of the report that have pictures, as the first one would. Whatever ends it, the first process compiles
-what it does not find, and draws what it was not given.
+If no machine code of a controller's loop is cached, compiling it takes as long as a fit. The second process
+(`heatertune.chain.worker`) stores the code on disk and reports it; any code that needs it waits for this report. It
+then draws the sections of the report that contain pictures. If the second process ends early for any reason, the first
+process compiles and draws what is missing.
 
-Importing this takes little time: the second process begins before the first one has all that a design needs.
+This module is quick to import: the second process starts before the first one has imported all that a design needs.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _Documents = Mapping[str, Mapping[str, Any]]
 
 
 class _Asked(NamedTuple):
-    """A section that is to be drawn: the number of the request, of what, and whether it is by now."""
+    """A section to draw: number of the request, subject, and whether it is finished."""
 
     request: int
     documents: _Documents
@@ -44,7 +44,7 @@ class _Asked(NamedTuple):
 
 
 class Worker:
-    """The second process as the first one sees it; where there is none, nothing is ever drawn by it."""
+    """The first process's interface to the second; without a second process it never draws anything."""
 
     def __init__(self, process: subprocess.Popen[bytes] | None) -> None:
         self._process = process
@@ -54,18 +54,18 @@ class Worker:
         self._drawn = dict[tuple[int, str], str]()
 
     def compile(self, targets: Iterable[str]) -> None:
-        """Have the loops of controllers compiled, or none: before it is told, it does nothing else."""
+        """Request the compilation of the loops of controllers, possibly none; the second process waits for it."""
         self._made = {target: Event() for target in targets}
         self._send(_write, list(self._made), self._made.values())
 
     def draw(self, documents: _Documents, name: str) -> None:
-        """Have a section of the report drawn, see `heatertune.report.sections`, or drawn anew of other documents."""
+        """Request a section of the report, see `heatertune.report.sections`, or its redraw with other documents."""
         asked = _Asked(next(self._requests), dict(documents), Event())
         self._asked = {**self._asked, name: asked}
         self._send(_write_on, (asked.request, asked.documents, name), [asked.drawn])
 
     def sections(self) -> dict[str, str]:
-        """Return those that were drawn, and wait for those that are still to come, or draw the last of them here."""
+        """Return the drawn sections; wait for outstanding ones, or draw the last of them here."""
         until = monotonic() + _PATIENCE_FOR_PICTURES_S
         while _has_drawn() and len(left := self._undrawn()) > 1:  # the first one is in work
             self._draw(left[-1])
@@ -75,7 +75,7 @@ class Worker:
                 if (asked.request, name) in self._drawn}
 
     def waits(self, target: str) -> None:
-        """Wait until a loop is compiled, or no more will be, and draw meanwhile what the other one did not come to."""
+        """Wait until a loop is compiled or compilation has ended; meanwhile draw sections not yet started."""
         while not self._made[target].is_set() and (left := self._undrawn()):
             self._draw(left[0])
         self._made[target].wait(_PATIENCE_S)
@@ -93,7 +93,7 @@ class Worker:
         asked.drawn.set()
 
     def listen(self, lines: IO[bytes]) -> None:
-        """Take what is made, and in the end that no more will be."""
+        """Receive results until the second process ends."""
         for line in lines:
             with suppress(ValueError, TypeError):
                 match json.loads(line):
@@ -118,14 +118,14 @@ class Worker:
 
 @contextmanager
 def work_alongside(target: str) -> Iterator[Worker]:
-    """Work beside what is done in the block for a controller's design, and no longer.
+    """Run the second process during the block, for the design of a controller.
 
-    What is compiled are its own loop and that of the two-level control it is compared with. Nothing is begun where
-    there is no second processor, or nothing to do: machine code is kept, or cannot be, and this process has drawn
-    pictures before, so that it does so at once, and as it may have been told to.
+    It compiles the loop of this controller and that of the two-level control for comparison. It is not started if there
+    is no second processor, or nothing to do: the machine code is cached or cannot be, and this process has drawn
+    pictures before, so that it draws immediately and with any settings made since.
 
     Raises:
-        InputError: there is no such controller.
+        InputError: no such controller.
     """
     wanted = processors() > 1 and (not _has_drawn() or _missing(target))
     process = _begun() if wanted else None
@@ -153,14 +153,14 @@ def _has_drawn() -> bool:
 
 
 def _missing(target: str) -> dict[str, Callable[..., Any]]:
-    """Return the loops of a controller and of what it is compared with that are not kept compiled, by target."""
+    """Return the loops that are not cached, by target: of a controller and of the two-level control for comparison."""
     from heatertune.chain.worker import loops  # noqa: PLC0415 - imports all that a proof needs
 
     return {} if folder() is None else {name: loop for name, loop in loops(target) if not is_kept(loop)}
 
 
 def _begun() -> subprocess.Popen[bytes] | None:
-    """Begin the second process, with the modules of this one; None where that cannot be."""
+    """Start the second process with the modules of this one; None if impossible."""
     if not sys.executable or getattr(sys, "frozen", False):  # no interpreter but a program of its own
         return None
     place = folder()
@@ -180,5 +180,5 @@ def _write(pipe: IO[bytes], message: object) -> None:
 
 
 def _write_on(pipe: IO[bytes], message: object) -> None:
-    """Write without waiting for the reader: what it has still to read may fill the pipe."""
+    """Write without waiting for the reader, because unread data may fill the pipe."""
     Thread(target=_write, args=(pipe, message), daemon=True).start()

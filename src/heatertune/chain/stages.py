@@ -1,4 +1,4 @@
-"""One function per stage; each hands the stage what it needs from elsewhere."""
+"""One function per stage; each passes the stage the inputs that come from other stages."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ def fit(
     data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...], settings: FitSettings | None = None, *,
     thorough: bool = False, companions: bool = True, progress: ProgressCallback = str, **changed: Any,
 ) -> FittedModel:
-    """Identify the heater behind a log; the paper's controller laws run inside the fit where no power was logged.
+    """Identify the heater of a log; without power, the fit simulates the paper's control laws.
 
     Args:
         data: a log, or what `heatertune.log.read.log_of` makes one of: a path or built-in name, an open file, a
             table
             of pandas, arrays (time_s, temperature_degC, power_pct), all of shape (n,).
-        settings: what is known beside the log; None: nothing.
-        thorough: carry every controller hypothesis to the end, however far behind it is.
+        settings: additional knowledge about the heater and the log; None: nothing.
+        thorough: fit every controller hypothesis completely, even if it is far behind.
         companions: whether the candidates of other built-in logs of the same heater are added, as `design` does.
-        progress: told what begins.
-        changed: fields of `FitSettings` that are other than in `settings`.
+        progress: called with a short message when a stage begins.
+        changed: fields of `FitSettings` that differ from `settings`.
 
     Raises:
         InputError, OutOfRange: as `heatertune.model.fit.fit` and `log_of`.
@@ -84,20 +84,20 @@ def fit_known(
     log: Log, words: Words, settings: FitSettings | None = None, *, setpoint_degC: float | None = None,
     known: Mapping[str, str] | None = None, progress: ProgressCallback = str, **changed: Any,
 ) -> FittedModel:
-    """Identify the heater behind a log without power whose controller is known.
+    """Identify the heater of a log without power but with a known controller.
 
     Args:
         log: without power; its first reading is the controller's first.
-        words: what the controller held.
-        settings: as in `fit`; without a power before the first reading there was none.
+        words: parameters of the controller.
+        settings: as in `fit`; if no power before the first reading is given, it was 0.
         setpoint_degC: its setpoint [°C]; None: as logged.
-        known: switch → setting of what is known of this very controller, its manual leaving it open.
-        progress: told what begins.
+        known: open point → known setting of this controller.
+        progress: called with a short message when a stage begins.
         changed: as in `fit`.
 
     Raises:
         InputError, OutOfRange: as `heatertune.model.fit.fit_known`; words with a setpoint ramp.
-        UnknownName: no such switch or setting.
+        UnknownName: no such open point or setting.
     """
     if words.ramp is not None:
         raise InputError("parameters with a setpoint ramp: a log contains the requested setpoint, not the ramped one")
@@ -138,7 +138,7 @@ def _columns(log: Log) -> dict[str, Any]:
 
 def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel],
           progress: ProgressCallback) -> FittedModel:
-    """Return what was found before for the same inputs, else what `run` finds."""
+    """Return the cached result for the same inputs, or that of `run`."""
     return cache.load_or_compute(stage, inputs, lambda: model_document.to_document(run()), model_document.from_document,
                         progress=progress)
 
@@ -152,18 +152,18 @@ def _laws() -> Sequence[Any]:
 def encode(
     design: PidDesign, target: str, fitted: FittedModel | None = None, *, scaling: Scaling | None = None
 ) -> Words:
-    """Return the words of a design for a target.
+    """Encode a design as the parameters of a target.
 
     Args:
-        design: what was tuned.
+        design: result of the tuning.
         target: the controller.
-        fitted: the heater and its candidates: the words are those that `design` chooses for it; None: each word is
+        fitted: the heater and its candidates, for the choice that `design` makes; None: each parameter is
             rounded on its own.
         scaling: sensor range; None: 0…100 °C.
 
     Raises:
         UnknownName: no such target.
-        NotRepresentable: a word does not fit; the error tells the nearest change that would.
+        NotRepresentable: a parameter does not fit; the error names the nearest change that would.
     """
     if fitted is None:
         return round_words(design, target, scaling=scaling)

@@ -1,4 +1,4 @@
-"""The second process of a design: it compiles and draws what the first asks for (`heatertune.chain.precompile`)."""
+"""The second process of a design: it compiles and draws at the request of the first (`heatertune.chain.precompile`)."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ _SCENARIO: Final = Scenario(setpoint_degC=40.0, duration_s=60.0)
 
 
 def loops(target: str) -> Iterator[tuple[str, Callable[..., Any]]]:
-    """Give the loops of a controller and of what it is compared with, by target.
+    """Return the loops of a controller and of the two-level control for comparison, by target.
 
     Raises:
-        InputError: there is no such controller.
+        InputError: no such controller.
     """
     for name in filter(None, (target, controller_for(target).baseline)):
         with suppress(HeatertuneError):  # one that cannot hold such a design is compiled where it is needed
@@ -58,7 +58,7 @@ def _compile(target: str) -> None:
 
 
 def _receive(first: IO[bytes], asked: SimpleQueue[Any], drawn: set[int]) -> None:
-    """Take what is asked for, and which pictures no more, and end this process as soon as the first one has ended."""
+    """Receive requests and cancellations; end this process as soon as the first one has ended."""
     with suppress(EOFError, OSError, pickle.UnpicklingError):
         while True:
             told = pickle.load(first)  # from the process that began this one
@@ -70,7 +70,7 @@ def _receive(first: IO[bytes], asked: SimpleQueue[Any], drawn: set[int]) -> None
 
 
 def _work(asked: SimpleQueue[Any], drawn: set[int], compiles: bool) -> None:
-    """Compile what is asked for first, then draw what the first one did not by then, without end."""
+    """Compile as requested, then draw sections that the first process has not drawn, until the process ends."""
     if compiles:
         import numba  # noqa: F401, PLC0415 - while the first one finds out what it is
     else:

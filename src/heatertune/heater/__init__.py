@@ -1,1 +1,1 @@
-"""The heater's own equation: what one or two lags answer to held power."""
+"""The heater equation: the response of one or two lags to piecewise constant power."""

@@ -1,10 +1,10 @@
-"""e^x and the logarithm written out in sums and products: the same bits wherever the proof's loop runs.
+"""e^x and the logarithm as explicit sums and products, with the same bits on every machine.
 
-A library's own differ from one machine to the next, and no compiler runs a call of one for several loops at once. Both
-are within about 1 ulp (`tests/heater/test_elementary.py`).
+Library versions differ between machines, and compilers do not vectorise calls to them over several loops. Both
+functions are within about 1 ulp (`tests/heater/test_elementary.py`).
 
 e^x = 2ⁿ·e^r with n = round(x/ln 2), |r| ≤ ln 2/2 and the exponential series of r; ln x = k·ln 2 + 2·artanh s with
-x = 2ᵏ·m, m in √½…√2, s = (m − 1)/(m + 1) and the series of artanh. ln 2 stands in two parts, the first so short that
+x = 2ᵏ·m, m in √½…√2, s = (m − 1)/(m + 1) and the series of artanh. ln 2 is stored in two parts, the first so short that
 its multiples are exact.
 """
 
@@ -63,7 +63,7 @@ def logarithm_beside_1(share: float) -> float:
 
 
 def _split(power: float) -> tuple[float, float]:
-    """Return 2ⁿ and e^r − 1, whose sum and product make e^power."""
+    """Return 2ⁿ and e^r − 1, which give e^power."""
     scale, r = 1.0, power
     if not power > _NEAR:  # else n = 0, and this would give just that
         x = power if power > _LEAST else _LEAST

@@ -1,17 +1,17 @@
-"""One or two lags under constant power, exactly, equal lags included: no grid, no solver.
+"""Exact response of one or two lags to constant power, equal lags included: no grid, no solver.
 
     inner·x′ = target − x,   outer·y′ = x − y
 
-y is the temperature [°C], x the state of the lag before it [°C]; with one lag, inner = 0, x is not used. After t
+y is the temperature [°C], x the state of the inner lag [°C]; with one lag, inner = 0 and x is not used. After t
 seconds of a constant target
 
     y = target + e^(−t/outer)·(y₀ − target) + D/outer·(x₀ − target),   x = target + e^(−t/inner)·(x₀ − target)
 
-D, what one lag passes to the other, is the divided difference of the two exponentials. With the larger lag T and
-a = 1/T − 1/(smaller lag) ≤ 0 it is e^(−t/T)·(e^(a·t) − 1)/a, or t·e^(−t/T) where the lags are equal: nothing
-overflows, and nothing is lost where they are nearly equal. That D does not ask which lag is the outer one.
+D, the coupling of the two lags, is the divided difference of the two exponentials. With the larger lag T and
+a = 1/T − 1/(smaller lag) ≤ 0 it is e^(−t/T)·(e^(a·t) − 1)/a, or t·e^(−t/T) if the lags are equal. Nothing
+overflows, and nearly equal lags lose no precision. D does not depend on which lag is the outer one.
 
-Numbers run as plain Python or compiled (`heatertune.compiled`); arrays have functions of their own.
+Scalars run as plain Python or compiled (`heatertune.compiled`); arrays have their own functions.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _APART = 1e-4  # share of the larger lag
 
 
 class Factors(NamedTuple):
-    """What some seconds of constant power leave of y − target, of x − target in y, and of x − target."""
+    """Factors of y − target, of x − target in y, and of x − target after some seconds of constant power."""
 
     outer: float
     coupling: float
@@ -68,7 +68,7 @@ def factors(t: float, outer: float, inner: float) -> Factors:
 
 
 def advance_step(y: float, x: float, target: float, f: Factors) -> tuple[float, float]:
-    """Return y and x after a time of constant power whose factors are given."""
+    """Return y and x after a time of constant power, given its factors."""
     above, inner = y - target, x - target
     return target + f.outer * above + f.coupling * inner, target + f.inner * inner
 
@@ -106,7 +106,7 @@ def advance(y: Array, x: Array, target: Array, t: Array, outer: float, inner: fl
         target: where the power leads [°C].
         t: time [s].
         outer: lag [s].
-        inner: lag, 0 where there is one alone [s].
+        inner: lag, 0 if there is one alone [s].
     """
     kept = target + np.exp(-t / outer) * (y - target)
     return np.asarray(kept if inner == 0.0 else kept + _passed(t, outer, inner) / outer * (x - target))
@@ -123,14 +123,14 @@ def area(y: Array, x: Array, target: Array, t: Array, outer: float, inner: float
         target: where the power leads [°C].
         t: time [s].
         outer: lag [s].
-        inner: lag, 0 where there is one alone [s].
+        inner: lag, 0 if there is one alone [s].
     """
     kept = target * t - outer * np.expm1(-t / outer) * (y - target)
     return np.asarray(kept if inner == 0.0 else kept + inner * since_step(t, outer, inner)[0] * (x - target))
 
 
 def turning_times(y: Array, x: Array, target: Array, outer: Numbers, inner: Numbers) -> Array:
-    """Return `turning_time` of arrays, NaN where y does not turn; shapes broadcast.
+    """Return `turning_time` of arrays, NaN if y does not turn; shapes broadcast.
 
     Args:
         y: of the outer lag [°C].
@@ -174,7 +174,7 @@ def slopes_by_lag(t: Array, lag: Numbers, other: Numbers = 0.0) -> Array:
 
 
 def _series(z: Array, slower: npt.NDArray[np.bool_]) -> Array:
-    """Return what small z make of the quotient in `slopes_by_lag`, of the slower lag or of the other."""
+    """Return the quotient in `slopes_by_lag` for small z, for the slower or the faster lag."""
     term, total = np.full(z.shape, 0.5), np.zeros(z.shape)
     for k in range(_TERMS):
         total += term * np.where(slower, 1.0, k + 1.0)

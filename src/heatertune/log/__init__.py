@@ -1,4 +1,4 @@
-"""A file → Log: time, temperature, power and setpoint in one set of units; what was repaired is told."""
+"""File → Log: time, temperature, power and setpoint in one set of units, with a record of all repairs."""
 
 from typing import TYPE_CHECKING
 

@@ -1,13 +1,9 @@
-"""A text file → rows of cells, each with the number of its line.
+"""Text file → rows of cells, each with its line number.
 
-The lines above the readings: titles, the names of the columns, their units.
-
-What a printer with Klipper or Kalico writes of its heaters → one table; text that is none of these is left alone.
-
-Read are the lines Stats of klippy.log, one a second, and what PID_CALIBRATE writes with WRITE_FILE=1: Klipper's
-heattest.txt, and Kalico's heattest.csv, whose second table tells of the peaks.
-
-What a log of `heatertune record` has that others have not: lines that a kill tore, and gaps that are marked.
+Also header lines (titles, column names, units) and two special formats. Klipper and Kalico logs become one table: the
+Stats lines of klippy.log, one per second, and the files that PID_CALIBRATE writes with WRITE_FILE=1 (heattest.txt of
+Klipper, heattest.csv of Kalico, whose second table contains the peaks). Any other text passes unchanged. Logs of
+`heatertune record` may contain incomplete lines of a killed process, and marked gaps.
 """
 
 from __future__ import annotations
@@ -54,10 +50,10 @@ _MOST_TITLES: Final = 200  # rows above the first reading
 def take_header(
     file: Path, lines: list[int], rows: list[list[str]], repairs: list[str]
 ) -> tuple[tuple[str, ...], int]:
-    """Remove all that stands above the readings; return the columns' names with their units, and the lines above them.
+    """Remove all lines above the readings; return the column names with units, and the other lines.
 
     Raises:
-        LogError: a row whose cells are not as many as those of the readings.
+        LogError: a row with a different number of cells from the readings.
     """
     width = Counter(len(row) for row in rows[-_HEADER_SAMPLE:]).most_common(1)[0][0]
     first = _first_reading(rows, width)
@@ -99,7 +95,7 @@ def _is_words(row: Sequence[str]) -> bool:
 
 
 def _names_row(rows: Sequence[list[str]], words: Sequence[int]) -> int | None:
-    """Return which of the rows of words names the columns: the one that tells most roles, of equals the last."""
+    """Return which row of words names the columns: the one with the most roles, the last of equals."""
     if not words:
         return None
     named = [k for k in words if not _is_units(rows[k]) and sum(map(bool, rows[k])) >= len(rows[k]) / 2]
@@ -112,7 +108,7 @@ def _is_units(row: Sequence[str]) -> bool:
 
 
 def _is_title(row: Sequence[str], width: int) -> bool:
-    """Return whether a row above readings without names is none of them: not one cut short, nor too few names."""
+    """Return whether a row above unnamed readings is a title, rather than an incomplete row or a row of names."""
     is_reading = len(row) == width or (len(row) > 1 and _is_value(row[0]))
     return not is_reading and not (len(row) > 1 and any(map(role_of, row)))
 
@@ -138,7 +134,7 @@ def _named(
 
 
 def _drop_repeats(names: Sequence[str], lines: list[int], rows: list[list[str]], repairs: list[str]) -> None:
-    """Remove rows that repeat the names: the logger began anew."""
+    """Remove rows that repeat the column names, as written when a logger restarts."""
     again = [k for k, row in enumerate(rows) if row[0] == names[0] and tuple(row) == tuple(names)] if names else []
     if again:
         repairs.append(f"{count(len(again), 'repeat')} of the header skipped (line {lines[again[0]]}).")
@@ -170,7 +166,7 @@ _Line = tuple[int, str]
 
 
 class PrinterTable(NamedTuple):
-    """A table of one heater: names of the columns, cells, number of each row's line, and what was passed over."""
+    """Table of one heater: column names, cells, line number of each row, and skipped content."""
 
     header: tuple[str, ...]
     rows: list[list[str]]
@@ -179,15 +175,15 @@ class PrinterTable(NamedTuple):
 
 
 def printer_table(path: Path, numbered: Sequence[_Line], tag: str | None) -> PrinterTable | None:
-    """Return what a printer wrote of one heater; None: the lines are something else.
+    """Return a printer's table of one heater; None if the lines are not from a printer.
 
     Args:
         path: the file, for error messages.
         numbered: number and content of each line.
-        tag: the heater's name, "extruder", "heater_bed"; None: the extruder where there is one, else the only one.
+        tag: the heater's name, "extruder", "heater_bed"; None: the extruder if there is one, otherwise the only heater.
 
     Raises:
-        LogError: no such heater; several, none of them the extruder; a line that is cut.
+        LogError: no such heater; several heaters without an extruder; an incomplete line.
     """
     stats = [(number, found, line) for number, line in numbered if (found := _STATS.match(line)) is not None]
     if sum(_HEATER.search(line) is not None for _, _, line in stats[:50]) >= _LEAST:
@@ -265,13 +261,13 @@ _PERIOD: Final = re.compile(re.escape(SWITCHED) + r"(\d+(?:\.\d+)?(?:e-?\d+)?) s
 
 
 def pwm_period_of(text: str) -> float:
-    """Return the PWM period that the first line tells, 0 where it tells none [s]."""
+    """Return the PWM period in the first line, 0 if there is none [s]."""
     told = _PERIOD.search(text.split("\n", 1)[0])
     return float(told[1]) if told else 0.0
 
 
 def without_torn(text: str, repairs: list[str]) -> str:
-    """Return the text with its torn lines blank, as many lines as before; what it marks is told in the repairs."""
+    """Return the text with incomplete lines blanked, without changing the number of lines; the repairs list them."""
     lines = text.split("\n")
     torn = [i for i, line in enumerate(lines) if line.endswith(TORN) or (line and i == len(lines) - 1)]
     for i in torn:
@@ -296,15 +292,15 @@ class Sheet:
 
     Attributes:
         file: its path.
-        header: column names with their units, empty where the file has none.
-        comment: cells of the comment right above the readings, one for each column, else empty.
+        header: column names with their units, empty if the file has none.
+        comment: cells of the comment directly above the readings, one for each column, or empty.
         rows: cells, all of one length.
         lines: line number of each row, 1 = first line of the file.
-        repairs: what was changed or passed over, one sentence each.
-        units: unit that all cells of a column bear, one for each column, else empty.
-        above: lines above the names of the columns, or above the readings where they have none.
-        pwm_period_s: of the switch, as a recording tells it, 0 where nothing does [s].
-        recorded: whether `heatertune record` wrote it, whose rows are readings, changed or not.
+        repairs: changes and skipped content, one sentence each.
+        units: common unit of the cells of each column, or empty.
+        above: lines above the column names, or above the readings of unnamed columns.
+        pwm_period_s: PWM period stated in a recording, 0 if unknown [s].
+        recorded: whether `heatertune record` wrote it; its rows are readings even if the value did not change.
     """
 
     file: str
@@ -415,7 +411,7 @@ def _decoded(path: Path, data: bytes) -> tuple[str, list[str]]:
 
 
 def _separator(lines: Sequence[str]) -> str | None:
-    """Return the separator that nearly all lines hold; None: white space, or a single column."""
+    """Return the separator that nearly all lines contain; None: white space, or a single column."""
     for candidate in ("\t", ";", "|", ","):
         if sum(candidate in line for line in lines) > 0.8 * len(lines):
             return None if candidate == "," and _is_spaced(lines[-1]) else candidate
@@ -442,7 +438,7 @@ def _split(path: Path, lines: Sequence[int], texts: Sequence[str], separator: st
 
 
 def _without_empty_ends(rows: list[list[str]], repairs: list[str]) -> list[list[str]]:
-    """Cut what lies beyond the last column that holds anything."""
+    """Remove the empty columns at the end."""
     if all(row[-1] for row in rows):
         return rows
     width = max(max(i for i, cell in enumerate(row, start=1) if cell or i == 1) for row in rows)
@@ -459,7 +455,7 @@ def _comment_above(above: Sequence[tuple[int, str]], separator: str | None, widt
 
 
 def plain_cells(sheet: Sheet) -> Sheet:
-    """Return the sheet with plain numbers for those with units or decimal commas; the units are kept beside it."""
+    """Return the sheet with units and decimal commas converted to plain numbers; the units are stored separately."""
     units, commas, repairs = [], False, list(sheet.repairs)
     for i in range(len(sheet.rows[0])):
         plain = plain_quantities([row[i] for row in sheet.rows])

@@ -1,6 +1,6 @@
-"""Rows that are no readings of the heater: dropouts, an open sensor, spikes; and which run of several is read.
+"""Remove rows that are not readings of the heater (dropouts, an open sensor, spikes), and select one of several runs.
 
-Nothing is put in their place: the models take any spacing of readings.
+Removed rows are not replaced: the models accept any spacing of readings.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ _SHOWN: Final = 5
 def one_run(
     sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]
 ) -> tuple[Sheet, Array, int | None]:
-    """Return the rows of one run, their times, and which run it is, None where there is one alone.
+    """Return the rows of one run, their times, and the number of the run, None if there is only one.
 
-    It is the one asked for (1 = first), else the longest.
+    The run is the requested one (1 = first), otherwise the longest.
 
-    A run begins where the clock starts again as it began; a time that merely goes backwards is not one. The times [s]
-    are of shape (n,), one for each row.
+    A run begins where the clock restarts at its first value; a time that only goes backwards is not a new run. The
+    times [s] are of shape (n,), one for each row.
 
     Raises:
-        LogError: a run that is not there.
+        LogError: a run that does not exist.
     """
     starts = _restarts(time)
     if wanted is not None and not 1 <= wanted <= len(starts):
@@ -83,15 +83,15 @@ def _restarts(time: Array) -> list[int]:
 
 
 def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str]) -> Mask:
-    """Return which rows hold no reading of the temperature, shape (n,), and tell them.
+    """Return a mask of the rows without a valid temperature, shape (n,), and list them in the repairs.
 
     Args:
         sheet: for line numbers.
         columns: for names.
-        raw: the temperature as it stands in the file, shape (n,), NaN where the cell is empty or no number of the
+        raw: the temperature as in the file, shape (n,), NaN if the cell is empty or not a number of the
             sensor.
         time: of each row, shape (n,) [s].
-        repairs: what was left out is added here.
+        repairs: list to which omitted rows are added.
 
     Raises:
         LogError: more than a tenth of the rows are lost.
@@ -141,11 +141,11 @@ def _is_open(raw: Array) -> Mask:
 
 
 def _stuck(values: Array, time: Array) -> Mask:
-    """Return which readings stand at the log's highest or lowest, entered and left as it moves nowhere else.
+    """Return which readings stay at the log's maximum or minimum, entered and left by jumps that occur nowhere else.
 
-    An input whose sensor is open reads an end of its range. An end that a heater reaches is entered step by step, and
-    cold goods are not left by a jump. A few readings may be the heater's, and so may a jump over a pause. At the begin
-    a heater may rest until cold goods come: what stands there is an open sensor's where the log jumps up and rises.
+    An input with an open sensor reads one end of its range. A heater reaches an extreme gradually, and the effect of
+    cold goods does not end in a jump. A few readings, or a jump across a pause, may be genuine. At the start a heater
+    may be in steady state until cold goods arrive; there, an open sensor is assumed if the log jumps up and rises.
     """
     n = len(values)
     stuck = np.zeros(n, dtype=np.bool_)
@@ -167,9 +167,9 @@ def _stuck(values: Array, time: Array) -> Mask:
 
 
 def _spikes(values: Array) -> npt.NDArray[np.intp]:
-    """Return the readings that leave the line of their neighbours, far beyond what the log does, and come back.
+    """Return the readings that leave the line of their neighbours far more than usual in the log, and return.
 
-    A jump that stays, such as cold goods, is none; nor is a heater that is logged so slowly that it often moves so far.
+    A permanent jump, as after cold goods, is not a spike; nor is a large step in a slow log that often has such steps.
     """
     n = len(values)
     is_spike = np.zeros(n, dtype=np.bool_)
@@ -197,11 +197,11 @@ def _spikes(values: Array) -> npt.NDArray[np.intp]:
 
 
 def _wild_ends(values: Array, time: Array) -> list[int]:
-    """Return the first and last readings from which the log jumps as it does nowhere else: a sensor that starts.
+    """Return the first and last readings from which the log jumps as nowhere else, as a starting sensor does.
 
-    A jump is one from reading to reading, without a pause, beyond what the log does and several times its largest other
-    step: a heater that is logged slowly makes large steps, but not one alone. 0 and 85 are what a DS18B20 and many
-    converters give before their first conversion; less is asked of them.
+    A jump occurs between two readings, without a pause, far beyond the usual step and several times the largest other
+    step: a slow log has large steps, but never a single one. 0 and 85 are the values that a DS18B20 and many converters
+    give before their first conversion; for these the threshold is lower.
     """
     n = len(values)
     wild: list[int] = []

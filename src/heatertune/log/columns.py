@@ -1,8 +1,8 @@
 """The columns of a log: which is what, and their cells as seconds, °C and percent.
 
-Which column is what: by its name, by its numbers where there is no name, or as the user says.
+Assign a role to each column: by its name, by its numbers if it has no name, or as the user specifies.
 
-A column of cells → numbers; the first cell that is none is refused by its place.
+Also the conversion of a column's cells to numbers; an error names the first cell that is not a number.
 
 The column of the time → seconds.
 
@@ -57,8 +57,8 @@ class Columns:
     Attributes:
         index: role → index.
         names: role → name, a number where the file has no names.
-        notes: what was assumed in finding them.
-        units: role → unit that the column's cells bear.
+        notes: assumptions about the columns.
+        units: role → unit of the cells in the column.
     """
 
     index: Mapping[str, int]
@@ -67,7 +67,7 @@ class Columns:
     units: Mapping[str, str] = field(default_factory=dict)
 
     def unit(self, role: str) -> str | None:
-        """Return the unit that the cells or the name tell, None where neither does; for power its full scale."""
+        """Return the unit stated in the cells or the name, None if neither states one; for power its full scale."""
         borne = self.units.get(role)
         return unit_in_name(role, f"[{borne}]") if borne else unit_in_name(role, self.names[role])
 
@@ -90,11 +90,11 @@ def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool
 
     Args:
         sheet: the cells.
-        wanted: role → column name or number (1 = first), where the user says so.
+        wanted: role → column name or number (1 = first) given by the user.
         counted: whether the time is counted in rows, so that no column needs to be found for it.
 
     Raises:
-        LogError: a column that does not exist or is asked for twice, or none for the temperature.
+        LogError: a column that does not exist or is requested twice, or no temperature column.
     """
     absent = {role for role, column in wanted.items() if str(column) == NO_COLUMN and column not in sheet.header}
     index = {role: choose_column(sheet, role, column) for role, column in wanted.items() if role not in absent}
@@ -127,7 +127,7 @@ def choose_column(sheet: Sheet, role: str, column: str | int) -> int:
     """Return the column of a name or number (1 = first).
 
     Raises:
-        LogError: there is none.
+        LogError: there is no such column.
     """
     text = str(column).strip()
     if text in sheet.header:
@@ -157,7 +157,7 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[
 
 
 def _is_text(sheet: Sheet, role: str, i: int) -> bool:
-    """Return whether a column that may be the power at best holds words: "control mode" with auto and manual."""
+    """Return whether a possible power column contains words, as "control mode" with auto and manual."""
     cell = sheet.rows[0][i]
     return role == "power" and is_second_choice(sheet.header[i]) and not (
         is_number(cell) or says_nothing(cell) or on_or_off([cell]))
@@ -169,7 +169,7 @@ def _is_second(role: str, name: str) -> bool:
 
 
 def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[str]) -> None:
-    """Deduce: the column that always grows is the time; of two others, the one that stands still is the power."""
+    """Deduce roles: the always increasing column is the time; of two others, the constant one is the power."""
     free = [i for i in range(len(sheet.rows[0])) if i not in index.values()]
     if "time" not in index and "time" not in absent:
         growing = [i for i in free if _grows(sheet, i)]
@@ -188,7 +188,7 @@ def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], notes: li
 
 
 def _grows(sheet: Sheet, i: int) -> bool:
-    """Return whether a column never falls and hardly ever stands: a clock, not a temperature that rises."""
+    """Return whether a column never decreases and is hardly ever constant: a clock, not a rising temperature."""
     cells = [row[i] for row in sheet.rows]
     if not is_number(cells[0]):
         return stamp(cells[0]) is not None
@@ -213,12 +213,12 @@ def numbers(
         sheet: the cells.
         columns: which column is what.
         role: what the column holds, a key of `columns`.
-        expected: what would be right, as the error tells it.
-        blank: what would be right instead of a cell that is empty or says that it holds nothing; None: `expected`.
-        holes: whether a cell that is empty or says that it holds nothing is NaN instead of refused.
+        expected: the expected content, for the error message.
+        blank: the expected content instead of an empty cell or a "no value" mark; None: `expected`.
+        holes: whether an empty cell or a "no value" mark becomes NaN instead of an error.
 
     Raises:
-        LogError: a cell that is empty (without `holes`), no number, not finite or beyond 1e30.
+        LogError: a cell that is empty (without `holes`), not a number, not finite or beyond 1e30.
     """
     i = columns.index[role]
     cells = [row[i] for row in sheet.rows]
@@ -253,7 +253,7 @@ def cell_error(sheet: Sheet, columns: Columns, role: str, row: int, problem: str
         role: what the column holds, a key of `columns`.
         row: the row in the sheet, 0 = first.
         problem: what is wrong.
-        expected: what would be right.
+        expected: the expected content.
     """
     return LogError(problem, file=sheet.file, line=sheet.lines[row], column=columns.names[role],
                     value=sheet.rows[row][columns.index[role]] or None, expected=expected)
@@ -288,12 +288,12 @@ _SHEET_DAYS: Final = (20_000.0, 80_000.0)  # days since 1900 as spreadsheets cou
 
 
 def with_dates(sheet: Sheet, columns: Columns, wanted: str | int | None) -> tuple[Sheet, Columns]:
-    """Return the sheet with date and time of day in one column, where they stand in two.
+    """Return the sheet with date and time of day joined in one column if they are in two.
 
     Args:
         sheet: the cells.
         columns: which column is what.
-        wanted: name or number of the column of the date, "none": there is none; None: found where there is one.
+        wanted: name or number of the date column, "none": there is none; None: detect it.
 
     Raises:
         LogError: no such column.
@@ -323,17 +323,17 @@ def with_dates(sheet: Sheet, columns: Columns, wanted: str | int | None) -> tupl
 def seconds(
     sheet: Sheet, columns: Columns, unit: str | None, sample_time_s: float | None, repairs: list[str]
 ) -> tuple[Array, str]:
-    """Return the time of each row [s], shape (n,), and how it was written: "counted", "stamps" or its unit.
+    """Return the time of each row [s], shape (n,), and its notation: "counted", "stamps" or the unit.
 
     Args:
         sheet: the cells.
         columns: which column is what.
-        unit: of the time column's numbers, a key of `TIME_UNITS`; None: as its name or its digits say, else seconds.
+        unit: of the time column, a key of `TIME_UNITS`; None: from its name or digits, otherwise seconds.
         sample_time_s: interval of a log whose rows are counted [s]; None: the time column is read.
-        repairs: what was changed or assumed is added here.
+        repairs: list to which changes and assumptions are added.
 
     Raises:
-        LogError: no time column and no interval, a cell that is no time, a unit that cannot be known.
+        LogError: neither time column nor interval, a cell that is not a time, an ambiguous unit.
     """
     if sample_time_s is not None:
         unused = f"; column {columns.names['time']} not used" if "time" in columns.index else ""
@@ -462,17 +462,17 @@ class Power(NamedTuple):
 def power_of(
     sheet: Sheet, columns: Columns, given: float | None, repairs: list[str], doubts: list[str]
 ) -> Power | None:
-    """Return the power; None where the log holds none.
+    """Return the power; None if it was not logged.
 
     Args:
         sheet: the cells.
         columns: which column is what.
-        given: reading at full power, where the user says so.
-        repairs: what was assumed is added here.
-        doubts: what may be otherwise is added here.
+        given: reading at full power, if stated by the user.
+        repairs: list to which assumptions are added.
+        doubts: list to which uncertain assumptions are added.
 
     Raises:
-        LogError: a cell that is no power, a power whose full scale cannot be known, one out of range.
+        LogError: a cell that is not a power, an unknown full scale, a power out of range.
     """
     if "power" not in columns.index:
         return None
@@ -500,9 +500,9 @@ def power_of(
 
 
 def _grounds(name: str, values: Array, full_scale: float) -> str:
-    """Return by what the full scale of a power without a unit is known: as a switch, by its ends; else assumed.
+    """Return the evidence for the full scale of a power without a unit: on/off values, its extremes, or none (assumed).
 
-    A name that speaks of counts or of multiples, PWM or x10, contradicts the ends.
+    A name that suggests counts or multiples, such as PWM or x10, contradicts the extremes.
     """
     if full_scale == 1.0:
         return ", of a switch"
@@ -511,7 +511,7 @@ def _grounds(name: str, values: Array, full_scale: float) -> str:
 
 
 def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], doubts: list[str]) -> float:
-    """Return 100 where the numbers can only be percent, 1 of a switch; everything else has to be told."""
+    """Return 100 if the numbers can only be percent, 1 for on/off values; the user has to state anything else."""
     name, largest = columns.names["power"], float(np.max(values))
     if _SWITCH.search(name) and set(np.unique(values)) <= {0.0, 1.0}:
         repairs.append("The power is 0 or 1 of a switch; taken as off and on.")

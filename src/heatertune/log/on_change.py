@@ -1,9 +1,9 @@
-"""Logs that hold a row only where a value changes: home automation, historians, exception reporting.
+"""Logs with a row only when a value changes: home automation, historians, exception reporting.
 
-A value that is not written has not moved by its step: between two rows the temperature stood. Rows that say so are put
-back at the interval of the readings, and the power keeps its own instants.
+A value that was not written has changed by less than its step, so the temperature is constant between two rows. Rows
+with this value are inserted at the interval of the readings; the power keeps its own time stamps.
 
-The quality flag of a historian or a panel → which rows are good.
+Also the quality flag of a historian or panel instrument → rows to use.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _OPC_GOOD: Final = 192  # OPC DA: the two high bits of the byte, 0xC0; 216 is a 
 
 
 def is_quality(name: str) -> bool:
-    """Return whether a column's name tells a quality flag."""
+    """Return whether a column's name denotes a quality flag."""
     return _QUALITY.fullmatch(plain_name(name)) is not None
 
 
@@ -117,10 +117,10 @@ class RestoredRows(NamedTuple):
 
 
 def on_change(time: Array, readings: Array) -> OnChange | None:
-    """Return how readings are written, None where rows do not stand at changes alone.
+    """Return how readings are written on change, None if rows are not only written on change.
 
-    They do where hardly any reading repeats the one before it at once, and where the readings after a long pause have
-    mostly moved by no more than the smallest change: a log with gaps has moved by anything.
+    They are if hardly any reading repeats the previous one immediately, and if the readings after a long pause have
+    mostly moved by no more than the smallest change. After a gap, a log may have moved by any amount.
 
     Args:
         time: of each reading, shape (n,) [s].
@@ -146,13 +146,13 @@ def on_change(time: Array, readings: Array) -> OnChange | None:
 
 
 def at_edges(time: Array, readings: Array, empty: Mask) -> Array:
-    """Return readings with those of rows that hold none, shape (n,), on the line between their neighbours.
+    """Return the readings with missing ones interpolated between their neighbours, shape (n,).
 
-    Where readings are written on change, the last one stood until one interval before the next.
+    If readings are written on change, the last one is held until one interval before the next.
 
     Args:
         time: of each row, shape (n,) [s].
-        readings: shape (n,), NaN where there is none.
+        readings: shape (n,), NaN if missing.
         empty: the rows to fill, shape (n,).
     """
     known = np.flatnonzero(~np.isnan(readings))
@@ -170,16 +170,16 @@ def at_edges(time: Array, readings: Array, empty: Mask) -> Array:
 
 
 def spread(time: Array, readings: Array, written: OnChange, breaks: Array) -> RestoredRows:
-    """Return rows with those put back that were not written because nothing had moved.
+    """Insert the rows that were not written because the value had not changed.
 
-    A pause stays where a reading was lost in it, or where the reading after it has moved faster than any that follows
-    at once: the value was not there to be written.
+    A pause remains if a reading was lost in it, or if the next reading has changed faster than any that follows
+    immediately: the value was not available.
 
     Args:
         time: of each row, shape (n,) [s].
         readings: shape (n,).
         written: how they are written.
-        breaks: instants at which a reading is known to be lost, ascending, shape (k,) [s].
+        breaks: instants of known lost readings, ascending, shape (k,) [s].
     """
     pauses, changes = np.diff(time), np.diff(readings)
     interval, step = written.interval_s, written.step_degC
@@ -232,7 +232,7 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
 
 
 def _is_sparse(cells: list[str]) -> bool:
-    """Return whether a column has a value only where it changes: some are blank, and none repeats the one before."""
+    """Return whether a column is written only on change: some cells are blank, and none repeats the one before."""
     written = [cell for cell in cells if not says_nothing(cell)]
     repeats = sum(a == b for a, b in zip(written[1:], written[:-1], strict=True))
     return 1 < len(written) < len(cells) and repeats <= _REPEATS * len(written)

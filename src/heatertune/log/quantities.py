@@ -1,8 +1,6 @@
-"""Cells that are more than a number: with a unit, with a decimal comma, on or off, or with nothing in them.
+"""Parse cells with a unit, a decimal comma, on or off, or no content.
 
-What a column's name tells: its role and its unit.
-
-Time stamps → seconds.
+Also the role and unit in a column name, and time stamps → seconds.
 """
 
 from __future__ import annotations
@@ -90,7 +88,7 @@ _SCALED: Final[dict[str, re.Pattern[str]]] = {
 
 
 def role_of(name: str) -> str | None:
-    """Return the role that a name tells, None where it tells none."""
+    """Return the role denoted by a name, or None."""
     plain = plain_name(name)
     return next((role for role, pattern in _NAMES.items() if pattern.search(plain)), None)
 
@@ -101,7 +99,7 @@ def is_second_choice(name: str) -> bool:
 
 
 def unit_in_name(role: str, name: str) -> str | None:
-    """Return the unit a column's name tells, None where it tells none; for power its full scale."""
+    """Return the unit in a column's name, or None; for power its full scale."""
     lower = _CAPITALISED.sub(" ", plain_name(name)).lower()
     patterns = _UNITS.get("temperature" if role == "setpoint" else role, ())
     units = (unit for unit, pattern in patterns if pattern.search(lower))
@@ -109,7 +107,7 @@ def unit_in_name(role: str, name: str) -> str | None:
 
 
 def is_foreign(role: str, name: str) -> bool:
-    """Return whether a column's name tells a unit that the role does not have: power in watts, a PV in percent."""
+    """Return whether a column's name contains a unit foreign to its role: power in watts, a PV in percent."""
     return unit_in_name(role, name) is None and _FOREIGN[role].search(plain_name(name).lower()) is not None
 
 
@@ -119,7 +117,7 @@ def is_scaled(role: str, name: str) -> bool:
 
 
 def plain_name(name: str) -> str:
-    """Return a name with spaces for underscores and one way to write degrees, of what is longer the beginning."""
+    """Normalise a name: spaces for underscores, one notation for degrees, long names truncated."""
     return name[:_LONGEST].replace("_", " ").strip().replace("º", "°").replace("℃", "°C").replace("℉", "°F")
 
 
@@ -135,7 +133,7 @@ _THOUSANDTHS = re.compile(r"(:\d\d:\d\d):(\d{1,3})$")
 
 
 def stamp(cell: str) -> datetime | None:
-    """Return the moment a cell tells, with its time zone where it tells one; None where it is no moment.
+    """Parse the time stamp in a cell, with its time zone if it has one; None if it is not a time stamp.
 
     ISO 8601, also with a space or slashes in the date; day.month.year; a time of day alone; am and pm.
     """
@@ -184,7 +182,7 @@ def is_clock(cell: str) -> bool:
 
 
 def is_hours_or_minutes(cell: str) -> bool:
-    """Return whether a cell, the first of its column, may be 0 h 05 min or 0 min 05 s."""
+    """Return whether the first cell of a column may be either 0 h 05 min or 0 min 05 s."""
     return re.fullmatch(r"0?0:\d\d", cell) is not None
 
 
@@ -194,7 +192,7 @@ def is_date(cell: str) -> bool:
 
 
 def is_day_or_month(cells: Iterable[str]) -> bool:
-    """Return whether the dates differ and may be days in March or in April: 03/04/2026 and 03/05/2026."""
+    """Return whether the dates are ambiguous in day and month, such as 03/04/2026 and 03/05/2026."""
     dates = {match.group(): match.group(1) for match in map(_SLASHED.match, cells) if match}
     return len(dates) > 1 and all(int(first) <= 12 for first in dates.values())
 
@@ -243,7 +241,7 @@ def says_nothing(cell: str) -> bool:
 
 
 def on_or_off(cells: Sequence[str]) -> list[str] | None:
-    """Return 1 and 0 for cells that are on or off (true, yes, ein …), None where one is neither."""
+    """Convert on/off cells (true, yes, ein …) to 1 and 0; None if one of them is neither."""
     digits = {cell: "1" if cell.lower() in _ON else "0" for cell in set(cells) if cell.lower() in _ON | _OFF}
     try:
         return [digits[cell] for cell in cells]
@@ -252,9 +250,10 @@ def on_or_off(cells: Sequence[str]) -> list[str] | None:
 
 
 def plain_quantities(cells: Sequence[str]) -> tuple[list[str], str, bool] | None:
-    """Return cells as plain numbers, the unit they all have, and whether they had decimal commas; None: nothing to do.
+    """Return plain numbers, the common unit, and whether there were decimal commas; None if nothing changes.
 
-    A column that holds commas and points is left: one of them may group thousands; so is one with two units.
+    A column with both commas and points is left unchanged, because one of them may group thousands; so is one with two
+    units.
     """
     if _are_plain(cells):
         return None
@@ -271,7 +270,7 @@ def plain_quantities(cells: Sequence[str]) -> tuple[list[str], str, bool] | None
 
 
 def _are_plain(cells: Sequence[str]) -> bool:
-    """Return whether no cell can have a decimal comma or a unit: one with a unit stands in a column where all have."""
+    """Return whether no cell can have a decimal comma or a unit; units occur only if all cells of a column have one."""
     first = next((cell for cell in cells if not says_nothing(cell)), "")
     return not is_quantity(first) and not any("," in cell for cell in cells)
 

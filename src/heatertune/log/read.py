@@ -1,8 +1,7 @@
 """File → Log.
 
-Rows of one instant: repeats are dropped, and rows that are not of one heater are refused.
-
-What was found while reading → what was taken, in one value.
+Also removing repeated rows of one instant, refusing rows of different heaters, and collecting the
+findings of the reader in one value.
 
 Whatever a session has at hand → Log.
 """
@@ -65,12 +64,12 @@ _TOLD: Final = 0.95  # of the instants a column has to tell apart
 
 
 def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> tuple[npt.NDArray[np.bool_], int]:
-    """Return which rows stay, of rows with the same time only the first, and how many of the others repeat it.
+    """Return the rows to keep (the first of equal times), and how many of the others repeat the first.
 
-    The times [s] and what stays are of shape (n,), one for each row.
+    The times [s] and the result are of shape (n,), one for each row.
 
     Raises:
-        LogError: a time that goes backwards; many rows of one instant that read otherwise.
+        LogError: a time that goes backwards; many rows of one instant with different readings.
     """
     steps = np.diff(time)
     if np.any(steps < 0):
@@ -95,7 +94,7 @@ def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -
 
 
 def _put_back_repeats(steps: Array) -> str:
-    """Return what helps where a clock was put back by an hour, once, as at the end of summer time; else nothing."""
+    """Return the remedy if a clock was set back once by an hour, as at the end of daylight saving time, or nothing."""
     usual = float(np.median(steps))
     if np.count_nonzero(steps < 0) > 1 or not abs(float(steps.min()) + _HOUR_S - usual) <= max(usual, 1.0):
         return ""
@@ -126,7 +125,7 @@ def _demand_one_heater(
 
 
 def _tags(sheet: Sheet, i: int, dropped: Rows, firsts: Rows) -> list[str]:
-    """Return the few values of a column that differ within each instant; none where it does not tell rows apart."""
+    """Return the few values of a column that differ within each instant; none if it does not distinguish rows."""
     tags = list(dict.fromkeys(row[i] for row in sheet.rows))
     figures = sum(is_number(tag) and not tag.isdigit() for tag in tags)
     if not 2 <= len(tags) <= min(_MOST_TAGS, len(sheet.rows) / 4) or figures:
@@ -150,8 +149,8 @@ class TemperatureUnit(NamedTuple):
     Attributes:
         name: the unit.
         assumed: whether neither the file nor the user states it.
-        evidence: of an assumed unit, what excludes every other; empty: nothing does.
-        likely: of an assumed unit, the unit to propose.
+        evidence: for an assumed unit, the reason that excludes all others; empty: there is none.
+        likely: for an assumed unit, the unit to propose.
     """
 
     name: str
@@ -161,7 +160,7 @@ class TemperatureUnit(NamedTuple):
 
 
 class FileNotation(NamedTuple):
-    """How time, temperature and power were written; without a power None; which of the units the user states."""
+    """Notation of time, temperature and power (None without power), and the units stated by the user."""
 
     clock: str
     temperature: TemperatureUnit
@@ -190,17 +189,17 @@ def taken_of(
     counts: RowCounts,
     options: Mapping[str, Option],
 ) -> ReadSummary:
-    """Return what was taken.
+    """Return the summary of the reading.
 
     Args:
-        file: its name, as told to people.
+        file: its name for messages.
         sheet: the rows that were read.
         columns: which column is what.
-        tagged: what was done about tags and flags.
-        time: of the readings that stayed, shape (n,) [s].
-        written: how its numbers were written.
-        counts: how many rows were what.
-        options: what the user or the file said about its rows.
+        tagged: result of the selection of tags and flags.
+        time: of the readings that were kept, shape (n,) [s].
+        written: notation of its numbers.
+        counts: number of rows of each kind.
+        options: options for its rows, from the user or the file.
     """
     clock, temperature, power, stated = written
     grounds = temperature.evidence or "assumed"
@@ -240,7 +239,7 @@ def _assumed(written: FileNotation, time: Array) -> dict[str, str]:
 
 
 def _names(sheet: Sheet, columns: Columns, role: str) -> str:
-    """Return a column as it is told: 'T1', 'Date' + 'Time', column 3 of a file without names."""
+    """Return the name of a column for messages: 'T1', 'Date' + 'Time', column 3 of a file without names."""
     roles = ("date", role) if role == "time" and "date" in columns.index else (role,)
     names = [columns.names[part] for part in roles]
     return " + ".join(f"'{name}'" if sheet.header else f"column {name}" for name in names)
@@ -273,7 +272,7 @@ def _reading(
 
 
 def _reference(sheet: Sheet, i: int) -> str:
-    """Return the name of a column where it has one of its own, else its number."""
+    """Return the name of a column if it is unique, otherwise its number."""
     name = sheet.header[i] if sheet.header else ""
     is_own = name and sheet.header.count(name) == 1 and not name.isdecimal() and name != NO_COLUMN
     return name if is_own else f"{i + 1}"
@@ -292,7 +291,7 @@ _POSSIBLE_DEGC: Final = (-90.0, 2000.0)  # colder than any place on earth; hotte
 
 
 class _Series(NamedTuple):
-    """What is read of the rows that are kept, each of shape (n,); None where it is not logged."""
+    """The values of the kept rows, each of shape (n,); None if not logged."""
 
     time_s: Array
     temperature_degC: Array
@@ -308,18 +307,18 @@ def read_log(
     """Read a temperature log.
 
     Titles, header or none; comma, semicolon, tab or spaces; decimal comma or point; seconds or time stamps; °C, °F or
-    K; power as 0…1, 0…100, 0…255, on and off; a column for each, or a long table of tags: as the names of the columns
-    say, or the options. What was taken as what is in `Log.taken`, what was changed or assumed in `Log.repairs`.
+    K; power as 0…1, 0…100, 0…255, on and off; one column each, or a long table of tags. The names of the columns or the
+    options decide. `Log.taken` contains the interpretation, `Log.repairs` the changes and assumptions.
 
     Args:
         source: path of a CSV file, an open one, a table of pandas, or "table3" / "table4", the paper's tables.
-        settings: how the file is to be read; None: all is found out.
-        content: of the file, where it lies on another machine; `source` then only names it.
-        changed: fields of `ReadSettings` that are other than in `settings`.
+        settings: how to read the file; None: detect everything.
+        content: of the file, if it is on another machine; `source` is then only its name.
+        changed: fields of `ReadSettings` that differ from `settings`.
 
     Raises:
-        InputError: a source that is none of these.
-        LogError: what cannot be understood, with file, line, column and value.
+        InputError: a source of another type.
+        LogError: content that cannot be interpreted, with file, line, column and value.
         UnknownName: a unit that does not exist.
     """
     asked = merge_options(ReadSettings, settings, changed)
@@ -457,7 +456,7 @@ def _csv(frame: DataFrame) -> bytes:
 def _opened(
     source: Path, table: BuiltIn | None, content: bytes | None, asked: ReadSettings
 ) -> tuple[Sheet, list[str]]:
-    """Return the cells of a file, numbers plain, and what is doubtful of a built-in table."""
+    """Return the cells of a file with plain numbers, and the doubts about a built-in table."""
     sheet = with_names(read_sheet(table.path if table else source, content, asked.skip_rows, asked.tag))
     if not sheet.rows:
         raise LogError("the file holds a header and no readings", file=sheet.file, expected="at least 20 rows")
@@ -557,9 +556,9 @@ def _temperature(
 
 
 def _setpoint(sheet: Sheet, columns: Columns, unit: str, repairs: list[str]) -> tuple[Array | None, int]:
-    """Return the setpoint, in the temperature's unit unless its own name tells another, and how many cells were filled.
+    """Return the setpoint, in the temperature's unit unless its name states another, and the number of filled cells.
 
-    An empty cell holds the last value; those before the first value hold that one.
+    Empty cells repeat the last value; those before the first value take the first.
     """
     if "setpoint" not in columns.index:
         return None, 0
@@ -607,14 +606,15 @@ def _held(sheet: Sheet, columns: Columns, role: str, repairs: list[str]) -> tupl
 
 
 def log_of(data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...]) -> Log:
-    """Return the log in what is given.
+    """Convert the argument to a log.
 
     Args:
         data: a log; what `read_log` reads: path or built-in name, an open file, a table of pandas; or the columns
-            (time_s, temperature_degC, power_pct), all of shape (n,), the power left out or None where there is none.
+            (time_s, temperature_degC, power_pct), all of shape (n,), with the power omitted or None if it was not
+            logged.
 
     Raises:
-        InputError: none of these, columns that are no numbers.
+        InputError: another type, or columns that are not numbers.
         LogError: as `read_log`.
         OutOfRange: as `Log`.
     """

@@ -1,4 +1,4 @@
-"""The paper's tables: numbers exactly as printed, and what is known to be wrong with them."""
+"""The paper's tables: numbers exactly as printed, and their known errata."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BUILT_IN: Final = ("table3", "table4")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Erratum:
-    """A misprint of a table: its line and column, what is printed there, what should be, and how that is known."""
+    """A misprint of a table: line and column, printed and correct value, and the evidence."""
 
     line: int
     column: str

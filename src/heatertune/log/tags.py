@@ -1,6 +1,6 @@
 """Rows of several tags: a long table (tag, time, value, quality) → one row per reading; one tag of a wide table.
 
-A series of its own instants, held to the instants of another.
+Also resampling a series with its own time stamps at those of another by sample and hold.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _SWITCHED: Final = 0.01  # share of the intervals in which a power changes more 
 
 
 class HeldSeries(NamedTuple):
-    """Cells at the instants asked for; how many of these come before the first known one; what was done; a new unit."""
+    """Cells at the requested instants, the number of these before the first value, the repairs, and the new unit."""
 
     cells: list[str]
     late: int
@@ -39,13 +39,13 @@ class HeldSeries(NamedTuple):
 
 
 def hold_series(at: Array, time: Array, cells: Sequence[str], *, is_power: bool) -> HeldSeries:
-    """Return what a series holds at other instants.
+    """Resample a series at other instants by sample and hold.
 
-    A power that changes more than once between two instants is told as its mean over each interval, for what it held at
-    the instants would be chance. A setpoint before its first instant is that first one.
+    A power that changes more than once between two instants is averaged over each interval, because its value at the
+    instants would be random. A setpoint before its first instant takes the first value.
 
     Args:
-        at: the instants asked for, ascending, shape (n,) [s].
+        at: the requested instants, ascending, shape (n,) [s].
         time: the series' own, ascending, shape (k,) [s].
         cells: its values, one for each of its instants.
         is_power: whether it is a power.
@@ -75,7 +75,7 @@ def _changes(time: Array, cells: Sequence[str]) -> Array:
 
 
 def _latest(at: Array, time: Array, cells: Sequence[str]) -> float:
-    """Return how long after a change the first reading comes that shows it, at most [s]."""
+    """Return the longest time from a change to the first reading that shows it [s]."""
     changes = _changes(time, cells)
     changes = changes[(changes > at[0]) & (changes <= at[-1])]
     return float(np.max(at[np.searchsorted(at, changes)] - changes, initial=0.0))
@@ -94,7 +94,7 @@ def changes_twice(at: Array, time: Array, cells: Sequence[str]) -> bool:
 
 
 def _means(at: Array, time: Array, cells: Sequence[str]) -> Array | None:
-    """Return the mean over each interval; None where the power is no number."""
+    """Return the mean over each interval; None if the power is not a number."""
     try:
         values = np.array([float(cell) for cell in cells])
     except ValueError:
@@ -125,11 +125,11 @@ _OPTIONS: Final = {"temperature": "--tag", "power": "--power-tag", "setpoint": "
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagSelection:
-    """Which tags and columns the user asks for; None where nothing is said, "none" where there is none.
+    """Tags and columns selected by the user; None if not stated, "none" if there is none.
 
     Attributes:
-        temperature: tag of the temperature; likewise `power` and `setpoint`.
-        column: name or number of the column of the tags; likewise `quality`, `value`, `time` and `date`.
+        temperature: tag of the temperature; the same for `power` and `setpoint`.
+        column: name or number of the tag column; the same for `quality`, `value`, `time` and `date`.
     """
 
     temperature: str | None = None
@@ -144,14 +144,14 @@ class TagSelection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagTable:
-    """What was done.
+    """Result of the selection of tags.
 
     Attributes:
         sheet: the rows of one heater; of a long table the columns time, temperature, power and setpoint.
-        lost: how many rows were left out: of bad quality, before the first power.
+        lost: number of omitted rows: bad quality, or before the first power.
         unused: tags that were not used.
-        options: option of `read_log` → what repeats this reading.
-        wanted: role → number of its column, of a long table; else empty.
+        options: option of `read_log` → value that reproduces this reading.
+        wanted: role → number of its column for a long table, otherwise empty.
         lost_s: instants of lost readings of the temperature, counted from the first row, ascending [s].
     """
 
@@ -172,7 +172,7 @@ def by_tags(sheet: Sheet, asked: TagSelection, time_unit: str | None) -> TagTabl
     """Return the rows of one heater.
 
     Raises:
-        LogError: tags or flags that cannot be known, or that are not there.
+        LogError: tags or flags that are ambiguous or do not exist.
     """
     quality, options = _quality_place(sheet, asked), {}
     good = np.ones(len(sheet.rows), dtype=np.bool_) if quality is None else good_rows(sheet, quality)
@@ -193,7 +193,7 @@ def by_tags(sheet: Sheet, asked: TagSelection, time_unit: str | None) -> TagTabl
 
 
 def _demand_long(sheet: Sheet, asked: TagSelection) -> None:
-    """Refuse what is said of a long table and would not be heard."""
+    """Refuse options for a long table that would have no effect."""
     unheard = [_OPTIONS[role] for role in _ROLES[1:] if getattr(asked, role) is not None]
     if asked.column is not None and asked.temperature is None:
         unheard.append("--tag-column without --tag")
@@ -360,7 +360,7 @@ def _series(of_tag: npt.NDArray[np.bool_], good: npt.NDArray[np.bool_], time: Ar
 
 
 def _demand_order(sheet: Sheet, role: str, name: str, time: Array, places: npt.NDArray[np.intp]) -> None:
-    """Refuse a tag without readings, or whose time goes backwards."""
+    """Refuse a tag without readings, or with a time that goes backwards."""
     if not len(places):
         raise LogError(f"no good reading of the tag {name!r}", file=sheet.file, expected=f"{_OPTIONS[role]}, another")
     back = np.flatnonzero(np.diff(time) < 0)
@@ -379,7 +379,7 @@ def _with_unit(sheet: Sheet, tag: int, name: str, unit: str) -> str:
 
 
 def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: TagSelection) -> dict[str, str]:
-    """Return role → tag: as asked, else where the names tell it unmistakably."""
+    """Return role → tag: as requested, otherwise if the names are unambiguous."""
     listed = f"{', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''}"
     wanted = {role: getattr(asked, role) for role in _ROLES}
     for role, name in wanted.items():
@@ -406,16 +406,16 @@ def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: TagSelection) -> 
 
 
 def _role_of_tag(name: str) -> str | None:
-    """Return the role a tag tells: Zone1/Temperature, TIC101.OP, switch.heater."""
+    """Return the role denoted by a tag: Zone1/Temperature, TIC101.OP, switch.heater."""
     *before, last = re.split(r"[./\\:|!]", name)
     role = role_of(last) or role_of(name)
     return "power" if role in (None, "time") and before[:1] == ["switch"] else role
 
 
 def _time(sheet: Sheet, asked: TagSelection, unit: str | None) -> tuple[tuple[int, ...], Array]:
-    """Return the column of the time, then that of the date where it has one of its own, and the time of each row [s].
+    """Return the time column, the date column if it is separate, and the time of each row [s].
 
-    A WinCC panel writes two times; the finer one is taken.
+    A WinCC panel writes two times; the one with the finer resolution is used.
     """
     names = tuple(plain_name(name).lower() for name in sheet.header)
     if asked.time is not None:

@@ -38,21 +38,21 @@ _SHOWN: Final = 12  # unused columns named
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadSummary:
-    """What was taken of a file.
+    """Summary of how a file was read.
 
     Attributes:
         file: its name.
         rows: readings in the log.
         interval_s: usual time between two of them [s].
-        columns: role → (name of its column or tag, how it was written: "°C", "0…255", "stamps"), absent: none.
-        rows_read: rows of the file that could have been readings.
-        left_out: how many of them were left out.
-        repeats: how many of those repeated the row before, so that nothing was lost.
-        repaired: rows in which a value was put in.
+        columns: role → (name of its column or tag, its notation: "°C", "0…255", "stamps"), absent if there is none.
+        rows_read: rows of the file that are potential readings.
+        left_out: number of them that were omitted.
+        repeats: number of omitted rows that only repeated the previous one.
+        repaired: rows in which a value was inserted.
         unused: columns or tags that were not used.
-        reading: option of `read_log` → what repeats this reading with nothing left to guess.
-        assumed: role → option that states its unit, of each unit that neither the file nor the user states.
-        stated: roles whose unit the user states by an option.
+        reading: option of `read_log` → value that reproduces this reading without detection.
+        assumed: role → option for its unit, for each unit that neither the file nor the user states.
+        stated: roles whose unit the user gave as an option.
     """
 
     file: str
@@ -75,7 +75,7 @@ class ReadSummary:
 
     @property
     def line(self) -> str:
-        """All of it in one line."""
+        """The whole summary in one line."""
         parts = [f"{self.rows} rows every {self.interval_s:.4g} s", ", ".join(map(self._column, self._roles))]
         for number, what in ((self.left_out, "left out"), (self.repaired, "repaired")):
             if number:
@@ -132,13 +132,13 @@ class Log(NotebookDisplay):
         power_pct: heater power [0…100 % of full power], held from its instant to the next, shape (n,), or None.
         setpoint_degC: setpoint [°C], shape (n,), or None.
         disturbance: a measured load in a unit of its own, held from its instant to the next, shape (n,), or None.
-        repairs: what the reader changed or assumed, one sentence each.
+        repairs: changes and assumptions of the reader, one sentence each.
         doubts: readings that look odd but were left as they are, one sentence each.
         same_heater: names of built-in logs taken on the same heater.
-        taken: what was taken of a file as what, None for a log that was not read from one.
-        rests_at_degC: where the source says that the record rests, None where it says nothing [°C].
-        pwm_period_s: by which the heater was switched, as the source says, 0 where it says nothing [s].
-        power_late_s: by which the power may have changed before the row that shows it, beyond the interval [s].
+        taken: summary of how the file was read, None for a log that does not come from a file.
+        rests_at_degC: steady-state temperature according to the source, None if not stated [°C].
+        pwm_period_s: PWM period of the heater according to the source, 0 if not stated [s].
+        power_late_s: how much earlier than its row the power may have changed, in excess of the interval [s].
 
     Raises:
         OutOfRange: shapes differ, fewer than 20 readings, times not increasing, values not finite,
@@ -180,18 +180,18 @@ class Log(NotebookDisplay):
         cls, frame: DataFrame, *, time: str | None = None, temperature: str = "temperature_degC",
         power: str = "power_pct", setpoint: str = "setpoint_degC", name: str = "frame",
     ) -> Log:
-        """Return the log in a table of pandas; `read_log` takes one too, and finds units and columns by itself.
+        """Convert a pandas table to a log; `read_log` accepts one too, and detects units and columns.
 
         Args:
             frame: a row for each reading.
             time: name of the column of seconds or of time stamps; by default "time_s", else the table's index.
             temperature: name of the column of the temperature [°C].
-            power: of the power [0…100 %]; none where the table has no such column; likewise the setpoint [°C].
+            power: column of the power [0…100 %], ignored if it does not exist; the same for the setpoint [°C].
             setpoint: see power.
             name: shown to people.
 
         Raises:
-            InputError: a column named here that the table has not.
+            InputError: a column named here that does not exist.
             OutOfRange: as the class says.
         """
         names = (time, temperature, *(named for named, usual in ((power, "power_pct"), (setpoint, "setpoint_degC"))

@@ -1,15 +1,14 @@
-"""What a log tells beside its heater: how it was sampled, how fine its sensor is, and where the heater was used.
+"""Properties of a log besides its heater: sampling, resolution of the sensor, operating point.
 
-What a power column hides of the heater's power: a PWM behind it, and a row by which it may be late.
+Also the effects that a power column can hide: PWM, and a delay of one row.
 
-A power column may hold the power of the row before, or the mean since then. The heater then answers earlier than
-it seems, so that a fit's dead time is too short by up to one row; nothing in the log shows it.
+A power column may contain the power of the previous row or the mean since then. The heater then seems to respond
+earlier, and the fitted dead time is too short by up to one row. The log does not show this.
 
-A log that holds the controller's output while PWM switched the heater leaves dead times and gains open.
-
-A value that is held until the next period begins acts later by up to a period P. With the pulse first in each period
-the power's centre comes earlier by up to P·(1 − u)/2, u its share; and readings at one phase see the ripple
-shifted by up to P/4 of the gain per time constant. Which of it a log has, its phase decides, and nobody logged that.
+If a log contains the controller output while a PWM switched the heater, dead time and gain are uncertain. A value that
+is held until the next period of length P acts later by up to P. With the pulse at the start of each period, the centre
+of the power is earlier by up to P·(1 − u)/2, with duty cycle u. Readings at a fixed phase see the ripple, shifted by up
+to P/4 of the gain divided by the time constant. Which of these applies depends on the phase, which is not logged.
 """
 
 from __future__ import annotations
@@ -41,10 +40,10 @@ _RIPPLE: Final = 0.25  # periods per time constant by which the gain may differ
 
 
 def with_pwm_hidden(fitted: FittedModel, period_s: float) -> FittedModel:
-    """Return the fit with what a PWM of unknown phase leaves open: intervals, and plausible heaters at their ends.
+    """Return the fit with the uncertainty of a PWM of unknown phase: intervals, and plausible heaters at their ends.
 
     Args:
-        fitted: as if the logged power had been the heater's.
+        fitted: under the assumption that the logged power was the heater's.
         period_s: of the PWM [s].
     """
     if period_s == 0.0:
@@ -64,17 +63,17 @@ def with_pwm_hidden(fitted: FittedModel, period_s: float) -> FittedModel:
 def with_late_power(
     fitted: FittedModel, row_s: float, *, gap_s: float, most_s: float | None, least_s: float
 ) -> FittedModel:
-    """Return the fit with a dead time that may be longer, as the power may have changed before the row that shows it.
+    """Return the fit with a longer dead time as an option, because the power may have changed before its row.
 
-    It may by a row of the log, whose column may be a row late or the mean of the row before, and in a log that is
-    written on change by the gap before that row.
+    It may have changed up to one row earlier, because the column may be one row late or a mean, and in a log that is
+    written on change up to the gap before that row.
 
     Args:
         fitted: as if the power column were exact.
         row_s: interval of the log's rows [s].
-        gap_s: by which the power may have changed before its row; 0: its instants are those of the rows [s].
-        most_s: no dead time is longer, None where no bound is known [s].
-        least_s: no dead time below this is believed [s].
+        gap_s: how much earlier than its row the power may have changed; 0: it changes at the rows [s].
+        most_s: longest possible dead time, None if unknown [s].
+        least_s: shortest plausible dead time [s].
     """
     late_s = max(row_s, gap_s)
     note = (f"The power column may be one row ({row_s:.3g} s) late, or the mean of the row before: the dead time may "
@@ -95,7 +94,7 @@ def with_late_power(
 
 
 def _hardest(candidates: Sequence[Candidate], row_s: float) -> Iterator[Candidate]:
-    """Yield, of one lag and of two, the longest dead time, and what a row more leaves with the least ultimate gain."""
+    """Yield, for one lag and for two, the longest dead time, and the lowest ultimate gain with one more row."""
     for lags in sorted({len(each.model.lags_s) for each in candidates}):
         known = [each for each in candidates if len(each.model.lags_s) == lags]
         longest = max(known, key=_dead_time_s)
@@ -113,7 +112,7 @@ def _ultimate_gain(candidate: Candidate) -> float:
 
 
 def _room(dead_time_s: float, row_s: float, most_s: float | None) -> float:
-    """Return by how much a dead time may be longer: a row, but not beyond what is known [s]."""
+    """Return how much longer a dead time may be: one row, within the known maximum [s]."""
     return row_s if most_s is None else max(min(row_s, most_s - dead_time_s), 0.0)
 
 
@@ -155,12 +154,12 @@ _ABOVE: Final = 0.25  # of the same: a setpoint below is a heater that was switc
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DelaysKnown:
-    """What the user knows of the heater's delay beside the log.
+    """Delays known to the user in addition to the log.
 
     Attributes:
-        dead_time_at_most_s: no dead time is longer, None where nobody knows [s].
-        sensor_delay_s: by which the sensor lags behind [s].
-        pwm_period_s: of the PWM that switched the heater, 0 where none did, None: as each log says [s].
+        dead_time_at_most_s: no dead time is longer, None if nobody knows [s].
+        sensor_delay_s: delay of the sensor [s].
+        pwm_period_s: of the PWM that switched the heater, 0 without PWM, None: as in each log [s].
 
     Raises:
         OutOfRange: a negative delay or period, a longest dead time that is not positive or shorter than the sensor's
@@ -178,14 +177,14 @@ class DelaysKnown:
             check("dead_time_at_most_s", self.dead_time_at_most_s, above=0.0, least=self.sensor_delay_s)
 
     def least_dead_time_s(self, logs: Sequence[Log]) -> float:
-        """Return the least dead time that is believed [s].
+        """Return the shortest plausible dead time [s].
 
-        One shorter than half the interval between two readings cannot be seen.
+        A dead time shorter than half the interval between two readings is not observable.
         """
         return _interval_s(logs) / 2.0 + self.sensor_delay_s
 
     def apply_to(self, fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
-        """Return the model with what its logs tell beside the heater; the first one tells where it was used."""
+        """Return the model with the other properties of its logs; the operating point is that of the first."""
         period_s = max(self._hidden_period_s(log) for log in logs)
         given = {"dead_time_at_most_s": self.dead_time_at_most_s, "sensor_delay_s": self.sensor_delay_s or None,
                  "log_pwm_period_s": period_s or None}
@@ -230,10 +229,11 @@ def reading_step_degC(log: Log) -> float:
 
 
 def setpoint_of(log: Log) -> float:
-    """Return where the heater was used [°C].
+    """Return the operating temperature of the heater [°C].
 
-    The setpoint column's last value, unless that lies in the lowest quarter of what the heater reached: then it was
-    switched off. Else where the log's source says that it rests; else the middle of the upper half of what it reached.
+    It is the last value of the setpoint column, unless this lies in the lowest quarter of the reached range: then the
+    heater was switched off. Otherwise it is the steady state given by the log's source, or the middle of the upper half
+    of the reached range.
     """
     reached = replace_outliers(log.temperature_degC)
     low, span = float(reached.min()), float(np.ptp(reached))

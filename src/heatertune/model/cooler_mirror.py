@@ -1,4 +1,4 @@
-"""A cooler is a heater seen in a mirror: what the one does upwards the other does downwards, by the same numbers."""
+"""Mirror a cooler into a heater: the same parameters with opposite direction."""
 
 from __future__ import annotations
 

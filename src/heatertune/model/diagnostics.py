@@ -1,4 +1,4 @@
-"""From the sentences of a fit's checks to the findings that a verdict hears."""
+"""Convert the check results of a fit to the findings that a verdict uses."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _HOLDS = {"time": "the time", "temperature": "the temperature", "power": "the po
 
 
 class Remark(NamedTuple):
-    """A sentence about a fit, and the name of the finding that it is; empty where a verdict need not hear it."""
+    """A sentence about a fit, and the name of the finding that it is; empty if a verdict need not hear it."""
 
     finding: str
     sentence: str
@@ -46,14 +46,14 @@ def findings_of(remarks: Iterable[Remark]) -> tuple[Finding, ...]:
 
 
 def poor_remarks(outcome: FitOutcome, fit_pct: float, name: str) -> tuple[Remark, ...]:
-    """Return what a poor fit of a log, or logs, of this name means; nothing for another outcome."""
+    """Return the findings of a poor fit of the named log or logs; empty for other outcomes."""
     if outcome is not FitOutcome.POOR_FIT:
         return ()
     return (Remark("poor-fit", f"{fit_pct:.0f} % of {name} are explained."),)
 
 
 def level_remarks(log: Log) -> tuple[Remark, ...]:
-    """Return what it means that a log knows one level of power beside none; a switch that is full on is linear."""
+    """Return the findings of a log with only one level of power besides 0; on/off at full power counts as linear."""
     assert log.power_pct is not None
     levels = np.unique(np.round(log.power_pct))
     if len(levels) > _TWO or levels[0] > 0.0 or levels[-1] >= _FULL:
@@ -65,7 +65,7 @@ def level_remarks(log: Log) -> tuple[Remark, ...]:
 
 
 def fast_remarks(least_s: float, time_constant_s: float, name: str) -> tuple[Remark, ...]:
-    """Return what it means that the search for the time constant ended at the least that was searched."""
+    """Return the findings of a time constant at the lower bound of its search."""
     if time_constant_s > _BESIDE * least_s:
         return ()
     return (Remark("faster-than-log", (
@@ -75,9 +75,9 @@ def fast_remarks(least_s: float, time_constant_s: float, name: str) -> tuple[Rem
 
 
 def unit_findings(fitted: FittedModel, logs: Sequence[Log]) -> tuple[Finding, ...]:
-    """Return a finding for each log with a unit for which it holds no evidence, or with one that the fit contradicts.
+    """Return a finding for each log with an assumed unit without evidence, or with a unit that the fit contradicts.
 
-    A unit that the user states by an option is never asked for again.
+    A unit stated by the user is never questioned.
     """
     findings = []
     for log, taken in ((log, log.taken) for log in logs if log.taken is not None):
@@ -102,9 +102,9 @@ def _unit_sentence(taken: ReadSummary, doubts: Mapping[str, str]) -> str:
 
 
 def _implausible(fitted: FittedModel, log: Log) -> dict[str, str]:
-    """Return role → what a fit gives that hardly any heater has, so that the unit of that column is doubtful.
+    """Return role → implausible result of the fit, which makes the unit of that column doubtful.
 
-    An ambient counts where the log comes near it; that of a log far above it is an extrapolation.
+    The ambient counts only if the log comes near it; from a log far above it, it is an extrapolation.
     """
     ends = {name: _ends(fitted.ci95.get(name), getattr(fitted.model, name)) for name in (
         "gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")}
@@ -125,7 +125,7 @@ def _implausible(fitted: FittedModel, log: Log) -> dict[str, str]:
 
 
 def _ambient_doubt(ambient_degC: float) -> str:
-    """Return what is odd about an ambient, and in which unit it would be a room's [°C]."""
+    """Return why an ambient is implausible, and the unit in which it would be a room temperature [°C]."""
     least, most = _ROOM_DEGC
     other = next((f": {value:.3g} °C if the readings are in {unit}" for unit, value in (
         ("°F", degF_to_degC(ambient_degC)), ("tenths of a degree", ambient_degC / 10.0)) if least <= value <= most), "")
@@ -133,7 +133,7 @@ def _ambient_doubt(ambient_degC: float) -> str:
 
 
 def _ends(interval: Interval | None, value: float | None) -> tuple[float, float]:
-    """Return the ends of an interval; NaN, which no comparison holds for, where an end or the value is not known."""
+    """Return the ends of an interval; NaN, for which no comparison is true, if an end or the value is unknown."""
     if interval is None or value is None:
         return math.nan, math.nan
     return (math.nan if interval.low is None else interval.low, math.nan if interval.high is None else interval.high)

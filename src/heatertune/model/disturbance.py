@@ -1,4 +1,4 @@
-"""What a measured disturbance does to a heater, as a fit found it."""
+"""The effect of a measured disturbance on a heater, as identified by a fit."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ __all__ = ["DisturbanceEffect"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DisturbanceEffect:
-    """A measured disturbance as power at the heater's input: it acts through the heater's own lags.
+    """A measured disturbance as equivalent power at the heater's input, acting through the heater's own lags.
 
     Attributes:
         column: its name in the log.
-        pct_per_unit: power that one unit of it stands for [% of full power per unit]; below 0: it cools.
+        pct_per_unit: equivalent power of one unit [% of full power per unit]; below 0: it cools.
         pct_per_unit_ci95: 95 % interval [% per unit].
-        delay_s: after which it acts [s].
-        lead_s: by which it acts sooner than the heater's own power, whose dead time is longer; below 0: later [s].
+        delay_s: its dead time [s].
+        lead_s: how much earlier than the heater's power it acts; below 0: later [s].
         lead_s_ci95: 95 % interval [s].
-        calm, strong: lowest and highest level logged, its rarest hundredths left out [units].
-        delta_bic: how far the criterion falls with it (AR(1) errors); at 10 and more it acts.
-        delta_bic_own_lag: how far the criterion falls where it acts through one lag of its own instead.
+        calm, strong: 1st and 99th percentile of the logged level [units].
+        delta_bic: decrease of BIC with the disturbance (AR(1) errors); significant from 10.
+        delta_bic_own_lag: decrease of BIC if it acts through a separate lag instead.
         own_lag_s: that lag [s].
 
     Raises:
-        OutOfRange: an interval without its value, a negative delay, no difference of the levels.
+        OutOfRange: an interval without its value, a negative delay, equal levels.
     """
 
     column: str
@@ -59,12 +59,12 @@ class DisturbanceEffect:
 
     @property
     def as_power(self) -> bool:
-        """Whether it acts through the heater's own lags, as far as the log tells it from a lag of its own."""
+        """Whether it acts through the heater's own lags, as far as the log distinguishes this from a separate lag."""
         return self.delta_bic >= self.delta_bic_own_lag - 10.0
 
     @property
     def sentence(self) -> str:
-        """What was found, for people."""
+        """The result as a sentence."""
         low, high = self.pct_per_unit_ci95
         effect = (f"The disturbance {self.column!r} acts as {self.pct_per_unit:.3g} % of full power per unit "
                   f"({low:.3g} … {high:.3g}), {self.delay_s:.3g} s after it changes and {abs(self.lead_s):.3g} s "

@@ -1,6 +1,6 @@
-"""FittedModel ↔ the JSON document that `heatertune fit` writes: its fields in order, and their values.
+"""FittedModel ↔ the JSON document of `heatertune fit`: its fields in order, and their values.
 
-The document is flat for its readers: each parameter has its interval beside it, `dead_time_s` and `dead_time_s_ci95`.
+The document is flat: the interval of a parameter is next to it, as `dead_time_s` and `dead_time_s_ci95`.
 """
 
 from __future__ import annotations
@@ -63,16 +63,16 @@ _FIELDS = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"
 
 
 def to_document(fitted: FittedModel) -> dict[str, Any]:
-    """Return the document; the keys of the working FOPDT stand at its top, each with `<name>_ci95`."""
+    """Return the document; the keys of the working FOPDT are at top level, each with `<name>_ci95`."""
     document: dict[str, Any] = encode(ModelView.of(fitted))
     return document
 
 
 def read_model(path: str | Path) -> FittedModel:
-    """Return the model of a file; a document that holds only the FOPDT is a model given by hand.
+    """Return the model of a file; a document that contains only the FOPDT is a model given by its parameters.
 
     Raises:
-        DocumentError: a field is missing, unknown, of the wrong kind or against its rule.
+        DocumentError: a field is missing, unknown, of the wrong type or out of range.
     """
     return from_document(read_document(path, SCHEMA), where=path)
 
@@ -114,7 +114,7 @@ class CandidateView:
 
     @classmethod
     def of(cls, candidate: Candidate) -> CandidateView:
-        """Return what is written of a candidate."""
+        """Return the document of a candidate."""
         plant = candidate.model
         if isinstance(plant, Fopdt):
             return construct_from(cls, candidate, plant)
@@ -159,7 +159,7 @@ class FindingView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneLogView:
-    """What one of several logs says; `alone` holds its own parameters, each with its interval."""
+    """The results of one of several logs; `alone` contains its own parameters, each with its interval."""
 
     name: str
     fit_pct: float
@@ -174,7 +174,7 @@ class OneLogView:
 
     @property
     def value(self) -> OneLog:
-        """What the log says."""
+        """The value for this log."""
         values, ci95 = _parameters(self.alone)
         return construct_from(OneLog, self, values=values, ci95=ci95)
 
@@ -189,7 +189,7 @@ class WhitenessView:
 
     @classmethod
     def of(cls, ljung_box: float) -> WhitenessView:
-        """Return what is written of a Ljung–Box statistic."""
+        """Return the document of a Ljung–Box statistic."""
         return cls(ljung_box=ljung_box, limit=LJUNG_BOX_95, ok=ljung_box <= LJUNG_BOX_95)
 
 
@@ -204,7 +204,7 @@ class CorrelationView:
 
     @classmethod
     def of(cls, correlation: InputCorrelation | None) -> CorrelationView | None:
-        """Return what is written of it."""
+        """Return its document."""
         return None if correlation is None else construct_from(cls, correlation)
 
 
@@ -255,7 +255,7 @@ class _Halves:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ValidationView:
-    """Checks of the working model; what could not be checked is null."""
+    """Checks of the working model; null if not possible."""
 
     whiteness: WhitenessView
     input_crosscorrelation: CorrelationView | None = None
@@ -264,7 +264,7 @@ class ValidationView:
 
     @classmethod
     def of(cls, validation: Validation) -> ValidationView:
-        """Return what is written of them."""
+        """Return their document."""
         held, halves = validation.held_out, validation.halves
         windows = tuple(_Window(start_s=start, end_s=end, rmse_degC=rmse)
                         for (start, end), rmse in zip(held.windows_s, held.rmses_degC, strict=True))
@@ -309,7 +309,7 @@ class _Residuals:
 @register_schema(SCHEMA)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelView:
-    """The document of a model; one that holds only the heater is a model given by hand."""
+    """The document of a model; one that contains only the heater is a model given by its parameters."""
 
     gain_degC_per_pct: float
     gain_degC_per_pct_ci95: Pair | None = None
@@ -343,7 +343,7 @@ class ModelView:
 
     @classmethod
     def of(cls, fitted: FittedModel) -> ModelView:
-        """Return what is written of a model."""
+        """Return the document of a model."""
         rest, checks = fitted.residuals, fitted.validation
         return construct_from(
             cls, fitted, fitted.model, **{f"{name}_ci95": _pair(fitted.ci95.get(name)) for name in _FIELDS},
@@ -411,7 +411,7 @@ def _side_by_side(values: Mapping[str, float], ci95: Mapping[str, Interval]) -> 
 
 
 def _parameters(flat: SideBySide) -> tuple[dict[str, float], dict[str, Interval]]:
-    """Return the values and intervals of parameters that stand side by side."""
+    """Return the values and intervals of parameters that are stored side by side."""
     names = [name for name in flat if not name.endswith("_ci95")]
     if sorted(flat) != sorted([*names, *(f"{name}_ci95" for name in names)]):
         raise DocumentError(f"{', '.join(flat)}; expected each parameter with its interval, its name and _ci95")

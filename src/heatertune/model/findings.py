@@ -1,4 +1,4 @@
-"""What a fit found that a verdict has to hear: each kind declared once, with what it does to the verdict."""
+"""The kinds of findings of a fit, each declared once, with its effect on the verdict."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class FindingKind(NamedTuple):
     """A kind of finding.
 
     Attributes:
-        effect: "blocks": the verdict is NOT PROVEN until the user accepts it by name; "widens": more plausible heaters
-            are designed for and proven on; "told": it stands on the verdict's line.
-        short: what was found, for the verdict's line.
-        remedy: what closes it.
-        by_case: whether the sentence of a finding, which has this log's numbers, stands in place of the short form.
+        effect: "blocks": the verdict is NOT PROVEN until the user accepts the finding by name; "widens": more
+            plausible heaters are used for design and proof; "told": it only appears on the verdict line.
+        short: the finding, for the verdict line.
+        remedy: how to resolve it.
+        by_case: whether the sentence with this log's figures replaces the short form.
     """
 
     effect: Effect
@@ -139,11 +139,11 @@ _OF_OPEN_LOOP_LOGS: Final = _OF_POWER_LOGS | dict.fromkeys(
 
 
 def remedy_of(name: str, names: Collection[str]) -> str:
-    """Return what closes a finding, other than what its log is already.
+    """Return the remedy of a finding that is not already satisfied by its log.
 
     Args:
         name: of the finding.
-        names: of all findings of the same fit: "no-power" and "closed-loop" tell what kind of log it was.
+        names: of all findings of the same fit: "no-power" and "closed-loop" give the kind of log.
 
     Raises:
         UnknownName: no such finding.
@@ -158,11 +158,11 @@ def remedy_of(name: str, names: Collection[str]) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One thing that a verdict has to hear.
+    """A finding that affects the verdict.
 
     Attributes:
         name: of its kind, one of `KINDS`.
-        message: what was found in this log, one sentence with its numbers.
+        message: the finding in this log, one sentence with figures.
 
     Raises:
         UnknownName: no such kind.
@@ -177,5 +177,5 @@ class Finding:
 
     @property
     def kind(self) -> FindingKind:
-        """What its kind does to the verdict."""
+        """The effect of its kind on the verdict."""
         return KINDS[self.name]

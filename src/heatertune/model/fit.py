@@ -1,4 +1,4 @@
-"""Log → FittedModel: which experiment the log is, which models explain it, and what it cannot tell."""
+"""Log → FittedModel: classify the experiment, find all models that explain it, and report what it does not identify."""
 
 from __future__ import annotations
 
@@ -45,21 +45,21 @@ def fit(
     progress: Callable[[str], object] = str,
     **changed: Any,
 ) -> FittedModel:
-    """Identify the heater behind a log.
+    """Identify the heater of a log.
 
-    A measured disturbance is fitted together with the heater first; what it did is then taken out of the readings.
+    A measured disturbance is first fitted together with the heater; its effect is then removed from the readings.
 
     Args:
-        log: with power, the power is believed; without, the controller laws are run inside the fit.
-        settings: what is known beside the log; None: nothing.
-        laws: hypotheses about the controller, needed where the power was not logged.
-        thorough: carry every controller hypothesis to the end, however far behind it is.
+        log: if it has no power, the fit simulates the control laws.
+        settings: additional knowledge about the heater and the log; None: nothing.
+        laws: hypotheses about the controller, required if the power was not logged.
+        thorough: fit every controller hypothesis completely, even if it is far behind.
         seed: of the random starts and the bootstrap.
         progress: called with a short message when a stage begins.
         changed: fields of `FitSettings` that are other than in `settings`.
 
     Raises:
-        InputError: the power never changes, or neither power nor laws are there, or power_before without power; a
+        InputError: the power never changes, or there are neither power nor laws, or power_before without power; a
             disturbance without power, or one that never changes.
         OutOfRange: fewer than 20 readings are left, an ambient above all readings, a power outside 0…100 %.
     """
@@ -117,12 +117,12 @@ def fit_known(
     progress: Callable[[str], object] = str,
     **changed: Any,
 ) -> FittedModel:
-    """Identify the heater behind a log without power whose controller is known; see `known_controller`.
+    """Identify the heater of a log without power but with a known controller; see `known_controller`.
 
     Args:
         log: without power, its first reading at the controller's first scan.
-        controllers: the controller under each setting of what its manual leaves open, at least one.
-        settings: as in `fit`; without a power before the first reading there was none: the controller starts cold.
+        controllers: the controller under each setting of its open points, at least one.
+        settings: as in `fit`; if no power before the first reading is given it was 0: the controller starts cold.
         setpoint_degC: constant setpoint [°C]; None: as logged.
         seed: as in `fit`.
         progress: as in `fit`.
@@ -172,15 +172,15 @@ def fit_together(
     progress: Callable[[str], object] = str,
     **changed: Any,
 ) -> FittedModel:
-    """Identify the one heater behind several logs, all with power or all without; arguments as in `fit`.
+    """Identify the common heater of several logs, all with power or all without; arguments as in `fit`.
 
-    Each log has its own ambient and initial state, and without power its own controller and setpoint; the heater is
+    Each log has its own ambient and initial state, and without power its own controller and setpoint; they share the
     one.
 
     Args:
-        logs: of one heater, each with a name of its own.
-        settings: what is known beside the logs; None: nothing.
-        laws: hypotheses about the controllers, needed where the power was not logged.
+        logs: of one heater, each with a unique name.
+        settings: additional knowledge about the heater and the logs; None: nothing.
+        laws: hypotheses about the controllers, required if the power was not logged.
         seed: of the random starts and the bootstrap.
         progress: called with a short message when a stage begins.
         changed: fields of `FitSettings` that are other than in `settings`.
@@ -220,7 +220,7 @@ def fit_together(
 
 
 def _of_files(fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
-    """Return the fit with what was taken of each file, and a finding for each that was much repaired."""
+    """Return the fit with the read summary of each file, and a finding for each file with many repairs."""
     taken = [log.taken for log in logs if log.taken is not None]
     repaired = [f"{reading.file}: {reading.repaired_share:.2%} of {reading.rows_read} rows were left out or repaired"
                 for reading in taken if reading.repaired_share > MOST_REPAIRED]
@@ -253,7 +253,7 @@ def _delays(given: FitSettings) -> DelaysKnown:
 
 
 def _bounds(ambient_degC: float | Bounds | None) -> Bounds | None:
-    """Return lowest and highest ambient; equal ones where it is known."""
+    """Return lowest and highest ambient; equal if it is known."""
     if ambient_degC is None or not isinstance(ambient_degC, int | float):
         return ambient_degC
     return float(ambient_degC), float(ambient_degC)
@@ -276,14 +276,14 @@ def _check_given(log: Log, ambient_degC: Bounds | None, power_before_pct: float 
 
 
 def _used(log: Log, until_s: float | None) -> tuple[Log, tuple[str, ...]]:
-    """Return the part of a log to explain, and a sentence about what was left out, if anything was."""
+    """Return the part of a log to explain, and a sentence about any omitted part."""
     if until_s is None:
         return undisturbed_part(log) if log.power_pct is None else (log, ())  # with power it is fitted in segments
     return log.window(float(log.time_s[0]), until_s), (f"Readings after {until_s:g} s were not used.",)
 
 
 def _cleared(log: Log, progress: Callable[[str], object]) -> tuple[Log, DisturbanceEffect | None]:
-    """Return a log without what its disturbance did, and that, None where it has none."""
+    """Return a log without the effect of its disturbance, and this effect (None without a disturbance)."""
     if log.disturbance is None:
         return log, None
     from heatertune.model.power.disturbance_fit import without_disturbance  # noqa: PLC0415 - an optimiser; few logs need it
@@ -328,7 +328,7 @@ def _fit_logged(
 def _explained(
     log: Log, bounds: Bounds | None, power_before_pct: float | None, delays: DelaysKnown, *, believed: bool = False
 ) -> tuple[Explanation, tuple[str, ...]]:
-    """Return what explains a log with power; a free ambient that leaves its interval is taken at the nearest end."""
+    """Explain a log with power; a free ambient outside its interval is set to the nearest end."""
     ambient = _single(bounds)
     _demand_excitation(log, ambient)
     explain = partial(explain_log, log, power_before_pct=power_before_pct, believed=believed,
@@ -357,7 +357,7 @@ def _begun_at_degC(log: Log, explanation: Explanation) -> float | None:
 
 
 def _nearest_end(explanation: Explanation, ambient_degC: Bounds) -> float | None:
-    """Return the end of the interval that a free ambient lies beyond, None where it lies inside."""
+    """Return the end of the interval that a free ambient exceeds, None if it lies inside."""
     free = explanation.model.ambient_degC
     assert free is not None
     end = min(max(free, ambient_degC[0]), ambient_degC[1])
@@ -365,7 +365,7 @@ def _nearest_end(explanation: Explanation, ambient_degC: Bounds) -> float | None
 
 
 def _demand_excitation(log: Log, ambient_degC: float | None) -> None:
-    """Refuse constant power: gain and ambient, and step response and initial state, would be one and the same."""
+    """Refuse constant power: gain and ambient, and step response and initial state, would be indistinguishable."""
     assert log.power_pct is not None
     if float(np.ptp(log.power_pct)) == 0.0 and ambient_degC is None:
         raise InputError(

@@ -1,12 +1,12 @@
 """Many bounded least-squares problems at once.
 
-Multi-start and bootstrap both solve the same small problem some hundred times; solving all rows together keeps the
-compiled simulation busy. The step is Levenberg's and Marquardt's (D. W. Marquardt, "An algorithm for least-squares
+Multi-start and bootstrap solve the same small problem some hundred times; solving all rows together keeps the
+compiled simulation busy. The step is that of Levenberg and Marquardt (D. W. Marquardt, "An algorithm for least-squares
 estimation of nonlinear parameters", SIAM J. Appl. Math. 11 (1963) 431–441), projected onto the bounds.
 
-Where the power meets its limits a sum of squares has kinks, and a descent rests at one of many: the last digit decides
-at which. So sums and systems of equations are written out here: NumPy's and LAPACK's round in an order that changes
-with their version and with the processor.
+Saturated power gives the sum of squares kinks with many local minima, and the last digit can decide in which one a
+descent ends. Sums and linear systems are therefore written out here: the order of rounding in NumPy and LAPACK depends
+on their version and on the processor.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def minimise(
         low: lower bounds, shape (p,).
         high: upper bounds, shape (p,).
         iterations: most steps tried.
-        tolerance: relative decrease of the cost below which a row rests.
+        tolerance: relative decrease of the cost below which a row has converged.
     """
     free = np.flatnonzero(high > low)
     width = (high - low)[free]
@@ -139,8 +139,8 @@ def _sum_squares(r: Array, cost: Array) -> None:
 def _normal_equations(jacobian: Array, r: Array, steps: Array, gradient: Array, normal: Array) -> None:
     """Fill gradient (n, q) and normal (n, q, q) with J·r and J·Jᵀ.
 
-    `jacobian` (n, q, m) comes as residuals after the steps (n, q), r (n, m) are those before. Beside a row that is no
-    model the slope is unknown: 0.
+    `jacobian` (n, q, m) is given as residuals after the steps (n, q), r (n, m) are those before. For a row that is not
+    a model the slope is unknown and set to 0.
     """
     for i in range(jacobian.shape[0]):
         for a in range(jacobian.shape[1]):

@@ -1,11 +1,11 @@
-"""Readings that lie off their neighbours, and the sensor's own step.
+"""Outliers among the readings, and the resolution of the sensor.
 
-Each residual is compared with the running median of the residuals, in robust standard deviations (L. Davies and
-U. Gather, "The identification of multiple outliers", J. Am. Stat. Assoc. 88 (1993) 782–792). A reading too far off
-loses its weight: it is put where its neighbours are, and the least-squares fit repeated. It has to be off the readings
-of its neighbours too: what the model cannot follow for a while is no outlier.
+Each residual is compared with the running median of the residuals, in robust standard deviations (L. Davies and U.
+Gather, "The identification of multiple outliers", J. Am. Stat. Assoc. 88 (1993) 782–792). An outlier is replaced by the
+value of its neighbours, and the least-squares fit is repeated. It must also deviate from the neighbouring readings: a
+stretch that the model cannot follow for a while is not an outlier.
 
-Where a log was disturbed: the part before is what a model has to explain.
+Also the first disturbance of a log: a model has to explain the part before it.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ def without_outliers(
 
 
 def replace_outliers(measured: Array, neighbours: int = _NEIGHBOURS, share: float = _WILD) -> Array:
-    """Return the readings with wild ones, off by this share of the span, put where their neighbours are [°C].
+    """Return the readings with outliers, off by this fraction of the span, replaced by their neighbours [°C].
 
-    Of so many neighbours up to half may be wild in a row. All readings are of shape (n,).
+    Up to half of this number of neighbours may be consecutive outliers. All readings are of shape (n,).
     """
     smooth = _median(measured, neighbours)
     return np.where(np.abs(measured - smooth) > share * float(np.ptp(smooth)), smooth, measured)
@@ -68,9 +68,9 @@ def _median(values: Array, neighbours: int = _NEIGHBOURS) -> Array:
 
 
 def sensor_step(measured: Array) -> float | None:
-    """Return the step in which the sensor's readings come [°C], None where they have no common one.
+    """Return the resolution of the sensor's readings [°C], None if they have no common step.
 
-    The step is the least difference between two values; nearly all others have to be whole multiples of it. The
+    The step is the smallest difference between two values; nearly all others have to be integer multiples of it. The
     readings are of shape (n,).
     """
     values = np.unique(np.round(measured, 6))
@@ -92,9 +92,9 @@ _TIMES = 10.0  # the usual departure from the neighbouring slopes
 def disturbance_s(log: Log) -> float | None:
     """Return the instant of the last reading before the first jump [s], None without one.
 
-    A jump departs from the median slope of its neighbours by more than a tenth of the log's span and by more than
-    ten times the usual departure. Jumps within the first 20 readings are not looked for: they would leave
-    too little to fit. Two odd readings that return are no jump.
+    A jump deviates from the median slope of its neighbours by more than a tenth of the log's span and by more than ten
+    times the usual deviation. Jumps within the first 20 readings are ignored: they would leave too little to fit. Two
+    outliers that return are not a jump.
     """
     readings = replace_outliers(replace_outliers(log.temperature_degC, share=_ABSURD), _SPIKE)
     departure = _departures(readings)
@@ -107,14 +107,14 @@ def disturbance_s(log: Log) -> float | None:
 
 
 def _departures(readings: Array) -> Array:
-    """Return how far each slope departs from the median of its neighbours."""
+    """Return the deviation of each slope from the median of its neighbours."""
     change = np.diff(readings)
     padded = np.pad(change, 3, mode="edge")
     return np.asarray(np.abs(change - np.median(np.lib.stride_tricks.sliding_window_view(padded, 7), axis=1)))
 
 
 def undisturbed_part(log: Log) -> tuple[Log, tuple[str, ...]]:
-    """Return the log up to its first disturbance, and a sentence about what was left out, if anything was."""
+    """Return the log up to its first disturbance, and a sentence about any omitted part."""
     end = disturbance_s(log)
     if end is None:
         return log, ()

@@ -1,9 +1,9 @@
 """Two lags as one, and the combinations of their numbers that a closed loop shows.
 
-Two lags → one: the FOPDT that stands in for a heater and its sensor around the loop's crossover.
+Reduce two lags to one: the FOPDT model that replaces a heater and its sensor around the crossover of the loop.
 
-The half rule (`TwoLag.half_rule`) is made for one tuning rule; the matching here keeps the gain and puts lag and dead
-time where the frequency responses agree best within an octave of the frequency at which a loop is cut.
+The half rule (`TwoLag.half_rule`) was made for one tuning rule. The matching here keeps the gain and chooses lag and
+dead time for the best agreement of the frequency responses within an octave of the crossover frequency.
 
 What of a heater a closed loop shows: its numbers, and the combinations that are known better than they.
 """
@@ -26,7 +26,7 @@ _BISECTIONS = 60
 
 
 def ultimate_period_s(plant: HeaterModel) -> float:
-    """Return the period at which the heater lags by half a turn [s]; infinite where it never does.
+    """Return the period at which the heater lags by half a turn [s]; infinite if it never does.
 
     A proportional controller that is turned up swings at it (J. G. Ziegler and N. B. Nichols, "Optimum settings for
     automatic controllers", Trans. ASME 64 (1942) 759–768).
@@ -95,8 +95,8 @@ def _lag_deg(model: HeaterModel, omega: float) -> float:
 def match_fopdt(model: HeaterModel) -> Fopdt:
     """Return the FOPDT with the same gain whose frequency response is nearest around the crossover.
 
-    The relative error is weighed by a Gaussian over ln ω, half an octave wide, up to two of its widths to both sides.
-    A heater of one lag is its own match.
+    The relative error is weighted by a Gaussian over ln ω, half an octave wide, up to two widths on either side. A
+    heater with one lag is returned unchanged.
     """
     if not isinstance(model, TwoLag):
         return model

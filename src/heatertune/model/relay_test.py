@@ -118,21 +118,21 @@ def simulate_relay(
     model: HeaterModel, relay: TwoLevelRelay, duration_s: float, *, base_pct: float = 0.0,
     sample_time_s: float | None = None
 ) -> Schedule:
-    """Return the powers that a relay sets on a heater that rested at the base power, until the duration is over.
+    """Return the powers that a relay sets on a heater in steady state at the base power, for the duration.
 
     Between two changes of the acting power the temperature is a closed form. Without a sampling interval the relay
-    switches at the very instant of the crossing; with one, at the first reading on or beyond the threshold.
+    switches exactly at the crossing; with one, at the first reading on or beyond the threshold.
 
     Args:
         model: with ambient.
-        relay: its high power comes first where the heater rests below `relay.off_degC`.
+        relay: its high power comes first if the heater starts below `relay.off_degC`.
         duration_s: of the test [s].
-        base_pct: at which the heater rests at first [%].
+        base_pct: initial steady power [%].
         sample_time_s: interval between two readings [s]; None: the relay sees the temperature at every instant.
 
     Raises:
         OutOfRange: as `oscillation`; a heater without ambient; a duration or an interval that is not positive.
-        InputError: more than 10,000 switches: without hysteresis and dead time a relay never rests.
+        InputError: more than 10,000 switches: without hysteresis and dead time a relay switches infinitely often.
     """
     check("duration_s", duration_s, above=0.0)
     if sample_time_s is not None:
@@ -183,7 +183,7 @@ class _ConstantPowerResponse:
         return _RelayState(*advance_step(*self._begun, self._target, factors(t, self._outer, self._inner)))
 
     def crossing(self, threshold: float, length: float, *, rising: bool) -> float | None:
-        """Return when the temperature first is on or beyond the threshold within a length [s], None where it is not."""
+        """Return when the temperature first reaches the threshold within a length [s], or None."""
         sign = 1.0 if rising else -1.0
 
         def beyond(t: float) -> float:
@@ -214,7 +214,7 @@ def _ambient(model: HeaterModel) -> float:
 
 
 def _reach(model: HeaterModel, relay: TwoLevelRelay) -> tuple[float, float]:
-    """Return how far the high power would warm above the setpoint, and the low power cool below it [°C]."""
+    """Return how far the high power would heat above the setpoint, and the low power cool below it [°C]."""
     up = _ambient(model) + model.gain_degC_per_pct * relay.high_pct - relay.setpoint_degC
     down = relay.setpoint_degC - _ambient(model) - model.gain_degC_per_pct * relay.low_pct
     if min(up, down) <= relay.hysteresis_degC:
@@ -237,7 +237,7 @@ _LOPSIDED = 0.1  # a smaller difference of on and off time does not tell the gai
 _LEAST_DELAY = 0.85  # rad: less lag beyond a quarter turn, at the relay's period, leaves the half turn too far away
 _MOST_DELAY = 2.0  # rad: more is no heater's
 _ONE_LAG = 0.12  # of ultimate gain and period: how far the way to the half turn errs with one lag
-#: the same for a second lag in place of dead time, for each such way as a share of the frequency: of 200 drawn heaters
+#: the same for a second lag in place of dead time, for each such way, relative to the frequency: of 200 sampled heaters
 #: the ultimate gain was higher by up to 4.5, and the period shorter by up to 0.6
 _HIGHER_GAIN, _SHORTER_PERIOD = 5.0, 0.7
 _SHIFT = 0.05  # of the relay's step: how far the mean power has to be from that of the rest
@@ -245,13 +245,13 @@ _SHIFT = 0.05  # of the relay's step: how far the mean power has to be from that
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RelayRecord:
-    """A log that is a relay test.
+    """A log of a relay test.
 
     Attributes:
         log: with power.
         off, on: rows at which the power went down and up; off[0] < on[0] < off[1] …, settled periods only.
         high_pct, low_pct: the two powers [%].
-        rest: power [%] and temperature [°C] at which the heater rested before, None where it did not.
+        rest: power [%] and temperature [°C] of the steady state before, or None.
     """
 
     log: Log
@@ -290,7 +290,7 @@ class RelayRecord:
         return float(mean.max()), float(mean.min())
 
     def times(self) -> tuple[float, float]:
-        """Return how long the power was high and low on the average [s]."""
+        """Return the mean on and off times [s]."""
         time = self.log.time_s
         on = float(np.mean(time[self.off[1:]] - time[self.on]))
         return on, float(time[self.off[-1]] - time[self.off[0]]) / self.periods - on
@@ -324,15 +324,15 @@ class RelayRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RelayEstimate:
-    """What the oscillation tells.
+    """The results of the oscillation.
 
     Attributes:
         periods: number of whole periods used.
         period_s: of the oscillation, with its 95 % interval [s].
-        ultimate_gain: gain of a P controller on the limit of stability [%/°C]; nan where the oscillation is too far
+        ultimate_gain: gain of a P controller at the stability limit [%/°C]; NaN if the oscillation is too far
             from it.
-        ultimate_period_s: period there [s]; nan likewise.
-        oscillation: the FOPDT whose oscillation this is, None where the log does not tell its gain.
+        ultimate_period_s: period there [s], or NaN.
+        oscillation: the FOPDT with this oscillation, None if its gain is unknown.
         source: how the gain was found, or why it was not.
         output_error: the FOPDT of the output-error fit that starts there, None without a start.
     """
@@ -347,11 +347,11 @@ class RelayEstimate:
 
 
 def find_relay(log: Log, *, ambient_degC: float | None = None) -> RelayRecord | None:
-    """Return the relay test that a log holds, None where it holds none.
+    """Find a relay test in a log; None if there is none.
 
     The power alternates between two values for two whole periods or more; it goes down where the temperature is high
-    and up where it is low, each time at nearly the same temperature. Either the temperature swings on beyond both, or
-    the periods differ: a clock that switches a steady loop would leave neither mark.
+    and up where it is low, each time at nearly the same temperature. Either the temperature overshoots both, or the
+    periods differ: timed switching of a steady loop would show neither.
     """
     power = log.power_pct
     if power is None:
@@ -380,14 +380,14 @@ def find_relay(log: Log, *, ambient_degC: float | None = None) -> RelayRecord | 
 
 
 def estimate(record: RelayRecord, *, ambient_degC: float | None = None) -> RelayEstimate:
-    """Return what a relay test shows.
+    """Evaluate a relay test.
 
-    Where the output switches at thresholds 2ε apart, the oscillation is not the one at the limit of stability: the
-    describing function of such a relay turns the phase by asin(ε/A), A half the swing (K. J. Åström, T. Hägglund,
-    "Automatic tuning of simple regulators with specifications on phase and amplitude margins", Automatica 20 (1984)
-    645–651, section 3). So the heater's response G(jω) is taken from the first harmonics of power and temperature, and
-    followed to −180° as that of an integrator with dead time θ/ω, θ what G lags beyond a quarter turn: the ultimate
-    frequency is ω·(π/2)/θ, and the ultimate gain 1/|G| times as much.
+    If the output switches at thresholds 2ε apart, the oscillation is not that at the stability limit: the describing
+    function of such a relay turns the phase by asin(ε/A), A half the swing (K. J. Åström, T. Hägglund, "Automatic
+    tuning of simple regulators with specifications on phase and amplitude margins", Automatica 20 (1984) 645–651,
+    section 3). So the heater's response G(jω) is taken from the first harmonics of power and temperature, and followed
+    to −180° as that of an integrator with dead time θ/ω, θ what G lags beyond a quarter turn: the ultimate frequency is
+    ω·(π/2)/θ, and the ultimate gain 1/|G| times as much.
     """
     relay, log = record.relay, record.log
     lengths = np.diff(log.time_s[record.off])
@@ -433,7 +433,7 @@ def _at_half_turn(responses: npt.NDArray[np.complex128], lengths_s: Array) -> tu
 def oscillating_fopdt(
     relay: TwoLevelRelay, *, on_s: float, off_s: float, highest_degC: float, lowest_degC: float, gain: float | None
 ) -> Fopdt | None:
-    """Return the FOPDT that swings like this under a relay, None where there is none: `relay.oscillation` inverted.
+    """Return the FOPDT with this relay oscillation, or None: the inverse of `relay.oscillation`.
 
     With the gain k known, the share E = e^(−L/T) follows from the swing, (kΔu − swing)/(kΔu − 2ε). Without it, E is
     where the equations of the on and of the off time give the same ratio; that needs an asymmetric swing.
@@ -444,7 +444,7 @@ def oscillating_fopdt(
         off_s: how long it is low [s].
         highest_degC: upper peak of the temperature [°C].
         lowest_degC: lower peak [°C].
-        gain: k where it is known otherwise [°C/%], else None.
+        gain: k, if known otherwise [°C/%], or None.
     """
     eps = relay.hysteresis_degC
     above, below = highest_degC - relay.setpoint_degC, relay.setpoint_degC - lowest_degC
@@ -478,7 +478,7 @@ def oscillating_fopdt(
 
 
 def with_relay(log: Log, fitted: FittedModel, *, ambient_degC: float | None) -> FittedModel:
-    """Return the fit with what the log tells as a relay test, the fit itself where it is none."""
+    """Return the fit with the results of the log as a relay test, or unchanged if it is not one."""
     record = find_relay(log, ambient_degC=ambient_degC)
     if record is None:
         return fitted
@@ -541,7 +541,7 @@ def _lopsided(on_s: float, off_s: float) -> bool:
 
 
 def _decay_of(logs: Callable[[float], tuple[float, float]], ratio: float) -> float | None:
-    """Return the share e^(−L/T) that gives the ratio of on to off time, None where none or every one does."""
+    """Return the e^(−L/T) that gives the ratio of on to off time, None if no value or every value does."""
 
     def surplus(decay: float) -> float:
         on, off = logs(decay)
@@ -569,7 +569,7 @@ def _mean(values: Array, centre: float, margin: float, margin_above: float | Non
 def _refined(record: RelayRecord, start: Fopdt, ambient_degC: float | None) -> Fopdt | None:
     """Return the output-error fit that a start leads to.
 
-    Without a rest it begins at the first switch of whole periods: the power before it is known there, the high one.
+    Without an initial steady state it begins at the first switch of whole periods, where the previous power is known.
     """
     log, before = record.log, None
     if record.rest is None or ambient_degC is not None:

@@ -1,8 +1,8 @@
-"""Exact answer of a heater to steps of its power, and how it depends on the heater's numbers.
+"""Exact response of a heater to steps of its power, and its sensitivity to the parameters.
 
-The heater rests at a steady power and the power then steps at given instants. Each step is answered by the step
-response of the lags, delayed by the dead time, so temperature, sensitivities and peaks are closed forms: no grid, no
-solver. All functions take many heaters of one order at once, one row each (see `rows_of`).
+The heater is in steady state, and the power steps at given instants. The response to each step is the step response of
+the lags, delayed by the dead time. Temperature, sensitivities and peaks are therefore closed forms: no grid, no solver.
+All functions take many heaters of one order at once, one per row (see `rows_of`).
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ def sensitivities(rows: Array, schedule: Schedule, instants: Array) -> Array:
     """Return the derivatives of the temperature at the instants, shape (g, n, q).
 
     Columns: gain [°C per °C/%], dead time [°C/s], each lag [°C/s], ambient, then the deviation of each lag's initial
-    state from steadiness [°C per °C]: a fit has to find these too. Equal lags are moved apart, see `exact.apart`: which
-    of them changes could not be told at all.
+    state from steady state [°C per °C], which a fit has to find too. Equal lags are moved apart, see `exact.apart`,
+    because they would be indistinguishable.
     """
     steps = schedule.steps_pct
     if rows.shape[1] == 4:
@@ -120,7 +120,7 @@ def peak_rise(rows: Array, schedule: Schedule) -> Array:
 
 
 def _since(rows: Array, schedule: Schedule, instants: Array) -> Array:
-    """Return how long each step has acted, shape (g, n, m); 0 where it does not yet [s]."""
+    """Return how long each step has acted, shape (g, n, m); 0 before it acts [s]."""
     acting = np.atleast_2d(instants)[:, :, None] - schedule.time_s - rows[:, 1][:, None, None]
     return np.asarray(np.maximum(acting, 0.0))
 

@@ -1,6 +1,6 @@
-"""What residuals say: goodness of fit, correlation, information criterion, resampling.
+"""Statistics of residuals: goodness of fit, correlation, information criterion, resampling.
 
-Intervals that admit what they do not know, and how they come from resampled values.
+Also one-sided and open intervals, and intervals from resampled values.
 """
 
 from __future__ import annotations
@@ -103,10 +103,10 @@ def percentile_interval(values: Array) -> tuple[float, float]:
 
 
 def share_bounds(kept: int, count: int) -> tuple[float, float]:
-    """Return what share of all at least, and at most, is of a kind of which `kept` of `count` draws are.
+    """Return lower and upper bound of a proportion, from `kept` of `count` samples.
 
     Each bound holds with 95 % confidence, exactly (C. J. Clopper and E. S. Pearson, "The use of confidence or fiducial
-    limits illustrated in the case of the binomial", Biometrika 26 (1934) 404–413); not a number where none is meant.
+    limits illustrated in the case of the binomial", Biometrika 26 (1934) 404–413); NaN if not applicable.
     """
     from scipy.special import betaincinv  # noqa: PLC0415 - as below
 
@@ -133,7 +133,7 @@ _WIDE = 0.3  # an interval wider than ±30 % of its centre identifies nothing
 def interval(values: Array, low: float, high: float) -> Interval:
     """Return the central 95 % of resampled values, shape (n,); an end on a bound of the search is open (None).
 
-    Values that are not finite do not count; where none is, both ends are open.
+    Values that are not finite are ignored; if there are no others, both ends are open.
     """
     known = values[np.isfinite(values)]
     if not len(known):
@@ -184,5 +184,5 @@ def identified_parts(ci95: Interval | None) -> bool:
 
 
 def identified_interval(ci95: Interval) -> Interval | None:
-    """Return the interval, or None where it identifies nothing."""
+    """Return the interval, or None if it identifies nothing."""
     return ci95 if identified_parts(ci95) else None

@@ -1,9 +1,9 @@
-"""One model against another log: simulated with that log's power and judged by what is left.
+"""Validate a model against another log: simulate it with the power of that log and judge the residuals.
 
-The simulation runs free: no reading corrects it. Only the heater's state at the first reading is fitted, as nothing
-logs it; the ambient is the model's own, or a given one, since a room differs from day to day.
+The simulation is free-running: no reading corrects it. Only the heater's state at the first reading is fitted, because
+it is not logged. The ambient is that of the model, or a given one, because rooms differ from day to day.
 
-Verdict → the JSON document that `heatertune validate` writes.
+Also the JSON document of `heatertune validate`.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class ValidationRun:
         free_fit_pct: fit with the ambient fitted to the log [%].
         free_ambient_degC: that ambient [°C].
         ljung_box: whiteness; see `validation.ljung_box`.
-        input_correlation: None where the power does not move within reach.
+        input_correlation: None if the power does not change within the horizon.
     """
 
     label: str
@@ -76,14 +76,14 @@ class Verdict:
 
     Attributes:
         log: its name.
-        runs: the working model first, then every plausible heater that designs are made for; the first is judged only
-            where it is one of them.
-        worst: place of the run that fits worst; all have to hold.
-        least_fit_pct: fit that every one of them has to reach [%].
-        bias_degC: the largest, of all that are judged [°C].
-        most_bias_degC: largest bias that is accepted [°C].
-        fails: criteria that are not kept, "fit" or "bias"; none: the model holds.
-        notes: what that means, one sentence each.
+        runs: the working model first, then every plausible heater used for designs; the first is judged only
+            if it is one of them.
+        worst: index of the run with the worst fit; all have to pass.
+        least_fit_pct: required fit of each run [%].
+        bias_degC: the largest of all judged runs [°C].
+        most_bias_degC: limit of the bias [°C].
+        fails: failed criteria, "fit" or "bias"; empty: the model passes.
+        notes: the meaning of the result, one sentence each.
     """
 
     log: str
@@ -99,20 +99,21 @@ class Verdict:
 def validate(
     fitted: FittedModel, log: Log, settings: ValidateSettings | None = None, **changed: Any
 ) -> Verdict:
-    """Simulate a model and every plausible heater with the power of a log and judge them by the log's readings.
+    """Simulate a model and every plausible heater with the power of a log, and judge them by the log's readings.
 
-    A design is made for all of them, so every one has to hold.
+    Designs use all of them, so every one has to pass.
 
     Args:
         fitted: of another log of the same heater.
         log: with power.
-        settings: how it is judged; None: as usual. Without an ambient it is the model's own; without a power before
-            the first reading it is the first logged one, or none, whichever fits; without a last instant the log is
+        settings: of the validation; None: the defaults. Without an ambient it is the model's own; without a power
+            before
+            the first reading, the first logged one or 0, whichever fits; without a last instant the log is
             used up to its first disturbance.
-        changed: fields of `ValidateSettings` that are other than in `settings`.
+        changed: fields of `ValidateSettings` that differ from `settings`.
 
     Raises:
-        InputError: the log holds no power, or a disturbance, which is not run.
+        InputError: the log has no power, or has a disturbance, which is not simulated.
         OutOfRange: fewer than 20 readings are left, a power outside 0…100 %, an ambient below absolute zero.
     """
     if log.power_pct is None:
@@ -256,7 +257,7 @@ class _Run:
 @register_schema("heatertune/validation/1")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VerdictView:
-    """What is written of a verdict: the criteria with their limits, and every model's run."""
+    """Document of a verdict: the criteria with their limits, and every model's run."""
 
     log: str
     verdict: Literal["PASS", "FAIL"]

@@ -1,4 +1,4 @@
-"""What a fit is worth on readings it has not seen, and whether its residuals are noise."""
+"""Accuracy of a fit on readings that it has not used, and a whiteness test of its residuals."""
 
 from __future__ import annotations
 
@@ -42,15 +42,15 @@ def hold_out_rmse(hypothesis: Hypothesis, early: Hypothesis, vector: Array) -> f
 
 
 def constant_rmse(hypothesis: Hypothesis, early: Hypothesis) -> float:
-    """Return the error on the same readings of their own mean [°C]: what has more, foretells nothing."""
+    """Return the error of predicting the same readings by their mean [°C]: a larger error means no predictive value."""
     return _rms(np.concatenate([part - part.mean() for part in _later(hypothesis, early, hypothesis.measured)]))
 
 
 def cross_rmse(hypothesis: Hypothesis, vector: Array) -> float:
-    """Return the error on blocks of readings that were left out of the fit, each block once [°C].
+    """Return the prediction error on blocks of readings omitted from the fit, each block once [°C].
 
-    The first block of a log stays in: without it nothing tells where the heater began. Each fit starts at `vector`,
-    shape (p,).
+    The first block of a log is never omitted, because it defines the initial state. Each fit starts at `vector`, shape
+    (p,).
     """
     measured = hypothesis.measured
     rows = [len(segment.log.time_s) for segment in hypothesis.segments]

@@ -56,7 +56,7 @@ class _Heater(Protocol):
 
 
 class Dynamics:
-    """A heater that can be asked for its answer; the value that takes this as a base says which heater."""
+    """Base class for heaters that provides their response; the derived value defines the heater."""
 
     __slots__ = ()
 
@@ -110,12 +110,12 @@ class Dynamics:
         """Return the heater as python-control's transfer function, from power [%] to rise above the ambient [°C].
 
         Args:
-            pade: order of the Padé approximant that stands for the dead time of a continuous system.
+            pade: order of the Padé approximant of the dead time in a continuous system.
             sample_time_s: of the sampled system with held power, in which the dead time is exact, whatever it is [s].
 
         Raises:
-            OutOfRange: both are given, or neither and there is a dead time: python-control has none; an order below 1,
-                which would leave the dead time out.
+            OutOfRange: both are given, or neither and there is a dead time, which python-control does not support;
+                an order below 1, which would omit the dead time.
         """
         import control  # noqa: PLC0415 - a second that few have to wait
 
@@ -184,12 +184,12 @@ Bounds = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputCorrelation:
-    """The lag at which the residuals follow the power most, measured by what chance allows there.
+    """The largest correlation of the residuals with the power, relative to its significance limit.
 
     Attributes:
         largest: normalised correlation at that lag, both series whitened.
         at_lag_s: the power's lead over the residual [s].
-        limit: what the magnitude stays below in 95 of 100 logs of a right model, all lags taken together.
+        limit: 95 % limit of the largest magnitude over all lags for a correct model.
     """
 
     largest: float
@@ -198,13 +198,13 @@ class InputCorrelation:
 
     @property
     def ok(self) -> bool:
-        """Whether nothing but chance is seen."""
+        """Whether the correlation is insignificant."""
         return abs(self.largest) <= self.limit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldOut:
-    """Windows that were left out of the fit, each in turn, and foretold by what the others gave.
+    """Cross-validation: windows omitted from the fit one at a time, and predicted by the fit to the others.
 
     Attributes:
         fit_pct: 100·(1 − ‖y−ŷ‖/‖y−ȳ‖) over all of them [%].
@@ -226,8 +226,8 @@ class Half:
     Attributes:
         window_s: first and last instant [s].
         values: parameter → its value, unit in the name.
-        ci95: parameter → 95 % interval, symmetrical; an end that no heater can have is open.
-        ambient_degC: of this half, None where no temperature there is [°C].
+        ci95: parameter → 95 % interval, symmetrical; an impossible end is open.
+        ambient_degC: of this half, None if no temperature there is [°C].
         fit_pct, rmse_degC: on this half [%, °C].
     """
 
@@ -245,9 +245,9 @@ class Validation:
 
     Attributes:
         ljung_box: whiteness of the residuals; see `validation.ljung_box`.
-        input_correlation: None where the power does not move within reach.
-        held_out: windows that the fit had not seen.
-        halves: None where one of them holds no heater, or too few readings.
+        input_correlation: None if the power does not change within the horizon.
+        held_out: cross-validation.
+        halves: None if one of them gives no heater or has too few readings.
     """
 
     ljung_box: float
@@ -257,9 +257,9 @@ class Validation:
 
 
 def disagreeing_parameters(halves: tuple[Half, Half]) -> tuple[str, ...]:
-    """Return the parameters whose two values lie further apart than their intervals allow at 95 %.
+    """Return the parameters whose two values differ significantly (95 %).
 
-    The standard deviations of two independent estimates add up as squares.
+    The variances of two independent estimates add up.
     """
     first, second = halves
     return tuple(
@@ -283,7 +283,7 @@ class Fopdt(Dynamics):
         gain_degC_per_pct: steady rise per percent of power [°C/%]; negative for a cooler.
         time_constant_s: [s].
         dead_time_s: [s].
-        ambient_degC: temperature without power [°C], None where unknown.
+        ambient_degC: temperature without power [°C], None if unknown.
 
     Raises:
         OutOfRange: a gain of zero, a time constant that is not positive, a negative dead time.
@@ -324,7 +324,7 @@ class TwoLag(Dynamics):
         time_constant_s: the larger lag [s].
         second_time_constant_s: the smaller lag [s].
         dead_time_s: [s].
-        ambient_degC: temperature without power [°C], None where unknown.
+        ambient_degC: temperature without power [°C], None if unknown.
 
     Raises:
         OutOfRange: a gain of zero, a lag that is not positive, lags in the wrong order, a negative dead time.
@@ -422,7 +422,7 @@ _OF_POWER_LOGS: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """One hypothesis at its best: a heater, and what drove it.
+    """The best fit of one hypothesis: a heater and its excitation.
 
     Attributes:
         model: the heater.
@@ -433,12 +433,12 @@ class Candidate:
         fit_pct: 100·(1 − ‖y−ŷ‖/‖y−ȳ‖) [%].
         rmse_degC: root mean square simulation error [°C].
         delta_bic: BIC above the best model on the same rows (AR(1) errors).
-        fits_pct: log → fit on that log alone [%], where one heater was fitted to several.
-        hold_out_rmse_degC: error on the later readings, fitted to the earlier ones alone [°C], None where not tried.
-        cross_rmse_degC: error on blocks of readings left out of the fit [°C], None where not tried.
-        on_bound: names of what ended on a bound of the search.
-        part: what it stands for where it is no hypothesis of its own but the end of what a log leaves open
-            ("dead time at its high end"); empty otherwise. Heaters are drawn around the others alone.
+        fits_pct: log → fit on that log alone [%], if one heater was fitted to several.
+        hold_out_rmse_degC: error on the later readings, fitted to the earlier ones alone [°C], None if not tried.
+        cross_rmse_degC: error on blocks of readings left out of the fit [°C], None if not tried.
+        on_bound: names of the parameters on a bound of the search.
+        part: the end of an interval that it represents, if it is not a hypothesis of its own
+            ("dead time at its high end"); empty otherwise. Heaters are sampled only around the others.
     """
 
     model: HeaterModel
@@ -464,7 +464,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Residuals:
-    """The log, what the working model makes of it, and how the rest is correlated.
+    """The log, the simulation of the working model, and the autocorrelation of the residuals.
 
     Attributes:
         time_s, measured_degC, simulated_degC: shape (n,).
@@ -486,8 +486,8 @@ class OneLog:
         fit_pct: of the one heater for all logs on this one [%].
         alone_fit_pct: of this log's own heater [%].
         ambient_degC: its own, with the one heater [°C].
-        drift_degC_per_s: of that ambient; 0 where none was fitted [°C/s].
-        noise_degC: standard deviation of what the one heater leaves over [°C].
+        drift_degC_per_s: of that ambient; 0 if none was fitted [°C/s].
+        noise_degC: standard deviation of the residuals of the common heater [°C].
         values: parameter → its value by this log alone, unit in the name.
         ci95: parameter → 95 % interval of this log alone.
     """
@@ -504,31 +504,31 @@ class OneLog:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FittedModel(NotebookDisplay, Dynamics):
-    """What a log says about its heater.
+    """Result of a fit: the heater of a log.
 
     Attributes:
         model: the FOPDT to work with.
-        ci95: field name → 95 % interval, None where the log does not identify the field.
+        ci95: field name → 95 % interval, None if the log does not identify the field.
         combinations: identifiable combinations, name with unit → (value, interval).
         candidates: every model that explains the data nearly as well; tuning and proof run on all.
-        hypotheses: all that were carried to a comparison, the best by BIC first; the candidates are among them.
-        outcome: how the fit ended, with the remedy.
-        fit_pct: of the working model [%], None for a model given by hand.
-        method: how it was found, one sentence.
-        notes: what the log cannot tell and what that means, one sentence each.
-        residuals: of the working model, None for a model given by hand.
-        validation: checks of the working model, None where no power was logged or several logs were fitted together.
-        logs: what each of several logs with power says; empty for one log.
-        log_told: what was taken of each log's file as what, one line each.
-        findings: what a verdict has to hear.
-        setpoint_degC: where the heater was used, None where no log tells [°C].
+        hypotheses: all compared hypotheses, the best by BIC first; the candidates are among them.
+        outcome: of the fit, with the remedy.
+        fit_pct: of the working model [%], None for a model given by its parameters.
+        method: of the fit, one sentence.
+        notes: quantities that the log does not identify, and the consequences, one sentence each.
+        residuals: of the working model, None for a model given by its parameters.
+        validation: checks of the working model, None if no power was logged or several logs were fitted together.
+        logs: results of each of several logs with power; empty for one log.
+        log_told: read summary of each log, one line each.
+        findings: that affect the verdict.
+        setpoint_degC: operating temperature of the heater, None if unknown [°C].
         logged_range_degC: lowest and highest logged temperature, None without a log and in a document of an earlier
             version [°C].
-        log_interval_s: between two readings, 0 for a model given by hand [s].
-        least_dead_time_s: no dead time below this is believed: half the log's interval, and the sensor's delay [s].
-        reading_step_degC: sensor step, or the noise of one reading where that is more, 0 where unknown [°C].
-        assumed: what the user knows beside the log, name with unit → value.
-        disturbance: what a measured disturbance does, None where the log has none.
+        log_interval_s: between two readings, 0 for a model given by its parameters [s].
+        least_dead_time_s: shortest plausible dead time: half the log's interval, and the sensor's delay [s].
+        reading_step_degC: sensor resolution, or the noise of one reading if that is larger, 0 if unknown [°C].
+        assumed: additional knowledge of the user, name with unit → value.
+        disturbance: effect of a measured disturbance, or None.
     """
 
     model: Fopdt
@@ -567,16 +567,16 @@ class FittedModel(NotebookDisplay, Dynamics):
 
     @property
     def outcome_text(self) -> str:
-        """How the fit ended, for a reader; its remedy is never what the log is already."""
+        """The outcome of the fit as text, with a remedy that its log does not already satisfy."""
         if not any(each.law.startswith(_POWER_LOGGED) for each in self.candidates):
             return self.outcome.value
         return _OF_POWER_LOGS.get(self.outcome, self.outcome.value)
 
     @property
     def heaters(self) -> tuple[tuple[str, HeaterModel], ...]:
-        """Every plausible heater with its label: no dead time below what is believed, each heater once.
+        """Every plausible heater with its label, once each, with no dead time below the plausible minimum.
 
-        The working model alone where there are no candidates.
+        Without candidates, only the working model.
         """
         given = [(c.label, c.model) for c in self.candidates] or [("by hand", self.model)]
         return self._believed(given)
@@ -588,12 +588,12 @@ class FittedModel(NotebookDisplay, Dynamics):
 
     @property
     def hypothetical(self) -> tuple[HeaterModel, ...]:
-        """The plausible heaters that are no ends of an interval: what is drawn is drawn around these."""
+        """The plausible heaters that are not ends of an interval; samples are drawn around these."""
         given = [(c.label, c.model) for c in self.candidates if not c.part] or [("by hand", self.model)]
         return tuple(model for _, model in self._believed(given))
 
     def with_delay(self, delay_s: float) -> FittedModel:
-        """Return the fit with every dead time longer, as a loop has it whose readings come late.
+        """Return the fit with every dead time longer by a delay of the loop.
 
         Args:
             delay_s: between the temperature and its reading, and between the output and the heater's switch [s].

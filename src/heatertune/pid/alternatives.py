@@ -41,8 +41,8 @@ def front(
 ) -> dict[str, Any]:
     """Return the document of the front: one row for each limit of Ms, from the most robust to the fastest.
 
-    A row is on the front where no row of a smaller Ms costs as little; under limits of Mt or Mks a larger Ms may give
-    nothing more, and the row says so.
+    A row is on the front if no row with a smaller Ms costs as little. With limits of Mt or Mks, a larger Ms may give no
+    improvement, and the row says so.
 
     Args:
         fitted: model and candidates.
@@ -51,7 +51,7 @@ def front(
         ms_high: largest limit of Ms.
         points: number of rows.
         sample_time_s: TA [s]; 0 for the continuous loop, None for the TA that `tune` finds half way.
-        progress: told what begins.
+        progress: called with a short message when a stage begins.
         specs: further settings of `Specs`: mt, mks, objective, weight.
 
     Raises:
@@ -59,7 +59,7 @@ def front(
         InputError: as `heatertune.pid.tune.tune`.
     """
     if structure not in ("pi", "pid"):
-        raise OutOfRange("structure", structure, "pi or pid: the offset of a P controller costs without end")
+        raise OutOfRange("structure", structure, "pi or pid: the offset of a P controller has an infinite cost")
     points = whole("points", points, least=2, most=_MOST_POINTS)
     if not ms_low < ms_high:
         raise OutOfRange("ms_low", ms_low, f"< ms_high = {ms_high:g}")
@@ -111,11 +111,11 @@ def _row(fitted: FittedModel, structure: str, specs: Specs, sample_time_s: float
 
 
 def alternatives(fitted: FittedModel, design: PidDesign) -> list[dict[str, Any]]:
-    """Return the design, then every rule, all with the structure, TA and derivative filter of the design.
+    """Return a table of the design and every rule, all with the structure, TA and derivative filter of the design.
 
-    Each row holds method, gain_pct_per_degC, integral_time_s, derivative_time_s, ms (worst candidate, infinite where
-    unstable), iae_load (worst candidate [°C·s], infinite where the loop keeps an offset or is unstable), applicable,
-    and why_not: one sentence, None where the rule is applicable. A rule that gives no settings has None for numbers.
+    Each row holds method, gain_pct_per_degC, integral_time_s, derivative_time_s, ms (worst candidate, infinite if
+    unstable), iae_load (worst candidate [°C·s], infinite if the loop keeps an offset or is unstable), applicable, and
+    why_not: one sentence, None if the rule is applicable. A rule that gives no settings has None for numbers.
     """
     first = {"method": "this design", **_judged(fitted, design, None)}
     return [first, *({"method": name, **_ruled(name, fitted, design)} for name in RULES)]

@@ -1,9 +1,10 @@
 """The loop in continuous time with its exact dead time: feasible gains and time responses.
 
-Controller C(s) = K·c(s), c(s) = 1 + 1/(TN·s) + TV·s/(1 + TV·s/N). Each limit excludes, at each frequency, one interval
-of K (`_interval`); what is left is the feasible set, in pieces. Time responses come from the delay equation itself: the
-power runs straight between instants that divide the dead time, each lag is solved exactly. ∫e dt is known without (TN/K
-after a load of 1), and ∫|e| ≥ |∫e|: only the part of e with the other sign is simulated, and only where this may pay.
+Controller C(s) = K·c(s), c(s) = 1 + 1/(TN·s) + TV·s/(1 + TV·s/N). At each frequency, each limit excludes one interval
+of K (`_interval`); the rest is the feasible set, in pieces. Time responses are solved from the delay equation: the
+power is linear between instants that divide the dead time, and each lag is solved exactly. ∫e dt is known without
+simulation (TN/K after a load of 1), and ∫|e| ≥ |∫e|: only the part of e with the opposite sign is simulated, and only
+if this bound does not already rule the point out.
 """
 
 from __future__ import annotations
@@ -34,15 +35,16 @@ _REST = 1e-5  # share of the largest deviation, and of ∫e, below which the res
 
 
 class Space(NamedTuple):
-    """Room to compute in, for n frequencies and a queue of q steps.
+    """Work arrays for n frequencies and a queue of q steps.
 
     Attributes:
         loop: G·c, shape (n,).
-        low: lower ends of what Ms, Mt and Mks exclude, an infinite one before and after, shape (3, n + 2).
+        low: lower ends of the intervals that Ms, Mt and Mks exclude, padded with infinity at both ends, shape (3, n
+            + 2).
         high: upper ends, shape (3, n).
-        excluded: the intervals there are, shape (3·n, 2).
+        excluded: the existing intervals, shape (3·n, 2).
         ends: bottoms and tops of the feasible pieces, shape (2, 6).
-        queue: a ring of the powers still to act, and of each step's mean power beside the straight line, shape (2, q).
+        queue: ring buffer of delayed powers, and of each step's mean deviation from the straight line, shape (2, q).
         corners: cost, K, ln TN and ln TV of a simplex's corners, shape (3, 4).
     """
 
@@ -65,7 +67,7 @@ def space_for(points: int, heaters: Array, finer: float) -> Space:
 
 
 def _interval(alpha: float, beta: float, gamma: float) -> tuple[float, float]:
-    """Return the interval of K > 0 where α·K² + 2·β·K + γ < 0, with γ > 0; both ends infinite where there is none."""
+    """Return the interval of K > 0 if α·K² + 2·β·K + γ < 0, with γ > 0; both ends infinite if it does not exist."""
     square = beta * beta - alpha * gamma
     if square <= 0.0 or (alpha >= 0.0 and beta >= 0.0):
         return math.inf, math.inf
@@ -129,10 +131,10 @@ def _vertex(omega: Array, low: Array, row: int, i: int) -> float:
 
 
 def encirclements(omega: Array, loop: Complex, gain: float) -> int:
-    """Return the largest number of encirclements of −1 by K·h over the plants (ω begins anew with each), shapes (n,).
+    """Return the largest number of encirclements of −1 by K·h over the plants (ω restarts with each), shapes (n,).
 
-    Counted by the crossings of the negative real axis left of −1; the open loop has one integrator and is stable
-    otherwise, so none is what a stable loop has.
+    They are counted by the crossings of the negative real axis left of −1. The open loop has one integrator and is
+    stable otherwise, so a stable loop has no encirclements.
     """
     worst = count = 0
     for i in range(1, len(omega)):
@@ -148,17 +150,17 @@ def encirclements(omega: Array, loop: Complex, gain: float) -> int:
 
 
 def pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four, space: Space) -> int:
-    """Enter bottoms and tops of the feasible pieces of K with a stable loop, the lowest first; return how many.
+    """Store lower and upper ends of the feasible pieces of K with a stable loop, the lowest first; return their number.
 
-    Both ends are a hair, `ROOM`, inside; a piece that is thinner is left out.
+    Both ends are moved inwards by `ROOM`; a narrower piece is omitted.
 
     Args:
         omega: frequencies, ascending for each plant, one plant after the other, shape (n,) [rad/s].
         plant: G(jω) there, shape (n,) [°C/%].
         tn: TN [s].
         tv: TV [s], 0 without a derivative part.
-        limits: (Ms, Mt, Mks, shortest TV), infinite where there is none.
-        space: what is entered.
+        limits: (Ms, Mt, Mks, shortest TV), infinite if it does not exist.
+        space: work arrays for the result.
     """
     many = _exclude(omega, plant, tn, tv, limits, space)
     loop, excluded = space.loop, space.excluded
@@ -209,7 +211,7 @@ def _lag(lag: float, h: float) -> tuple[float, float, float]:
 
 
 def _above(v: float, w: float, t: float, h: float) -> tuple[float, float]:
-    """Return ∫ and ∫t· of what is positive of the line from v at t to w at t + h."""
+    """Return ∫ and ∫t· of the positive part of the line from v at t to w at t + h."""
     if v >= 0.0 and w >= 0.0:
         return 0.5 * h * (v + w), 0.5 * h * (v * t + w * (t + h))
     part = 0.5 * max(v, w) ** 2 / (abs(v) + abs(w)) * h
@@ -220,16 +222,16 @@ def oscillation(  # noqa: PLR0915 - one loop
     heater: Four, settings: tuple[float, float, float], setpoint: float, load: float, finer: float,
     dear: tuple[float, float, float], queue: Array,
 ) -> tuple[float, float]:
-    """Return ∫v and ∫t·v of v, the part of the deviation whose sign is not that of ∫e dt; infinite where it diverges.
+    """Return ∫v and ∫t·v of v, the part of the deviation whose sign is not that of ∫e dt; infinite if it diverges.
 
     Args:
         heater: (k [°C/%], larger lag, smaller lag (0: none), dead time [s]).
         settings: (K, TN, TV).
-        setpoint: height of its step [°C], 0 where the load steps.
-        load: height of its step [%], 0 where the setpoint steps.
+        setpoint: height of its step [°C], 0 if the load steps.
+        load: height of its step [%], 0 if the setpoint steps.
         finer: factor of the number of steps.
-        dear: (weight of ∫v, weight of ∫t·v, sum of both at which the response costs too much and is left).
-        queue: room, shape (2, q), see `Space`.
+        dear: (weight of ∫v, weight of ∫t·v, weighted sum at which the response costs too much and is abandoned).
+        queue: work array, shape (2, q), see `Space`.
     """
     k, first, second, dead = heater
     gain, tn, tv = settings
@@ -321,7 +323,7 @@ def price(
         tv: TV [s], 0 without a derivative part.
         finer: factor of the number of steps.
         best: above this the cost need not be exact.
-        queue: room, shape (2, q), see `Space`.
+        queue: work array, shape (2, q), see `Space`.
     """
     total = least_price(heaters, weights, gain, tn)
     for p in range(len(heaters)):

@@ -2,9 +2,7 @@
 
 For each TN and TV the feasible gains are known exactly (`continuous.pieces`), which leaves a search in one or two
 unknowns: a coarse grid, a local search, the same again on finer frequencies. A fine grid over all of the reduced
-problem then looks for a better answer elsewhere; that is evidence as fine as the grid, not a proof.
-
-The search over TN and TV of the continuous loop, K being known for each: a grid, then the local optimum.
+problem then looks for a better optimum elsewhere. This is evidence at the resolution of the grid, not a proof.
 
 FittedModel → PidDesign of the continuous loop: the answer to `--sample-time 0`, with its explanation.
 """
@@ -70,7 +68,7 @@ def _inside(
 
 
 def _reduced(task: Task, tn: float, tv: float, best: float, finer: float, space: Space) -> tuple[float, float]:
-    """Return the least cost over K at one TN and TV, and that K; infinite where it cannot be below `best`.
+    """Return the least cost over K at one TN and TV, and that K; infinite if it cannot be below `best`.
 
     TV > TN is left out: with TV without bound the filtered derivative is a gain, a PI controller under another name;
     and so is TV below the shortest, where noise would pay for a derivative that does nothing.
@@ -96,7 +94,7 @@ def _reduced(task: Task, tn: float, tv: float, best: float, finer: float, space:
 
 
 def scan(task: Task, tns: Array, tvs: Array, best: float, finer: float, space: Space) -> Four:
-    """Return (cost, K, TN, TV) of the best point of a grid; cost `best` and K = 0 where none is below `best`.
+    """Return (cost, K, TN, TV) of the best point of a grid; cost `best` and K = 0 if none is below `best`.
 
     Args:
         task: heaters, weights and limits.
@@ -104,7 +102,7 @@ def scan(task: Task, tns: Array, tvs: Array, best: float, finer: float, space: S
         tvs: TV of the grid, shape (b,) [s].
         best: cost to be below.
         finer: factor of the number of time steps.
-        space: room for the task.
+        space: work arrays for the task.
     """
     best_point = (best, 0.0, 0.0, 0.0)
     for tn in tns:
@@ -124,7 +122,7 @@ def refine(task: Task, start: Four, stride: float, least: float, finer: float, s
         stride: first distance of a simplex.
         least: its last distance.
         finer: factor of the number of time steps.
-        space: room for the task.
+        space: work arrays for the task.
     """
     best = _simplex(task, start, stride, least, finer, space)
     # begun anew from the other side: a simplex can fall flat where two peaks of |S| meet
@@ -169,7 +167,7 @@ def _simplex(task: Task, start: Four, stride: float, least: float, finer: float,
 
 
 def _sort(x: Array, n: int) -> None:
-    """Sort the n + 1 corners of a simplex, the cheapest first; what costs the same stays in its order."""
+    """Sort the n + 1 corners of a simplex, the cheapest first; the sort is stable."""
     for last in range(1, n + 1):
         j = last
         while j > 0 and x[j, 0] < x[j - 1, 0]:
@@ -179,7 +177,7 @@ def _sort(x: Array, n: int) -> None:
 
 
 def _width(x: Array, n: int) -> float:
-    """Return how far a corner is from the cheapest one, in ln TN or ln TV, at most."""
+    """Return the largest distance of a corner from the cheapest one, in ln TN or ln TV."""
     widest = 0.0
     for j in range(1, n + 1):
         for i in range(2, n + 2):
@@ -210,7 +208,7 @@ class ContinuousProblem:
         plants: the heaters to serve.
         structure: "p", "pi" or "pid".
         specs: objective and limits.
-        guards: heaters on which the limits hold too, but which cost nothing.
+        guards: heaters that only add constraints, not cost.
 
     Raises:
         OutOfRange, InputError: limits that contradict each other or the structure; an objective that only sampled
@@ -285,8 +283,8 @@ def iae(plant: HeaterModel, design: PidDesign) -> tuple[float, float]:
 def response_grid(plants: tuple[HeaterModel, ...], derivative: bool, density: float) -> tuple[Array, Complex]:
     """Return frequencies [rad/s] for each model, one model after the other, and G(jω) [°C/%] there; read-only.
 
-    Logarithmic up to the inverse of the dead time, then even, so that every turn of e^(−jωL) is seen, up to where the
-    lags have made the loop too small to come near −1.
+    They are logarithmic up to the inverse of the dead time, then linear, to resolve every turn of e^(−jωL), up to where
+    the lags have attenuated the loop too much to come near −1.
 
     Args:
         plants: the models.
@@ -294,7 +292,7 @@ def response_grid(plants: tuple[HeaterModel, ...], derivative: bool, density: fl
         density: 1 for some 300 frequencies.
 
     Returns:
-        Frequencies and answers, each of shape (n,).
+        Frequencies and responses, each of shape (n,).
     """
     grids = [_frequencies(plant, derivative, density) for plant in plants]
     responses = [plant.frequency_response(omega) for plant, omega in zip(plants, grids, strict=True)]
@@ -336,20 +334,20 @@ def global_optimum(problem: ContinuousProblem) -> tuple[PidDesign, str]:
     """Return the optimum after the global check, and a sentence about the check; errors as `optimum`."""
     design = optimum(problem)
     if problem.structure == "p":
-        return design, "The gain is the largest of all feasible ones: nothing was searched."
+        return design, "The gain is the largest feasible one; no search was needed."
     better = global_check(problem, design)
     moved = design if better is None else _descend(problem, better)
     if problem.cost(moved) < problem.cost(design) * (1.0 - _WORTH):
-        sentence = "The optimum was found by the global check; the first search had ended at another one."
+        sentence = "The global check found the optimum; the first search had ended at a local one."
         return _sharpened(problem, moved), sentence
     return _sharpened(problem, design), (
         f"No point of a grid of {_points(problem)} over the reduced problem, each with its best K, costs less: "
-        "as far as this grid sees, the optimum is global."
+        "at the resolution of this grid, the optimum is global."
     )
 
 
 def global_check(problem: ContinuousProblem, design: PidDesign) -> Point | None:
-    """Return the point of a fine grid over TN and TV, each with its best K, that beats the design; None: there is none.
+    """Return the point of a fine grid over TN and TV, each with its best K, that beats the design, or None.
 
     Points whose lower bound is above the design's cost are excluded without a simulation, so the grid is cheap.
     """
@@ -359,7 +357,7 @@ def global_check(problem: ContinuousProblem, design: PidDesign) -> Point | None:
 
 
 def peaks(omega: Array, plant: Complex, gain: float, tn: float, tv: float) -> tuple[Complex, float, float, float]:
-    """Return L(jω), Ms, Mt and Mks [%/°C] at frequencies [rad/s] where the plant is known; infinite where unstable.
+    """Return L(jω), Ms, Mt and Mks [%/°C] at frequencies [rad/s] at which the plant is given; infinite if unstable.
 
     Args:
         omega: ascending, shape (n,) [rad/s].
@@ -525,7 +523,7 @@ def _p_design(problem: ContinuousProblem) -> PidDesign:
 
 
 def _impossible(problem: ContinuousProblem) -> InputError:
-    """Return the error for limits so close to what is possible that no gain is left in double precision."""
+    """Return the error for limits so tight that no gain satisfies them in double precision."""
     return InputError(
         f"no {problem.structure.upper()} controller keeps {problem.specs.text} on all {len(problem.limited)} models; "
         f"loosen {' or '.join(f'--{name}' for name in problem.specs.limits)}"
@@ -549,8 +547,8 @@ def tune_continuous(
         method: "optimum" or the name of a rule.
         structure: "p", "pi" or "pid".
         specs: objective and limits, for the optimum.
-        closed_loop_s: closed-loop time constant of a rule that leaves it open [s], None for the rule's own.
-        robust: over which heaters drawn from the fit the optimum keeps its limits, as in `heatertune.pid.tune.tune`.
+        closed_loop_s: closed-loop time constant, for a rule with this parameter [s]; None: the rule's default.
+        robust: over which heaters sampled from the fit the optimum keeps its limits, as in `heatertune.pid.tune.tune`.
 
     Raises:
         InputError, OutOfRange: as `ContinuousProblem` and `optimum`; the rule does not give the structure.
@@ -585,7 +583,7 @@ def _alone(problem: ContinuousProblem, plant: HeaterModel) -> tuple[PidDesign, C
 
 
 def assess_design(fitted: FittedModel, design: PidDesign) -> PidDesign:
-    """Return the design with its margins and costs, worst over the models; a cost is None where there is none."""
+    """Return the design with its margins and costs, worst over the models; a cost is None if it does not exist."""
     worst, mks = margins(fitted.plants, design)
     at_rest = worst.stable and math.isfinite(design.integral_time_s)
     alone = [iae(plant, design) for plant in fitted.plants] if at_rest else []
@@ -610,7 +608,7 @@ def _explained(problem: ContinuousProblem, design: PidDesign) -> list[str]:
 
 
 def _plainer(problem: ContinuousProblem, design: PidDesign) -> list[str]:
-    """Tell where a PI controller is better: the derivative part multiplies noise by 1 + N however short TV is."""
+    """Suggest a PI controller if it is better: the derivative part amplifies noise by 1 + N, however short TV is."""
     if problem.structure != "pid":
         return []
     try:

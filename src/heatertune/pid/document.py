@@ -1,6 +1,6 @@
-"""PidDesign ↔ the JSON document that `heatertune tune` writes, the model it was made for included.
+"""PidDesign ↔ the JSON document of `heatertune tune`, including the model it was designed for.
 
-What gains do not tell of the words that were proven: controller, changes beside the gains, conditions.
+Also the provenance of a design that its gains do not contain: controller, changes to other settings, conditions.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RampView:
-    """The setpoint ramp; hold: how far from the reading the setpoint may be, null: as far as it goes."""
+    """The setpoint ramp; hold: largest distance of the setpoint from the reading, null: unlimited."""
 
     step: int | float
     calls: int
@@ -47,7 +47,7 @@ class RampView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoostView:
-    """Full power until so near to the setpoint, and again from so far on."""
+    """Full power until one distance from the setpoint, and again beyond another."""
 
     within_degC: float
     again_degC: float
@@ -55,22 +55,22 @@ class BoostView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignProvenance:
-    """How a design became words, and what these were proven under.
+    """How the controller parameters were derived from a design, and the conditions of their proof.
 
     Attributes:
         target: the controller.
         range_degC: of the sensor, at its lowest and highest reading [°C].
-        input: range of the analog module; None: a plain one.
+        input: range of the analog module; None: the standard one.
         words_by, refined: see `heatertune.settings.WordSettings`.
-        power_most_pct: the controller never asks for more [%]; None: as it would.
-        setpoint_ramp: None: the setpoint goes to its end at once.
-        boost: None: the controller always has the heater.
+        power_most_pct: output limit [%]; None: no limit.
+        setpoint_ramp: None: the setpoint steps.
+        boost: None: the PID always controls the heater.
         conditions: of the proof.
-        files: "spec" and "profile" → digest of what that file asked for, where there is one.
-        way_on: of words that fail, what was found when they were made: what would pass, or that nothing tried does.
+        files: "spec" and "profile" → digest of the request in that file, if there is one.
+        way_on: remedy found for failing parameters when they were calculated, or that no tried change passes.
 
     Raises:
-        OutOfRange, UnknownName: what the options of these names cannot be.
+        OutOfRange, UnknownName: invalid values of the options of these names.
     """
 
     target: str
@@ -97,7 +97,7 @@ SCHEMA = "heatertune/pid/2"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PromiseView:
-    """What a design keeps on the heaters drawn from a fit."""
+    """The limits that a design keeps on heaters sampled from a fit."""
 
     way: Literal["p95", "worst"]
     limits: Mapping[str, float]
@@ -120,7 +120,7 @@ class PromiseView:
 @register_schema(SCHEMA)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PidView:
-    """The document of a design; of the margins null says infinite, but for the phase margin: none were computed."""
+    """The document of a design; null means infinite for a margin, and not computed for the phase margin."""
 
     gain_pct_per_degC: float
     integral_time_s: OrInfinite = math.inf
@@ -150,7 +150,7 @@ class PidView:
 
     @classmethod
     def of(cls, design: PidDesign, model: FittedModel | None = None, recipe: DesignProvenance | None = None) -> PidView:
-        """Return what is written of a design, of the model it was made for, and of the words that were proven."""
+        """Return the document of a design, its model, and the proven parameters."""
         return construct_from(
             cls, design, design.margins,
             robust=None if design.promise is None else construct_from(PromiseView, design.promise),

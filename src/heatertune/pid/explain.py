@@ -23,17 +23,17 @@ __all__ = ["LOOSER", "explain", "told_about_faces", "without_explanation"]
 
 #: how the law of a candidate ends that is one face of a heater with two time constants, and what the heater does then;
 #: `heatertune.model.power.fit_power` writes it, `heatertune.model.power.nonlinear` finds it
-_FACES: Final = {"heating": "warms", "cooling": "cools"}
+_FACES: Final = {"heating": "heats", "cooling": "cools"}
 
 Alone = Callable[[HeaterModel], tuple[PidDesign, Callable[[PidDesign], float]]]
 
 
 def told_about_faces(fitted: FittedModel, design: PidDesign, alone: Alone) -> list[str]:
-    """Return a sentence where a candidate has a heating and a cooling face, else none.
+    """Return a sentence if the candidates contain separate models for heating and cooling, otherwise an empty list.
 
     Args:
         fitted: model and candidates.
-        design: the one set of gains for all.
+        design: the single set of gains for all.
         alone: heater → its own best design under the same limits, and the cost of any design on it.
     """
     faces = {face: c.model for face in _FACES for c in fitted.candidates if c.law.endswith(f", {face}")}
@@ -44,11 +44,11 @@ def told_about_faces(fitted: FittedModel, design: PidDesign, alone: Alone) -> li
         own, cost = alone(plant)
         tv = f", TV = {own.derivative_time_s:.4g} s" if own.derivative_time_s else ""
         gains.append(f"K = {own.gain_pct_per_degC:.4g} %/°C, TN = {own.integral_time_s:.4g} s{tv} for {face}")
-        losses.append(f"{100.0 * (cost(design) / cost(own) - 1.0):.0f} % more than its own as it {_FACES[face]}")
+        losses.append(f"{100.0 * (cost(design) / cost(own) - 1.0):.0f} % more than its own set when it {_FACES[face]}")
     times = " and ".join(f"{plant.time_constant_s:.4g} s" for plant in faces.values())
     return [
-        f"This heater warms and cools with different time constants ({times}). Gains scheduled by the sign of the "
-        f"change would be {'; '.join(gains)}. One set for both costs {' and '.join(losses)}."
+        f"This heater heats and cools with different time constants ({times}). Gains scheduled by the direction of "
+        f"the change would be {'; '.join(gains)}. A single set costs {' and '.join(losses)}."
     ]
 
 
@@ -62,7 +62,7 @@ _left_out: ContextVar[bool] = ContextVar("left_out", default=False)
 
 @contextmanager
 def without_explanation() -> Iterator[None]:
-    """Explain nothing within the block: a table has no place for it, and each limit takes a search of its own."""
+    """Switch explanations off within the block: a table has no room for them, and each takes a separate search."""
     mark = _left_out.set(True)
     try:
         yield
@@ -73,20 +73,20 @@ def without_explanation() -> Iterator[None]:
 def explain(
     specs: Specs, peaks: Mapping[str, float], cost: float, solve: Callable[[Specs], float], held: Sequence[str] = ()
 ) -> list[str]:
-    """Return one sentence for each limit that is active, or one that says that none is; `unexplained`: none.
+    """Return one sentence for each active limit, or one if no limit is active; an empty list if switched off.
 
     Args:
         specs: objective and limits of the design.
-        peaks: what the design has, name of the limit → value.
+        peaks: name of the limit → value of the design.
         cost: of the design.
         solve: specs → cost of the optimum under them; called once for each active limit.
-        held: what else holds the gain, one sentence each.
+        held: other restrictions of the gain, one sentence each.
     """
     if _left_out.get():
         return []
     active = [name for name, limit in specs.limits.items() if peaks[name] >= limit * (1.0 - _AT)]
     if not active and not held:
-        return [f"No limit is active ({specs.text}): a larger gain would only make the response swing."]
+        return [f"No limit is active ({specs.text}): a larger gain would only make the response oscillate more."]
     return [*held, *(_sentence(specs, name, cost, solve) for name in active)]
 
 
@@ -95,7 +95,7 @@ def _sentence(specs: Specs, name: str, cost: float, solve: Callable[[Specs], flo
     try:
         looser = specs.with_limit(name, limit * LOOSER)
     except InputError:  # beyond what a limit may be
-        return f"{called} stands at its limit of {limit:g}, the largest there is."
+        return f"{called} is at its limit of {limit:g}, the largest possible."
     gained = 100.0 * (1.0 - solve(looser) / cost) if cost > 0.0 else 0.0
-    worth = f"the cost would be {gained:.1f} % lower" if gained >= 0.05 else "nothing would be gained"
-    return f"{called} stands at its limit of {limit:g}; with {called} <= {limit * LOOSER:.4g} {worth}."
+    worth = f"the cost would be {gained:.1f} % lower" if gained >= 0.05 else "there would be no gain"
+    return f"{called} is at its limit of {limit:g}; with {called} <= {limit * LOOSER:.4g} {worth}."

@@ -1,4 +1,4 @@
-"""The same sampled loop in python-control: the second opinion on margins and linear responses."""
+"""The same sampled loop in python-control, as an independent check of margins and linear responses."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def loop_transfer_function(model: HeaterModel, design: PidDesign) -> Any:
 def control_margins(model: HeaterModel, design: PidDesign) -> Margins | None:
     """Return the margins by python-control: poles, frequency response and `stability_margins`.
 
-    None where the dead time spans so many samples that the polynomials lose all digits.
-    It does not count a crossing at half the sampling frequency, where L is real, as a gain margin.
+    None if the dead time spans so many samples that the polynomials lose all digits. It does not treat a crossing at
+    half the sampling frequency, where L is real, as a gain margin.
     """
     if sample_plant(model, design.sample_time_s).delay > _MOST_DELAY:
         return None
@@ -64,12 +64,12 @@ def control_margins(model: HeaterModel, design: PidDesign) -> Margins | None:
 
 
 def second_opinion(plants: Sequence[HeaterModel], design: PidDesign) -> str:
-    """Return in a sentence what python-control says of Ms on the heater where this program finds the greatest."""
+    """Compare Ms with python-control on the heater with the largest Ms, as a sentence."""
     if design.sample_time_s == 0.0:
-        return "python-control has no opinion: the loop is continuous, and it knows no exact dead time."
+        return "Not compared with python-control, which has no exact dead time for continuous loops."
     own = [margins(plant, design).ms for plant in plants]
     at = max(range(len(own)), key=own.__getitem__)
     theirs = control_margins(plants[at], design)
     if theirs is None:
-        return "python-control has no opinion: the dead time spans too many samples for its polynomials."
-    return f"python-control sees Ms = {theirs.ms:.5g} where this program sees {own[at]:.5g}."
+        return "Not compared with python-control: the dead time spans too many samples for its polynomials."
+    return f"python-control calculates Ms = {theirs.ms:.5g}, heatertune {own[at]:.5g}."

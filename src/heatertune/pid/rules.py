@@ -1,24 +1,22 @@
-"""Tuning rules, each as its authors print it, with source, range and claim; settings come out in the ideal form.
+"""Tuning rules as printed by their authors, each with source, range and claim; results are in the ideal form.
 
-The sampled loop's own half sample counts as dead time (S. Skogestad, J. Process Control 13 (2003), section 2.2).
+Half a sampling interval is added to the dead time (S. Skogestad, J. Process Control 13 (2003), section 2.2).
 
 What a tuning rule is: its formulas as printed, where they come from, and how far they hold.
 
-Rules that shape the loop directly: SIMC, as it was and improved, lambda tuning, IMC, Haalman's.
+Rules that shape the loop directly: SIMC, original and improved, lambda tuning, IMC, Haalman's.
 
-Rules fitted to minima of error integrals: Lopez (load) and Rovira (setpoint).
+Rules fitted to minima of error integrals: Lopez (load) and Rovira (setpoint). Rovira's PID settings are minima only if
+D acts on the process variable: with exact dead time, all three are then within 9 % of the optimum for L/T = 0.3…1; with
+D on the error TN is 14–32 % too long. Lopez's rows for P are omitted: their criterion needs a steady-state value that
+no available copy states.
 
-Rovira's PID settings are minima only where D acts on the process variable: computed with exact dead time, all three
-then lie within 9 % of the optimum for L/T = 0.3…1; with D on the error TN is 14–32 % too long. Lopez's rows for P are
-left out: their criterion needs a resting value that no copy states.
+Rules based on the reaction curve (k, T, L): Ziegler–Nichols, Cohen–Coon, Chien–Hrones–Reswick, AMIGO.
 
-Rules read from the reaction curve (k, T, L): Ziegler–Nichols, Cohen–Coon, Chien–Hrones–Reswick, AMIGO.
+Rules based on the ultimate cycle (Ku, Pu), which is exact for the model: no experiment, no Padé.
 
-Rules read from the ultimate cycle (Ku, Pu), which the model gives exactly: no experiment, no Padé.
-
-uSORT for one lag: minimal IAE at a chosen Ms, after a load or a setpoint step.
-
-The authors give rows for five ratios of two lags; only those for one lag stand here, each checked by the Ms it claims.
+uSORT for one lag: minimal IAE at a chosen Ms, after a load or a setpoint step. The authors give rows for five ratios of
+two lags; only those for one lag are implemented, each checked against the Ms it claims.
 """
 
 from __future__ import annotations
@@ -50,16 +48,16 @@ class Rule:
     Attributes:
         source: authors, journal, volume, year, pages, table or equation.
         formulas: structure → formula.
-        claim: what its authors say a loop tuned by it does.
+        claim: its authors' claim about the tuned loop.
         form: the form the settings are printed in, "ideal" or "series".
         least_ratio, most_ratio: dead time over time constant its authors cover.
-        narrower: structure → least ratio, where one structure holds from a larger one on.
+        narrower: structure → least ratio, if a structure has a larger lower limit.
         two_lags: structures that need a model with two lags.
-        closed_loop: name of the closed-loop time constant it leaves open, None where it leaves nothing open.
-        errata: what common copies print wrongly or differently, one sentence each.
+        closed_loop: name of its free closed-loop time constant, None if it has none.
+        errata: errors and differences in common copies, one sentence each.
 
     Raises:
-        OutOfRange: a form that is unknown, a range that is empty.
+        OutOfRange: an unknown form, an empty range.
     """
 
     source: str
@@ -536,8 +534,8 @@ def apply_rule(
     Raises:
         UnknownName: no such rule.
         OutOfRange: a closed-loop time that is not positive; no dead time at all.
-        InputError: the rule does not give this structure or leaves no closed-loop time open, or its formula gives
-            times that are negative, so far outside its range is the model.
+        InputError: the rule does not give this structure or has no free closed-loop time, or its formula gives
+            negative times because the model is far outside its range.
     """
     rule = _rule(method)
     if structure not in rule.formulas:
@@ -548,7 +546,7 @@ def apply_rule(
         check("closed_loop_s", closed_loop_s, above=0.0)
         if rule.closed_loop is None:
             open_ones = ", ".join(name for name, other in RULES.items() if other.closed_loop is not None)
-            raise InputError(f"{method} leaves no closed-loop time constant open; those that do: {open_ones}")
+            raise InputError(f"{method} has no free closed-loop time constant; rules that have one: {open_ones}")
     seen = _as_sampled(model, sample_time_s)
     printed = rule.formulas[structure](seen, closed_loop_s)
     gain, integral, derivative = series_to_ideal(*printed) if rule.form == "series" else printed
@@ -561,8 +559,8 @@ def apply_rule(
 def model_for(method: str, structure: str, fitted: FittedModel) -> HeaterModel:
     """Return the model a rule is applied to.
 
-    That is the working model, with its two lags where it stands for two; the candidate with two lags that fits best
-    where the rule needs two.
+    This is the working model, with two lags if it has them, or the candidate with two lags that fits best if the rule
+    needs two.
 
     Raises:
         UnknownName: no such rule.
@@ -573,7 +571,7 @@ def model_for(method: str, structure: str, fitted: FittedModel) -> HeaterModel:
 
 
 def range_note(method: str, model: HeaterModel, structure: str, sample_time_s: float) -> str | None:
-    """Return in one sentence that a model lies outside the range of a rule; None where it lies inside.
+    """Return in one sentence that a model lies outside the range of a rule; None if it lies inside.
 
     Raises:
         UnknownName, OutOfRange: as `apply_rule`.

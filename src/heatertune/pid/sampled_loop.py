@@ -1,20 +1,19 @@
-"""The loop as a PLC runs it: a sampled controller, a power held between samples, exact fractional dead time.
+"""The loop as a PLC runs it: a sampled controller, power held between samples, exact fractional dead time.
 
 Controller, backward difference, with the derivative filter D_k = f·D_{k−1} + (1 − f)·TV/TA·(e_k − e_{k−1}); f is ½ in
 OB251 and 0 in controllers without a filter:
 
     C(z) = K·[1 + TA/TN·1/(1 − 1/z) + (1 − f)·TV/TA·(1 − 1/z)/(1 − f/z)]
 
-Plant: each lag as a first-order mode behind a hold; a dead time of d samples and a fraction splits each input
+Plant: each lag as a first-order mode after a hold; a dead time of d samples and a fraction splits each input
 between two samples (the modified z-transform; K. J. Åström and B. Wittenmark, "Computer-Controlled Systems",
 3rd ed., section 2.3).
 
-A search asks for the same plant at the same frequencies again and again: plants, frequencies and responses are kept,
+A search needs the same plant at the same frequencies repeatedly, so plants, frequencies and responses are cached
 and read-only.
 
-The linear sampled loop in time: load and setpoint responses, their integrals, and TRdom.
-
-Few responses run as plain Python, which loads no compiler; a search's run as machine code, with the same numbers.
+Also the linear sampled loop in time: load and setpoint responses, their integrals, and TRdom. A few responses run as
+plain Python, without loading a compiler; those of a search run as machine code, with identical results.
 
 How much the plant may differ before the loop misbehaves: margins of the sampled loop, exactly.
 """
@@ -76,7 +75,7 @@ class SampledPlant:
 
 @lru_cache(maxsize=_KEPT)
 def sample_plant(model: HeaterModel, sample_time_s: float, *, computing_delay_s: float = 0.0) -> SampledPlant:
-    """Return the plant seen by a controller that acts every `sample_time_s` and a hold [s]."""
+    """Return the plant as seen by a controller with a hold and interval `sample_time_s` [s]."""
     dead = model.dead_time_s + computing_delay_s
     delay = math.floor(dead / sample_time_s)
     late = dead - delay * sample_time_s
@@ -104,7 +103,7 @@ def combine_responses(design: PidDesign, parts: Complex) -> Complex:
 
 
 def part_responses(omega: Array, sample_time_s: float, derivative_filter: float) -> Complex:
-    """Return what the P, I and D part make of an error at e^(jω·TA), per unit of kP, kI, kD, shape (3, n).
+    """Return the frequency responses of the P, I and D part at e^(jω·TA), per unit of kP, kI, kD, shape (3, n).
 
     P: 1; I: 1/(1 − z⁻¹), the sum; D: (1 − f)·(1 − z⁻¹)/(1 − f·z⁻¹), the filtered difference.
     """
@@ -220,13 +219,13 @@ def horizon(model: HeaterModel, design: PidDesign) -> int:
 
 
 def iae_load(model: HeaterModel, design: PidDesign) -> float:
-    """Return ∫|e| dt after a load step of 1 % power [°C·s]; infinite where the loop keeps an offset or diverges."""
+    """Return ∫|e| dt after a load step of 1 % power [°C·s]; infinite if the loop keeps an offset or diverges."""
     deviation = respond(model, design, horizon(model, design), load_pct=1.0)
     return _integral(deviation, design.sample_time_s, abs(model.gain_degC_per_pct))
 
 
 def iae_setpoint(model: HeaterModel, design: PidDesign) -> float:
-    """Return ∫|e| dt after a setpoint step of 1 °C, power unlimited [s]; infinite where it does not converge."""
+    """Return ∫|e| dt after a setpoint step of 1 °C, power unlimited [s]; infinite if it does not converge."""
     deviation = 1.0 - respond(model, design, horizon(model, design), setpoint_degC=1.0)
     return _integral(deviation, design.sample_time_s, 1.0)
 
@@ -274,7 +273,7 @@ def loop_response(model: HeaterModel, design: PidDesign, omega: Array) -> Comple
 
 @lru_cache(maxsize=256)  # a search proves the same gains with many other changes
 def margins(model: HeaterModel, design: PidDesign) -> Margins:
-    """Return Ms, Mt, gain and phase margin of the sampled loop; Ms and Mt are infinite where it is unstable."""
+    """Return Ms, Mt, gain and phase margin of the sampled loop; Ms and Mt are infinite if it is unstable."""
     plant, controller = plant_and_controller_response(model, design)
     loop = plant * controller
     ms, mt = _peaks(loop, design)

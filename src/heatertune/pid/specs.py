@@ -1,4 +1,4 @@
-"""What a tuning is asked for: objective and limits, and the contradictions among them that need no search."""
+"""The specification of a tuning: objective and limits, and contradictions that can be found without a search."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _ASKED: Final = TuneSettings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Specs:
-    """An objective and the limits to keep on every model.
+    """An objective, and the limits on every model.
 
     Attributes:
         ms: limit of the maximum sensitivity, max |S|.
@@ -83,7 +83,7 @@ class Specs:
         return ", ".join(f"{name.capitalize()} <= {value:g}" for name, value in self.limits.items())
 
     def refuse_contradictions(self, plants: Sequence[HeaterModel], structure: str) -> None:
-        """Refuse what integral action makes impossible: it sets T(0) = 1 and C(0)·S(0) = 1/k.
+        """Refuse limits that integral action makes impossible: it sets T(0) = 1 and C(0)·S(0) = 1/k.
 
         Raises:
             OutOfRange: Mt below 1, Mks below the inverse of a model's gain.
@@ -104,11 +104,11 @@ def is_boundless(plant: HeaterModel, structure: str) -> bool:
 
 
 def refuse_boundless(plants: Sequence[HeaterModel], structure: str, mks: float) -> None:
-    """Refuse heaters on which no limit bounds the gain.
+    """Refuse heaters for which no limit bounds the gain.
 
     Raises:
-        InputError: none of them has a dead time, and the noise gain is not limited.
+        InputError: no heater has a dead time, and the noise gain is not limited.
     """
     if math.isinf(mks) and all(is_boundless(plant, structure) for plant in plants):
-        raise InputError("without dead time this heater keeps every Ms at any gain, so there is no best one; "
-                         "limit the noise gain with --mks, or give the dead time: no heater is without")
+        raise InputError("without dead time this heater keeps every Ms at any gain, so there is no optimum; "
+                         "limit the noise gain with --mks, or give the dead time, which every real heater has")

@@ -1,4 +1,4 @@
-"""FittedModel → PidDesign: rule or optimum, with the sampling interval found together with the design."""
+"""FittedModel → PidDesign: rule or optimum; the sampling interval is found together with the design."""
 
 from __future__ import annotations
 
@@ -44,24 +44,24 @@ def tune(
 
     The optimum minimises the mean of the objective of the sampled loop over the candidates, subject to the limits on
     Ms, Mt and Mks on each. A rule is applied to the working FOPDT, and its margins are reported for the worst
-    candidate. A cooler is tuned as its mirror image, with a negative K.
-    TA = TRdom/10 of the fastest candidate's closed loop, iterated until it rests.
+    candidate. A cooler is tuned as its mirror image, with a negative K. TA = TRdom/10 of the fastest candidate's closed
+    loop, iterated until it converges.
 
     Args:
         fitted: model and candidates.
-        settings: what is asked for; None: the defaults.
-        timer: what the target's timer can do.
+        settings: the request; None: the defaults.
+        timer: of the target.
         derivative_filter: weight of its past in the target's derivative part, see `PidDesign`.
-        resolution_degC: of the controller's reading [°C]; 0 where it is not known.
-        most_gain: design → the largest K that the target holds beside its times [%/°C]; None: any.
+        resolution_degC: of the controller's reading [°C]; 0 if unknown.
+        most_gain: design → the largest K that the target can store with its times [%/°C]; None: unlimited.
         progress: called with a short message when a round begins.
-        changed: fields of `TuneSettings` that are other than in `settings`.
+        changed: fields of `TuneSettings` that differ from `settings`.
 
     Raises:
-        UnknownName: no such method, structure, objective or way to be robust.
+        UnknownName: no such method, structure, objective or robustness setting.
         OutOfRange: a limit that no controller can keep.
-        InputError: no design keeps the limits, or the rule does not give the structure or take the closed-loop time, or
-            a rule is to be robust, or the fit has no intervals to draw from.
+        InputError: no design keeps the limits, or the rule has no such structure or no closed-loop time, or
+            robustness is requested for a rule or for a fit without intervals.
     """
     asked = merge_options(TuneSettings, settings, changed)
     if cools(fitted):
@@ -128,12 +128,12 @@ def _refuse_nonsense(asked: TuneSettings) -> None:
 def _improved(
     problem: Problem, fitted: FittedModel, design: PidDesign, robust: str, progress: Callable[[str], object]
 ) -> tuple[PidDesign, list[str]]:
-    """Return the design of the search after the guards' word and IPOPT's, and what is to be told."""
+    """Return the design of the search improved by IPOPT and with its robustness constraints, and the notes."""
     kept: RobustDesign | None = None
     heaters: Open | None = None
     plain, plainly = design, problem
     if robust != "none":
-        progress("keeping the limits on heaters drawn from the fit")
+        progress("keeping the limits on heaters sampled from the fit")
         heaters = Open.of(fitted, robust)
         kept = robust_design(
             heaters, problem.specs, robust, lambda guards: search(replace(plainly, guards=guards)), plain
@@ -145,7 +145,8 @@ def _improved(
         polished, comparison = polish(problem, design)
         better = None if kept is None or heaters is None else kept.with_design(heaters, problem.specs, polished)
         if kept is not None and better is None:
-            comparison = "IPOPT's optimum would break a limit on the drawn heaters; the feasible-set search stands."
+            comparison = ("IPOPT's optimum would break a limit on the sampled heaters; the result of the "
+                          "feasible-set search is used.")
         else:
             design, kept = polished, better
         notes = [comparison, *_explained(problem, design)]
@@ -191,14 +192,14 @@ def _explained(problem: Problem, design: PidDesign) -> list[str]:
 
 
 def _held(problem: Problem, design: PidDesign) -> list[str]:
-    """Return what holds K beside the limits, one sentence each."""
+    """Return other restrictions of K than the limits, one sentence each."""
     almost, most = 1.0 - 10.0 * ROOM, problem.most_gain(design)
     sentences = []
     if design.gain_pct_per_degC >= almost * most:
-        sentences.append(f"K stands at the largest that the target's words hold with this sensor range, {most:.4g} "
-                         "%/°C; a narrower range would hold more.")
+        sentences.append(f"K is at the largest value that the target can store with this sensor range, {most:.4g} "
+                         "%/°C; a narrower range would allow more.")
     if design.step_power_pct_per_degC >= almost * problem.step_power:
-        sentences.append("K stands where one step of the reading moves as much power as --step-power allows.")
+        sentences.append("K is limited by --step-power: one step of the reading changes the power by this limit.")
     return sentences
 
 
@@ -209,13 +210,13 @@ def settle(
     timer: Timer,
     progress: Callable[[str], object],
 ) -> tuple[PidDesign, int]:
-    """Return the design whose TA is a tenth of its own TRdom, and the rounds that took (0: it never rested).
+    """Return the design whose TA is a tenth of its own TRdom, and the number of iterations (0: not converged).
 
     Args:
-        one_round: TA [s] and the design of the round before, None in the first → the design of that TA.
+        one_round: TA [s] and the design of the previous round (None in the first) → the design at this TA.
         plants: the heaters to serve; the fastest closed loop counts.
-        given_s: TA where it is given [s], else None: it is found.
-        timer: what the target's timer can do.
+        given_s: fixed TA [s]; None: find it.
+        timer: of the target.
         progress: called with a short message when a round begins.
     """
     if given_s is not None:
@@ -244,39 +245,39 @@ def _told_about_ta(
 ) -> str:
     trdom = _trdom(plants, design)
     if math.isinf(trdom):
-        return f"TA = {design.sample_time_s:g} s; TRdom is unknown: the loop does not settle in the time looked at."
+        return f"TA = {design.sample_time_s:g} s; TRdom is unknown: the loop does not settle within the simulated time."
     share = f"TA = {design.sample_time_s:g} s, TRdom = {written(trdom, 3)} s of the fastest closed loop"
     if given_s is not None:
         return f"{share}; TA was given."
     if rounds == _UNSETTLED:
-        return f"{share}; the two kept answering each other, so TA is the last of {_ROUNDS} rounds, not TRdom/10."
-    return f"{share}; found together in {rounds} rounds."
+        return f"{share}; the iteration did not converge, so TA is that of the last of {_ROUNDS} rounds, not TRdom/10."
+    return f"{share}; found in {rounds} iterations."
 
 
 def _shown_by(fitted: FittedModel, timer: Timer) -> Timer:
-    """Return the timer, not faster than the log was read: no design goes beyond what a log can support."""
+    """Return the timer with the log's interval as its shortest, because the log shows nothing faster."""
     least = math.ceil(fitted.log_interval_s / timer.step_s - _WHOLE) * timer.step_s
     return replace(timer, shortest_s=min(max(timer.shortest_s, least), timer.longest_s))
 
 
 def _told_about_log(design: PidDesign, fitted: FittedModel, timer: Timer, given_s: float | None) -> list[str]:
-    """Return a sentence where TA is held at the log's own interval, or given below it, else none."""
+    """Return a sentence if TA is limited by the log's interval, or was given below it, otherwise an empty list."""
     interval, ta = fitted.log_interval_s, design.sample_time_s
     if given_s is None and timer.shortest_s == ta >= interval > 0.0:
-        return [f"TA is not taken below the log's own interval of {interval:g} s: what the heater does in between was "
-                "never seen; log at a shorter interval, or give --sample-time."]
+        return [f"TA is not shorter than the log's own interval of {interval:g} s, because the log does not show what "
+                "the heater does in between; log at a shorter interval, or give --sample-time."]
     if given_s is not None and 0.0 < ta < interval:
-        return [f"TA = {ta:g} s is below the log's own interval of {interval:g} s: what the heater does in between was "
-                "never seen."]
+        return [f"TA = {ta:g} s is shorter than the log's own interval of {interval:g} s; the log does not show what "
+                "the heater does in between."]
     return []
 
 
 def _told_about_stop(design: PidDesign, timer: Timer, trdom: float) -> list[str]:
-    """Return a sentence where the target's timer, and not the loop, sets TA, else none."""
+    """Return a sentence if the target's timer determines TA, otherwise an empty list."""
     ta, wanted = design.sample_time_s, trdom / _SAMPLES_PER_TRDOM
     for stop, beyond, which in ((timer.longest_s, wanted > ta, "longest"), (timer.shortest_s, wanted < ta, "shortest")):
         if ta == stop and beyond and abs(wanted - ta) > _SETTLED * ta:
-            return [f"TA = {ta:g} s is the {which} that the timer makes; TRdom/{_SAMPLES_PER_TRDOM:g} would be "
+            return [f"TA = {ta:g} s is the {which} interval of the timer; TRdom/{_SAMPLES_PER_TRDOM:g} would be "
                     f"{written(wanted, 3)} s."]
     return []
 

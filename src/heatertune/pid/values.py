@@ -1,14 +1,14 @@
-"""The controller a tuning found, in the standard form.
+"""A designed controller in the standard form.
 
-The three forms in which PID settings are printed, and the way between them.
+PID settings are printed in three forms; this module converts between them.
 
     ideal     K·(1 + 1/(TN·s) + TV·s)             also: standard, ISA, non-interacting; the form of this program
     series    K'·(1 + 1/(TN'·s))·(1 + TV'·s)      also: interacting, classical
     parallel  Kp + Ki/s + Kd·s
 
-Every series form has an ideal one. The way back needs TN ≥ 4·TV: only then are both zeros of the ideal form real
-(K. J. Åström and T. Hägglund, "PID Controllers", 2nd ed., ISA 1995, section 3.2). Derivative filters are left as they
-are: the conversions hold below the corner frequency of the filter.
+Every series form has an ideal form. The inverse needs TN ≥ 4·TV: only then are both zeros of the ideal form real
+(K. J. Åström and T. Hägglund, "PID Controllers", 2nd ed., ISA 1995, section 3.2). Derivative filters are not
+converted: the conversions hold below the corner frequency of the filter.
 
 The sampling intervals that a controller's timer can make.
 
@@ -37,7 +37,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timer:
-    """What the target's timer can do: shortest, longest and step of the sampling interval [s]."""
+    """The timer of the target: shortest, longest and step of the sampling interval [s]."""
 
     shortest_s: float = 0.01
     longest_s: float = 600.0
@@ -63,7 +63,7 @@ def series_to_ideal(gain: float, integral_time_s: float, derivative_time_s: floa
 
 
 def ideal_to_series(gain: float, integral_time_s: float, derivative_time_s: float) -> Settings:
-    """Return the series form of an ideal one; of the two that exist, the one whose TN' is the larger.
+    """Return the series form of an ideal one; of the two that exist, the one with the larger TN'.
 
     Raises:
         InputError: TV is above TN/4, so no series form exists.
@@ -83,7 +83,7 @@ def ideal_to_parallel(gain: float, integral_time_s: float, derivative_time_s: fl
 
 
 def other_forms(gain: float, integral_time_s: float, derivative_time_s: float) -> dict[str, Any]:
-    """Return the same controller as JSON holds it, "series" (None where there is none) and "parallel".
+    """Return the same controller in JSON form, as "series" (None if it does not exist) and "parallel".
 
     "kp" [%/°C], "ki" [%/(°C·s)], "kd" [%·s/°C]; the series names are those of the ideal form.
     """
@@ -105,9 +105,9 @@ class Margins:
     """Robustness of one sampled loop, from its exact frequency response.
 
     Attributes:
-        ms: max |1/(1 + L)|; infinite where the closed loop is unstable.
-        mt: max |L/(1 + L)|; infinite where the closed loop is unstable.
-        gain_margin: factor by which the gain may grow; infinite where no crossing limits it.
+        ms: max |1/(1 + L)|; infinite if the closed loop is unstable.
+        mt: max |L/(1 + L)|; infinite if the closed loop is unstable.
+        gain_margin: factor by which the gain may grow; infinite if no crossing limits it.
         phase_margin_deg: [°].
     """
 
@@ -124,11 +124,11 @@ class Margins:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Promise:
-    """What was asked for on the heaters drawn from a fit, and what its words have to keep too.
+    """Limits required on heaters sampled from a fit, for the design and for its rounded parameters.
 
     Attributes:
         way: "p95" or "worst", see `heatertune.pid.search.robust.ROBUST`.
-        limits: "ms", "mt", "mks" [%/°C] → largest value; those that are set.
+        limits: "ms", "mt", "mks" [%/°C] → largest value, if set.
     """
 
     way: str
@@ -145,16 +145,16 @@ class PidDesign(NotebookDisplay):
         derivative_time_s: TV [s]; 0 without derivative action.
         sample_time_s: TA [s]; 0: continuous, with the derivative filter N of `heatertune.pid.continuous_loop`.
         structure: "p", "pi" or "pid".
-        method: how it was found.
-        margins: worst over the models it was made for, None where not computed.
-        iae_load: ∫|e| dt after a load step of 1 % power, worst over the models [°C·s], None where not computed.
-        iae_setpoint: ∫|e| dt after a setpoint step of 1 °C [s], None where not computed.
-        mks: max |C·S|, the noise gain from reading to power, worst over the models [%/°C], None where not computed.
-        notes: what the reader should know, one sentence each.
+        method: design method.
+        margins: worst over the models it was made for, None if not computed.
+        iae_load: ∫|e| dt after a load step of 1 % power, worst over the models [°C·s], None if not computed.
+        iae_setpoint: ∫|e| dt after a setpoint step of 1 °C [s], None if not computed.
+        mks: max |C·S|, the noise gain from reading to power, worst over the models [%/°C], None if not computed.
+        notes: remarks for the user, one sentence each.
         derivative_filter: f in D_k = f·D_{k−1} + (1 − f)·TV/TA·(e_k − e_{k−1}); 0: not filtered.
-        promise: what it keeps on the heaters drawn from the fit, None where that was not asked for.
-        step_power_limit_pct_per_degC: what it keeps `step_power_pct_per_degC` below, so that one step of the sensor
-            moves no more power than was asked for; infinite without a limit [%/°C].
+        promise: limits kept on heaters sampled from the fit, None if not requested.
+        step_power_limit_pct_per_degC: limit of `step_power_pct_per_degC`, so that one step of the sensor
+            moves no more power than requested; infinite without a limit [%/°C].
 
     Raises:
         OutOfRange: a gain that is zero or not finite, a time that is not positive, a structure that contradicts
@@ -198,7 +198,7 @@ class PidDesign(NotebookDisplay):
 
 
 def step_parts(integral_time_s: float, derivative_time_s: float, sample_time_s: float, past: float) -> float:
-    """Return what P, I and D part together make of a step of the reading within one scan, as a multiple of K."""
+    """Return the response of P, I and D part together to a step of the reading in one scan, as a multiple of K."""
     return 1.0 + sample_time_s / integral_time_s + (1.0 - past) * derivative_time_s / sample_time_s
 
 

@@ -16,7 +16,7 @@ __all__ = ["ReadBack", "WordCollector", "first_unlike", "lines_of", "real_of", "
 _IN_TEXT: Final = frozenset(b"\t\n\r\f\x1a")
 _UTF_16: Final = (b"\xff\xfe", b"\xfe\xff")
 
-_UNLIKE: Final = "the program around the words is not the one that is exported with them"
+_UNLIKE: Final = "the program around the parameters differs from the exported one"
 
 
 class ReadBack(NamedTuple):
@@ -133,7 +133,7 @@ class WordCollector:
         if missing:
             first = missing[0]
             place = "" if first.address == first.name else f" ({first.address})"
-            more = f", nor are {', '.join(field.name for field in missing[1:])}" if len(missing) > 1 else ""
-            raise InputError(f"{self._source}: {first.name}{place} is not there{more}; expected {first.comment}, "
+            more = f"; also missing: {', '.join(field.name for field in missing[1:])}" if len(missing) > 1 else ""
+            raise InputError(f"{self._source}: {first.name}{place} is missing{more}; expected {first.comment}, "
                              f"{first.rule}")
         return {name: self._values[name] for name in self._fields}

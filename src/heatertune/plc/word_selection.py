@@ -145,17 +145,19 @@ def demand_kept(words: Words, promise: Promise, fitted: FittedModel, *, told_onl
     """
     heaters, where = Open.of(fitted, promise.way), ROBUST[promise.way]
     if not len(heaters):
-        return "Whether the words keep the limits on drawn heaters cannot be told: this model has no intervals."
+        return "This model has no intervals, so the limits could not be checked on sampled heaters."
     broken = broken_by(words, heaters, promise)
     if broken is None:
-        return f"Of the {len(heaters)} heaters drawn from the fit, {where} keep the limits with the words too."
+        return (f"Of the {len(heaters)} heaters sampled from the fit, {where} keep the limits with the rounded "
+                "parameters too.")
     name, limit = broken.name.capitalize(), promise.limits[broken.name]
     if not told_only:
         raise NotRepresentable(
-            f"{name} of the words on the heaters drawn from the fit ({where})", broken.value, f"<= {limit:g}",
-            "a slower TA makes the words finer (--sample-time words seeks one), or loosen the limit",
+            f"{name} of the rounded parameters on the heaters sampled from the fit ({where})",
+            broken.value, f"<= {limit:g}",
+            "use a longer TA, which rounds less (--sample-time words searches for one), or loosen the limit",
         )
-    return (f"Rounding breaks the limits that were asked for on the heaters drawn from the fit ({where}): {name} is "
+    return (f"Rounding breaks the limits on the heaters sampled from the fit ({where}): {name} is "
             f"{broken.value:.4g}, {100.0 * (broken.value / limit - 1.0):.2g} % above {limit:g}.")
 
 
@@ -223,11 +225,11 @@ def _choice(
         "step_power": design.step_power_limit_pct_per_degC,
     }
 
-    progress(f"searching the whole numbers of {target}")
+    progress(f"searching the integers of {target}")
     best = cache.load_or_compute("words", inputs, lambda: asdict(_search(rounded, fitted, wished.ms, design)), _kept,
                         progress=progress)
     if best.words is None:
-        also = "" if design.promise is None else " and the limits on the drawn heaters"
+        also = "" if design.promise is None else " and the limits on the sampled heaters"
         why = f"no words keep Ms <= {wished.ms:.5g}{also} at TA = {rounded.sample_time_s:g} s"
         return _plainly(rounded, fitted, wished, why)
     return _chosen(rounded, best, fitted, design, wished)
@@ -275,7 +277,7 @@ def tune_for_words(
         raise refused
     _, best, design = min(tried, key=itemgetter(0, 1))
     costs = ", ".join(f"{cost:.4g} at {ta:g} s" for cost, ta, _ in tried)
-    note = f"TA = {best:g} s was chosen by the words: their mean load IAE [°C·s] is {costs}."
+    note = f"TA = {best:g} s has the lowest mean load IAE [°C·s] after rounding: {costs}."
     return replace(design, notes=(*design.notes, note))
 
 
@@ -284,10 +286,10 @@ def _why_rounded(design: PidDesign, rounded: Words, way: str, wished: _Measured)
     reasons = (
         (controller_for(rounded.target).decode(rounded) is None, "the controller is no PID"),
         (controller_for(rounded.target).integers is None,
-         f"over those of {rounded.target} no search is made"),
-        (way == "rounded", "asked for with --words rounded"),
+         f"there is no search over those of {rounded.target}"),
+        (way == "rounded", "requested with --words rounded"),
         (way == "auto" and not design.method.startswith("optimum"),
-         "the design is no optimum, so what was asked for is kept; --words optimum would search"),
+         "the design is not an optimum, so its values are kept; --words optimum would search"),
         (math.isinf(design.integral_time_s), "without an I part only the gain is rounded"),
         (math.isinf(wished.ms) or math.isinf(wished.iae_load),
          "the unrounded design itself does not settle on a candidate model"),
@@ -391,12 +393,12 @@ def _chosen(rounded: Words, best: IntegerOptimum, fitted: FittedModel, design: P
     assert real is not None
     held = " and ".join(f"{name} = {words.values[name]}" for name in _integers(words) if words.values[name])
     left = 100.0 * (1.0 - best.least / best.cost)
-    proof = "no other words are better" if best.proven else f"no other words are better by more than {left:.2g} %"
+    proof = "no other integers are better" if best.proven else f"no other integers are better by more than {left:.2g} %"
     gap, gap_rounded = _gap(real, wished), _gap(plain, wished)
     notes = [
-        f"{held} are the best whole numbers under Ms <= {wished.ms:.5g}: a load disturbance costs {_more(gap)} than "
+        f"{held} are the best integers with Ms <= {wished.ms:.5g}: a load disturbance costs {_more(gap)} than "
         f"the unrounded design; plain rounding costs {_more(gap_rounded)} at Ms = {plain.ms:.5g}.",
-        f"The search looked at {best.boxes} boxes of words and ruled out the rest by bounds: {proof}.",
+        f"The branch-and-bound search evaluated {best.boxes} boxes of integers: {proof}.",
         *_coarse_notes(words, design),
     ]
     return WordChoice(words=words, search=WordSearch(
@@ -414,7 +416,7 @@ def _plainly(rounded: Words, fitted: FittedModel, wished: _Measured, why: str) -
     price = "" if plain is None or math.isinf(plain.iae_load) else (
         f"; a load disturbance costs {_more(gap)} than the unrounded design, at Ms = {plain.ms:.5g}"
     )
-    notes = [f"The words are rounded: {why}{price}."]
+    notes = [f"The parameters are rounded: {why}{price}."]
     if plain is not None and controller_for(rounded.target).integers is not None:
         design = controller_for(rounded.target).decode(rounded)
         assert design is not None
@@ -452,8 +454,8 @@ def _ms_drawn(words: Words, fitted: FittedModel) -> dict[str, Any] | None:
     return None if drawn is None else {
         "count": drawn.count, "median": _finite(drawn.median), "p95": _finite(drawn.p95), "worst": _finite(drawn.worst),
         "unstable": drawn.unstable,
-        "message": f"On {drawn.count} heaters drawn from the fit's intervals Ms is {drawn.median:.3g} in the middle, "
-                f"up to {drawn.p95:.3g} on 95 % of them, {drawn.worst:.3g} at worst; unstable on {drawn.unstable}.",
+        "message": f"On {drawn.count} heaters sampled from the fit's intervals the median of Ms is {drawn.median:.3g}, "
+                f"the 95th percentile {drawn.p95:.3g}, the worst {drawn.worst:.3g}; unstable on {drawn.unstable}.",
     }
 
 
@@ -475,7 +477,7 @@ def _coarse_notes(words: Words, design: PidDesign) -> list[str]:
     slower = math.ceil(ta / timer.step_s - 1e-9) * timer.step_s
     fine = f"TA = {slower:.6g} s makes it about {_FINE}"
     remedy = fine if slower <= timer.longest_s else "no TA of this timer makes it fine"
-    return [f"{name} = {value}: one step changes the I part by {100.0 / value:.0f} %, so rounding decides; {remedy} "
+    return [f"{name} = {value}: one step changes the I part by {100.0 / value:.0f} %, so rounding matters; {remedy} "
             f"(now {design.sample_time_s:g} s)."]
 
 
@@ -499,7 +501,7 @@ def _gap(measured: _Measured, wished: _Measured) -> float | None:
 
 def _more(gap: float | None) -> str:
     if gap is None:
-        return "without end more IAE"
+        return "infinitely more IAE"
     return f"{abs(gap):.2g} % {'less' if gap < 0.0 else 'more'} IAE"
 
 

@@ -1,47 +1,45 @@
-"""What passes, when the heater's circuit is open for longer or shorter than in the story, or the setpoint rises after.
+"""Additional runs with outages of other lengths, and with setpoint changes, than in the test sequence.
 
-And when the PLC loses its supply until the heater is neither hot nor cold, or the setpoint changes by a part of its
-range.
+**Longer outages.** Most controllers stop integrating at some limit, and then the length of an open circuit does not
+matter. A controller that keeps integrating requests more power the longer the circuit is open, so no test sequence is
+long enough to prove it: a longer outage gives a finding. With little power in reserve such a controller cannot
+overshoot much, and the limit of the overshoot shows nothing. The time to return then grows with the length, so it is
+also compared with that after the test sequence's own outage.
 
-Most controllers stop summing somewhere, and how long it is open changes nothing. One that does not asks for more power
-the longer it waits, so no story is long enough: what it does after a longer one leaves its words unproven. Where little
-power is left over it cannot overshoot by much, and the overshoot's limit shows nothing: then the time to return grows
-with the length. So that time is held against the time after the story's length, too.
+**Shorter outages.** The I part has accumulated most, without any of it being removed, after an outage that is shorter
+than that of the test sequence. The sum grows until the output is at its limit. From then on most controllers hold it,
+and the additional P part of the falling reading disappears again on the way up. The overshoot therefore peaks at about
+the length after which full power is requested, between 0 and the 2 TN of the test sequence:
 
-Most has been summed up, and is given back by nothing, after a shorter one than a story's, and on the way back from a
-restart in between: see `heatertune.proof.long_outage`.
+    hold + K·(e + 1/TN·∫e dt) = limit,   e: how far the heater has cooled down since the reading began to fall
 
-Where the user stated a range of setpoints, open circuits and heat-ups from cold are run at the lower ones, too: they
-take less power, so full power leads farther beyond them.
+After the circuit has closed, the reading continues to fall for one dead time, by which its fall was delayed before. An
+independent search on sampled designs (tests/bench/outages.py) confirmed this. A shorter outage is the worst if P alone
+determines the output, a longer one if there is no integration outside the proportional band, and with a boost the last
+one before the boost starts.
 
-One that stops at its limit, also where the sum leads back from it, may stay there. While the reading rises, the D part
-takes power away and the sum makes up for it, beyond full power. A setpoint that rises then takes the output to its
-limit, where the sum is kept: once the reading is slow and D is gone, nothing takes the power back.
+**Warm restarts of the PLC.** A restarted PLC begins with an empty I part. The farther the heater has cooled down, the
+more it integrates on the way back, until K·e alone requests full power. The same search found the peak at 0.5 to 1.2 of
+that distance, and at up to 3.4 without integration outside the proportional band.
 
-How long the heater's circuit is open, or the PLC without supply, where most is summed up, and nothing is forgotten.
+**Partial setpoint changes.** The same holds for setpoint changes: from the lowest setpoint in use P requests full
+power, and little is integrated. Of 128 plain designs that passed, 3 reached up to 1.3 of their limit with a smaller
+change.
 
-The sum grows until the output is at its limit. From there on most controllers keep it, and what is gained by P, as the
-reading falls farther, is taken back again on the way up: the overshoot has its peak at about this length, between none
-and the 2 TN of a story. Full power is asked for where
+**Close spacing.** The power changes only at scans. Over the length of the outage, or the size of the change, the
+overshoot is therefore a sawtooth with one tooth for each scan, and a tooth is higher the more full power heats in one
+scan. A boost also ends at a scan, up to one scan late, and its teeth have the full height. The lengths are spaced so
+closely that some come near a peak: between two lengths, the same search found 6 of 65 designs with a boost up to a
+third beyond their limit, and plain ones up to an eighth. Just inside the distance at which a boost starts, the
+controller alone returns the heater to the setpoint, which is not so from the lowest setpoint in use.
 
-    hold + K·(e + 1/TN·∫e dt) = limit,   e: how far the heater has cooled down by itself since the reading began to fall
+**Lower setpoints.** If the user stated a range of setpoints, open circuits and heat-ups from cold are also run at lower
+setpoints: they need less power, so full power overshoots them more.
 
-and a circuit that closes lets the reading fall for the dead time that it took to begin. Found by an independent judge
-on drawn designs, see tests/bench/outages.py: a shorter one is the worst where the reading falls by P alone, a longer
-one where there is no sum outside of the proportional band, and with a boost the last one before it takes over.
-
-A PLC that is restarted begins with an empty sum. The farther the heater has cooled down, the more is summed up on the
-way back, until K·e alone asks for full power: the same judge saw the peak at 0.5 to 1.2 of that distance, and at up to
-3.4 where there is no sum outside of the proportional band. So it is where the setpoint changes: from the lowest of use
-P asks for full power, and little is summed up; 3 of 128 plain designs that passed went up to 1.3 of their limit where
-it changed by less.
-
-Power changes at scans alone, and when is a matter of chance: over the length, or the rise, what is overshot by is a saw
-with a tooth for each scan on the way, the higher the farther full power leads in one. A boost ends at a scan, too, up
-to one later than it might, and then a tooth has all of that height. Places stand so close together that some come near
-a tip: the same judge saw 6 of 65 designs with a boost up to a third beyond their limit between two lengths, and plain
-ones up to an eighth. From just before the distance at which a boost begins, the controller alone leads the way, which
-it does not from the lowest setpoint of use.
+**Staying at the limit.** A controller that stops integrating at its limit, even in the direction away from it, may stay
+there. While the reading rises, the D part lowers the power and the I part compensates for this, beyond full power. If
+the setpoint then rises, the output reaches its limit and the I part is frozen there: once the reading is slow and D has
+decayed, nothing lowers the power.
 """
 
 from __future__ import annotations
@@ -81,35 +79,35 @@ __all__ = [
 ]
 
 
-_SHARES: Final = (0.85, 1.0, 1.7)  # of the time until full power is asked for
-_LED: Final = 2.5  # likewise, where a ramp leads the setpoint back
-_NEARLY: Final = (0.95, 0.98)  # of the time until a boost takes the heater back
-_NOT_YET: Final = (0.95, 0.98, 0.985, 0.99, 0.994, 0.998)  # of how far off a boost begins; a call may be late
-_LED_BY_P: Final = (0.5, 0.6, 0.7, 0.8, 0.95, 1.2, 1.6, 2.2, 3.2)  # of how far off P alone asks for full power
-_COLD: Final = 0.95  # share of the way to the ambient after which a heater is cold, as a story's restart has it
-_NEAR: Final = 0.9  # of the distance at which a boost ends: nearer to the setpoint there is none
-_NEAREST: Final = 0.05  # of the way to the farthest, without a boost
-_FEW: Final = 12  # places on the way, for a first look
-_FEWEST: Final = 24  # likewise, closely
-_MOST: Final = 96  # likewise
-_PER_RISE: Final = 600.0  # likewise, times the share of the way that full power leads in a scan: the height of a tooth
+_SHARES: Final = (0.85, 1.0, 1.7)  # of the time until full power is requested
+_LED: Final = 2.5  # the same, if a ramp moves the setpoint back
+_NEARLY: Final = (0.95, 0.98)  # of the time until a boost starts
+_NOT_YET: Final = (0.95, 0.98, 0.985, 0.99, 0.994, 0.998)  # of the distance at which a boost starts; a call may be late
+_LED_BY_P: Final = (0.5, 0.6, 0.7, 0.8, 0.95, 1.2, 1.6, 2.2, 3.2)  # of the distance at which P alone gives full power
+_COLD: Final = 0.95  # of the way to ambient: a heater is cold then, as at the restart in the test sequence
+_NEAR: Final = 0.9  # of the distance at which a boost ends: there is none nearer
+_NEAREST: Final = 0.05  # of the largest distance, without a boost
+_FEW: Final = 12  # number of lengths for a first search
+_FEWEST: Final = 24  # number of closely spaced lengths, at least
+_MOST: Final = 96  # the same, at most
+_PER_RISE: Final = 600.0  # the same, per fraction of the way that full power heats in a scan: the height of a tooth
 _DOWN: Final = 0.8  # of the rise above ambient: each lower setpoint's, of that of the one above it
-_SCANS: Final = 1e6  # of a story with more no night is longer than it: a proof runs ten times as many at most
-_FEWEST_IN_MANY: Final = 9  # places with a boost then
-_NO_GAIN: Final = 1e-9  # [%/°C]: less leads nowhere
+_SCANS: Final = 1e6  # a longer test sequence gets no longer runs: a proof runs ten times as many at most
+_FEWEST_IN_MANY: Final = 9  # number of lengths with a boost then
+_NO_GAIN: Final = 1e-9  # [%/°C]: a smaller gain has no effect
 _HALVINGS: Final = 50
 
 
 class OutageTiming(NamedTuple):
-    """A loop whose heaters cool down by themselves.
+    """The timing of outages in a loop whose heaters cool down without power.
 
     Attributes:
-        controller: that runs the words.
-        words: what it holds.
-        design: as the words realise it; None where the controller is no PID.
-        scenario: the story.
+        controller: of the loop.
+        words: its parameters.
+        design: realised by the parameters; None if the controller is not a PID.
+        scenario: the test sequence.
         models: the heaters.
-        closely: whether places stand as close together as the scans ask for; else there are a few.
+        closely: whether lengths are spaced as closely as the scans require; otherwise there are only a few.
     """
 
     controller: Controller
@@ -120,7 +118,7 @@ class OutageTiming(NamedTuple):
     closely: bool = True
 
     def openings_s(self) -> list[float]:
-        """Return how long a circuit is open where the overshoot may have its peak [s]; none without an I part."""
+        """Return the outage lengths at which the overshoot may peak [s]; empty without an I part."""
         if self._summing is None:
             return []
         most_pct = self.controller.most_power_pct(self.words)
@@ -130,12 +128,12 @@ class OutageTiming(NamedTuple):
         return self._with_more([share * middle for share in shares])
 
     def lower_openings_s(self) -> dict[float, list[float]]:
-        """Compute how long a circuit is open at the lower setpoints of a stated range [s], by setpoint [°C].
+        """Compute the outage lengths at the lower setpoints of a stated range [s], by setpoint [°C].
 
-        The peak lies elsewhere there: where nothing is summed up outside of the proportional band, the reading leaves
-        it later the less it can fall. The lowest setpoint is not the worst: so near to the ambient the reading falls by
-        too little to sum up much. So there are setpoints on the way down to it, at the same places for every lowest
-        one: a wider range then has all the setpoints of a smaller one but its lowest.
+        The peak is elsewhere there: without integration outside the proportional band, the reading leaves the band
+        later the less it can fall. The lowest setpoint is not the worst: so close to the ambient the reading falls too
+        little to integrate much. Intermediate setpoints are therefore included, the same ones for every lowest
+        setpoint: a wider range then contains all setpoints of a smaller one except its lowest.
         """
         low_degC, setpoint_degC = self.scenario.lower_setpoint_degC, self.scenario.setpoint_degC
         if low_degC is None or self.scenario.setpoint_low_degC is None:
@@ -150,7 +148,7 @@ class OutageTiming(NamedTuple):
                 for low, timing in lower.items()}
 
     def restarts_s(self) -> list[float]:
-        """Return how long a PLC is off where its restart may overshoot most [s]; none without an I part."""
+        """Return the off-times of a PLC after which its restart may overshoot most [s]; empty without an I part."""
         if self._summing is None:
             return []
         full_degC = self.controller.most_power_pct(self.words) / abs(self._summing.gain_pct_per_degC)
@@ -159,7 +157,7 @@ class OutageTiming(NamedTuple):
         return self._with_more([math.sqrt(min(each) * max(each)) for each in zip(*times, strict=True)])
 
     def lows_degC(self) -> list[float]:
-        """Return setpoints a change to or from which may overshoot more than of the lowest [°C]; none without I."""
+        """Return setpoints whose change may overshoot more than that of the lowest [°C]; empty without an I part."""
         asked, low_degC = self.scenario.setpoint_degC, self.scenario.lower_setpoint_degC
         if self._summing is None or low_degC is None or low_degC == asked:
             return []
@@ -173,23 +171,23 @@ class OutageTiming(NamedTuple):
 
     @property
     def _summing(self) -> PidDesign | None:
-        """The design; None where nothing is summed up."""
+        """The design; None without integral action."""
         return None if self.design is None or math.isinf(self.design.integral_time_s) else self.design
 
     @property
     def _many(self) -> bool:
-        """Whether the story has so many scans that no night may have more."""
+        """Whether the test sequence has so many scans that no additional run may have more."""
         return self.scenario.duration_s > _SCANS * self.controller.timing(self.words).scan_s
 
     def _full_rise_degC(self, design: PidDesign) -> float:
-        """Return by how much the setpoint rises where P asks for all power beside what holds it before [°C]; or 0."""
+        """Return the setpoint rise at which P requests all power in excess of the holding power [°C], or 0."""
         most_pct, gain = self.controller.most_power_pct(self.words), abs(design.gain_pct_per_degC)
         rises = [(most_pct - step / model.gain_degC_per_pct) / max(gain - 1.0 / abs(model.gain_degC_per_pct), _NO_GAIN)
                  for model, step in self._steps]
         return math.sqrt(max(0.0, min(rises)) * max(rises))
 
     def _with_more(self, lengths_s: list[float]) -> list[float]:
-        """Return lengths in order, with more all the way down; those after which a boost takes over right before."""
+        """Return lengths in order, with more down to the shortest; with a boost, also lengths just before it starts."""
         again_degC = self.controller.again_degC(self.words)
         if again_degC is not None and all(again_degC < abs(step) for _, step in self._steps):
             falls = [time_to(again_degC / abs(step), *model.lags_s) for model, step in self._steps]
@@ -200,11 +198,11 @@ class OutageTiming(NamedTuple):
         return sorted({*lengths_s, *(time_to(far / abs(step), *model.lags_s) for far in more)})
 
     def _more_degC(self, farthest_degC: float, least: int) -> Iterator[float]:
-        """Yield distances from the setpoint, up to the farthest, from where a boost ends on [°C].
+        """Yield distances from the setpoint, from the end of a boost up to the farthest [°C].
 
         Args:
-            farthest_degC: of them.
-            least: how many there are where the story has too many scans for more.
+            farthest_degC: the largest of them.
+            least: their number if the test sequence has too many scans for more.
         """
         boost, again_degC = self.words.boost, self.controller.again_degC(self.words)
         within_degC = again_degC if boost is None else boost.within_degC
@@ -219,17 +217,17 @@ class OutageTiming(NamedTuple):
 
     @property
     def _steps(self) -> list[tuple[HeaterModel, float]]:
-        """The heaters, each with how far its setpoint is from the ambient [°C]."""
+        """The heaters, each with the distance of its setpoint from the ambient [°C]."""
         return [(model, self.scenario.setpoint_degC - conditions(self.scenario, model)[0]) for model in self.models]
 
 
 def _saturates_s(model: HeaterModel, step_degC: float, design: PidDesign, most_pct: float) -> float:
-    """Return how long a heater has cooled down when all power is asked for [s]."""
+    """Return the cooling time after which full power is requested [s]."""
     outer, inner = (*model.lags_s, 0.0)[:2]
 
     def asked_pct(seconds: float) -> float:
         fallen = unit_step_response(seconds, outer, inner)
-        summed_s = seconds + outer * math.expm1(-seconds / outer) - inner * fallen  # of what has fallen
+        summed_s = seconds + outer * math.expm1(-seconds / outer) - inner * fallen  # integral of the fall
         return step_degC / model.gain_degC_per_pct + design.gain_pct_per_degC * step_degC * (
             fallen + summed_s / design.integral_time_s)
 
@@ -251,35 +249,35 @@ _RETURN, _GROWTH = "reheat_time", "return_growth"
 _LONGER, _RISING, _BRIEF, _WARM, _PART = "winds-up", "stays-at-limit", "briefly-open", "warm-restart", "part-change"
 _LOW: Final = "low-outage"
 _HEAT_UP: Final = "low-heat-up"
-#: what is broken there is of a story's kind, and other gains may mend it
+#: limits broken there are of the test sequence's kind, and other gains may help
 _MENDED: Final = frozenset({_LOW, _HEAT_UP, _BRIEF, _WARM, _PART})
-#: what the lower end of the range of use leads to
+#: findings that concern the lower end of the range of setpoints
 OF_RANGE: Final = frozenset({_LOW, _HEAT_UP, _PART})
-#: name of what is found → criteria that tell which run is the hardest
+#: name of the finding → criteria that select the hardest run
 OVERSHOOTS: Final = {
     _LONGER: _REHEATED, _RISING: _REHEATED, _LOW: _REHEATED, _HEAT_UP: _HEATED, _BRIEF: _REHEATED, _WARM: _RESTARTED,
     _PART: _CHANGED}
-#: name of what is found → criteria that count
+#: name of the finding → criteria that count
 JUDGED: Final = {
     **OVERSHOOTS, _LONGER: (*_REHEATED, _RETURN, _GROWTH), _RISING: (*_REHEATED, _RETURN)}
 _KEPT_AT_HIGHEST: Final = "the limit is kept at the highest setpoint"
-_TIMES: Final = 4.0  # as long as in the story
-#: of the time to return after the story's open circuit: a heater that was not quite cold then needs so much more
+_TIMES: Final = 4.0  # as long as in the test sequence
+#: of the time to return after the test sequence's open circuit: tolerance for a heater that was not quite cold then
 _COLDER: Final = 0.1
-_SLACK: Final = 1.1  # the limit is the story's; what stays at its limit goes far beyond it, or never comes to rest
-_LATER: Final = 1.2  # than full power takes to the lower setpoint: where two lags carry the reading beyond it
+_SLACK: Final = 1.1  # of the test sequence's limit; one that stays at its limit exceeds it by far, or never settles
+_LATER: Final = 1.2  # than full power needs to the lower setpoint: two lags carry the reading beyond it
 
 
 class LongOutage(NamedTuple):
-    """What else an open circuit may lead to.
+    """An additional run, derived from an open circuit or a setpoint change of the test sequence.
 
     Attributes:
-        name: of what is found where it breaks a limit.
-        scenario: from the heat-up right into it, and the way back.
-        told: when it is.
-        kept: what the story has shown.
-        heater_s: sum of lags and dead time of the slowest heater, by which a time to return may differ by chance [s].
-        most: strain of a limit that is not yet held to be broken.
+        name: of the finding if it breaks a limit.
+        scenario: heat-up, the event directly after it, and the way back.
+        summary: the condition, in words.
+        limits_kept: result of the test sequence itself.
+        heater_s: sum of lags and dead time of the slowest heater, the tolerance of the time to return [s].
+        most: limit usage that still counts as kept.
     """
 
     name: str
@@ -291,15 +289,15 @@ class LongOutage(NamedTuple):
 
     @property
     def compares(self) -> bool:
-        """Whether the time to return is held against that after the story's open circuits."""
+        """Whether the time to return is compared with that after the open circuits of the test sequence."""
         return self.name == _LONGER
 
     def compare(self, criteria: Sequence[Criterion], before: Iterable[Criterion]) -> tuple[Criterion, ...]:
-        """Return the criteria of a run, with how much longer it takes to return than after the story's open circuits.
+        """Return the criteria of a run, with the increase of the time to return over that in the test sequence.
 
         Args:
             criteria: of the run.
-            before: criteria of the same run in the story.
+            before: criteria of the same run in the test sequence.
         """
         now = {each.name: each for each in criteria}.get(_RETURN)
         then = {each.name: each for each in before}.get(_RETURN)
@@ -311,7 +309,7 @@ class LongOutage(NamedTuple):
         return *criteria, growth
 
     def findings(self, criteria: Iterable[Criterion]) -> list[Finding]:
-        """Return what broken limits mean; nothing where all are kept."""
+        """Return the findings of broken limits; empty if all are kept."""
         worst = self._worst(criteria)
         if worst.strain <= self.most:
             return []
@@ -322,7 +320,7 @@ class LongOutage(NamedTuple):
         return [Finding(name=self.name, message=f"{self.summary} it {does}{self.limits_kept}.")]
 
     def strain(self, criteria: Iterable[Criterion]) -> float:
-        """Return how much of a limit that counts here is used at most."""
+        """Return the largest usage of the limits that count here."""
         return self._worst(criteria).strain
 
     def _worst(self, criteria: Iterable[Criterion]) -> Criterion:
@@ -333,18 +331,18 @@ def nights_of(
     scenario: Scenario, models: Sequence[HeaterModel], brief_s: Sequence[float] = (), warm_s: Sequence[float] = (),
     lows_degC: Sequence[float] = (), lower_s: Mapping[float, Sequence[float]] | None = None,
 ) -> Iterator[LongOutage]:
-    """Yield the longest open circuit of a story right after the heat-up: longer, closed at the lower setpoint, shorter.
+    """Yield variants of the longest open circuit, right after the heat-up: longer, closed at lower setpoints, shorter.
 
-    Also open circuits of the same and of shorter lengths at lower setpoints, heat-ups to these from cold, a restart of
-    the PLC between the shortest and the longest, and changes of the setpoint by less than the range.
+    Yield also open circuits of the same and of shorter lengths at lower setpoints, heat-ups to these from cold,
+    restarts of the PLC after intermediate times, and setpoint changes by less than the range.
 
     Args:
-        scenario: the story; none of its circuits may be closed again.
+        scenario: the test sequence; its circuits may all stay open.
         models: the heaters.
-        brief_s: how long a shorter one lasts, each [s].
-        warm_s: how long the PLC is without supply, each [s].
-        lows_degC: setpoints to which it falls, and rises again, each [°C].
-        lower_s: lower setpoint of a stated range [°C] → how long a shorter open circuit there lasts, each [s]; None:
+        brief_s: lengths of the shorter ones [s].
+        warm_s: times without supply of the PLC [s].
+        lows_degC: setpoints to which it falls, and from which it rises again [°C].
+        lower_s: lower setpoint of a stated range [°C] → lengths of the shorter open circuits there [s]; None:
             no range was stated.
     """
     lower_s = lower_s or {}
@@ -394,7 +392,7 @@ def _opened(
     if low is not None and scenario.rests_s:
         yield _rising(scenario, number, _downwards({low, *lower_s}, scenario), models)
     if lower_s and brief_s and scenario.rests_s:
-        longest_s = opened[number]  # near to the ambient the worst ones are longer, without an end
+        longest_s = opened[number]  # near ambient the worst ones are longer, without bound
         lengths_s = {setpoint: sorted({*opened.values(), *(length_s for length_s in shorter_s if length_s < longest_s)})
                      for setpoint, shorter_s in lower_s.items()}
         yield _at_lower_setpoints(scenario, number, lengths_s)
@@ -404,13 +402,13 @@ def _opened(
 
 
 def heat_up(scenario: Scenario) -> Scenario:
-    """Return the heat-up of a story alone."""
+    """Return only the heat-up of a test sequence."""
     end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
     return replace(scenario, disturbances=(), rests_s=scenario.rests_s[:1], duration_s=end_s)
 
 
 def lengthen(scenario: Scenario, times: float) -> Scenario:
-    """Return a scenario whose first event lasts so many times as long: a longer open circuit."""
+    """Return a scenario with its first event, an open circuit, lengthened by a factor."""
     begins, *others = scenario.disturbances
     more_s = (times - 1.0) * (others[0].time_s - begins.time_s)
     later = (replace(event, time_s=event.time_s + more_s) for event in others)
@@ -432,9 +430,9 @@ def _longer(scenario: Scenario, number: int, proven_s: float) -> LongOutage:
 def _rising(
     scenario: Scenario, number: int, lows_degC: Sequence[float], models: Sequence[HeaterModel]
 ) -> LongOutage:
-    """Return two open circuits for each lower setpoint, closed there; it rises as the reading gets there.
+    """Return two open circuits for each lower setpoint, closed there; the setpoint rises as the reading arrives.
 
-    Then the sum is highest: full power, with next to no error.
+    The I part is then at its maximum: full power with almost no error.
     """
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
     opens, closes = scenario.disturbances[number:number + 2]
@@ -462,8 +460,8 @@ def _at_lower_setpoints(
 ) -> LongOutage:
     """Construct the open circuits of the test sequence again, and those of other lengths, at every lower setpoint.
 
-    The controller sums up until it asks for full power. The less power the setpoint takes, the more of that sum has to
-    be given back, and the less P takes away on the way: the overshoot is larger than at the highest setpoint.
+    The controller integrates until it requests full power. The less power the setpoint needs, the more of the I part
+    has to be removed, and the less P contributes to this: the overshoot is larger than at the highest setpoint.
     """
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
     fall = next(place for place, event in enumerate(scenario.disturbances) if isinstance(event, NewSetpoint))
@@ -513,7 +511,7 @@ def _each(
     """Return the heat-up and then, of each length, what begins with an event of a story and ends with the next one.
 
     Args:
-        scenario: the story.
+        scenario: the test sequence.
         number: of the event.
         lengths_s: each [s].
         befores: events in its place; none: it.

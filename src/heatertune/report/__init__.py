@@ -1,6 +1,6 @@
-"""Stage documents → a table for the terminal, pictures, and one self-contained HTML page; it computes nothing.
+"""Stage documents → tables for the terminal, pictures, and one self-contained HTML page; nothing is computed here.
 
-What stands here is imported when it is first used: the help of a command needs none of it.
+Names are imported on first use, because the help of a command needs none of them.
 """
 
 from typing import TYPE_CHECKING

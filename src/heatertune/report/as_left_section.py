@@ -38,7 +38,7 @@ _NOT_KNOWN: Final = "not known"
 
 
 def written(documents: Mapping[str, Document]) -> str:
-    """Return each time that somebody wrote, as HTML; nothing where nobody did."""
+    """Return each write to the PLC as HTML; empty if there was none."""
     found = documents.get("written")
     return "" if found is None else "<h2>Written into the PLC</h2>" + "".join(
         _passage(one, documents["words"]) for one in found["passages"])
@@ -52,7 +52,7 @@ def written_brief(found: Document, page: str) -> str:
 
 
 def in_plc(values: Mapping[str, float] | None, words: Document) -> str:
-    """Return the words that stood in a PLC, each as it is typed in; those that the program writes are left out."""
+    """Return the parameters in a PLC, each as entered, except those that the program writes."""
     if values is None:
         return _NOT_KNOWN
     texts = _texts(words, values)
@@ -98,7 +98,7 @@ def _where(one: Document) -> str:
 
 
 def _quantities(one: Document) -> Iterator[list[str]]:
-    """Yield what the words mean; what is in none of the three sets is left out."""
+    """Yield the meanings of the parameters that occur in at least one of the three sets."""
     for each in one["quantities"]:
         values = [each[name] for name in ("as_found", "proven", "left")]
         if any(value is not None for value in values):
@@ -137,7 +137,7 @@ def _own(words: Document) -> Iterator[KeyedEntry]:
 
 
 def plot_watch(watch: Document) -> Figure:
-    """Draw the response over its band; readings outside of it are marked."""
+    """Draw the response over its band; readings outside the band are marked."""
     drawn, (ax,) = new_figure(1, 3.0)
     time, seen, low, high, asked = (np.asarray(watch[name]) for name in (
         "time_s", "temperature_degC", "low_degC", "high_degC", "setpoint_degC"))
@@ -161,7 +161,7 @@ CURVES: Final = ("time_s", "temperature_degC", "power_pct", "band_s", "low_degC"
 
 
 def measured_text(line: Document) -> str:
-    """Return what was measured of a criterion, or that it was not."""
+    """Return the measured value of a criterion, or that it was not measured."""
     value = line["measured"]
     return "not measured" if value is None else value if isinstance(value, str) else quantity(value, line["unit"], 3)
 
@@ -174,7 +174,7 @@ def worst_text(line: Document) -> str:
 
 
 def as_left_brief(left: Document, target: str, page: str, *, whole: bool = False) -> str:
-    """Return a trace beside its proof on one screen, or, `whole`, all that is known of it."""
+    """Return a trace compared with its proof on one screen, or in full with `whole`."""
     count = sum(line["measured"] is not None for line in left["measurements"])
     said = " ".join(left["messages"]) or (
         "every figure keeps its limit, and the curve is inside of what the proven runs do")
@@ -193,7 +193,7 @@ def as_left_brief(left: Document, target: str, page: str, *, whole: bool = False
 
 
 def judged_text(line: Document) -> str:
-    """Return whether what was measured is as proven, "" where nothing was."""
+    """Return whether the measured value is as proven, "" if it was not measured."""
     if line["keeps"] is False:
         return "FAIL"
     return "" if line["keeps"] is None else "ok" if line["as_proven"] else "worse than proven"

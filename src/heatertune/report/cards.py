@@ -36,7 +36,7 @@ _POINTS: Final = 600  # what a card's width can show
 
 
 class Panel(NamedTuple):
-    """A part of a picture: its height, and what draws it."""
+    """A part of a picture: its height, and the function that draws it."""
 
     height_in: float
     paint: Callable[[Axes], None]
@@ -66,7 +66,7 @@ def draw_figure(value: object, figure: Figure | None = None) -> tuple[Figure, li
 
 
 def thinned(*columns: Any) -> list[Any]:
-    """Return every n-th of each column, so that no more stays than can be seen; the last is kept."""
+    """Reduce each column to every n-th value, no more than can be seen; the last is kept."""
     n = len(columns[0])
     kept = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(int))
     return [np.asarray(column)[kept] for column in columns]

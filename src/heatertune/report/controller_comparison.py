@@ -35,7 +35,7 @@ def targets_table(document: Document) -> str:
 
 
 def targets_brief(document: Document) -> str:
-    """Return one line per controller on one screen: what it does, and what it costs beside the ideal."""
+    """Return one line per controller on one screen: its performance, and its cost compared with the ideal."""
     rows: list[tuple[str, ...]] = [("", "", "settles", "overshoot", "offset", "costs", "")]
     rows += [_brief(row) for row in document["rows"]]
     told = "costs: how much larger the integral of the error is than that of the ideal controller on this heater"
@@ -73,7 +73,7 @@ def render_targets(document: Document) -> str:
 
 
 def plot_targets(rows: Sequence[Document]) -> Figure:
-    """Draw each target's temperature beside the unrounded design's, and the difference of the two on its own scale."""
+    """Draw each target's temperature with that of the unrounded design, and their difference on a separate scale."""
     drawn, axes = new_figure(len(rows), 1.15 * len(rows) + 0.4, 2, sharex=True)
     for row, left, right in zip(rows, axes[::2], axes[1::2], strict=True):
         series, wish = row["series"], row["ideal"]

@@ -1,4 +1,4 @@
-"""The health of many loops, as one page and as a few lines: a row a loop, the worst first."""
+"""The health of many loops, as a page and as a few lines: one row per loop, the worst first."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def _found(loop: Loop) -> str:
 
 
 def _to_do(loop: Loop) -> Markup | str:
-    """Return what to do, with the words where there are some."""
+    """Return the recommended action, with the parameters if there are any."""
     if loop["outcome"] == _WELL:
         return ""
     told = text_of(loop["what_to_do"])
@@ -139,7 +139,7 @@ def _sparkline(course: str | None) -> Markup | str:
 
 
 def loops_lines(document: Mapping[str, Any]) -> str:
-    """Return what a terminal shows: the worst loops with what to do, and what was left out."""
+    """Return the text for the terminal: the worst loops with recommended actions, and the number of the others."""
     return "\n".join(_lines(document))
 
 

@@ -1,9 +1,9 @@
 """HTML in one look: page, table, list, picture. Nothing is fetched from anywhere.
 
-A figure as the browser moves it: the same lines as in print, with values under the cursor and zoom.
+An interactive figure for the browser: the same lines as in print, with values under the cursor and zoom.
 
-The drawing is done by uPlot (Leon Sorokin, MIT; unmodified, in `uplot/` with its licence): 51 kB that need no network.
-Where no program runs, and on paper, the page shows the figure's SVG.
+uPlot draws it (Leon Sorokin, MIT; unmodified, in `uplot/` with its licence): 51 kB that need no network.
+Without JavaScript, and on paper, the page shows the figure's SVG.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ __all__ = [
 
 @cache
 def live_program() -> str:
-    """Return the statements of the page: uPlot, then what ties it to the figures and keeps the ticks."""
+    """Return the scripts of the page: uPlot, its connection to the figures, and the storage of ticked boxes."""
     folder = files("heatertune.report")
     library, licence = (folder.joinpath("uplot", name).read_text(encoding="utf-8").strip()
                         for name in ("uPlot.iife.min.js", "LICENSE"))
@@ -48,15 +48,15 @@ def live_style() -> str:
 
 
 def panels_json(figure: Figure) -> str:
-    """Return the figure's panels as JSON that may stand in a script element; "[]" where none can be moved."""
+    """Return the figure's panels as JSON for a script element; "[]" if none can be interactive."""
     # "<!--<script" would keep the parser from seeing the end of the element, "</script" would be one
     return json.dumps(panels(figure), ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def panels(figure: Figure) -> list[dict[str, Any]]:
-    """Return one panel per pair of axes; none where x runs back and forth.
+    """Return one panel per pair of axes, except axes on which x is not monotonic.
 
-    A panel has its height as a share, the labels of its axes with their units, and its lines: label, x, y, look.
+    A panel has its relative height, the labels of its axes with units, and its lines: label, x, y, style.
     """
     if any(np.any(np.diff(_xy(line)[0]) < 0.0) for ax in figure.axes for line in ax.lines):
         return []  # a Nyquist curve: no function of x
@@ -104,13 +104,13 @@ BLANK: Final = Markup('<span class="blank"></span>')
 
 
 def page(title: str, body: str, *, mark: str = "", foot: str = "") -> str:
-    """Return a whole page with its style; with pictures, also the program that moves them.
+    """Return a complete page with its style and, for pictures, the script that makes them interactive.
 
     Args:
         title: heading.
         body: HTML.
-        mark: what the browser keeps the ticks of this page under.
-        foot: what stands at the foot of each printed page, beside its number.
+        mark: key under which the browser stores the ticked boxes of this page.
+        foot: text at the foot of each printed page, next to the page number.
     """
     moves = "data-live" in body
     own = files("heatertune.report").joinpath("page.css").read_text(encoding="utf-8")
@@ -126,7 +126,7 @@ def page(title: str, body: str, *, mark: str = "", foot: str = "") -> str:
 
 
 def _in_style(text: str) -> str:
-    """Return text as it may stand in quotation marks of a style sheet: all but letters and digits by their numbers."""
+    """Escape text for a quoted string of a style sheet: everything except letters and digits as code points."""
     return "".join(each if each.isascii() and each.isalnum() else f"\\{ord(each):x} " for each in text)
 
 
@@ -146,7 +146,7 @@ def picture(drawn: Any, caption: str, *, moves: bool = True) -> str:
 def table(
     heads: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: Sequence[int] = (), source: str = ""
 ) -> str:
-    """Return a table; the columns named in `numeric` are aligned to the right, its source stands below."""
+    """Return a table; the columns in `numeric` are right-aligned, the source is below."""
     caption = f"<caption>Source: {text_of(source)}</caption>" if source else ""
     kinds = [' class="n"' if i in numeric else "" for i in range(len(heads))]
     head = "".join(f'<th scope="col"{kind}>{text_of(cell)}</th>' for kind, cell in zip(kinds, heads, strict=True))
@@ -155,7 +155,7 @@ def table(
 
 
 def tick(name: str, label: str) -> Markup:
-    """Return a box that can be ticked on screen and on paper; `label` is told to those who do not see it."""
+    """Return a box to tick on screen and on paper; `label` is for screen readers."""
     return Markup(f'<input type="checkbox" id="{text_of(name)}" aria-label="{text_of(label)}">')
 
 
@@ -169,7 +169,7 @@ def steps(name: str, items: Sequence[str]) -> str:
 
 
 def with_code(text: str) -> Markup:
-    """Return text in which `this` stands as code."""
+    """Return text with `this` set as code."""
     return Markup(_CODE.sub(r"<code>\1</code>", text_of(text)))
 
 
@@ -181,10 +181,10 @@ def _cell(cell: str, numeric: bool) -> str:
 
 
 def bullets(items: Sequence[str]) -> str:
-    """Return a list in which `this` stands as code, nothing without items."""
+    """Return a list with `this` set as code; an empty text without items."""
     return "<ul>" + "".join(f"<li>{with_code(item)}</li>" for item in items) + "</ul>" if items else ""
 
 
 def text_of(content: str) -> str:
-    """Return text with what HTML would understand escaped; what is HTML already stays."""
+    """Escape text for HTML; existing HTML stays unchanged."""
     return content if isinstance(content, Markup) else html.escape(str(content))

@@ -1,4 +1,4 @@
-"""Text as a terminal shows it: wrapped to its width, in columns, no longer than a screen."""
+"""Text layout for the terminal: wrapped to its width, in columns, at most one screen."""
 
 from __future__ import annotations
 
@@ -55,12 +55,12 @@ def cut(text: str, width: int = WIDTH) -> str:
 
 
 def wrap_text(text: str, first: str = "", most: int | None = None) -> list[str]:
-    """Return a text in lines of a terminal's width; what comes first stands alone in its columns.
+    """Wrap a text to the width of the terminal, with a hanging prefix in its own columns.
 
     Args:
         text: one paragraph.
         first: before its first line.
-        most: so many lines at most, the last one cut; None: any number.
+        most: largest number of lines, the last one truncated; None: unlimited.
     """
     lines = textwrap.wrap(text, WIDTH, initial_indent=first, subsequent_indent=" " * len(first), max_lines=most,
                           placeholder=" …", break_on_hyphens=False)
@@ -68,14 +68,14 @@ def wrap_text(text: str, first: str = "", most: int | None = None) -> list[str]:
 
 
 def labelled_lines(parts: Mapping[str, Sequence[str]], most: int) -> list[str]:
-    """Return parts behind their labels, in so many lines at most.
+    """Return parts after their labels, within a number of lines.
 
-    Of the longest label the parts at the end are left out first, and counted; where there are more labels than lines,
-    the last line counts what is behind the last labels.
+    The last parts of the longest label are omitted first, and counted; if there are more labels than lines, the last
+    line counts the parts of the remaining labels.
 
     Args:
-        parts: label → a few words each, the most important first; a label without any is left out.
-        most: lines at most, 1 at least.
+        parts: label → a few words each, the most important first; a label without parts is omitted.
+        most: largest number of lines, at least 1.
     """
     kept = {label: list(of) for label, of in parts.items() if of}
     left = dict.fromkeys(kept, 0)
@@ -118,12 +118,12 @@ def command(words: Sequence[str]) -> list[str]:
 
 
 def notes_within(room: int, notes: Sequence[str], hidden: int = 0) -> list[str]:
-    """Return notes as items, as many as there is room for, and how many there are beside them.
+    """Return as many notes as fit, as items, and the number of the others.
 
     Args:
-        room: lines at most, one of them for the number of those left out.
-        notes: to be shown, the most important first.
-        hidden: how many more there are that are not to be shown.
+        room: largest number of lines, including one for the number of omitted notes.
+        notes: to show, the most important first.
+        hidden: number of further notes that are never shown.
     """
     lines = list[str]()
     for number, note in enumerate(notes):

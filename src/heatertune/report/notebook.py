@@ -1,4 +1,4 @@
-"""What a value shows of itself: its card in a notebook, its picture in axes, its lines of text."""
+"""How a value is displayed: its card in a notebook, its picture in axes, its lines of text."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = ["card", "plot", "summary"]
 
 
 def plot(value: object, ax: Axes | None = None) -> Axes:
-    """Draw a value, into axes or a new figure of pyplot's, and return the axes; see `panels` for what is raised."""
+    """Draw a value into axes or a new pyplot figure, and return the axes; see `panels` for exceptions."""
     from matplotlib import pyplot as plt  # noqa: PLC0415 - half a second that only pictures need
 
     if ax is None:

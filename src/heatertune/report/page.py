@@ -1,10 +1,8 @@
 """The report: one self-contained HTML page made from the documents of the stages.
 
-The glossary of a page: what the symbols and words mean that stand on it.
-
-What the proof was told, and what it does not say: asked, assumed, left open.
-
-The record that one signs: verdict, words to tick, into service, safety, acceptance test, as left, who signs.
+Also its glossary of symbols and words, the assumptions of the proof (requested, assumed, left open), and the
+commissioning record for signature: verdict, parameters to tick off, commissioning, safety, acceptance test, as left,
+signatures.
 """
 
 from __future__ import annotations
@@ -60,7 +58,7 @@ _UNREAD: Final = re.compile(r"<(script|style|svg)\b.*?</\1>|<[^>]*>", re.DOTALL)
 
 
 def glossary(body: str) -> str:
-    """Return the terms that a page uses as a list with their meanings, in HTML; nothing where it uses none.
+    """Return the terms used on a page with their meanings, as an HTML list; an empty text without terms.
 
     Args:
         body: HTML of the page.
@@ -76,7 +74,7 @@ Documents = Mapping[str, Document]
 
 
 def assumption_text(documents: Documents) -> str:
-    """Return what the proof was told about the plant, each with its unit and where it came from."""
+    """Return the assumptions of the proof about the plant, each with its unit and source."""
     proof, scale = documents["proof"], documents["words"]["scaling"]
     story, switch, limit = proof["scenario"], proof["actuator"], proof["limits"]
     sensor = options_of(SensorSettings)["range_degC"]
@@ -121,7 +119,7 @@ def assumption_text(documents: Documents) -> str:
 
 
 def _proven(point: OpenPoint, known: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the settings that ran: of a choice the one that was made, and the default; none where that is chosen."""
+    """Return the proven settings: for a choice the chosen one and the default, or none if the default is chosen."""
     chosen = known.get(point.name, point.default)
     if point.chosen:
         return () if chosen == point.default else (chosen, point.default)
@@ -129,13 +127,13 @@ def _proven(point: OpenPoint, known: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _row(name: str, value: float) -> list[str]:
-    """Return what one of the `Conditions` was, with its unit and where it came from."""
+    """Return one of the `Conditions` with its unit and source."""
     its = options_of(Conditions)[name]
     return [its.label or its.quantity, figure(value), its.unit, its.given_by]
 
 
 def specification(documents: Documents) -> str:
-    """Return what was asked for, in the user's words, with its reasons; empty where limits were given as they are."""
+    """Return the specification in the user's words, with its reasons; empty if the limits were given directly."""
     asked = documents["proof"]["specification"]
     if asked is None:
         return ""
@@ -149,7 +147,7 @@ def specification(documents: Documents) -> str:
 
 
 def limits(documents: Documents) -> str:
-    """Return what the proof does not say."""
+    """Return the limits of validity of the proof."""
     proof = documents["proof"]
     ends = f"Setpoints above {figure(proof['scenario']['setpoint_degC'])} °C, and below those of the test sequence."
     unproven = [
@@ -170,7 +168,7 @@ _MOST_LETTERS: Final = 34  # of the longest word and of the longest value, for t
 
 
 def head(documents: Documents) -> str:
-    """Return what the foot of each printed page says: document, plant, words."""
+    """Return the text at the foot of each printed page: document, plant, parameters."""
     about = documents.get("record", {})
     names = [about.get("document"), about.get("revision"), about.get("plant_tag"), documents["words"]["target"]]
     digest = documents["proof"]["digest"].removeprefix("sha256:")[:16]
@@ -239,7 +237,7 @@ def _words(documents: Documents) -> str:
 
 
 def _is_narrow(rows: Sequence[KeyedEntry]) -> bool:
-    """Whether two columns of words stand side by side: neither a word nor its value is broken in lines."""
+    """Whether two columns of parameters fit side by side without breaking a name or value."""
     names = max(len(row.name) if row.address == row.name else len(f"{row.address} {row.name}") for row in rows)
     values = max(len(f"{text} {row.format}") for row in rows for text in (row.first_text, row.then_text))
     return names + values <= _MOST_LETTERS
@@ -268,14 +266,14 @@ def _word(row: KeyedEntry) -> str:
 
 
 def _site(documents: Documents) -> str:
-    """Return the steps on site: where the words go, and what to watch at first."""
+    """Return the steps on site: entering the parameters, and the first minutes."""
     manual = commissioning(documents["words"]["target"])
     source = f'<p class="soft">Source: {text_of(manual.facts)}</p>'
     return f"<h2>Commissioning</h2>{_steps(manual.steps, _INTO_SERVICE)}{source}"
 
 
 def remedies(documents: Documents) -> str:
-    """Return what to do where something goes wrong, and how to go back."""
+    """Return the troubleshooting steps, and how to restore the old parameters."""
     found = commissioning(documents["words"]["target"]).steps
     others = [title for title in found if title not in _INTO_SERVICE]
     search = bullets(search_notes(documents["words"]))
@@ -363,7 +361,7 @@ def render(documents: Documents, drawn: Mapping[str, str] | None = None) -> str:
 
     Args:
         documents: "log", "model", "pid", "words", "proof", "pictures" and "comparison".
-        drawn: of these documents what `sections` gave; None: nothing yet.
+        drawn: result of `sections` for these documents; None: not drawn yet.
     """
     words = documents["words"]
     title = f"Commissioning record: {documents['log']['name']} → {words['target']}"
@@ -440,7 +438,7 @@ def _candidates(model: Document) -> str:
 
 
 def _checks(model: Document) -> str:
-    """Return what the fit is worth on windows left out of it, and whether its residuals are noise."""
+    """Return the cross-validation of the fit, and the whiteness test of its residuals."""
     held, white, follows = (model.get(name) for name in ("held_out", "whiteness", "input_crosscorrelation"))
     if held is None or white is None:
         return ""
@@ -460,7 +458,7 @@ def _mark(ok: bool) -> str:
 
 
 def _hypotheses(model: Document) -> str:
-    """Return every hypothesis about the controller that was compared; nothing where the power was logged."""
+    """Return every hypothesis about the controller that was compared; nothing if the power was logged."""
     if not model.get("hypotheses"):
         return ""
     heads, *rows = hypothesis_rows(model)
@@ -508,7 +506,7 @@ def _design(documents: Documents) -> str:
 
 
 def _on_drawn_heaters(proof: Document) -> str:
-    """Return what drawn heaters showed, if there were any."""
+    """Return the results on sampled heaters, if there are any."""
     if "samples" not in proof:
         return ""
     heads, *rows = samples_rows(proof["samples"])

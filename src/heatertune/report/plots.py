@@ -1,6 +1,6 @@
-"""The pictures. Each takes one part of the pictures document and returns the figure; nothing is computed here.
+"""The pictures. Each function takes one part of the pictures document and returns the figure; nothing is computed here.
 
-One look for all pictures: what is what keeps its colour and its line, also when printed grey.
+All pictures share one style: each quantity keeps its colour and line style, also when printed in greyscale.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ def new_figure(
     """Return a figure of full page width and its axes, row by row.
 
     Args:
-        rows: how many axes stand below one another.
+        rows: number of rows of axes.
         height: of the figure [inch].
-        columns: how many stand beside one another.
-        figure: an empty one to be used; None: a new one.
+        columns: number of columns of axes.
+        figure: an empty figure to use; None: a new one.
         settings: of `Figure.subplots`.
     """
     from matplotlib.figure import Figure  # noqa: PLC0415 - half a second that only pictures need
@@ -57,16 +57,16 @@ def new_figure(
 
 
 def power_limits(*powers: Any) -> tuple[float, float]:
-    """Return the ends of an axis of power [%], from below 0 where one of them cools."""
+    """Return the ends of an axis of power [%], from below 0 if one of them cools."""
     return -4.0 if all(np.nanmin(power, initial=0.0) >= 0.0 for power in powers) else -104.0, 104.0
 
 
 def key(ax: Axes, *names: tuple[str, str]) -> None:
-    """Name lines in a row above the axes, each beside a piece of it: no curve is covered, and grey print suffices.
+    """Draw a legend in a row above the axes, so that it covers no curve and is readable in greyscale.
 
     Args:
         ax: where.
-        names: name and look of each line.
+        names: name and style of each line.
     """
     from matplotlib.lines import Line2D  # noqa: PLC0415 - with the rest of matplotlib, only where pictures are drawn
 
@@ -110,7 +110,7 @@ def to_svg(figure: Figure) -> str:
 
 
 def _lay_out(figure: Figure) -> None:
-    """Place what is in a figure once: a figure with an engine is drawn twice when it is saved, first for its layout."""
+    """Lay out a figure once, because saving a figure with a layout engine draws it twice."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
@@ -146,7 +146,7 @@ def plot_fit(log: Part, residuals: Part) -> Figure:
 
 
 def plot_loop(nominal: Part, worst: Part, others: Sequence[Part], phases: Sequence[Part] = ()) -> Figure:
-    """Draw the proven loop: temperature on all models, power asked for on the nominal and the worst."""
+    """Draw the proven loop: temperature on all models, requested power on the nominal and the worst."""
     figure, (top, low) = new_figure(2, 4.2 + _named_height(phases), sharex=True, height_ratios=(2, 1.2))
     for run in others:
         top.plot(run["time_s"], run["temperature_degC"], label=run["label"], **LOOK["other"])
@@ -179,7 +179,7 @@ def plot_pwm(nominal: Part, start_s: float, end_s: float) -> Figure:
 
 
 def plot_wish(nominal: Part, wish: Part, phases: Sequence[Part] = ()) -> Figure:
-    """Draw what the design meant against what the words do."""
+    """Draw the ideal design and its rounded parameters."""
     figure, (top, low) = new_figure(2, 3.8 + _named_height(phases), sharex=True, height_ratios=(2, 1.2))
     _temperature(top, nominal, "realised", "realised")
     _temperature(top, wish, "ideal", "ideal")  # dashed, on top: where they agree both can be seen
@@ -222,12 +222,12 @@ def plot_pareto(front: Part) -> Figure:
 
 
 def plot_robustness(curves: Sequence[Part], limit: float, designed: float | None = None) -> Figure:
-    """Draw the Nyquist curves and the sensitivities of all models, with what Ms may be and was designed to be.
+    """Draw the Nyquist curves and the sensitivities of all models, with the limit and the design value of Ms.
 
     Args:
-        curves: of the words as realised; the first is the nominal model's.
-        limit: the largest Ms [1] that the proof lets pass.
-        designed: Ms [1] of the unrounded design, worst over the models; None where it was not computed.
+        curves: of the realised parameters; the first is the nominal model's.
+        limit: the largest Ms [1] that passes.
+        designed: Ms [1] of the unrounded design, worst over the models; None if it was not computed.
     """
     figure, (left, right) = new_figure(1, 3.6, columns=2)
     names = [("nominal", "realised"), ("worst", "worst"), ("other models", "other")]
@@ -261,7 +261,7 @@ def _circle(ax: Axes, ms: float, text: str, look: str, *, inner: bool) -> None:
 
 
 def _named_height(phases: Sequence[Part]) -> float:
-    """Return what the names of the parts of a run take below its picture [inch]."""
+    """Return the height of the names of a run's phases below its picture [inch]."""
     return _NAMES_IN if len(phases) >= _MANY_PARTS else 0.0
 
 

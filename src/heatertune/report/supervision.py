@@ -1,4 +1,4 @@
-"""What a monitor is and what it sees, as a page of text."""
+"""A page of text about a monitor and the faults that it detects."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def supervision_html(document: Mapping[str, Any]) -> str:
 
 
 def plot_fault(trace: Mapping[str, Any]) -> Figure:
-    """Draw a fault around its alarm: the temperature if nobody sees it, and with the power taken away by the alarm."""
+    """Draw a fault and its alarm: the temperature without an alarm, and with the power switched off by it."""
     figure, (ax,) = new_figure(1, 2.2)
     ax.plot(trace["time_s"], trace["left_degC"], label="nobody sees it", **LOOK["worst"])
     ax.plot(trace["time_s"], trace["stopped_degC"], label="switched off by the alarm", **LOOK["realised"])

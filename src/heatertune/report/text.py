@@ -1,8 +1,7 @@
-"""Tables a person reads in ten seconds, from the documents of the stages.
+"""Tables to read in ten seconds, from the documents of the stages.
 
-What tells two word sets apart, as text.
-
-A proposed experiment: what is known before and after it, and how to carry it out.
+Also the comparison of two sets of parameters as text, and a proposed experiment: the uncertainty before and after it,
+and how to run it.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ NOT_IDENTIFIED = "not identified"
 
 
 def figure(value: Any, digits: int = 4) -> str:
-    """Return a number as text, large ones in whole units and not as powers of ten; what is unknown is "—"."""
+    """Return a number as text, large ones in whole units instead of powers of ten; "—" if unknown."""
     if value is None:
         return "—"
     if isinstance(value, int | float) and not isinstance(value, bool):
@@ -67,7 +66,7 @@ def criterion_value(criterion: Document) -> str:
 
 
 def model_lines(model: Document) -> str:
-    """Return the fitted FOPDT, its intervals, its candidates and what could not be identified."""
+    """Return the fitted FOPDT, its intervals, its candidates and the parameters that were not identified."""
     rows = [("", "value", "95 %", ""), *model_rows(model)]
     unseen = model.get("held_out")
     seen = "" if unseen is None else f" ({figure(unseen['fit_pct'])} % on windows left out)"
@@ -116,7 +115,7 @@ def hypothesis_rows(model: Document) -> list[tuple[str, ...]]:
 
 
 def validation_lines(verdict: Document) -> str:
-    """Return each model's run on another log, what it means, and the verdict with the criteria that are not kept."""
+    """Return each model's run on another log, its meaning, and the verdict with the failed criteria."""
     rows = [("model", "ambient", "fit %", "bias °C", "RMS °C", "white", "follows the power")]
     for run in verdict["runs"]:
         seen = run["input_crosscorrelation"]
@@ -158,7 +157,7 @@ def _seconds(value: float) -> str:
 
 
 def alternatives_table(rows: Sequence[Document]) -> str:
-    """Return what the rules give beside the design; what keeps a rule from applying stands at the end of its row."""
+    """Return the results of the rules compared with the design; the reason why a rule does not apply ends its row."""
     cells = [("method", "K", "TN", "TV", "worst Ms", "IAE load", "")]
     names = ("gain_pct_per_degC", "integral_time_s", "derivative_time_s", "ms", "iae_load")
     for row in rows:
@@ -168,7 +167,7 @@ def alternatives_table(rows: Sequence[Document]) -> str:
 
 
 def pareto_table(front: Document) -> str:
-    """Return the front: a row for each limit of Ms, what it costs, and how much less than the most robust row."""
+    """Return the front: for each limit of Ms the cost, and how much lower it is than in the most robust row."""
     first = front["rows"][0]["cost"]
     rows: list[tuple[str, ...]] = [("Ms <=", "K %/°C", "TN s", "TV s", "Mt", "Mks %/°C", "cost", "saved", "")]
     for row in front["rows"]:
@@ -180,7 +179,7 @@ def pareto_table(front: Document) -> str:
 
 
 def words_table(words: Document) -> str:
-    """Return the words in the order in which they are typed in, and how they were found."""
+    """Return the parameters in the order of entry, and how they were found."""
     heads, values, cells = typed_table(keyed_entries(words))
     notes = [f"- {note}" for note in (*ramp_note(words), *search_notes(words))]
     return "\n".join([table([heads, *cells], right=values), *notes])
@@ -192,7 +191,7 @@ def keyed_entries(words: Document) -> tuple[KeyedEntry, ...]:
 
 
 def holder(target: str) -> str:
-    """Return what holds a controller: "PLC", "instrument", "printer" or "controller"."""
+    """Return the kind of device of a controller: "PLC", "instrument", "printer" or "controller"."""
     packages = {TARGETS[name]: group for group, names in GROUPS.items() for name in names}
     group = packages.get(NAMES.get(target, ""), "PLC")
     return "controller" if group == "maker" else group
@@ -217,7 +216,7 @@ def called_every_s(words: Document, switch: Document | None) -> float:
 
 
 def ramp_note(words: Document) -> list[str]:
-    """Return how the setpoint is led to what is asked for, or a boost, in a sentence; nothing where there is none."""
+    """Describe the setpoint ramp or boost in a sentence; empty if there is none."""
     if boost := words.get("boost"):
         near, far = (figure(boost[name]) for name in ("within_degC", "again_degC"))
         return [f"The program gives full power until {near} °C from the setpoint and only then enables the controller; "
@@ -235,7 +234,7 @@ def ramp_note(words: Document) -> list[str]:
 
 
 def search_notes(words: Document) -> list[str]:
-    """Return how the words were found and how robust they are, one sentence each; nothing for words that were given."""
+    """Return how the parameters were found and how robust they are, one sentence each; empty for given parameters."""
     search = words.get("search")
     if search is None:
         return []
@@ -255,7 +254,7 @@ def criteria_table(proof: Document) -> str:
 
 
 def samples_table(proof: Document) -> list[str]:
-    """Return what the samples of a proof show, if there are any, as lines: quantiles and share that keeps the limit."""
+    """Return the results of the samples of a proof, if any, as lines: quantiles and percentage that keeps the limit."""
     if "samples" not in proof:
         return []
     samples = proof["samples"]
@@ -301,7 +300,7 @@ def advice_table(advice: Document) -> str:
 
 
 def feed_forward_lines(fed: Document) -> str:
-    """Return what is fed forward, and the working heater and the worst run beside plain feedback."""
+    """Return the feed-forward, and the working heater and the worst run compared with plain feedback."""
     low, high = fed["effect_pct_per_unit_ci95"]
     (calm, strong), (begin, end) = fed["step"], fed["range"]
     named = {"as found": fed["runs"][0], f"worst of {len(fed['runs'])} runs": fed["runs"][fed["worst"]]}
@@ -351,7 +350,7 @@ def summary(documents: Mapping[str, Document]) -> str:
 
 
 def outcome_lines(summary: Document) -> str:
-    """Return what became of the cases of a table: how many of each outcome, and the first that are not PASS."""
+    """Return the number of cases of each outcome in a table, and the first ones without a PASS."""
     rows = [(outcome, str(number)) for outcome, number in summary["outcomes"].items()]
     lines = [table([*rows, ("together", str(summary["rows"]))], right=(1,))]
     for outcome, examples in summary["examples"].items():
@@ -388,7 +387,7 @@ def difference_lines(document: Document) -> str:
 
 
 def _terms(document: Document) -> Iterator[tuple[str, str, str, str]]:
-    """Yield the quantities; what is in neither set is left out."""
+    """Yield the quantities that occur in at least one of the two sets."""
     for term in document["terms"]:
         one, two = term["a"], term["b"]
         if one is None and two is None:
@@ -447,7 +446,7 @@ def plan_lines(plan: Document) -> str:
 
 
 def plan_csv(plan: Document) -> str:
-    """Return what is to be set, as CSV: instants and powers, or the relay's settings."""
+    """Return the experiment's settings as CSV: instants and powers, or the relay's settings."""
     if "relay" in plan:
         names = ("rest_s", "on_degC", "off_degC", "high_pct", "low_pct")
         values = [plan["relay"][name] for name in names] + [plan["duration_s"]]
@@ -484,7 +483,7 @@ def _before_and_after(quantities: Document) -> str:
 
 
 def _words_plan(plan: Document) -> list[str]:
-    """Return whether it is worth heating, and what the figures rest on."""
+    """Return whether the experiment is worthwhile, and the basis of the figures."""
     conditions, noise = plan["conditions"], plan["conditions"]["noise"]
     aim = _share(conditions["aim"])
     worth = [f"worth it: every interval is expected within {aim} on every heater"]

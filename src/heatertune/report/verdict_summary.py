@@ -1,6 +1,6 @@
-"""What a person needs in ten seconds: the verdict, what to type in, the worst of the runs, what is not known.
+"""The summary on one screen: the verdict, the values to enter, the worst runs, and what is not known.
 
-Nothing that a verdict rests on is left out: what has no room is counted, and `--verbose` tells it.
+Nothing that a verdict depends on is omitted: what does not fit is counted, and `--verbose` lists it.
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ def design_brief(documents: Mapping[str, Document], out: str, nearest: Sequence[
     Args:
         documents: of all stages.
         out: the folder they are in.
-        nearest: of a design that fails or winds up, the command whose verdict is PASS; none: it is not known.
-        hint: what else could be done, a line; empty: nothing.
+        nearest: for a design that fails or winds up, the command that gives PASS; empty: unknown.
+        hint: another suggestion, one line; empty: none.
     """
     model, pid, words, proof = (documents[name] for name in ("model", "pid", "words", "proof"))
     notes = [*_notes(model), *_notes(pid), *search_notes(words)]
@@ -106,8 +106,8 @@ def verify_brief(
     Args:
         proof: its document.
         notes: one sentence each.
-        found: the way on that was found when the words were made, see `DesignProvenance`; None: nobody looked.
-        redesign: the whole command that designs again what fails; none: it is not known.
+        found: the remedy found when the parameters were calculated, see `DesignProvenance`; None: not searched.
+        redesign: the complete command for a redesign of a failing design; empty: unknown.
     """
     way_on = wrap_text(_way_on(proof, found), "remedy: ") if proof["verdict"] == "FAIL" else []
     way_on += command(redesign) if way_on and redesign and not _fails_on_samples(proof) else []
@@ -126,13 +126,13 @@ def _way_on(proof: Document, found: str | None) -> str:
 
 
 def _fails_on_samples(proof: Document) -> bool:
-    """Whether drawn heaters alone break the limits."""
+    """Whether only sampled heaters break the limits."""
     kept = all(criterion["ok"] for criterion in proof["criteria"].values())
     return kept and proof["verdict"] == "FAIL" and "samples" in proof
 
 
 def _of_samples(samples: Document, *, closed: bool = False) -> str:
-    """Return what drawn heaters break, and what helps but a design that is `closed` on them, as this one is."""
+    """Return the limits that sampled heaters break, and the remedies that are still possible."""
     spots = samples["criteria"]
     often = sorted((name for name in spots if spots[name]["passing"] < 1.0), key=lambda name: spots[name]["passing"])
     broken = [f"{figure(100.0 * (1.0 - spots[name]['passing']), 2)} % break {_called(name)}" for name in often[:2]]
@@ -189,7 +189,7 @@ def _written(out: str | None) -> list[str]:
 
 
 def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
-    """Return the verdict with what breaks, and the way on."""
+    """Return the verdict with the broken limits, and the remedy."""
     verdict, relaxed = proof["verdict"], [relaxed] if (relaxed := relaxed_clause(proof)) else []
     lines = wrap_text("; ".join([*relaxed, _finding(proof), *sample_lines(proof)]), f"{verdict}  ", _SAID)
     if open_ := {finding["name"]: finding for finding in blocking_findings(proof)}:
@@ -242,7 +242,7 @@ def _worst(proof: Document) -> list[str]:
 
 
 def _used(criterion: Document) -> float:
-    """Return the share of a limit that is used, above 1 beyond it; what never happened uses more than all."""
+    """Return the fraction of a limit that is used, above 1 beyond it, also for an event that never occurred."""
     value, limit = criterion["value"], criterion["limit"]
     if value is None:
         return 0.0 if criterion["ok"] else math.inf
@@ -261,7 +261,7 @@ def _called(name: str) -> str:
 
 
 def _doubts(proof: Document, unsure: Iterable[str] = ()) -> dict[str, list[str]]:
-    """Return what the verdict does not show or takes for granted, the most important first."""
+    """Return the gaps and assumptions of the verdict, the most important first."""
     told = told_by_kind(proof)
     known = [f"{name} = {setting}" for name, setting in proof["stated_settings"].items()]
     return {
@@ -278,7 +278,7 @@ def _points(found: re.Match[str]) -> str:
 
 
 def _values(words: Document, proof: Document) -> list[str]:
-    """Return what is typed in, and what belongs to it; of words that may not leave only what they are."""
+    """Return the values to enter and related settings; for refused parameters only their values."""
     rows = keyed_entries(words)
     if not words["files"]:
         values = ", ".join(f"{row.name} {row.then_text}" for row in rows)
@@ -301,7 +301,7 @@ def _typed_lines(rows: Sequence[KeyedEntry]) -> list[str]:
 
 
 def _facts(words: Document, proof: Document) -> str:
-    """Return what has to be so around the words: interval, sensor, PWM, ramp."""
+    """Return the required settings besides the parameters: interval, sensor, PWM, ramp."""
     scale, switch = words["scaling"], proof["actuator"]
     sensor = f" of {scale['input']}" if scale.get("input") else ""
     facts = [f"call every {figure(called_every_s(words, switch))} s",
@@ -316,7 +316,7 @@ def _facts(words: Document, proof: Document) -> str:
 
 
 def _unsure(model: Document) -> list[str]:
-    """Return which parameters of the heater the log does not tell, as one part."""
+    """Return the heater parameters that the log does not identify, as one part."""
     names = [called for called, _, ci95, _ in model_rows(model) if ci95 == NOT_IDENTIFIED]
     return [f"the heater's {', '.join(names)} by {'themselves' if len(names) > 1 else 'itself'}"] if names else []
 

@@ -1,1 +1,1 @@
-"""The next experiment: which test of the heater tells what is not known yet."""
+"""The next experiment: the test that reduces the uncertainty of a heater most."""

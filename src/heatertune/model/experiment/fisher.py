@@ -1,12 +1,11 @@
-"""How well an experiment makes a heater's numbers known, before it is made.
+"""Expected accuracy of the heater parameters from an experiment, before it is run.
 
 For white noise the covariance of the least-squares estimate is the inverse of the Fisher information JᵀJ/σ². Heater
 residuals are coloured, and the output-error fit does not whiten them, so the covariance is
-(JᵀJ)⁻¹·JᵀRJ·(JᵀJ)⁻¹ with the noise's covariance R (L. Ljung, "System Identification", 2nd ed. (1999), section 9.3).
+(JᵀJ)⁻¹·JᵀRJ·(JᵀJ)⁻¹ with the noise covariance R (L. Ljung, "System Identification", 2nd ed. (1999), section 9.3).
 
-The noise of an experiment's readings: what is given, else what a model's residuals show.
-
-What is believed of a heater before an experiment, what the experiment may do, and what it would make known.
+Also the noise model (given, or from the residuals of a fit) and the values of a plan: prior, limits of the experiment,
+expected accuracy.
 """
 
 from __future__ import annotations
@@ -49,12 +48,12 @@ _SINGULAR = 1e-9  # of the largest scaled column: what is left of one after the 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadingNoise:
-    """What disturbs the readings.
+    """Noise of the readings.
 
     Attributes:
-        std_degC: standard deviation of what the model cannot explain [°C].
-        correlation: of that between two readings, a first-order autoregression [0…1).
-        resolution_degC: step of the sensor's digits [°C]; each reading is off by up to half of it, uncorrelated.
+        std_degC: standard deviation of the noise [°C].
+        correlation: of the noise between two readings, first-order autoregressive [0…1).
+        resolution_degC: resolution of the sensor [°C]; each reading has an uncorrelated error of up to half of it.
         sample_time_s: interval between readings [s].
 
     Raises:
@@ -84,7 +83,7 @@ class ReadingNoise:
         return round(time_s / self.sample_time_s) * self.sample_time_s
 
     def average(self, times: int) -> ReadingNoise:
-        """Return the noise of the means of `times` readings each, which hold nearly all that the readings tell."""
+        """Return the noise of the means of `times` readings each, which contain nearly all their information."""
         if times == 1:
             return self
         rho, lags = self.correlation, np.arange(1, times)
@@ -97,7 +96,7 @@ class ReadingNoise:
 
 
 def covariance(jacobian: Array, noise: ReadingNoise) -> Array:
-    """Return the covariance of the least-squares estimate, shape (g, q, q); infinite where nothing is identified.
+    """Return the covariance of the least-squares estimate, shape (g, q, q); infinite if nothing is identified.
 
     Args:
         jacobian: derivative of each reading by each unknown, shape (g, n, q).
@@ -130,15 +129,15 @@ def noise_of(
     fitted: FittedModel | None, *, std_degC: float | None = None, correlation: float | None = None,
     resolution_degC: float | None = None, sample_time_s: float | None = None,
 ) -> ReadingNoise:
-    """Return the noise of the readings: what is given, else what a model's residuals show.
+    """Return the noise of the readings: as given, otherwise from the residuals of a model.
 
-    Residuals hold the sensor's resolution already, and the correlation between two of them shrinks with the interval.
+    Residuals include the sensor's resolution, and their correlation decreases with the interval.
 
     Args:
-        fitted: the model, None where there is none.
+        fitted: the model, or None.
         std_degC: standard deviation of the noise [°C]; None: that of the residuals.
         correlation: of the noise between two readings, 0 to 1; None: that of the residuals, else 0.
-        resolution_degC: step of the sensor's digits [°C]; None: 0.
+        resolution_degC: resolution of the sensor [°C]; None: 0.
         sample_time_s: interval between readings [s]; None: the log's, else 1 s.
 
     Raises:
@@ -173,11 +172,11 @@ _SHORT = 0.1  # of the lags: a shorter dead time limits no loop, so its error is
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prior:
-    """Every heater that is possible before the experiment.
+    """All heaters that are plausible before the experiment.
 
     Attributes:
         models: label → heater, each with its ambient.
-        ambient_known: whether the fit after the experiment is told the ambient.
+        ambient_known: whether the ambient is given to the fit after the experiment.
         values: the quantities of each model, shape (g, 4).
         by_order: indices and rows (see `response.rows_of`) of the models with one lag, and of those with two.
 
@@ -212,7 +211,7 @@ class Prior:
 
     @property
     def longest_s(self) -> float:
-        """The longest experiment where none is given: six times the slowest heater [s]."""
+        """Default limit of the duration: six times that of the slowest heater [s]."""
         return 6.0 * self.slowest_s
 
 _MOST_READINGS: Final = 1e7  # of an experiment
@@ -220,15 +219,15 @@ _MOST_READINGS: Final = 1e7  # of an experiment
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentSetup:
-    """What an experiment may do and how it is read.
+    """Limits and readings of an experiment.
 
     Attributes:
-        limit_degC: temperature that must not be passed on any heater of the prior [°C].
+        limit_degC: temperature that no heater of the prior may exceed [°C].
         noise: of the readings.
         longest_s: longest duration [s].
-        base_pct: power at which the heater rests before and after [%].
+        base_pct: steady power before and after [%].
         least_pct, most_pct: bounds of the power [%].
-        aim: half width of the 95 % intervals of gain, time constant and dead time that is good enough, as a share.
+        aim: relative half width of the 95 % intervals of gain, time constant and dead time to aim at.
 
     Raises:
         OutOfRange: a power outside 0…100 % or in the wrong order, a duration of less than 40 readings.
@@ -253,12 +252,12 @@ class ExperimentSetup:
 
 
 def prior_of(fitted: FittedModel, *, ambient_degC: float | None, assumed_degC: float) -> Prior:
-    """Return the candidates of a fit, and its working model with each number at each end of its interval.
+    """Return the candidates of a fit, and its working model with each parameter at each end of its interval.
 
     Args:
-        fitted: what a log said, or a model given by hand.
-        ambient_degC: ambient, where it is known [°C].
-        assumed_degC: ambient of a model that has none [°C]; it moves the temperatures, not the intervals.
+        fitted: result of a fit, or a model given by its parameters.
+        ambient_degC: ambient, if known [°C].
+        assumed_degC: ambient for a model without one [°C]; it shifts the temperatures, not the intervals.
     """
 
     def at_home(model: HeaterModel) -> HeaterModel:
@@ -281,12 +280,12 @@ def prior_of(fitted: FittedModel, *, ambient_degC: float | None, assumed_degC: f
 def prior_by_hand(ranges: Mapping[str, tuple[float, float]], *, ambient_known: bool) -> Prior:
     """Return the centre and every corner of ranges, name of a quantity → (low, high).
 
-    The corners stand in the warmest room, where a limit is met first; the weakest heater in the coolest one bounds how
-    far a relay's setpoint may lie.
+    The corners use the warmest room, in which a limit is reached first; the weakest heater in the coolest room limits
+    how high a relay's setpoint may be.
 
     Raises:
         InputError: a quantity is missing.
-        OutOfRange: low above high, or what no heater has.
+        OutOfRange: low above high, or an impossible value.
     """
     missing = [name for name in QUANTITIES if name not in ranges]
     if missing:

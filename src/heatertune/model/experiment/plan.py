@@ -1,13 +1,13 @@
-"""The experiment that makes a heater known best within limits.
+"""The most informative experiment within given limits.
 
-The figure of merit is the worst half width of a 95 % interval, as a share of its value, over gain, time constant and
+The figure of merit is the worst relative half width of a 95 % interval, over gain, time constant and
 dead time and over every heater of the prior.
 
-The experiment to make → the JSON document that `heatertune plan` writes.
+Also the JSON document of `heatertune plan`.
 
-The doublet that makes a heater known best within a limit, optimised over its instants and powers.
+The most informative doublet within given limits, optimised over its switching times and powers.
 
-The relay test that makes a heater known best within limits.
+Also the most informative relay test within given limits.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ REST_READINGS = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExperimentPlan:
-    """An experiment and what it would make known.
+    """An experiment and its expected accuracy.
 
     Attributes:
         kind: "step", "doublet" or "relay".
@@ -184,13 +184,13 @@ _SWITCHES = 6  # up to the end of the second whole period: fewer tell nothing
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RelayPlan(ExperimentPlan):
-    """A relay test and what it would make known.
+    """A relay test and its expected accuracy.
 
-    The schedule is the one expected on the working model: on the real heater the relay decides.
+    The schedule is the one expected on the working model; on the real heater the relay determines it.
 
     Attributes:
         relay: setpoint, hysteresis and powers to set.
-        rest_s: how long the base power is logged before the relay is switched on [s].
+        rest_s: time at base power before the relay is switched on [s].
         periods_s: expected period on each heater, shape (g,).
     """
 
@@ -200,11 +200,11 @@ class RelayPlan(ExperimentPlan):
 
 
 def plan_relay(prior: Prior, setup: ExperimentSetup, duration_s: float) -> RelayPlan | None:
-    """Return the best relay test of a duration, None where none swings for two periods on every heater below the limit.
+    """Return the best relay test of a duration, None if none swings for two periods on all heaters within the limit.
 
     Its hysteresis is three standard deviations of the noise and at least the sensor's resolution; its setpoint and its
-    two powers are searched with a relay that switches at the very crossing; what is returned keeps the limit, and has
-    its figures, with one that switches at the next reading.
+    two powers are searched with a relay that switches exactly at the crossing; the result keeps the limit, and has its
+    figures, with a relay that switches at the next reading.
     """
     noise = setup.noise
     hysteresis = math.ceil(100.0 * max(_CHATTER * noise.std_degC, noise.resolution_degC) - 1e-9) / 100.0
@@ -252,7 +252,7 @@ def _relays(prior: Prior, setup: ExperimentSetup, hysteresis: float) -> list[Two
 def _tested(
     prior: Prior, setup: ExperimentSetup, relay: TwoLevelRelay, duration_s: float, *, sample_time_s: float | None = None
 ) -> list[Schedule] | None:
-    """Return the powers on each heater, None where one passes the limit or swings too seldom."""
+    """Return the powers on each heater, None if one exceeds the limit or oscillates too few times."""
     schedules, rest_s = [], _rest_s(setup, duration_s)
     for label, model in prior.models.items():
         schedule = simulate_relay(
@@ -353,7 +353,7 @@ _DURATIONS = (0.25, 0.5, 0.75, 1.0)  # of the longest
 def propose(
     prior: Prior, setup: ExperimentSetup, *, kind: str = "best", progress: Callable[[str], object] = str
 ) -> list[ExperimentPlan]:
-    """Return the best experiment of each duration tried, the shortest first; the last one is the proposal.
+    """Return the best experiment of each tried duration, the shortest first; the last one is the proposal.
 
     Durations grow until the aim is reached or the longest is used.
 
@@ -361,12 +361,12 @@ def propose(
         prior: heaters to serve.
         setup: limits and aim.
         kind: "doublet", "relay", or "best" of both.
-        progress: told what begins.
+        progress: called with a short message when a stage begins.
 
     Raises:
         UnknownName: another kind.
-        OutOfRange: a limit that the heater reaches without any experiment, or that leaves less than 0.1 % of power.
-        InputError: a relay is wanted and swings on no duration for two periods on every heater.
+        OutOfRange: a limit that the heater reaches without an experiment, or that leaves less than 0.1 % of power.
+        InputError: a relay test is requested, and none oscillates for two periods on every heater.
     """
     if kind not in KINDS:
         raise UnknownName("kind of experiment", kind, KINDS)

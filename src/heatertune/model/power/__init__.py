@@ -1,1 +1,1 @@
-"""A log with power: the heater that explains it, what else might, and what the log leaves open."""
+"""Logs with power: the heater that explains the log, alternative explanations, and the remaining uncertainty."""

@@ -1,6 +1,6 @@
-"""The models that explain a log with power: one lag, two, two time constants, an integrator, and the rivals.
+"""Candidate models of a log with power: one lag, two lags, two time constants, an integrator, and their alternatives.
 
-The family of plausible heaters of a log with power: the candidates, the ends of their intervals, and the halves.
+The family of plausible heaters consists of the candidates, the ends of their intervals, and the fits of the two halves.
 
 Other readings of the same log: what passes for drift, load or initial state may be a slow answer of the heater.
 """
@@ -46,9 +46,9 @@ _POOR = 60.0  # fit [%] below which a model is no rival
 
 
 class Rival(NamedTuple):
-    """Another fit of one lag, what was done otherwise, and the sentence about it.
+    """An alternative one-lag fit, its difference, and a sentence about it.
 
-    Where `shifted`, the power itself is another: the ends between are no heaters of the log as it is read.
+    If `shifted`, the power itself is different: the ends in between are not heaters of the log as read.
     """
 
     problem: PowerProblem
@@ -67,10 +67,10 @@ def rivals_of(
 
     Args:
         log: the whole log.
-        problem: of one lag, with the drift and loads that were found.
+        problem: of one lag, with the identified drift and loads.
         fit: its best fit.
         ci95: its intervals.
-        held_out: its error on windows not seen.
+        held_out: its error in cross-validation.
         open_start: whether the power before the log is unknown.
     """
     rivals = (
@@ -137,7 +137,7 @@ def _at_rest(problem: PowerProblem, fit: PowerFit, ambient: Interval | None) -> 
 
 
 def _other_start(problem: PowerProblem, fit: PowerFit) -> Iterator[Rival]:
-    """Return the fit with the other power before the log, none or the first one, where it is nearly as good."""
+    """Return the fit with the alternative power before the log, zero or the first one, if it is nearly as good."""
     first = float(problem.readings.level_pct[0])
     if first == 0.0:
         return
@@ -171,9 +171,10 @@ def _other_rest(log: Log, problem: PowerProblem, fit: PowerFit) -> Iterator[Riva
 
 
 def _other_edges(log: Log, problem: PowerProblem, fit: PowerFit, dead: Interval | None) -> Iterator[Rival]:
-    """Return the fits with a power that changed at the beginning of gaps, not at their end, if nearly as good.
+    """Return the fits with power changes at the start of gaps rather than at their end, if nearly as good.
 
-    Nobody saw when it changed, so the dead time may be longer by as much as the gap: it is the longest that fits.
+    The instant of the change is unknown, so the dead time may be longer by up to the gap: the longest that fits is
+    used.
     """
     assert log.power_pct is not None
     step = np.diff(log.time_s)
@@ -242,15 +243,15 @@ def family_of(
     explanation: Explanation, candidates: Sequence[Candidate], ci95: Mapping[str, Interval | None],
     halves: tuple[Half, Half] | None, least_dead_time_s: float, wider: Mapping[str, float], seed: int,
 ) -> tuple[tuple[Candidate, ...], tuple[Finding, ...]]:
-    """Return every plausible heater, and what is open that no heater can stand for.
+    """Return all plausible heaters, and the open ends that no heater can represent.
 
     Args:
-        explanation: what explains the log.
+        explanation: of the log.
         candidates: the hypotheses that explain it, one lag first.
         ci95: intervals of one lag, gain per time constant and ultimate period among them.
-        halves: one lag fitted to each half, None where that could not be done.
-        least_dead_time_s: no dead time below this is believed.
-        wider: factors by which the halves ask for wider intervals, see `parts.widening`; taken for two lags too.
+        halves: one lag fitted to each half, None if impossible.
+        least_dead_time_s: shortest plausible dead time.
+        wider: factors by which the halves widen the intervals, see `parts.widening`; used for two lags too.
         seed: of the bootstrap of two lags.
     """
     orders = list(_orders_plausible_heaters(explanation, candidates, ci95, wider, seed))
@@ -269,7 +270,7 @@ def _orders_plausible_heaters(
 ) -> Iterator[_Order]:
     """Return one lag and two, as far as they explain the log.
 
-    Where two lags explain it far better, of one lag the dead time alone stays: its interval is what is told.
+    If two lags explain it far better, only the dead time of one lag is kept, because its interval is reported.
     """
     one, *others = candidates
     two = next((other for other in others if len(other.model.lags_s) > 1 and other.law == one.law), None)
@@ -280,7 +281,7 @@ def _orders_plausible_heaters(
 
 
 def open_ends(orders: Sequence[tuple[str, Mapping[str, Interval | None]]]) -> Iterator[Finding]:
-    """Tell which upper ends are open: beyond them lie heaters on which nothing was proven.
+    """Report open upper ends: the proof does not cover the heaters beyond them.
 
     `orders`: number of lags in words, and the intervals with it.
     """
@@ -306,7 +307,7 @@ class _CandidateTrial(NamedTuple):
 
 
 def second_is_seen(two: PowerFit) -> bool:
-    """Return whether the second lag is one: on its lower bound it is none."""
+    """Return whether the second lag exists, that is, is not at its lower bound."""
     return "second_time_constant_s" not in two.on_bound
 
 
@@ -314,7 +315,7 @@ def candidates_of(
     log: Log, problems: Sequence[PowerProblem], fits: Sequence[PowerFit], *, left_out: HeldOut, open_lag: bool,
     rivals: Sequence[Rival], bend: Bend | None = None,
 ) -> tuple[Candidate, ...]:
-    """Return the one-lag model, its rivals, and every other model that explains the log nearly as well or better.
+    """Return the one-lag model, its alternatives, and every other model that explains the log nearly as well or better.
 
     Args:
         log: for its name and times.
@@ -322,8 +323,8 @@ def candidates_of(
         fits: their best fits.
         left_out: error of one lag on windows left out.
         open_lag: whether the time constant's interval is open upwards.
-        rivals: kept however far behind they are.
-        bend: whose ends are kept.
+        rivals: alternatives to keep even if they are far behind.
+        bend: nonlinear fit whose ends are kept.
     """
     record = problems[0].readings.temperature_degC
     tried = [*_orders(problems, fits, left_out, open_lag=open_lag)]
@@ -347,7 +348,7 @@ def candidates_of(
 def _orders(
     problems: Sequence[PowerProblem], fits: Sequence[PowerFit], left_out: HeldOut, *, open_lag: bool
 ) -> list[_CandidateTrial]:
-    """Return one lag, two where the second is seen, and the integrator where the time constant is open upwards."""
+    """Return one lag, two lags if the second exists, and the integrator if the time constant has no upper end."""
     (problem, other), (one, two) = problems, fits
     assert one.model is not None
     tried = [_CandidateTrial(one.model, one.simulated_degC, bic_of(problem, one), "power logged", left_out, True)]

@@ -1,9 +1,9 @@
-"""A measured disturbance in a log with power: what it does, and the log without it.
+"""A measured disturbance in a log with power: its effect, and the log without it.
 
-Heater and disturbance are fitted together: temperature = ambient + k·G[power](t − L) + k·c·G[disturbance](t − L′), G
-the heater's one or two lags. For given lags and delays it is linear in the rest (variable projection), so four numbers
-are searched. Beside it: no effect at all, and an effect through one lag of its own. Intervals are those of the
-linearised problem under AR(1) errors.
+Heater and disturbance are fitted together: temperature = ambient + k·G[power](t − L) + k·c·G[disturbance](t − L′), with
+G the heater's one or two lags. For given lags and delays this is linear in the rest (variable projection), so the
+search has four unknowns. Alternatives are no effect at all, and an effect through a separate lag. Intervals are those
+of the linearised problem with AR(1) errors.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _SMALL: Final = 1e-4  # step of a difference quotient, of the unknown's range
 
 
 class _Fit(NamedTuple):
-    """A least-squares solution: what was searched, the linear part, residuals (m,) and columns of the linear part."""
+    """A least-squares solution: searched unknowns, linear part, residuals (m,) and columns of the linear part."""
 
     z: Array
     linear: Array
@@ -60,12 +60,12 @@ class _Problem(NamedTuple):
 
 
 def without_disturbance(log: Log) -> tuple[Log, DisturbanceEffect]:
-    """Return a log with power as it would be with its disturbance at the calm level all the time, and what that does.
+    """Return a log as if its disturbance had always been at the calm level, and the effect of the disturbance.
 
-    Where the log does not show that it acts, the readings stay as they are.
+    If the log shows no significant effect, the readings are unchanged.
 
     Raises:
-        InputError: it or the power never changes, they move together, or no heater explains the log.
+        InputError: the disturbance or the power never changes, they change together, or no heater explains the log.
     """
     assert log.disturbance is not None
     assert log.power_pct is not None

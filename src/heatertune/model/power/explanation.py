@@ -1,13 +1,11 @@
-"""What explains a log with power: one lag and two, with the start, drift and loads that it asks for.
+"""Explain a log with power by one lag and by two, with the initial state, drift and loads that it needs.
 
-Segments of a log with power: where it was disturbed, the heater stays the same and its state begins anew.
+Also the segments of a log: after a disturbance the heater is the same, but its state is estimated again. A
+jump is detected in the residuals of a fit. The model knows the power and the time between two readings, so neither a
+kink of a fast heater at an edge nor a slope across a gap looks like a jump, and the response of a heater never jumps.
 
-A jump is sought in what a fit leaves over: the model knows the power and the time between two readings, so neither a
-kink of a fast heater at an edge nor a slope over a gap looks like one, and no heater's answer jumps.
-
-One lag fitted to a log with power without its outliers, in the segments that its disturbances make.
-
-A heater that stops answering: a fuse, a contactor or a wire opens within the log, and the power goes on.
+Also the one-lag fit without outliers in these segments, and the detection of a heater that stops responding while the
+power continues (a fuse, contactor or wire opens within the log).
 
 Binary power logged slower than it switches: what was logged is on or off by chance, and not what the heater got.
 """
@@ -50,7 +48,7 @@ _SURE = 10.0  # BIC points
 
 
 def alias_of(log: Log, problem: PowerProblem, fit: PowerFit) -> str:
-    """Return the sentence about a binary power that switches faster than it was logged; empty where it does not.
+    """Return the sentence about a binary power that switches faster than it was logged; empty if it does not.
 
     The temperature decides: it follows the mean of such a power over some readings better than the power as logged.
 
@@ -79,7 +77,7 @@ def alias_of(log: Log, problem: PowerProblem, fit: PowerFit) -> str:
 
 
 def alias_remarks(sentence: str) -> tuple[Remark, ...]:
-    """Return the finding that the sentence, unless it is empty, stands for."""
+    """Return the finding of a sentence, unless it is empty."""
     return (Remark("alias", sentence),) if sentence else ()
 
 
@@ -141,14 +139,14 @@ class Segments(NamedTuple):
         return self._replace(after_jumps=np.union1d(self.after_jumps, np.setdiff1d(places, self.after_gaps)))
 
     def long_enough(self, n: int) -> npt.NDArray[np.bool_]:
-        """Return which of n readings lie in a segment that is long enough to tell something, shape (n,)."""
+        """Return which of n readings lie in a sufficiently long segment, shape (n,)."""
         starts = np.concatenate([[0], self.places])
         sizes = np.diff(np.append(starts, n))
         rows = np.repeat(sizes >= _FEWEST, sizes)
         return rows if np.count_nonzero(rows) >= MIN_SAMPLES else np.ones(n, dtype=np.bool_)
 
     def notes(self, log: Log) -> Iterator[str]:
-        """Tell where the segments begin, why, and what of the log is not in them."""
+        """Report where the segments begin, why, and the omitted parts of the log."""
         reasons = [f"{what} {_named(log.time_s[places])} s" for what, places in (
             ("a gap in the clock before", self.after_gaps), ("a jump of the temperature before", self.after_jumps),
         ) if len(places)]
@@ -173,9 +171,9 @@ def gaps(log: Log) -> Segments:
 
 
 def jumps(record: Array, simulated: Array) -> Places:
-    """Return the places of the first readings after a jump: what a fit leaves over goes elsewhere at once and stays.
+    """Return the indices of the first readings after a jump: the residuals change at once and permanently.
 
-    Logged and simulated readings [°C] are of shape (n,), the places of shape (k,).
+    Logged and simulated readings [°C] are of shape (n,), the indices of shape (k,).
     """
     left = record - simulated
     step = np.diff(left)
@@ -233,12 +231,12 @@ class CleanedFit(NamedTuple):
 
     @property
     def simulated_degC(self) -> Array:
-        """What the fit makes of every reading, shape (n,)."""
+        """The simulation of every reading, shape (n,)."""
         return np.asarray(self.fit.linear @ self.whole.basis(self.fit.vector))
 
 
 def clean_log(log: Log, problem: PowerProblem) -> tuple[Log, CleanedFit, tuple[str, ...]]:
-    """Return what is left of a log, one lag fitted to it, and sentences about its disturbances.
+    """Return the usable part of a log, one lag fitted to it, and sentences about its disturbances.
 
     Args:
         log: as given.
@@ -283,9 +281,9 @@ def _part(problem: PowerProblem, rows: npt.NDArray[np.bool_]) -> PowerProblem:
 
 
 def _without_outliers(problem: PowerProblem) -> CleanedFit:
-    """Return one lag without the outliers, found from the readings as they are and with the wild ones tamed.
+    """Return one lag without outliers, which are detected with and without limiting extreme readings.
 
-    Wild readings would hide the others; but the pulses of a fast heater look wild too, and may not stay tamed.
+    Extreme readings would hide the others, but the pulses of a fast heater look extreme too and must not be limited.
     """
     measured = problem.readings.temperature_degC
     smooth = replace_outliers(measured)
@@ -331,14 +329,14 @@ class _Opened(NamedTuple):
 
 
 def refuse_opened(log: Log, problem: PowerProblem) -> None:
-    """Refuse a log whose heater stops answering, with the instant.
+    """Refuse a log whose heater stops responding, with the instant.
 
     Args:
         log: for its name.
         problem: of one lag.
 
     Raises:
-        InputError: it does, see `opened_at_s`.
+        InputError: it stops responding, see `opened_at_s`.
     """
     instant_s = opened_at_s(problem)
     if instant_s is not None:
@@ -349,10 +347,10 @@ def refuse_opened(log: Log, problem: PowerProblem) -> None:
 
 
 def opened_at_s(problem: PowerProblem) -> float | None:
-    """Return when the heater stops answering for good [s]; None where it does not.
+    """Return the instant at which the heater stops responding permanently [s], or None.
 
-    A heater is fitted to the beginning of the log. It stopped where it goes on to explain the log, once no power
-    reaches it, and leaves ten times as much with the power as it was logged.
+    A heater is fitted to the start of the log. It has stopped if this fit continues to explain the log without power,
+    and leaves ten times larger residuals with the logged power.
 
     Args:
         problem: of one lag.
@@ -370,7 +368,7 @@ def opened_at_s(problem: PowerProblem) -> float | None:
 
 
 def _after(problem: PowerProblem, share: float) -> _Opened | None:
-    """Return when a heater that is fitted to the first share of the log stops answering, None where it does not."""
+    """Return when a heater fitted to the first part of the log stops responding, or None."""
     readings = problem.readings
     time, record = readings.time_s, readings.temperature_degC
     rows = time <= time[0] + share * float(np.ptp(time))
@@ -428,19 +426,19 @@ def _explains(record: Array, simulated: Array) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Explanation:
-    """A log with power, the problems and fits of one lag and two, and what became of its readings.
+    """A log with power, the problems and fits of one lag and two, and the treatment of its readings.
 
     Attributes:
         log: without readings between disturbances that are too close.
-        readings: its readings, one for one, and where its segments begin.
-        problems: of one lag and of two, with the start, the drift and the loads the log asks for.
+        readings: its readings, and where its segments begin.
+        problems: of one lag and of two, with the initial state, drift and loads that the log needs.
         fits: their best fits.
-        cleaned: readings with outliers put where their neighbours are, shape (n,) [°C].
+        cleaned: readings with outliers replaced by their neighbours, shape (n,) [°C].
         outliers: their places.
-        notes: about the log's disturbances, and what it cannot tell about its heater, one sentence each.
-        alias: about power that switches faster than it was logged; empty where it does not.
-        bend: what explains the log better than a linear heater, None where nothing does.
-        doubt: what casts doubt on the power as the cause of the temperature; empty where nothing does.
+        notes: about the log's disturbances, and the quantities it does not identify, one sentence each.
+        alias: about power that switches faster than it was logged, or empty.
+        bend: nonlinear heater that explains the log better than a linear one, or None.
+        doubt: about the power as the cause of the temperature, or empty.
     """
 
     log: Log
@@ -467,7 +465,7 @@ class Explanation:
         return self.at_readings(self.problems[0], self.fits[0])
 
     def at_readings(self, problem: PowerProblem, fit: PowerFit) -> Array:
-        """Return what a fit makes of every reading of the log, shape (n,) [°C]."""
+        """Return the simulation of every reading of the log, shape (n,) [°C]."""
         return fit.linear @ replace(problem, readings=self.readings).basis(fit.vector)
 
     def with_drift(self) -> Explanation:
@@ -480,14 +478,14 @@ def explain_log(
     log: Log, *, ambient_degC: float | None, power_before_pct: float | None, believed: bool = False,
     most_dead_time_s: float | None = None,
 ) -> Explanation:
-    """Return one lag and two, each with the start, drift and loads that a log with power asks for.
+    """Return one lag and two, each with the initial state, drift and loads that a log with power needs.
 
     Args:
         log: with power.
-        ambient_degC: known ambient [°C], None where free.
-        power_before_pct: power before the first reading [%], None where it is to be found out.
-        believed: the power is known to be the heater's, so its cause is not asked for.
-        most_dead_time_s: no dead time is longer, as the user knows [s].
+        ambient_degC: known ambient [°C], None if free.
+        power_before_pct: power before the first reading [%], None: find it.
+        believed: the power is known to be the heater's, so causality is not tested.
+        most_dead_time_s: longest possible dead time, from the user [s].
 
     Raises:
         InputError: the power cannot have made the temperature (sign, clock, no answer at all).
@@ -533,7 +531,7 @@ def _demand_cause(log: Log, problem: PowerProblem, fit: PowerFit, alias: str) ->
 
 
 def _second(problem: PowerProblem, one: PowerFit) -> PowerFit:
-    """Return two lags; where the free initial states alone make the best of it, the two nearest to the one lag."""
+    """Return two lags; if the best fit relies on free initial states alone, the two nearest to the one lag."""
     fit = problem.fit()
     if fit.model is not None:
         return fit

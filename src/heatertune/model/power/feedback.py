@@ -1,19 +1,16 @@
-"""Whether the logged power answers the temperature, and what a direct fit to such a log is worth.
+"""Detect feedback from the temperature to the logged power, and judge a direct fit to such a log.
 
-Whether what a fit leaves over still follows the power: the cross-correlation of residuals and power.
+The residuals are tested for correlation with past power (L. Ljung, "System Identification", 2nd ed., 1999, section
+16.6): a correlation means that the model misses part of the heater. The correlation of two coloured series wanders far
+from zero on its own (M. S. Bartlett, "Some aspects of the time-correlation problem in regard to tests of significance",
+J. R. Stat. Soc. 98 (1935) 536–543), so both are first filtered by the whitening filter of the residuals (G. E. P. Box,
+G. M. Jenkins and G. C. Reinsel, "Time Series Analysis", 3rd ed., 1994, section 11.2). A fit makes its residuals
+orthogonal to its own sensitivities, which narrows the correlation of a correct model. The limit is therefore computed
+from noise with the colour of the residuals and the same projection.
 
-L. Ljung, "System Identification", 2nd ed., 1999, section 16.6: residuals that correlate with past power hold some of
-the heater that the model does not. The correlation of two coloured series wanders far from zero on its own (M. S.
-Bartlett, "Some aspects of the time-correlation problem in regard to tests of significance", J. R. Stat. Soc. 98 (1935)
-536–543), so both are first filtered by what whitens the residuals (G. E. P. Box, G. M. Jenkins and G. C. Reinsel, "Time
-Series Analysis", 3rd ed., 1994, section 11.2). A fit makes its residuals orthogonal to its own sensitivities, which
-narrows the correlation of a right model; the limit is therefore taken from noise of the residuals' colour that went
-through the same projection.
-
-Whether the power can have made the temperature: sign, order in time, and which drives which.
-
-A log is refused for what it shows beyond doubt alone: the other explanation has to account for nearly all that the
-temperature does, by an answer that nothing cancels. What is less than sure is a doubt, which blocks a PASS.
+Also the causality test: sign, order in time, and direction. A log is refused only beyond doubt, that is, if
+the other explanation accounts for nearly all of the temperature with a response that nothing cancels. Anything less
+certain is a warning, which blocks a PASS.
 """
 
 from __future__ import annotations
@@ -53,14 +50,14 @@ _NULLED = 0.7  # of the deviation of two unrelated series
 def input_correlation(
     readings: Readings, residuals: Array, sensitivities: Array, *, before_pct: float, horizon_s: float, seed: int
 ) -> InputCorrelation | None:
-    """Return how far the residuals follow the power, None where the power never changed within reach.
+    """Return the correlation of the residuals with the power, None if the power does not change within the horizon.
 
     Args:
         readings: with the power's edges.
         residuals: measured − simulated at the readings, shape (n,) [°C].
-        sensitivities: derivative of the simulation by each fitted number, shape (n, p); p = 0: nothing was fitted.
+        sensitivities: derivative of the simulation by each fitted parameter, shape (n, p); p = 0: no fit.
         before_pct: power before the first reading [%].
-        horizon_s: longest lag to look at [s].
+        horizon_s: longest lag [s].
         seed: of the noise that gives the limit.
     """
     spacing = float(np.median(np.diff(readings.time_s)))
@@ -147,7 +144,7 @@ def _coloured(whitening: Array, rows: Array) -> Array:
 
 
 def _projected(errors: Array, sensitivities: Array) -> Array:
-    """Return what a fit with these sensitivities leaves of errors (k, n)."""
+    """Return the residuals of errors (k, n) after a fit with these sensitivities."""
     base, _ = np.linalg.qr(sensitivities)
     return np.asarray(errors - (errors @ base) @ base.T)
 
@@ -175,12 +172,12 @@ _MOVES = 0.1  # share of the readings at which a controller moves its power
 
 
 def demand_cause(log: Log, problem: PowerProblem, fit: PowerFit | None) -> str:
-    """Refuse a log in which the power cannot be the temperature's cause; return what casts doubt on it, if anything.
+    """Refuse a log in which the power cannot be the cause of the temperature; return any doubt about it.
 
     Args:
         log: for its name and columns.
         problem: of one lag.
-        fit: its best fit, None where no positive gain fits at all.
+        fit: its best fit, None if no positive gain fits at all.
 
     Raises:
         InputError: the temperature falls as the power rises, moves before it, or does not follow it at all.
@@ -211,9 +208,9 @@ def demand_cause(log: Log, problem: PowerProblem, fit: PowerFit | None) -> str:
 
 
 def explains(problem: PowerProblem, fit: PowerFit) -> bool:
-    """Return whether a heater, with the loads and drift that were found, explains nearly all that the temperature does.
+    """Return whether a heater with the identified loads and drift explains nearly all of the temperature.
 
-    A doubt that another clock or a poor course raised is settled then, see `demand_cause`.
+    This resolves a doubt about the clock or a poor fit, see `demand_cause`.
     """
     problem = problem.average(_CAUSALITY_READINGS)
     return _share(problem, problem.refine(fit.vector[None, :]), _moving(replace(problem, drift=False, loads_s=()))
@@ -270,7 +267,7 @@ def _cools(problem: PowerProblem, fit: PowerFit, opposite: PowerProblem, other: 
 
 
 def _other_heaters(problem: PowerProblem) -> Iterator[tuple[PowerProblem, PowerFit]]:
-    """Return a heater of two lags, and one whose power was logged late."""
+    """Return a heater with two lags, and one whose power was logged late."""
     for other in (replace(problem, two_lags=True), _ahead(problem)):
         yield other, other.fit()
 
@@ -290,7 +287,7 @@ def _eventful(problem: PowerProblem, fit: PowerFit) -> tuple[PowerProblem, Power
 
 
 def _is_strange(problem: PowerProblem, fit: PowerFit) -> bool:
-    """Return whether the ambient is that of no room and beyond what the readings support, or the dead time endless."""
+    """Return whether the ambient is implausible and beyond what the readings support, or the dead time excessive."""
     ambient, readings = float(fit.linear[AMBIENT]), problem.readings.temperature_degC
     reach = _FAR * float(np.ptp(readings))
     outside = ambient < _COLDEST or ambient > _HOTTEST
@@ -350,7 +347,7 @@ def _still(problem: PowerProblem) -> PowerProblem:
 
 
 def _share(problem: PowerProblem, fit: PowerFit, moving: float) -> float:
-    """Return the share that the power explains of what the temperature does without it."""
+    """Return the fraction of the temperature changes that the power explains."""
     return 1.0 - _lost(problem, fit) / moving if moving > 0.0 else 0.0
 
 
@@ -368,14 +365,14 @@ def _is_late(problem: PowerProblem, fit: PowerFit) -> bool:
 def _demand_effect(
     log: Log, problem: PowerProblem, fits: Sequence[PowerFit], fit: PowerFit | None, share: float
 ) -> str:
-    """Refuse a log whose temperature does not follow the power; return the doubt where much of it does.
+    """Refuse a log whose temperature does not follow the power; return a doubt if it mostly does.
 
     Args:
         log: for its name.
         problem: of one lag.
         fits: with the power: heaters of one lag and two, and a cooler.
-        fit: the heater of one lag, None where there is none.
-        share: of what the temperature does, that the better heater explains.
+        fit: the heater of one lag, None if there is none.
+        share: fraction of the temperature changes that the better heater explains.
     """
     if len(problem.readings.level_pct) == 1:
         return ""  # constant power was accepted because the ambient is known
@@ -396,7 +393,7 @@ def _demand_effect(
 
 
 def _answers_beside_load(problem: PowerProblem, still: PowerProblem, fit: PowerFit | None) -> bool:
-    """Return whether the power is seen once a load is allowed: a controller's answer to one hides its own effect."""
+    """Return whether the power has an effect if a load is allowed: a controller's response to a load hides it."""
     if fit is None:
         return False
     (loaded, *_), (refit, *_) = with_loads([problem], [fit])
@@ -427,10 +424,10 @@ _APART = 0.2  # of the span between first and last reading: the loop had to heat
 
 
 def loop_remarks(log: Log) -> tuple[Remark, ...]:
-    """Return what it means that the logged power is a controller's, all the time or from when to when.
+    """Return the findings of power from a controller, for the whole log or part of it.
 
-    The fit is the direct method: it takes the power as given. Where noise is fed back it is biased as far as the noise
-    model is wrong (L. Ljung, "System Identification", 2nd ed., 1999, section 13.4).
+    The fit is the direct method: it takes the power as given. With feedback of noise it is biased to the extent that
+    the noise model is wrong (L. Ljung, "System Identification", 2nd ed., 1999, section 13.4).
     """
     window = closed_loop(log)
     if window is None:
@@ -460,10 +457,10 @@ def is_feedback(log: Log) -> bool:
 
 
 def closed_loop(log: Log) -> tuple[float, float] | None:
-    """Return from when to when the power answers the temperature [s], None where it never does.
+    """Return start and end of the feedback from temperature to power [s], or None.
 
-    The longest of all windows between the ends of equal parts of the log, without the parts at its ends that show
-    nothing of it. Pulses by the clock and sines look like a loop too, so its moves have to be the readings'.
+    This is the longest window of equal parts of the log, without parts at its ends that show no feedback. Timed pulses
+    and sines look like feedback too, so the changes have to follow the readings.
     """
     if log.power_pct is None:
         return None
@@ -486,7 +483,7 @@ def closed_loop(log: Log) -> tuple[float, float] | None:
 
 
 def _answers_at_once(log: Log) -> bool:
-    """Return whether the power's moves are those of the readings, or of two levels, whose times no clock gives."""
+    """Return whether the power changes follow the readings, or have two levels without regular timing."""
     assert log.power_pct is not None
     move = np.diff(log.power_pct)
     if len(np.unique(log.power_pct)) == 2:
@@ -527,7 +524,7 @@ def _is_linear(log: Log, power: Array) -> bool:
 
 
 def _excitation(log: Log) -> str | None:
-    """Return what moves the loop from outside."""
+    """Return the external excitation of the loop."""
     if log.setpoint_degC is not None and float(np.ptp(log.setpoint_degC)) > 0.0:
         return "The setpoint changes; that"
     start, end = float(log.temperature_degC[0]), float(np.median(log.temperature_degC[-10:]))

@@ -1,6 +1,6 @@
-"""The checks of a fit with power, and what they say in plain words.
+"""The checks of a fit with power, and their messages.
 
-What a fit with power is worth on windows it has not seen, and whether the halves of a log give the same heater.
+Also cross-validation: prediction of blocks that the fit has not used, and agreement of the two halves of a log.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _SHOWN = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
 
 
 def held_out(problem: PowerProblem, fit: PowerFit) -> HeldOut:
-    """Return how well each window is foretold by a fit to all other readings; drift and load instants stay as found."""
+    """Return the prediction error of each window by a fit to all other readings; drift and load instants are kept."""
     time, record = problem.readings.time_s, problem.readings.temperature_degC
     places = [place for window in np.array_split(np.arange(len(time)), _WINDOWS)[1:]
               if len(place := np.setdiff1d(window, _begun(problem)))]
@@ -61,19 +61,19 @@ def held_out(problem: PowerProblem, fit: PowerFit) -> HeldOut:
 
 
 def _begun(problem: PowerProblem) -> npt.NDArray[np.intp]:
-    """Return the first readings of the segments, which stay in every fit: only they tell where each began."""
+    """Return the first readings of the segments, which stay in every fit because they define the initial states."""
     first = np.searchsorted(problem.readings.time_s, problem.readings.restart_s)
     return np.asarray((first[:, None] + np.arange(_BEGUN)).ravel())
 
 
 def halves(problem: PowerProblem, fit: PowerFit) -> tuple[Half, Half] | None:
-    """Return one lag fitted to each half of the time, None where a half holds no heater or too few readings."""
+    """Return one lag fitted to each half of the time, None if a half gives no heater or has too few readings."""
     first, second = (_half(problem, fit, rows) for rows in sides(problem))
     return None if first is None or second is None else (first, second)
 
 
 def plain_halves(problem: PowerProblem, fit: PowerFit, with_all: Sequence[Half] | None) -> tuple[Half, ...]:
-    """Return the halves that are explained as well without the start, drift and loads that only the whole log tells."""
+    """Return the halves that fit as well without the initial state, drift and loads of the whole log."""
     plain = replace(problem, at_rest=False, drift=False, loads_s=())
     if with_all is None or not (problem.at_rest or problem.drift or problem.loads_s):
         return ()
@@ -90,7 +90,7 @@ def sides(problem: PowerProblem) -> tuple[Rows, Rows]:
 
 
 def half_of(problem: PowerProblem, rows: Rows) -> PowerProblem | None:
-    """Return the problem on a half of its readings, None where these are too few or all the same."""
+    """Return the problem on a half of its readings, None if these are too few or all the same."""
     if np.count_nonzero(rows) < _FEWEST:
         return None
     part = _part(problem, rows).average(_CROSS_VALIDATION_READINGS)
@@ -161,13 +161,13 @@ def check_fit(problem: PowerProblem, fit: PowerFit) -> Validation:
 
 
 def predicts(problem: PowerProblem, fit: PowerFit) -> bool:
-    """Return whether a model is worth about as much on windows left out of its fit as on the readings it has seen."""
+    """Return whether a model fits omitted windows about as well as the readings used in its fit."""
     seen = fit_pct(problem.readings.temperature_degC, fit.simulated_degC)
     return unseen(problem, fit).fit_pct >= seen - DROP_PCT
 
 
 def correlation_of(problem: PowerProblem, fit: PowerFit) -> InputCorrelation | None:
-    """Return how far what a fit leaves over follows the power, up to one dead time and time constant later."""
+    """Return the correlation of the residuals with the power, up to one dead time plus one time constant later."""
     thin, thinned = _thinned(problem, fit)
     readings = thin.readings
     return input_correlation(
@@ -177,7 +177,7 @@ def correlation_of(problem: PowerProblem, fit: PowerFit) -> InputCorrelation | N
 
 
 def unseen(problem: PowerProblem, fit: PowerFit) -> HeldOut:
-    """Return what the model is worth on windows left out of the fit."""
+    """Return the cross-validation of the model."""
     return held_out(*_thinned(problem, fit))
 
 
@@ -189,14 +189,14 @@ def _thinned(problem: PowerProblem, fit: PowerFit) -> tuple[PowerProblem, PowerF
 def judgement_remarks(
     log: Log, validation: Validation, fit: float, second: InputCorrelation | None, *, two_lags_predict: bool = False
 ) -> Iterator[Remark]:
-    """Tell what the checks found, and which finding that is; nothing where all hold.
+    """Yield the findings of the checks; empty if all are passed.
 
     Args:
         log: for its name and its loop.
         validation: of one lag.
-        fit: of one lag on the readings it has seen [%].
-        second: the correlation that two lags leave, None where a second is not seen.
-        two_lags_predict: whether two lags are a candidate and predict the windows left out of their fit.
+        fit: of one lag on the readings used in the fit [%].
+        second: residual correlation of two lags, None without a second lag.
+        two_lags_predict: whether two lags are a candidate and predict the omitted windows.
     """
     if validation.input_correlation is not None and not validation.input_correlation.ok:
         kept = second is not None and second.ok

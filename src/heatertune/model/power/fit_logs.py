@@ -1,15 +1,14 @@
-"""The fit of several logs of one heater with power: each alone first, then one heater for all.
+"""Fit several logs of one heater with power: each log alone first, then one heater for all.
 
-Whether logs of one heater give the same heater, and what that means in words.
+Also the test whether the logs give the same heater, and its message.
 
-One heater behind several logs with power: gain, lags and dead time shared, all else each log's own.
+One heater for several logs with power: gain, lags and dead time are shared, all else is separate for each log.
 
-A log's ambient, drift, initial state and loads are solved inside, the shared numbers searched. A log weighs by the
-noise it has in the long run, so a long, noisy record does not outvote a short, quiet one.
+Ambient, drift, initial state and loads of each log are solved inside the search over the shared parameters. The weight
+of a log is given by its long-run noise, so a long, noisy log does not dominate a short, quiet one.
 
-Intervals of one heater behind several logs: profile likelihood and block bootstrap, as for one log.
-
-Each log's residuals have their own size and colour; resampled blocks stay within their log.
+Intervals come from profile likelihood and block bootstrap, as for one log. The residuals of each log have their own
+variance and colour; resampled blocks stay within their log.
 """
 
 from __future__ import annotations
@@ -107,8 +106,8 @@ class JointFit:
 class JointProblem:
     """Logs of one heater as a bounded least-squares problem.
 
-    Shapes of the arrays: a vector of what is shared (4,), or (5,) with the first log's ambient, see the places above;
-    starts (n, 4) or (n, 5); readings (m,), one log after the other, stacked (…, m).
+    Shapes of the arrays: a vector of the shared parameters (4,), or (5,) with the first log's ambient, see the indices
+    above; starts (n, 4) or (n, 5); readings (m,), one log after the other, stacked (…, m).
 
     Attributes:
         parts: one problem for each log, all of one lag or all of two.
@@ -123,7 +122,7 @@ class JointProblem:
 
     @classmethod
     def of(cls, parts: Sequence[PowerProblem], fits: Sequence[PowerFit]) -> JointProblem:
-        """Return the problem of logs whose fits alone are known."""
+        """Return the joint problem of logs with known individual fits."""
         gains = [math.log(fit.linear[GAIN]) for fit in fits]
         low = np.min([part.low for part in parts], axis=0)
         high = np.max([part.high for part in parts], axis=0)
@@ -174,9 +173,9 @@ class JointProblem:
         return answer
 
     def with_ambient(self, fit: JointFit) -> tuple[JointProblem, Array]:
-        """Return the problem that seeks the first log's ambient beside what is shared, and the vector of a fit in it.
+        """Return the problem with the first log's ambient as an additional unknown, and the vector of a fit in it.
 
-        Of shape (4,), or with that ambient (5,). The problem itself, where that ambient is known.
+        The shape is (4,), or (5,) with that ambient. If that ambient is known, the problem is unchanged.
         """
         first = self.parts[0]
         if not math.isnan(first.fixed[AMBIENT]):
@@ -187,7 +186,7 @@ class JointProblem:
         return wider, np.append(fit.vector, best)
 
     def refine(self, starts: Array) -> JointFit:
-        """Return the best fit that the starts (n, p), vectors of what is shared, lead to."""
+        """Return the best fit from the starts (n, p), vectors of the shared parameters."""
         records = np.tile(self.records, (len(starts), 1))
         minima = minimise(self.residuals(records), starts, self.low, self.high, tolerance=1e-9)
         return self.at(minima.parameters[int(np.argmin(minima.cost))])
@@ -211,7 +210,7 @@ class JointProblem:
         return parameters_on_bounds(z, low, high)
 
     def bic(self, fit: JointFit) -> float:
-        """Return the criterion over all logs; what they share counts once."""
+        """Return the criterion over all logs; shared parameters count once."""
         shared = 3 + self.parts[0].two_lags
         own = sum(
             ar1_bic(part.readings.temperature_degC - part_fit.simulated_degC, part_fit.unknowns - shared)
@@ -243,7 +242,7 @@ _MEASURES: dict[str, Measure] = {
 
 
 def joint_intervals(problem: JointProblem, fit: JointFit, *, seed: int) -> dict[str, Interval]:
-    """Return the 95 % interval of what the logs share, and of the first log's ambient where it is free.
+    """Return the 95 % intervals of the shared parameters, and of the first log's ambient if it is free.
 
     An end on a bound of the search is open.
     """
@@ -286,10 +285,10 @@ def _bootstrap(problem: JointProblem, fit: JointFit, best: Array, seed: int) -> 
 def _linear(
     problem: JointProblem, fit: JointFit, best: Array, measures: Mapping[str, Measure]
 ) -> dict[str, tuple[float, float]]:
-    """Return of each number its deviation, and how far the sum of squares rises at the end of its 95 % interval.
+    """Return the deviation of each parameter, and the increase of the sum of squares at the end of its 95 % interval.
 
-    Under first-order autoregressive noise in each log. What is each log's own is solved inside, so the slopes of the
-    residuals are already free of it (Frisch–Waugh).
+    The noise of each log is first-order autoregressive. The parameters of each log are solved inside, so the slopes of
+    the residuals are already free of them (Frisch–Waugh).
     """
     free = np.flatnonzero(problem.high > problem.low)
     slopes = _slopes(problem, best, free)
@@ -337,7 +336,7 @@ def _gradient(measure: Measure, best: Array) -> Array:
 
 
 def _profile(problem: JointProblem, best: Array, name: str, noise: Mapping[str, tuple[float, float]]) -> Interval:
-    """Return where the weighted sum of squares, all else fitted anew, has risen as far as the noise allows."""
+    """Return where the weighted sum of squares, with all else fitted again, has risen as far as the noise allows."""
     deviation, limit = noise[name]
     value = float(_MEASURES[name](best[None, :])[0])
     least = float(np.sum(problem.residuals(problem.records[None, :])(best[None, :], np.array([0])) ** 2))
@@ -376,7 +375,7 @@ _SHARED = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", RATIO)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disagreement:
-    """A parameter, and the two logs whose values of it lie furthest apart for their intervals."""
+    """A parameter, and the two logs whose values differ most relative to their intervals."""
 
     parameter: str
     first: OneLog
@@ -384,10 +383,10 @@ class Disagreement:
 
 
 def disagreements(logs: Sequence[OneLog]) -> tuple[Disagreement, ...]:
-    """Return the parameters whose values alone lie further apart than chance allows in 5 of 100 sets of such logs.
+    """Return the parameters whose values differ significantly between logs (5 % level).
 
-    The deviations of independent estimates add up as squares; the 5 % are shared out over all pairs and parameters
-    (Bonferroni). An interval open towards the other value never disagrees.
+    The variances of independent estimates add up; the 5 % are divided among all pairs and parameters (Bonferroni). An
+    interval open towards the other value never disagrees.
     """
     pairs = list(combinations(logs, 2))
     normal = NormalDist()
@@ -401,7 +400,7 @@ def disagreements(logs: Sequence[OneLog]) -> tuple[Disagreement, ...]:
 
 
 def _apart(name: str, first: OneLog, second: OneLog) -> float:
-    """Return the distance of two values by what their intervals allow; 0 where one is open towards the other."""
+    """Return the distance of two values by what their intervals allow; 0 if one is open towards the other."""
     lower, upper = sorted((first, second), key=lambda log: log.values[name])
     high, low = lower.ci95[name].high, upper.ci95[name].low
     if high is None or low is None:
@@ -411,7 +410,7 @@ def _apart(name: str, first: OneLog, second: OneLog) -> float:
 
 
 def agreement_remarks(logs: Sequence[OneLog], apart: Sequence[Disagreement]) -> Iterator[Remark]:
-    """Tell how well one heater serves every log, and where the logs disagree, which is a finding."""
+    """Report how well one heater fits all logs, and yield a finding if the logs disagree."""
     fits = ", ".join(f"{log.fit_pct:.1f} % of {log.name} ({log.alone_fit_pct:.1f} % alone)" for log in logs)
     yield Remark(
         "", f"One heater for all logs explains {fits}; ambient and residuals shown are those of {logs[0].name}.")
@@ -458,17 +457,17 @@ class _Joint(NamedTuple):
 def fit_logs(
     logs: Sequence[Explanation], *, open_start: bool, seed: int, least_dead_time_s: float
 ) -> FittedModel:
-    """Return the one FOPDT behind several logs with power.
+    """Return the common FOPDT of several logs with power.
 
-    Shared: gain, time constant, dead time. Each log has its own ambient, initial state, drift, loads and noise.
-    Another way to read a log, which it does not rule out alone, stays a candidate unless the other logs speak against
-    it. Where the logs disagree, each log's own heater is a candidate too.
+    Shared: gain, time constant, dead time. Each log has its own ambient, initial state, drift, loads and noise. An
+    alternative explanation that a log alone does not rule out stays a candidate unless the other logs contradict it. If
+    the logs disagree, each log's own heater is a candidate too.
 
     Args:
-        logs: what explains each alone.
-        open_start: nobody knows the power before the logs.
+        logs: explanation of each log alone.
+        open_start: whether the power before the logs is unknown.
         seed: of the bootstrap.
-        least_dead_time_s: no dead time below this is believed.
+        least_dead_time_s: shortest plausible dead time.
     """
     logs, best = _drifting(logs)
     weights = [weigh_fit(log, open_start=open_start, seed=seed) for log in logs]
@@ -546,7 +545,7 @@ def _drifting(logs: Sequence[Explanation]) -> tuple[Sequence[Explanation], _Join
 
 
 def _rivals(best: _Joint, logs: Sequence[Explanation], weights: Sequence[WeighedFit]) -> Iterator[_Joint]:
-    """Return one heater for all logs, those that allow it read in another way; none that other logs speak against."""
+    """Return the alternative heaters for all logs that the other logs do not contradict."""
     at_best = best.problem.bic(best.fit)
     for law in dict.fromkeys(rival.law for weight in weights for rival in weight.rivals):
         own_rivals = [next((rival for rival in weight.rivals if rival.law == law), None) for weight in weights]
@@ -600,7 +599,7 @@ def _candidates(
 
 
 def _bent(log: Explanation) -> Iterator[Candidate]:
-    """Yield the local heaters at both ends of what a log shows of a heater that is not linear."""
+    """Yield the local heaters at both ends of a nonlinear heater."""
     bend = log.bend
     if bend is None:
         return
@@ -623,7 +622,7 @@ def _own(log: Explanation) -> Candidate:
 
 
 def _alone(log: Explanation, weight: WeighedFit, best: _Joint, place: int) -> OneLog:
-    """Return what one log says alone, and what the one heater for all makes of it."""
+    """Return the results of one log alone, and of the common heater on it."""
     fit, model = best.fit.parts[place], log.model
     simulated = log.at_readings(best.problem.parts[place], fit)
     ends = widen_intervals(weight.inside, [values_of(rival.model) for rival in weight.rivals])
@@ -674,7 +673,7 @@ def _fopdt(joint: _Joint) -> Fopdt:
 
 
 def _shares(best: _Joint, logs: Sequence[Explanation]) -> Iterator[Remark]:
-    """Yield what the power does not explain in each log, of the one heater for all."""
+    """Yield the findings about temperature that the power does not explain in each log, with the common heater."""
     for log, part, fit in zip(logs, best.problem.parts, best.fit.parts, strict=True):
         yield from share_remarks(log.log.name, [part], [fit], log.doubt)
 

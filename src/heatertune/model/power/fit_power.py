@@ -1,19 +1,17 @@
-"""The fit of a log with power: one lag as the working model, and beside it whatever else explains the log.
+"""Fit a log with power: one lag as the working model, and all alternatives that also explain the log.
 
-Whether the halves of a log give one heater, and how far its intervals have to be widened until they do.
+Also the agreement of the two halves of a log, and the factor by which intervals are widened until the halves agree. The
+noise of a fit predicts how far the results of the halves may deviate from that of the whole log. If a heater is
+nonlinear or an unknown effect moves the temperature, they deviate more, and the intervals of the whole log do not cover
+the next log. They are widened by the Birge ratio (R. T. Birge, "The calculation of errors by the method of least
+squares", Phys. Rev. 40 (1932) 207–227): the root mean square of the deviations, each divided by its expected value. A
+half with little information is expected to deviate a lot and so counts little.
 
-Noise that a fit sees says how far the halves of a log may lie from the whole. Where a heater is not quite linear or
-something else moves the temperature, they lie further, and the whole log's intervals do not hold what the next log
-says. They are widened by the Birge ratio (R. T. Birge, "The calculation of errors by the method of least squares",
-Phys. Rev. 40 (1932) 207–227): the root mean square of the deviations, each measured by what is expected of it. A half
-that knows little is expected to lie far off, and so counts for little.
+The results of a fit with power in plain words.
 
-What a fit with power has to say in plain words.
-
-How much of a log's temperature the power explains, against loads, a drift and free initial states.
-
-Loads and a drift can stand for a slow answer of the heater: where they move the model by as much as the readings span,
-or act against every step of the power, the gain that is left for the power can be several times the heater's.
+Also the share of the temperature that the power explains, compared with loads, drift and free initial states. Loads and
+a drift can imitate a slow response of the heater. If they move the model by as much as the span of the readings,
+or counteract every step of the power, the remaining gain of the power can be several times that of the heater.
 """
 
 from __future__ import annotations
@@ -85,12 +83,12 @@ _SMALL: Final = 0.15  # of the span: loads that move it by less hide little
 
 
 class Contributions(NamedTuple):
-    """What a fit makes of its readings, by cause: largest less smallest value over the readings [°C].
+    """Contributions to a fit, by cause: maximum minus minimum over the readings [°C].
 
     Attributes:
         model: of the whole model.
-        power: of the answer to the power.
-        powered: of the answer to the power with the initial states.
+        power: of the response to the power.
+        powered: of the response to the power with the initial states.
         events: of drift and loads together.
         drift: of the drift.
         loads: of the loads.
@@ -119,15 +117,15 @@ def contributions_of(problem: PowerProblem, fit: PowerFit) -> Contributions:
 def share_remarks(
     name: str, problems: Sequence[PowerProblem], fits: Sequence[PowerFit], doubt: str = ""
 ) -> Iterator[Remark]:
-    """Yield the finding that the power does not explain a log's temperature, once, of the first fit that shows it.
+    """Yield the finding that the power does not explain a log's temperature, once, for the first fit that shows it.
 
-    A fit that another one explains away, by more than 10 BIC points, is not judged: it is no model of the log.
+    A fit that is more than 10 BIC points worse than another is not judged, because it is not a model of the log.
 
     Args:
         name: of the log.
         problems: of one lag and, where two were tried, of two.
         fits: their best fits.
-        doubt: what casts doubt on the power as the cause, see `sanity.demand_cause`; it is yielded first.
+        doubt: about the power as the cause, see `demand_cause`; it is yielded first.
     """
     if doubt:
         yield Remark("unexplained-by-power", f"{name}: {doubt}")
@@ -145,7 +143,7 @@ def share_remarks(
 
 
 def _reason(moved: Contributions, problem: PowerProblem, fit: PowerFit) -> str:
-    """Return why the power does not explain the readings; empty where it does."""
+    """Return why the power does not explain the readings; empty if it does."""
     whole, events = moved.model, _events(problem, fit)
     if moved.power < _LEAST * whole:
         rest = "; ".join([*events, *([f"initial states {moved.start:.3g} °C"] if moved.start > _SMALL * whole else [])])
@@ -165,7 +163,7 @@ def _reason(moved: Contributions, problem: PowerProblem, fit: PowerFit) -> str:
 
 
 def _events(problem: PowerProblem, fit: PowerFit) -> list[str]:
-    """Return drift and loads in a few words each, loads as what they would come to in the long run."""
+    """Return drift and loads in a few words each, loads by their steady-state effect."""
     drift = [f"drift {3600.0 * fit.linear[DRIFT]:+.3g} °C/h"] * problem.drift
     return drift + [f"load of {size:+.3g} °C at {instant:.4g} s"
                     for instant, size in zip(problem.loads_s, fit.linear[COLUMNS:], strict=False)]
@@ -200,15 +198,15 @@ def notes_of(
     log: Log, problem: PowerProblem, fit: PowerFit, ci95: Mapping[str, Interval | None],
     candidates: tuple[Candidate, ...], outliers: npt.NDArray[np.intp],
 ) -> tuple[str, ...]:
-    """Return what was found, assumed and cannot be known, one sentence each.
+    """Return results, assumptions and unidentified quantities, one sentence each.
 
     Args:
         log: as it was fitted.
-        problem: with the start, drift and loads that the log asked for.
+        problem: with the initial state, drift and loads that the log needs.
         fit: of the problem, with a model.
-        ci95: parameter → its interval, None where it has none.
+        ci95: parameter → its interval, None if it has none.
         candidates: as `candidates_of` gives them.
-        outliers: places of the readings that were put where their neighbours are, shape (k,).
+        outliers: indices of the replaced readings, shape (k,).
     """
     assert fit.model is not None
     return (
@@ -221,7 +219,7 @@ def notes_of(
 def log_notes(
     log: Log, problem: PowerProblem, fit: PowerFit, outliers: npt.NDArray[np.intp]
 ) -> tuple[str, ...]:
-    """Return what was done to the readings, and what was assumed and found beside the heater.
+    """Return notes on changes of the readings, and on assumptions and effects besides the heater.
 
     `outliers`: places of the readings that were put where their neighbours are, shape (k,).
     """
@@ -295,7 +293,7 @@ def _disturbed(log: Log, problem: PowerProblem, fit: PowerFit) -> list[str]:
 def limit_notes(
     model: HeaterModel, on_bound: tuple[str, ...], ci95: Mapping[str, Interval | None], longest_s: float
 ) -> tuple[str, ...]:
-    """Return what is known only in part; `longest_s`: see `longest_hold_s`, of all logs."""
+    """Return notes on partly identified quantities; `longest_s`: see `longest_hold_s`, of all logs."""
     notes = []
     if not all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s")):
         full = 100.0 * model.gain_degC_per_pct / model.lags_s[0]
@@ -359,7 +357,7 @@ def interval_widening(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
 
 
 def widening_notes(factors: Mapping[str, float]) -> tuple[str, ...]:
-    """Tell which intervals were widened."""
+    """Report which intervals were widened."""
     widest = {name: factor for name, factor in factors.items() if factor > _TOLD and name != RATIO}
     if not widest:
         return ()
@@ -370,9 +368,9 @@ def widening_notes(factors: Mapping[str, float]) -> tuple[str, ...]:
 def said_by_halves(
     problem: PowerProblem, fit: PowerFit, validation: Validation, ci95: Mapping[str, Interval]
 ) -> tuple[Mapping[str, float], ...]:
-    """Return the values that intervals have to hold where more than noise parts the log from its model.
+    """Return the values that intervals have to contain if more than noise separates the log from its model.
 
-    These are both ends of what each half of the log says, right four times of five; not a number where it says little.
+    They are both ends of the 80 % interval of each half of the log; NaN if a half has little information.
     """
     halves = *(validation.halves or ()), *plain_halves(problem, fit, validation.halves)
     correlation = validation.input_correlation
@@ -386,7 +384,7 @@ def said_by_halves(
 
 
 def _said(half: Half, name: str, sign: float) -> float:
-    """Return an end; of gain and time constant on a logarithmic scale: known badly, they are not known as zero."""
+    """Return an end; for gain and time constant on a logarithmic scale, which excludes zero."""
     value, high = half.values[name], half.ci95[name].high
     if high is None:
         return math.nan
@@ -397,7 +395,7 @@ def _said(half: Half, name: str, sign: float) -> float:
 
 
 def halves_notes(before: Mapping[str, Interval], after: Mapping[str, Interval | None]) -> Iterator[str]:
-    """Tell which intervals had to be widened to hold what each half of the log says alone."""
+    """Report the intervals that were widened to contain the results of each half of the log."""
     widest = [NOMENCLATURE[name][1] for name, end in before.items()
               if (held := after.get(name)) is not None and _width(held) > _TWICE * _width(end)]
     if widest:
@@ -414,9 +412,10 @@ def _ratio(squares: list[float]) -> float:
 
 def _surprises(problem: PowerProblem, rows: Rows, values: Mapping[str, float], whole: ParameterNoise) -> dict[str,
                                                                                                               float]:
-    """Return how far the whole log's values lie from those of a half, squared, 1 on average where noise is all.
+    """Return the squared deviations of the whole log's values from those of a half, 1 on average for pure noise.
 
-    The distance is the rise of the half's sum of squares, so that a half that hardly bounds a value is not surprised.
+    The deviation is the increase of the half's sum of squares, so that a half with little information gives small
+    values.
     """
     part = half_of(problem, rows)
     fit = None if part is None else part.fit()
@@ -457,7 +456,7 @@ _POOR = 60.0  # fit [%] below which no interval means anything
 
 
 def weigh_fit(explanation: Explanation, *, open_start: bool, seed: int) -> WeighedFit:
-    """Return what one lag is worth; `open_start`: nobody knows the power before the log."""
+    """Assess the one-lag fit; `open_start`: whether the power before the log is unknown."""
     problem, one = explanation.problems[0], explanation.fits[0]
     wider = interval_widening(problem, one)
     narrow, inside = intervals_by(problem, one, [{}, wider], seed=seed)
@@ -469,13 +468,13 @@ def weigh_fit(explanation: Explanation, *, open_start: bool, seed: int) -> Weigh
 def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s: float, seed: int) -> FittedModel:
     """Return the FOPDT of a log with power, its intervals, and the candidates.
 
-    Beside one lag: two lags, a time constant for heating and one for cooling, an integrator; a drift of the ambient
-    and load steps where the log asks for them; the ends of the intervals, and the halves where they disagree.
+    The candidates are one lag, two lags, separate time constants for heating and cooling, an integrator; a drift of the
+    ambient and load steps if the log needs them; the ends of the intervals, and the halves if they disagree.
 
     Args:
-        explanation: what explains the log.
-        weight: what one lag is worth.
-        least_dead_time_s: no dead time below this is believed.
+        explanation: of the log.
+        weight: assessment of one lag.
+        least_dead_time_s: shortest plausible dead time.
         seed: of the bootstrap.
     """
     log, (one, two) = explanation.log, explanation.fits
@@ -537,7 +536,7 @@ def values_at_ends(bend: Bend | None) -> list[dict[str, float]]:
 
 
 def outcome_of(fit: float, *, resolved: bool) -> FitOutcome:
-    """Return how a fit ended: by its fit [%] and by whether gain and time constant are known."""
+    """Return the outcome of a fit, from its fit [%] and the identified parameters."""
     return FitOutcome.POOR_FIT if fit < _POOR else FitOutcome.IDENTIFIED if resolved else FitOutcome.COMBINATIONS_ONLY
 
 

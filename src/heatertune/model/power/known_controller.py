@@ -1,7 +1,7 @@
-"""A log without power whose controller is known: its program, run on the logged readings, gives the power back.
+"""A log without power but with a known controller: its program, run on the logged readings, gives the power.
 
-What the controller saw is in the log, so no loop has to be closed inside the fit: the controller is open-loop there,
-and what its manual leaves open shows as different records of power, which the fit compares.
+The log contains the inputs of the controller, so the fit needs no closed loop: the controller runs in open loop,
+and its open points give several power records, which the fit compares.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ _NEAR = 10.0  # BIC points within which a model explains the log nearly as well
 
 
 class KnownController(Protocol):
-    """A controller that is known to its last word, but for the points its manual leaves open."""
+    """A controller with known parameters; its open points are listed separately."""
 
     @property
     def name(self) -> str:
-        """Name, and what was assumed about the open points."""
+        """Name, and the assumed settings of the open points."""
 
     @property
     def interval_s(self) -> float:
@@ -52,10 +52,10 @@ class KnownController(Protocol):
 
 def replay_controller(log: Log, controller: KnownController, setpoint_degC: float | None,
                       offset_degC: float = 0.0) -> Log:
-    """Return the log with the power that the controller asked for, its readings being the log's plus an offset.
+    """Return the log with the power requested by the controller, for the log's readings plus an offset.
 
-    The first scan is taken at the first reading, from the cold state. Between readings the temperature is taken as
-    straight, the setpoint as held. Each row's power is the mean up to the next row, as the heater's energy asks.
+    The first scan is at the first reading, from a cold start. Between readings the temperature is linear and the
+    setpoint constant. Each row's power is the mean up to the next row, which preserves the energy.
 
     Raises:
         InputError: the power was logged, no setpoint is known, or the log is too long for the controller's scans.
@@ -111,16 +111,16 @@ def offset_degC(
     log: Log, controller: KnownController, setpoint_degC: float | None, *, ambient_degC: float | None,
     power_before_pct: float,
 ) -> float:
-    """Return what has to be added to the log's readings to get those that the controller saw [°C]; mostly nothing.
+    """Return the offset from the log's readings to those of the controller [°C], usually 0.
 
-    A controller that integrates adds up a reading's error, so half a step of its converter is already told by the
-    log. Up to one step each way is tried; without a gain of 10 BIC points the readings stay as they are.
+    A controller with integral action accumulates the error of a reading, so half a step of its converter is visible in
+    the log. Up to one step in each direction is tried; without a gain of 10 BIC points the readings are unchanged.
 
     Args:
         log: its first reading at the controller's first scan.
-        controller: as it is under one setting of its open points.
+        controller: with one setting of its open points.
         setpoint_degC: constant setpoint [°C]; None: as logged.
-        ambient_degC: ambient where it is known [°C].
+        ambient_degC: ambient, if known [°C].
         power_before_pct: power before the first reading [%].
     """
     step = max(controller.resolution_degC, float(np.min(np.diff(np.unique(log.temperature_degC)))))
@@ -145,7 +145,7 @@ class ModelOrderFit(NamedTuple):
 
 def rate(logs: Sequence[tuple[str, Log]], *, ambient_degC: float | None,
          power_before_pct: float) -> list[ModelOrderFit]:
-    """Return one and two lags on each named record of power, the best by BIC first; none without a sensible heater."""
+    """Return one and two lags on each named power record, the best by BIC first; empty without a plausible heater."""
     rated = []
     for name, log in logs:
         if float(np.ptp(_power(log))) == 0.0 and ambient_degC is None:
@@ -182,7 +182,7 @@ def _candidate(rated: ModelOrderFit, leader: float) -> Candidate:
 def replay_notes(
     log: Log, controllers: Sequence[KnownController], rated: Sequence[Candidate], offset_degC: float
 ) -> tuple[str, ...]:
-    """Return what was assumed to get the power back, and what the log says about the open points."""
+    """Return the assumptions for reconstructing the power, and the log's evidence about the open points."""
     h, sample = controllers[0].interval_s, float(np.median(np.diff(log.time_s)))
     between = "" if h >= sample - 1e-9 else f"; between readings ({sample:g} s) the temperature was taken as straight"
     notes = [

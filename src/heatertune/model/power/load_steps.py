@@ -1,10 +1,10 @@
-"""Load steps at unknown instants: a lid that stays open, a door, another heater that comes on.
+"""Load steps at unknown instants: an open lid or door, another heater that switches on.
 
-How a log begins: whether the heater rested, and with which power before.
+Also the initial state of a log: whether the heater was in steady state, and at which power.
 
-A test that begins at rest has no initial state to fit. A free one would swallow what the model cannot follow at the
-first step, and the ambient with it. What the readings before the first change of the power show decides where they
-can: a temperature that moves while the power is held is no rest.
+A test that starts in steady state has no initial state to fit. A free initial state would absorb model error at the
+first step, and the ambient with it. If the readings before the first change of power are sufficient, they decide: a
+temperature that moves at constant power is not in steady state.
 
 What a log asks for beside the heater: how it begins, a drift of the ambient, load steps; chosen together.
 """
@@ -50,9 +50,9 @@ class _Slope(NamedTuple):
 
 
 def starts(problem: PowerProblem, *, closed: bool) -> Iterator[PowerProblem]:
-    """Yield the problem with each start that is possible: the power before, known or not, and rest or not.
+    """Yield the problem with each possible start: power before, known or unknown, steady state or not.
 
-    `closed`: a controller moved the power, so nobody switched it on with the log.
+    `closed`: a controller set the power, so it was not switched on together with the log.
     """
     befores = [problem.power_before_pct]
     if befores == [None] and problem.readings.level_pct[0] != 0.0:
@@ -65,9 +65,9 @@ def starts(problem: PowerProblem, *, closed: bool) -> Iterator[PowerProblem]:
 
 
 def _may_rest(problem: PowerProblem) -> bool:
-    """Return whether the first readings may be those of rest with the power before the log.
+    """Return whether the first readings may be the steady state of the power before the log.
 
-    Where that power goes on, they hardly move; where it came on with the log, none that follows is colder.
+    If this power continues, they hardly move; if power came on with the log, no later reading is colder.
     """
     if _held(problem):
         slope = _slope(problem.readings)
@@ -95,7 +95,7 @@ def _held(problem: PowerProblem) -> bool:
 
 
 def _slope(readings: Readings) -> _Slope | None:
-    """Return what the readings before the first change of the power show, None where they are too few."""
+    """Return the slope of the readings before the first change of the power, None if they are too few."""
     end = readings.edge_s[1] if len(readings.edge_s) > 1 else np.inf
     before = readings.time_s + readings.half_s <= end
     n = int(np.count_nonzero(before))
@@ -127,7 +127,7 @@ _RATIO = 0.1  # of two lags to begin with
 
 
 def bic_of(problem: PowerProblem, fit: PowerFit) -> float:
-    """Return the criterion of a fit on its problem's readings; infinite where it is no heater."""
+    """Return the criterion of a fit on its problem's readings; infinite if it is no heater."""
     if fit.model is None and problem.sign > 0.0 and problem.least_dead_time_s == 0.0:
         return np.inf
     if problem.sign < 0.0 and not float(fit.linear[GAIN]) < 0.0:  # no cooler fits at all
@@ -148,7 +148,7 @@ def is_sensible(problem: PowerProblem, fit: PowerFit) -> bool:
 
 
 def lowest_degC(problem: PowerProblem) -> float:
-    """Return the lowest temperature of a log: of the running median, or noise would be the coldest [°C]."""
+    """Return the lowest temperature of a log, from the running median to exclude noise [°C]."""
     return float(replace_outliers(problem.readings.temperature_degC, share=0.0).min())
 
 
@@ -161,9 +161,9 @@ def edges_of(problem: PowerProblem) -> tuple[Array, Array]:
 
 
 def coincides(problem: PowerProblem, dead_time_s: float, instant_s: float) -> bool:
-    """Return whether a load sets in as an edge of the power arrives: what follows is the heater's doing, not a load's.
+    """Return whether a load coincides with the arrival of a power edge, so that the heater explains it.
 
-    Where the power moves so often that most instants would coincide, none does.
+    If the power changes so often that most instants would coincide, the result is False.
     """
     readings = problem.readings
     edges, _ = edges_of(problem)
@@ -203,7 +203,7 @@ def with_loads(
 def _descended(
     problems: list[PowerProblem], fits: list[PowerFit], best: int
 ) -> tuple[list[PowerProblem], list[PowerFit]]:
-    """Return the problems and fits with one more load, found from where the fits are."""
+    """Return the problems and fits with one more load, searched from the current fits."""
     trial = problems
     for _ in range(_ROUNDS):  # the load bends lags and dead time, and these its instant
         instant = _instant(problems[best], fits[best])
@@ -213,7 +213,7 @@ def _descended(
 
 
 def _far_off(problems: list[PowerProblem]) -> list[PowerFit]:
-    """Return the fits with one load whose instant, lag and dead time were searched together, on a coarse grid."""
+    """Return the fits with one load, with instant, lag and dead time searched together on a coarse grid."""
     time = problems[0].readings.time_s
     tried = time[0] + np.linspace(0.05, 0.95, _GRID) * float(np.ptp(time))
     rough = [replace(problems[0], loads_s=(float(instant),)).roughly() for instant in tried]
@@ -264,9 +264,9 @@ class Way(NamedTuple):
 
 
 def with_events(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], *, closed: bool) -> Way:
-    """Return one lag and two with the start, the drift and the loads that explain the log best.
+    """Return one lag and two with the initial state, drift and loads that explain the log best.
 
-    A start that is wrong passes for a drift or a load, and a drift for a load: none can be chosen before the others.
+    A wrong initial state looks like a drift or a load, and a drift like a load, so they have to be chosen together.
     `closed`: a controller moved the power.
     """
     given = Way(list(problems), list(fits))
@@ -280,7 +280,7 @@ def with_events(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], *, c
 
 
 def without_events(way: Way) -> Way:
-    """Return the way without drift and loads, its start as it is."""
+    """Return the explanation without drift and loads, with its initial state."""
     if not way.problems[0].drift and not way.problems[0].loads_s:
         return way
     problems = [replace(problem, drift=False, loads_s=()) for problem in way.problems]
@@ -294,9 +294,9 @@ def refit_all(problems: Sequence[PowerProblem], fits: Sequence[PowerFit]) -> lis
 
 
 def _worth(way: Way) -> tuple[bool, float]:
-    """Return whether a load stands for the unknown power before the log, then the criterion.
+    """Return whether a load imitates the unknown power before the log, then the criterion.
 
-    A rest that is plain to see is not given up for a little.
+    An obvious steady state is not abandoned for a small improvement.
     """
     first, fit = way.problems[0], way.fits[0]
     time = first.readings.time_s

@@ -1,19 +1,18 @@
-"""Whether a heater is linear: gain by power, loss by temperature, heating against cooling, a ceiling.
+"""Nonlinear heaters: gain that depends on power, loss on temperature, different heating and cooling, a ceiling.
 
-A linear fit to a heater that is not lies between its ends, and the worst design is made for a third of the true gain.
-Where another shape explains a log better, the local heaters at both its ends are candidates, so that a design serves
-both. A load that sets in with an edge of the power is such a shape until none explains it.
+A linear fit to a nonlinear heater lies between its extremes, and the worst resulting design uses a third of the true
+gain. If another shape explains a log better, the local heaters at both its ends become candidates, so that a design
+covers both. A load that starts at an edge of the power counts as such a shape until a load explains it.
 
-A heater whose gain depends on the power: its effective power is a rising curve through the logged levels.
-
-The curve is a broken line whose slopes, the gain of each stretch of power, enter the temperature linearly; so only lags
+Gain that depends on power: the effective power is a rising piecewise linear curve through the logged levels. Its
+slopes, the gain of each range of power, enter the temperature linearly, so only lags
 and dead time are searched, as for a constant gain.
 
-A heater whose time constant or gain depends on what it does: cooling faster than it warms, radiating, at a ceiling.
+Time constant or gain that depends on direction or temperature: faster cooling than heating, radiation, a ceiling.
 
-T' = (gain·power(t − dead time) − θ·(1 + loss·θ))/time constant, θ = T − ambient; the time constant is that of
-warming where the right side is positive and that of cooling else; T is never above the ceiling, and a second lag
-follows it. In a step so short that θ hardly moves all is exponential: exact where the loss does not grow.
+T' = (gain·power(t − dead time) − θ·(1 + loss·θ))/time constant, θ = T − ambient. The time constant is that of
+heating if the right side is positive and that of cooling otherwise. T never exceeds the ceiling, and a second lag
+follows it. In a step so short that θ hardly moves, the solution is exponential; it is exact without nonlinear loss.
 """
 
 from __future__ import annotations
@@ -56,7 +55,7 @@ _SPREAD = np.array([0.0, 0.4, -0.4])  # of ln lag, of the starts
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InputCurve:
-    """The best broken line.
+    """The best piecewise linear curve.
 
     Attributes:
         knots_pct: powers at which the gain changes, the least and the greatest included, shape (k + 1,).
@@ -74,7 +73,7 @@ class InputCurve:
 
 
 def knots_of(problem: PowerProblem) -> Array:
-    """Return the powers between which a gain can be told: the logged levels, or quantiles of many; shape (k,) [%]."""
+    """Return the powers between which gains are identifiable: logged levels, or quantiles of many; shape (k,) [%]."""
     readings = problem.readings
     held = np.diff(readings.edge_s, append=max(readings.time_s[-1], readings.edge_s[-1]))
     levels = np.append(readings.level_pct[held > 0.0], problem.power_before)
@@ -93,7 +92,7 @@ def knots_of(problem: PowerProblem) -> Array:
 
 
 def fit_input_curve(problem: PowerProblem, near: PowerFit) -> InputCurve | None:
-    """Return the best curve that a fit of constant gain leads to, None where the log holds two powers only."""
+    """Return the best curve starting from a fit of constant gain, None if the log has only two powers."""
     knots = knots_of(problem)
     if len(knots) < 3:
         return None
@@ -126,7 +125,7 @@ def _ramp(problem: PowerProblem, low_pct: float, high_pct: float) -> PowerProble
 
 
 def _solved(problem: PowerProblem, ramps: list[PowerProblem], z: Array) -> tuple[Array, Array]:
-    """Return gains and temperature for lags and dead time; a gain that would be negative is none."""
+    """Return gains and temperature for lags and dead time; negative gains are set to 0."""
     own = ramps[0].basis(z)
     linear = problem.fixed
     fixed = np.where(np.isnan(linear[: len(own)]), 0.0, linear[: len(own)])
@@ -162,17 +161,17 @@ _MOST_LOSS = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BentHeater:
-    """The best heater of one bend.
+    """The best heater with one kind of nonlinearity.
 
     Attributes:
-        gain_degC_per_pct, ambient_degC, dead_time_s: as of a linear heater; the gain is that at the ambient.
-        lags_s: warming and cooling.
-        ratio: of the second lag to the warming one, 0: none.
+        gain_degC_per_pct, ambient_degC, dead_time_s: as for a linear heater; the gain is that at the ambient.
+        lags_s: heating and cooling.
+        ratio: of the second lag to that of heating, 0: none.
         loss_per_degC: growth of the loss with the temperature above the ambient.
-        ceiling_degC: no temperature lies above.
+        ceiling_degC: highest possible temperature.
         simulated_degC: shape (n,).
         unknowns: number of fitted numbers.
-        on_bound: whether the bend ended on a bound of its search.
+        on_bound: whether the nonlinear parameter ended on a bound of its search.
     """
 
     gain_degC_per_pct: float
@@ -337,7 +336,7 @@ class Bend(NamedTuple):
 
 
 class LinearityResult(NamedTuple):
-    """The linear way to be believed, the bend that explains the log better, if any, and what cannot be told."""
+    """The linear explanation, the nonlinear one that explains the log better, if any, and the remaining doubts."""
 
     way: Way
     bend: Bend | None = None
@@ -345,7 +344,7 @@ class LinearityResult(NamedTuple):
 
 
 def bend_remarks(bend: Bend | None) -> tuple[Remark, ...]:
-    """Return what a bend means, nothing without one."""
+    """Return the findings of a nonlinear heater, empty for a linear one."""
     return () if bend is None else (Remark("nonlinear", bend.sentence),)
 
 
@@ -353,8 +352,8 @@ def judged_linear(plain: Way, eventful: Way) -> LinearityResult:
     """Return whether the heater is linear.
 
     Args:
-        plain: one lag and two, their start as found, without drift and loads.
-        eventful: with the drift and loads that a linear heater asks for.
+        plain: one lag and two with their initial state, without drift and loads.
+        eventful: with the drift and loads that a linear heater needs.
     """
     if len(plain.problems[0].readings.restart_s) or not _misses(plain):
         return LinearityResult(eventful)
@@ -385,7 +384,7 @@ def _untold(eventful: Way) -> tuple[str, ...]:
 
 
 def _misses(way: Way) -> bool:
-    """Return whether the better of one lag and two leaves more than what differs between neighbours."""
+    """Return whether the better of one lag and two leaves larger residuals than the differences between neighbours."""
     place = int(np.argmin([bic_of(*pair) for pair in zip(*way, strict=True)]))
     if not left_over(way.problems[place], way.fits[place]):
         return False

@@ -1,12 +1,8 @@
-"""Fit of a log whose power was recorded: exact simulation, held power, exact fractional dead time.
+"""Fit of a log with recorded power: exact simulation, held power, exact fractional dead time.
 
-Gain, ambient, drift, initial state and load steps are solved inside; only lags and dead time are searched. Nothing is
-assumed about steadiness at the start: that would inflate the gain.
-
-The linear unknowns of a fit solved inside (variable projection), lags and dead time searched.
-
-G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413–432: for given lags and dead time the temperature is
-linear in everything else, so only lags and dead time are searched.
+For given lags and dead time the temperature is linear in gain, ambient, drift, initial state and load steps (variable
+projection; G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413–432), so only lags and dead time are
+searched. The heater is not assumed to start in steady state, which would inflate the gain.
 """
 
 from __future__ import annotations
@@ -67,7 +63,7 @@ ROUNDING = 1e-13  # share of a column's square that rounding may leave of it
 def _solve(matrix: Array, right: Array, left: Array, size: int) -> None:
     """Solve a small symmetric system in place by elimination; `left`, of that size, is working space.
 
-    An unknown whose column the ones before it make up, but for rounding, is 0: they explain as much without it.
+    An unknown whose column depends linearly on the previous ones is 0.
     """
     for c in range(size):
         left[c] = ROUNDING * matrix[c, c]
@@ -88,7 +84,7 @@ def _solve(matrix: Array, right: Array, left: Array, size: int) -> None:
 
 
 def _dot(first: Array, second: Array) -> float:
-    """Return the sum of products: by eight sums, so that none waits for the one before, of an order that stays."""
+    """Return the sum of products, in eight independent sums of a fixed order."""
     whole = len(first) // 8 * 8
     a = b = c = d = e = f = g = h = 0.0
     for i in range(0, whole, 8):  # a loop: array expressions take seconds to compile
@@ -112,7 +108,7 @@ def _add(weight: float, column: Array, out: Array) -> None:
 
 
 def space(width: int, m: int) -> Space:
-    """Return working space for so many columns and readings: what is compiled makes no arrays, and is quick for it."""
+    """Allocate the work arrays for so many columns and readings; the compiled code allocates none, for speed."""
     made_of = np.full(2, math.nan)  # of none yet
     normal, right, left, free = np.empty((width, width)), np.empty(width), np.empty(width), np.empty(width, np.int64)
     return np.empty((width, m)), made_of, normal, right, left, free, np.ones(1)
@@ -138,7 +134,7 @@ def _residuals(record: Record, z: Array, space: Space, out: Array, linear: Array
 
 
 def _left_by(record: Record, lag: float, space: Space, out: Array, linear: Array) -> float:
-    """Fill what the columns in `space` leave, and their weights; return the sum of squares. Arguments as above."""
+    """Compute residuals and weights of the columns in `space`; return the sum of squares. Arguments as above."""
     _, temperatures, fixed, (per_lag, sign) = record
     basis, _, normal, right, left, free, _ = space
     size = 0
@@ -172,8 +168,8 @@ def project(request: ProjectionInput, vectors: Array, residuals: Array, linear: 
     Args:
         request: see `Asked`.
         vectors: ln first lag, dead time, lag ratio, shape (n, 3); quickest with those of the same lags in a row.
-        residuals: shape (n, m), or (1, m) where nobody asks for them [°C].
-        linear: linear parts, shape (n, columns) or (1, columns) likewise.
+        residuals: shape (n, m), or (1, m) if not needed [°C].
+        linear: linear parts, shape (n, columns), or (1, columns) if not needed.
         cost: sums of squares, shape (n,) [°C²].
         space: see `space`.
     """
@@ -183,7 +179,7 @@ def project(request: ProjectionInput, vectors: Array, residuals: Array, linear: 
 
 
 def _record(request: ProjectionInput, i: int) -> Record:
-    """Return what is asked of a vector."""
+    """Return the record requested for a vector."""
     log, records, fixed, law = request
     return log, records[min(i, len(records) - 1)], fixed[min(i, len(fixed) - 1)], law
 
@@ -191,13 +187,13 @@ def _record(request: ProjectionInput, i: int) -> Record:
 def try_loads(
     request: ProjectionInput, vector: Array, instants: Array, residuals: Array, linear: Array, space: Space
 ) -> None:
-    """Fill the residuals with the last load step at other instants; all other columns are made once.
+    """Compute the residuals with the last load step at other instants; all other columns are computed once.
 
     Args:
         request: see `Asked`, of one record.
         vector: ln first lag, dead time, lag ratio.
         instants: at which the last load begins to act, shape (n,) [s].
-        residuals: shape (n, m) [°C]; infinite for what is no model.
+        residuals: shape (n, m) [°C]; infinite for an impossible model.
         linear: of the last instant, shape (columns,).
         space: see `space`.
     """
@@ -211,7 +207,7 @@ def try_loads(
 
 
 def paths(width: int, m: int) -> Paths:
-    """Return what `descend` needs beside `space`, for so many columns and readings."""
+    """Allocate the other work arrays of `descend`, for so many columns and readings."""
     return np.empty((5, m)), np.empty((10, 3)), np.empty(width)
 
 
@@ -268,7 +264,7 @@ def _stepped(z: Array, bounds: tuple[Array, Array], damping: float, small: Array
 
 
 def _keep_inside(z: Array, bounds: tuple[Array, Array]) -> None:
-    """Put a vector onto the bounds; a parameter whose bounds are equal is held where it is."""
+    """Clip a vector to the bounds; a parameter with equal bounds is unchanged."""
     low, high = bounds
     for k in range(3):
         if high[k] > low[k]:
@@ -280,10 +276,10 @@ def descend(
     space: Space,
     work: Paths,
 ) -> None:
-    """Move each vector (n, 3) to the local minimum that it leads to.
+    """Move each vector (n, 3) to its local minimum.
 
     The step is Levenberg's and Marquardt's, as in `least_squares.minimise`. A parameter whose bounds are equal keeps
-    its start. A row rests where not even the whole Gauss–Newton step promises to gain more than `tolerance`, or the one
+    its start. A row has converged if even the full Gauss–Newton step predicts a decrease below `tolerance`, or the one
     that is left after others gained nothing; or after three steps that gain no more.
 
     Args:
@@ -291,7 +287,7 @@ def descend(
         vectors: starts, shape (n, 3), moved in place.
         bounds: lower and upper bounds of a vector, each of shape (3,).
         iterations: most steps tried.
-        tolerance: relative decrease of the sum of squares that counts as none.
+        tolerance: relative decrease of the sum of squares that counts as zero.
         space: see `space`.
         work: see `paths`.
     """
@@ -351,7 +347,7 @@ class PowerFit:
     """The best model of one order.
 
     Attributes:
-        model: the heater; None where the gain or the dead time is negative.
+        model: the heater; None if the gain or the dead time is negative.
         vector: ln first lag, dead time, lag ratio (0: one lag).
         linear: gain, ambient, drift [°C/s], initial states, load steps, states at the restarts [°C].
         simulated_degC: shape (n,).
@@ -377,13 +373,13 @@ class PowerProblem:
     Attributes:
         readings: of the log.
         two_lags: whether a second lag is fitted.
-        ambient_degC: known ambient, None where free.
+        ambient_degC: known ambient, None if free.
         power_before_pct: power before the first reading, None: the same as at the first reading.
-        at_rest: whether the temperature had come to rest with that power.
+        at_rest: whether the temperature was in steady state with that power.
         drift: whether the ambient may drift by a constant rate.
-        loads_s: instants at which an unknown load begins to act, for good.
+        loads_s: instants at which an unknown permanent load begins to act.
         sign: of the gain: 1 a heater, -1 the opposite, 0 either.
-        least_dead_time_s: lower bound of the dead time; below 0 the temperature runs ahead of the power.
+        least_dead_time_s: lower bound of the dead time; below 0 the temperature precedes the power.
         most_dead_time_s: upper bound of the dead time that the user knows, None: a quarter of the log.
     """
 
@@ -431,7 +427,7 @@ class PowerProblem:
     def solve(self, z: Array, records: Array, fixed: FixedUnknowns | None = None) -> tuple[Array, Array]:
         """Return residuals (n, m) and linear parts (n, columns) for vectors (n, 3) and one record each.
 
-        The residuals are infinite where the gain has the wrong sign: that is no model.
+        The residuals are infinite if the gain has the wrong sign: that is no model.
         """
         given = self.nothing_more(len(z)) if fixed is None else fixed
         residuals, linear, cost = np.empty((len(z), records.shape[1])), np.zeros(given.values.shape), np.empty(len(z))
@@ -570,9 +566,9 @@ class PowerProblem:
 
 
 def parameters_on_bounds(vector: Array, low: Array, high: Array) -> tuple[str, ...]:
-    """Return the names of what ended on a bound of the search: first lag, dead time, second lag.
+    """Return the names of the parameters on a bound of the search: first lag, dead time, second lag.
 
-    A second lag as long as the first is on none: two equal lags are a heater. Vector and bounds are of shape (3,).
+    A second lag as long as the first does not count: equal lags are possible. Vector and bounds are of shape (3,).
     """
     margin = 1e-3 * (high - low)
     above = (vector >= high - margin) & (np.arange(len(vector)) != _SECOND)
@@ -591,7 +587,7 @@ def _best(vectors: Array, cost: Array, count: int) -> Array:
 
 @lru_cache(maxsize=8)
 def _sample_and_length(readings: Readings) -> tuple[float, float]:
-    """Return sampling interval and length of the log [s]; kept: a search for loads makes a thousand problems of it."""
+    """Return sampling interval and length of the log [s]; cached, because a search for loads needs them often."""
     time = readings.time_s
     return float(np.median(np.diff(time))) / readings.averaged, float(np.ptp(time))
 
@@ -606,7 +602,7 @@ def _arrays(readings: Readings) -> tuple[Array, Array, Array, Array]:
 
 
 def _writable(array: Array) -> Array:
-    """Return the array as the compiler knows it: a read-only one would be another type."""
+    """Return a writable array, because a read-only one is a different type for the compiler."""
     return np.require(array, requirements=["C", "W"])
 
 

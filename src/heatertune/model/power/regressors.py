@@ -1,12 +1,11 @@
-"""What a log's temperature is made of: the answer to held power, ambient, drift, free states and loads.
+"""The components of the temperature in a log: response to held power, ambient, drift, free initial states, loads.
 
-The columns' weighted sum is the temperature; see `projection` for the weights.
+Their weighted sum is the temperature; see `projection` for the weights.
 
-A log with power as the compiled fit wants it: readings, and the exact instants at which the power changes.
-
-A long log is thinned by averaging runs of readings. The model is averaged over the same runs, exactly, and
-the power's edges are not touched, so thinning costs resolution but brings no bias. Only where a controller moves
-the power at nearly every reading is the power averaged too, between its largest moves; its integral is kept.
+Also a log with power in the form of the compiled fit: readings, and the exact instants of the power changes. A long log
+is reduced by averaging runs of readings. The model is averaged over the same runs, exactly, and the edges of the power
+are not changed, so this costs resolution but causes no bias. Only if a controller changes the power at nearly every
+reading is the power averaged too, between its largest changes; its integral is kept.
 """
 
 from __future__ import annotations
@@ -54,8 +53,8 @@ class Readings:
         temperature_degC: shape (n,).
         edge_s: instants at which the power takes a new value, the log's first one included, shape (k,).
         level_pct: that value, shape (k,).
-        averaged: most readings of the log in one of these.
-        restart_s: instants of the first readings of later segments, whose state nothing before tells, shape (r,).
+        averaged: largest number of readings of the log in one of these.
+        restart_s: instants of the first readings of later segments, whose initial state is unknown, shape (r,).
     """
 
     time_s: Array
@@ -110,7 +109,7 @@ class Readings:
         return self.edge_s[np.append(0, starts)], np.append(self.level_pct[0], mean)
 
     def _runs(self, count: int) -> npt.NDArray[np.intp]:
-        """Return where runs of `count` readings begin; one ends at a gap, a restart, at edges where few."""
+        """Return where runs of `count` readings begin; a run ends at a gap, a restart, and at edges if they are few."""
         n, step = len(self.time_s), np.diff(self.time_s)
         breaks = np.concatenate([[True], step > GAP * np.median(step)])
         if len(self.edge_s) * count < n:
@@ -138,22 +137,22 @@ def forced_response(
     time: Array, half: Array, edges: Array, levels: Array, before: float, lags: tuple[float, float], dead: float,
     out: Array,
 ) -> None:
-    """Write the answer of a unit gain to the held power into out.
+    """Write the response of a unit gain to the held power into out.
 
-    A reading is the mean over its time ± half. The mean is exact: a lag's own equation gives the integral of what
-    leaves it, ∫out = ∫in − lag·(out at the end − out at the start). The answer starts as if `before` had
-    been the power for ever; the free initial state corrects it. `x` and `y` are how far the lags' outputs are from the
-    power: under constant power one product takes each to the next reading.
+    A reading is the mean over its time ± half. The mean is exact: a lag's own equation gives the integral of what the
+    output, ∫out = ∫in − lag·(out at the end − out at the start). The response starts as if `before` had always been the
+    power; the free initial state corrects this. `x` and `y` are the deviations of the lags' outputs from the power:
+    under constant power one product takes each to the next reading.
 
     Args:
         time: middle of each reading, shape (n,) [s].
-        half: half the time that it is the mean of, shape (n,) [s].
-        edges: instants from which a power is held, shape (e,) [s].
+        half: half the averaging time, shape (n,) [s].
+        edges: instants of power changes, shape (e,) [s].
         levels: the powers, shape (e,) [%].
         before: the power before the first [%].
-        lags: the second is 0 where there is one alone [s].
+        lags: the second is 0 for one lag [s].
         dead: dead time [s].
-        out: the answer, shape (n,) [%].
+        out: the response, shape (n,) [%].
     """
     inner, outer = lags if lags[1] > 0.0 else (0.0, lags[0])
     now, acting, x, y, j = time[0] - half[0], before, 0.0, 0.0, 0
@@ -209,7 +208,7 @@ def _decay(time: Array, half: Array, begun: float, lag: float, out: Array) -> No
 
 
 def _states(time: Array, half: Array, begun: float, first: float, second: float, out: Array) -> None:
-    """Write what free states at an instant add from there on into out (2, n); second = 0: one lag."""
+    """Write the contribution of free states at an instant into out (2, n); second = 0: one lag."""
     _decay(time, half, begun, first, out[0])
     out[1] = 0.0
     if second > 0.0:
@@ -221,7 +220,7 @@ def columns(log: HeldPower, lags: tuple[float, float], dead: float, one: Array, 
 
     Args:
         log: see `Held`.
-        lags: the second is 0 where there is one alone [s].
+        lags: the second is 0 for one lag [s].
         dead: dead time [s].
         one: the number 1, shape (1,): the level of a load.
         basis: the columns, as named above, shape (5 + s + 2·r, m).

@@ -1,11 +1,11 @@
-"""Intervals of a fit with power: profile likelihood and block bootstrap, the wider of the two.
+"""Intervals of a fit with power: the wider of profile likelihood and block bootstrap.
 
-The residuals of a heater are coloured, so a likelihood for white noise lies. The profile of the sum of squares is
+The residuals of a heater are coloured, so a likelihood for white noise is wrong. The profile of the sum of squares is
 therefore scaled until its curvature gives the variance under first-order autoregressive noise (R. E. Chandler and
-S. Bate, "Inference for clustered data using the independence loglikelihood", Biometrika 94 (2007) 167–183). It
-sees what is skewed or open; the bootstrap sees colour of any other shape.
+S. Bate, "Inference for clustered data using the independence loglikelihood", Biometrika 94 (2007) 167–183). The profile
+covers skewed and open intervals; the bootstrap covers noise of any other colour.
 
-The best fit with the ultimate period held: the one number of a heater that limits every loop around it.
+Also the best fit with a fixed ultimate period, the parameter that limits every loop around a heater.
 
 The heaters at the ends of what a log leaves open: one number at its end, the others fitted anew there.
 """
@@ -59,7 +59,7 @@ _STEPS: Final = 100  # at most: far below the root each doubles the frequency
 def periods_of(vectors: Array) -> Array:
     """Return the ultimate period of vectors (n, 3) of ln first lag, dead time and lag ratio [s], shape (n,).
 
-    As `measures.ultimate_period_s`, but 0 without dead time: what it comes near as the dead time vanishes.
+    As `measures.ultimate_period_s`, but 0, the limit, without dead time.
     """
     lag, dead, ratio = np.exp(vectors[:, 0]), np.maximum(vectors[:, 1], 0.0), vectors[:, 2]
     delayed = np.where(dead > 0.0, dead, 1.0)
@@ -78,8 +78,9 @@ def periods_of(vectors: Array) -> Array:
 def fits_of_period(problem: PowerProblem, periods: Array) -> tuple[Array, Array]:
     """Return the vectors (n, 3) that fit best with each ultimate period [s], and their sums of squares (n,).
 
-    Lags are tried on a grid, then finer around the best; they and the period give the dead time. What the bounds of
-    the search do not allow is no fit; a period without one costs infinitely. The periods are of shape (n,).
+    Lags are tried on a grid, then on a finer one around the best; they and the period give the dead time. Values
+    outside the bounds of the search are skipped; a period without a fit has an infinite cost. The periods are of shape
+    (n,).
     """
     count = len(periods)
     best, cost = np.full((count, 3), np.nan), np.full(count, np.inf)
@@ -128,7 +129,7 @@ _NEAR_STEPS = 4  # of them, that are tried first
 
 @dataclass(frozen=True, slots=True)
 class ParameterNoise:
-    """Standard deviations of the parameters, their inflation by colour, Student's 97.5 % point; what is not seen."""
+    """Standard deviations of the parameters, inflation by colour, Student's 97.5 % point, unidentified parameters."""
 
     deviation: dict[str, float]
     inflation: dict[str, float]
@@ -183,7 +184,7 @@ def _beyond(intervals: dict[str, Interval], fit: PowerFit) -> dict[str, Interval
 
 
 def _spread(name: str, values: Array, best: float, times: float) -> Array:
-    """Return drawn values that lie so many times as far from the best; those of positive kind in the logarithm."""
+    """Return samples with their distance from the best scaled; positive parameters in the logarithm."""
     if name in _POSITIVE and best > 0.0:
         return np.asarray(best * np.maximum(values / best, 0.0) ** times)
     return best + times * (values - best)
@@ -192,9 +193,9 @@ def _spread(name: str, values: Array, best: float, times: float) -> Array:
 def reaches(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
     """Return half the width of each parameter's 95 % interval by linear theory, under noise of the residuals' colour.
 
-    Infinite for what the readings do not tell from something else: gain and ambient under constant power.
+    It is infinite for indistinguishable parameters, such as gain and ambient under constant power.
 
-    For comparisons; what is told of a fit alone is `intervals`, which sees what is skewed or open.
+    This is for comparisons; reported intervals come from `intervals`, which handles skewed and open ones.
     """
     noise = noise_of(problem, fit)
     return {name: math.inf if name in noise.unseen else noise.quantile * deviation
@@ -227,7 +228,7 @@ def _bootstrap(problem: PowerProblem, fit: PowerFit, seed: int) -> dict[str, Arr
 
 
 def noise_of(problem: PowerProblem, fit: PowerFit) -> ParameterNoise:
-    """Return what first-order autoregressive noise of the residuals' colour does to the parameters."""
+    """Return the effect of first-order autoregressive noise of the residuals' colour on the parameters."""
     jacobian, names = sensitivities(problem, fit)
     residuals = problem.readings.temperature_degC - fit.simulated_degC
     base, triangle = np.linalg.qr(jacobian)
@@ -281,14 +282,14 @@ def sensitivities(problem: PowerProblem, fit: PowerFit) -> tuple[Array, list[str
 
 
 def colour(residuals: Array, base: Array) -> tuple[float, float]:
-    """Return lag-one correlation and variance of the noise whose fit residuals would look like these on average.
+    """Return lag-one correlation and variance of the noise that gives such residuals on average.
 
-    A fit swallows slow noise, so that residuals look whiter and smaller than the noise was: what is expected of
-    them is computed for each correlation and compared.
+    A fit absorbs slow noise, so residuals look whiter and smaller than the noise: their expected value is computed for
+    each correlation and compared.
 
     Args:
         residuals: shape (m,) [°C].
-        base: orthonormal columns that span what the fit can follow, shape (m, p).
+        base: orthonormal basis of what the fit can follow, shape (m, p).
     """
     m = len(residuals)
     seen = float(np.clip(autocorrelation(residuals, 1)[0], 0.0, 0.99))
@@ -303,7 +304,7 @@ def colour(residuals: Array, base: Array) -> tuple[float, float]:
 
 
 def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: ParameterNoise, times: float = 1.0) -> Interval:
-    """Return where the sum of squares, all other unknowns fitted anew, has risen by the 95 % share, times squared."""
+    """Return where the sum of squares, all other unknowns fitted again, has risen by the 95 % limit, times squared."""
     low, high = bounds_of(problem)[name]
     best = value_of(fit, name)
     limit = (times * noise.quantile) ** 2 * noise.inflation[name] * noise.variance
@@ -321,7 +322,7 @@ def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: ParameterNo
 
 
 def bound_crossing(values: Array, rise: Array, limit: float) -> float | None:
-    """Return where the rise first passes the limit, None where it never does before the end of the search.
+    """Return where the rise first exceeds the limit, None if it does not within the search.
 
     Args:
         values: tried, from the best one outwards, shape (k,).
@@ -365,7 +366,7 @@ def held_squares(problem: PowerProblem, fit: PowerFit, name: str, values: Array)
 def _held(
     problem: PowerProblem, fit: PowerFit, name: str, values: Array
 ) -> tuple[Array, FixedUnknowns | None, Array]:
-    """Return the vectors, what is known with them, and the least sums of squares with the number held at each value."""
+    """Return vectors, known unknowns and lowest sums of squares with the parameter fixed at each value."""
     if name == PERIOD:
         vectors, cost = fits_of_period(problem, values)
         return vectors, None, cost
@@ -406,7 +407,7 @@ class AtEnd(NamedTuple):
     bic: float = 0.0
 
 
-#: name and value of a number → the heater with it held, None where there is none
+#: name and value of a number → the heater with it held, None if there is none
 FitWithHeld = Callable[[str, float], AtEnd | None]
 
 
@@ -429,16 +430,16 @@ def ends_of(
     best: Candidate, values: Mapping[str, float], ci95: Mapping[str, Interval | None], held: FitWithHeld, *,
     least_dead_time_s: float,
 ) -> Iterator[Candidate]:
-    """Return the heater at each closed end of its intervals; a dead time without a low end is taken at the least.
+    """Return the heater at each closed end of its intervals; a dead time without a low end is set to the minimum.
 
-    Where no heater has that value (it would cool while heated), the nearest to it that is one stands for it.
+    If a value is impossible (the heater would cool while heated), the nearest possible one is used.
 
     Args:
-        best: the candidate that these are the ends of.
+        best: the candidate whose ends are computed.
         values: its own dead time, gain per time constant and ultimate period.
         ci95: their intervals.
-        held: name and value → the heater with this number held.
-        least_dead_time_s: no dead time below this is believed.
+        held: name and value → the heater with this parameter fixed.
+        least_dead_time_s: shortest plausible dead time.
     """
     for end in _ENDS:
         value = _value(ci95.get(end.name), end, least_dead_time_s)
@@ -459,7 +460,7 @@ def _nearest(held: FitWithHeld, name: str, best: float, end: float) -> AtEnd | N
 
 
 def held_by(problem: PowerProblem, fit: PowerFit) -> tuple[Mapping[str, float], FitWithHeld]:
-    """Return the numbers of a fit to one log that have ends, and what holds one of them at another value."""
+    """Return the parameters of a fit to one log that have ends, and a function that fixes one of them."""
     thin = problem.average(READINGS)
     best = thin.refine(fit.vector[None, :])
     record, least = thin.readings.temperature_degC, bic_of(thin, best)
@@ -487,10 +488,10 @@ def _value(ci95: Interval | None, end: _ParameterEnd, least_dead_time_s: float) 
 
 
 def halves_of(log: Log, halves: tuple[Half, Half], *, law: str) -> Iterator[Candidate]:
-    """Return the heater of each half of a log, where the two disagree in what both of them know.
+    """Return the heater of each half of a log, if both halves identify a parameter and disagree.
 
-    A half whose time constant lies on the bound of its search stands for no heater: the readings show no curvature,
-    and the test sequence of such a heater would last for days. The log's intervals hold what that half knows.
+    A half whose time constant lies on the bound of its search gives no heater: the readings show no curvature, and the
+    test sequence of such a heater would last for days. The log's intervals contain the results of that half.
     """
     apart = [name for name in disagreeing_parameters(halves)
              if all(identified_parts(half.ci95[name]) for half in halves)]

@@ -1,1 +1,1 @@
-"""A log without power: the heater and its controller, found together."""
+"""Logs without power: identify the heater and its controller together."""

@@ -1,15 +1,11 @@
-"""Hypotheses about a loop whose power was not logged: a plant, a controller law, and where the setpoint moved.
+"""Hypotheses about a loop without logged power: a plant, a control law, and the instants of setpoint changes.
 
-One plant may serve several logs (segments); each segment has its own ambient, initial state, setpoint and law
-constants. What the law calls setpoint holds a bias too: only their sum shows in the temperature.
+One plant may have several logs (segments); each segment has its own ambient, initial state, setpoint and law
+parameters. The setpoint of the law includes a bias: the temperature shows only their sum.
 
-What a fit needs to know of a controller that runs inside it.
-
-The closed loop that runs inside a fit: one or two lags, exact dead time, a controller law handed in.
-
-The law sees the simulated temperature, as the controller saw the real one. It runs every `h` seconds
-and its output is held in between; between two calls the plant's answer is exact. All instants are multiples of `h`
-after the start.
+The simulation of the closed loop inside a fit has one or two lags, exact dead time, and a control law as argument. The
+law sees the simulated temperature, as the controller saw the real one. It runs every `h` seconds and its output is held
+in between; between two calls the response of the plant is exact. All instants are multiples of `h` after the start.
 """
 
 from __future__ import annotations
@@ -61,9 +57,9 @@ class Constant:
 
 
 class ControllerLaw(Protocol):
-    """A hypothesis about the controller that made a log.
+    """A hypothesis about the controller of a log.
 
-    Its step is handed in by whoever knows the controller; the model stage only calls it.
+    The caller supplies its step function; the model stage only calls it.
     """
 
     @property
@@ -97,7 +93,7 @@ CONSTANTS = 4
 
 
 def _step(form: int, constants: Array, memory: Array, error: float, h: float) -> float:
-    """Stand in for a controller's law, see `heatertune.compiled.bound`."""
+    """Serve as placeholder for a control law, see `heatertune.compiled.bound`."""
     raise NotImplementedError
 
 
@@ -172,7 +168,7 @@ _ARBITRARY = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LogSegment:
-    """One log, the law that made it, and the bounds of what is its own.
+    """One log, its control law, and the bounds of its own parameters.
 
     Attributes:
         log: the readings to explain.
@@ -223,7 +219,7 @@ class LogSegment:
         return np.asarray(rng.uniform(0.2 * length, 0.9 * length, n))
 
     def rows(self, share: float) -> int:
-        """Return how many of its readings the first part of the log has."""
+        """Return the number of readings in the first part of the log."""
         return max(1, round(share * len(self.readings)))
 
     def simulate(self, z: Array, own: int, out: Array, at: int, rows: int) -> None:
@@ -271,7 +267,7 @@ class Hypothesis:
 
     @property
     def form(self) -> tuple[object, ...]:
-        """What hypotheses have in common that differ only in their events."""
+        """Key of hypotheses that differ only in their events."""
         return (self.two_lags, *(segment.law.name for segment in self.segments))
 
     @property
@@ -354,7 +350,7 @@ class Hypothesis:
         return out
 
     def squares(self, z: Array, share: float = 1.0) -> Array:
-        """Return the sums of squares over the first part of each log [°C²], shape (n,); infinite where one has none."""
+        """Return the sums of squares over the first part of each log [°C²], shape (n,); infinite if one has none."""
         measured = np.concatenate([s.log.temperature_degC[:s.rows(share)] for s in self.segments])
         cost = np.sum((self.simulate(z, share) - measured) ** 2, axis=1)
         return np.where(np.isfinite(cost), cost, np.inf)
@@ -384,7 +380,7 @@ class Hypothesis:
         )
 
     def controller(self, z: Array, segment: int = 0) -> dict[str, float]:
-        """Return what a vector (p,) tells of one segment's controller, name → value, unit in the name."""
+        """Return the controller of one segment for a vector (p,), name → value, unit in the name."""
         first, law = self._offsets()[segment], self.segments[segment].law
         fitted = {"setpoint_degC": float(z[first + 3])}
         if self.segments[segment].event:

@@ -1,15 +1,14 @@
-"""What a temperature alone shows, whatever the controller was: bounds, saturated heat-up, free cooling.
+"""Facts that a temperature alone shows, whatever the controller: bounds, saturated heat-up, free cooling.
 
-A heater is never colder than off and never hotter than full on. So a single lag falls no faster than towards the
-ambient, and no heater rises faster than gain · 100 %/time constant. Where the curve is an exponential, the power was
-constant: one that aims far above the log is a heat-up at the controller's limit, one that aims at the ambient is a
-free cooling.
+A heater is never colder than when off and never hotter than at full power. A single lag therefore falls no faster than
+towards the ambient, and no heater rises faster than gain · 100 %/time constant. If the curve is an exponential, the
+power was constant: an exponential that approaches a value far above the log is a heat-up at the output limit, one that
+approaches the ambient is free cooling.
 
-Whether a log without power can be of a continuous controller: not of an open-loop heat-up, not of two-level control.
-
-The laws that a fit tries hold a temperature at a setpoint by a power that varies continuously. A heat-up at constant
-power until a target holds nothing, and a thermostat swings without end between two thresholds. Both are explained
-closely by laws that did not make them, so the fit itself gives no warning.
+Also the test whether a log without power can come from a continuous controller, rather than from an open-loop heat-up
+or two-level control. The laws of the fit hold a setpoint with continuously varying power. A heat-up at constant power
+holds nothing, and a thermostat oscillates permanently between two thresholds. These laws fit both closely without
+having produced them, so the fit itself gives no warning.
 """
 
 from __future__ import annotations
@@ -60,9 +59,9 @@ class Bound(NamedTuple):
 
 
 class ConstantPowerStretch(NamedTuple):
-    """A stretch of constant power, taken as one lag's: instants [s], lowest and highest time constant [s] and aim [°C].
+    """A stretch of constant power, as one lag: instants [s], bounds of time constant [s] and final value [°C].
 
-    An end at the edge of what was tried is infinite, or zero for a time constant.
+    A bound at the edge of the search is infinite, or zero for a time constant.
     """
 
     start_s: float
@@ -72,7 +71,7 @@ class ConstantPowerStretch(NamedTuple):
 
 
 def fall_bound(log: Log, coldest_degC: float) -> Bound | None:
-    """Return the largest time constant that a single lag may have [s], None where the log never falls.
+    """Return the largest possible time constant of a single lag [s], None if the log never falls.
 
     From T1 to T2 in a time t: at most t/ln((T1 − Ta)/(T2 − Ta)), Ta the lowest ambient possible.
     """
@@ -122,7 +121,7 @@ def free_cooling(log: Log, ambient_degC: Bounds) -> ConstantPowerStretch | None:
 
 
 def evidence_notes(log: Log, ambient_degC: Bounds) -> Iterable[str]:
-    """Tell the bounds, the stretches of constant power, and whether a single lag can be true."""
+    """Report the bounds, the stretches of constant power, and whether a single lag is possible."""
     fall, rise = fall_bound(log, ambient_degC[0]), rise_bound(log)
     heat_up, cooling = saturated_heat_up(log), free_cooling(log, ambient_degC)
     yield (
@@ -171,7 +170,7 @@ def bound_contradictions(log: Log, ambient_degC: Bounds, plants: Sequence[Heater
 
 
 def contradictions(log: Log, ambient_degC: Bounds, plants: Sequence[HeaterModel]) -> Iterator[Remark]:
-    """Tell where a free cooling is far quicker or slower than on every model: the law that was assumed is not true."""
+    """Report free cooling that is far quicker or slower than on every model: the assumed law is then wrong."""
     cooling = free_cooling(log, ambient_degC)
     if cooling is None:
         return
@@ -187,10 +186,10 @@ def contradictions(log: Log, ambient_degC: Bounds, plants: Sequence[HeaterModel]
 
 def _longest(log: Log, first: int, last: int,
              is_wanted: Callable[[ConstantPowerStretch], bool]) -> ConstantPowerStretch | None:
-    """Return the longest quiet exponential between two readings that is wanted.
+    """Return the longest low-noise exponential between two readings that meets the condition.
 
-    Its intervals hold those of its first half and first three quarters: where the power began to change within the
-    stretch, they differ, and so it is told.
+    Its intervals contain those of its first half and first three quarters: if the power changes within the stretch,
+    they differ.
     """
     quiet = _QUIET * noise_degC(log)
     starts = np.unique(np.linspace(first, max(first, last - _FEWEST + 1), _STARTS).astype(np.intp))
@@ -218,7 +217,7 @@ def noise_degC(log: Log) -> float:
 
 
 def _exponential(log: Log, first: int, last: int, quiet: float) -> ConstantPowerStretch | None:
-    """Return the one-lag curves that explain some readings as well as the best (95 %), None where none is quiet."""
+    """Return the one-lag curves that fit some readings as well as the best (95 %), None if none is within the noise."""
     y, elapsed = log.temperature_degC[first : last + 1], log.time_s[first : last + 1] - log.time_s[first]
     n = len(y)
     coarse = np.geomspace(2.0 * elapsed[-1] / (n - 1), 50.0 * elapsed[-1], _LAGS)
@@ -237,9 +236,9 @@ def _exponential(log: Log, first: int, last: int, quiet: float) -> ConstantPower
 
 
 def _is_loud(elapsed: Array, y: Array, lags: Array, quiet: float) -> bool:
-    """Return whether every exponential of a time constant between these leaves more than noise over, for sure.
+    """Return whether every exponential with a time constant in this range certainly leaves more than noise.
 
-    What one leaves over is the angle that it and the readings make about their means; one between two neighbours is no
+    The residual of an exponential is its angle to the readings about their means; one between two neighbours is no
     further from either of them than they are from each other.
     """
     shape = np.exp(-elapsed / lags[:, None])
@@ -316,9 +315,9 @@ def regulation_remarks(log: Log, rmse_degC: float) -> Iterator[Remark]:
 
 
 def steady_swing(log: Log) -> OscillationStats | None:
-    """Return the swing that a log ends in, None where it dies away, is irregular, or has too few periods.
+    """Return the limit cycle at the end of a log, None if it decays, is irregular, or has too few periods.
 
-    It is sought in the readings as they are, and in smoothed ones where the noise is too large for that.
+    It is searched in the readings, and in smoothed ones if the noise is too large.
     """
     size = _size(log)
     swings = (_swing_of(log, each) for each in ((1, size) if size > 1 else (1,)))
@@ -376,7 +375,7 @@ def _first_high(turns: Array) -> int:
 
 
 def _size(log: Log) -> int:
-    """Return how many readings a 300th part of a log has, at least one."""
+    """Return the number of readings in a 300th of a log, at least one."""
     return max(1, len(log.time_s) // _SMOOTH)
 
 
@@ -393,7 +392,7 @@ def _least_move(log: Log, smoothed: Array, size: int) -> float:
 
 
 def _turning_points(y: Array, least: float) -> npt.NDArray[np.intp]:
-    """Return where readings turn by at least so much, first and last extreme included, highs and lows in turn."""
+    """Return the turning points of a minimum size, alternating maxima and minima, with the first and last extreme."""
     places, low, high, rising = list[int](), 0, 0, 0
     for i in range(1, len(y)):
         low = i if y[i] < y[low] else low
@@ -445,7 +444,7 @@ def _constant_power_rmse(log: Log) -> float:
 
 
 def _pulse_rmse(log: Log, first: int, last: int) -> float:
-    """Return the error of one lag or two whose power is on from one reading to another [°C]."""
+    """Return the error of one lag or two with power on between two readings [°C]."""
     power = np.zeros(len(log.time_s))
     power[first:last] = 100.0
     readings = Readings.of(replace(log, power_pct=power))

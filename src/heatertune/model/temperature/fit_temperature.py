@@ -1,8 +1,6 @@
-"""The fit of logs that hold nothing but temperature: controller hypotheses compared on the same rows.
+"""Fit logs that contain only the temperature: controller hypotheses compared on the same rows.
 
-What a log without power cannot tell, in words.
-
-The candidates of several logs of one heater, together.
+Also the messages about what such a log does not identify, and the joint candidates of several logs of one heater.
 
 From a hypothesis to its best fit: random starts, a race, a descent, and the information criterion.
 """
@@ -62,15 +60,15 @@ _HOPELESS = 40.0  # BIC behind the leader after the race
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """A hypothesis at its best.
+    """The best fit of a hypothesis.
 
     Attributes:
-        hypothesis: what was fitted.
+        hypothesis: the fitted one.
         vector: the unknowns, shape (p,).
         simulated_degC: its readings, shape (m,).
-        fit_pct, rmse_degC, bic: how well it explains them; of several logs together, each about its own mean.
+        fit_pct, rmse_degC, bic: quality of the fit; for several logs together, each about its own mean.
         hold_out_rmse_degC: error on the later readings of a fit to the beginning alone [°C].
-        cross_rmse_degC: error on blocks left out of the fit [°C], None for what was given up on the way.
+        cross_rmse_degC: error on omitted blocks [°C], None for a hypothesis that was dropped.
     """
 
     hypothesis: Hypothesis
@@ -84,7 +82,7 @@ class Fit:
 
 
 class _Beginning(NamedTuple):
-    """What explains a record's beginning: vectors, BIC there, and the error on the rest [°C]."""
+    """Fits to the start of a record: vectors, BIC there, and the error on the rest [°C]."""
 
     vectors: Array
     bic: float
@@ -102,15 +100,15 @@ def residuals_of(hypothesis: Hypothesis, measured: Array) -> ResidualFunction:
 
 
 def fit_all(hypotheses: Sequence[Hypothesis], *, seed: int = 1, thorough: bool = False) -> list[Fit]:
-    """Return the fit of every hypothesis that keeps up, the best by BIC first.
+    """Return the fits of all competitive hypotheses, the best by BIC first.
 
-    Each is looked at on the record's beginning first; what explains that, races on the whole; what is not more than
-    40 BIC points behind the leader there, descends to the end. The compiled loops run side by side.
+    Each is first fitted to the start of the record; the successful ones are fitted to the whole; those no more than 40
+    BIC points behind the best are fitted to convergence. The compiled loops run in parallel.
 
     Args:
         hypotheses: on the same readings.
         seed: of the random starts.
-        thorough: carry every hypothesis to the end, however far behind it is.
+        thorough: fit every hypothesis completely, even if it is far behind.
     """
     behind = np.inf if thorough else _HOPELESS
     forms = {hypothesis.form: hypothesis for hypothesis in hypotheses}
@@ -126,7 +124,7 @@ def fit_all(hypotheses: Sequence[Hypothesis], *, seed: int = 1, thorough: bool =
 
 
 def _begin(hypothesis: Hypothesis, seed: int) -> _Beginning:
-    """Return what explains the record's beginning: free of most events, and it holds the heat-up."""
+    """Fit the start of the record, which has few events and contains the heat-up."""
     rng = np.random.default_rng(seed)
     early = hypothesis.early(EARLY)
     finalists = _descent(early, _best_of(early, early.starts(rng, _RANDOM), _RACERS), 25)[:_FINALISTS]
@@ -162,9 +160,9 @@ def _best_of(hypothesis: Hypothesis, z: Array, n: int) -> Array:
 
 
 def _able(hypothesis: Hypothesis, z: Array, n: int) -> Array:
-    """Return the vectors among which those n are, in their order.
+    """Return the vectors that can be among the n best, in order.
 
-    Squares only add up: what has more at the record's beginning than n others have in all is none of them.
+    Sums of squares only grow: a vector with more at the start than n others have in total is excluded.
     """
     begun = hypothesis.squares(z, EARLY)
     most = float(hypothesis.squares(z[np.argsort(begun, kind="stable")[:n]]).max())
@@ -172,7 +170,7 @@ def _able(hypothesis: Hypothesis, z: Array, n: int) -> Array:
 
 
 def _descent(hypothesis: Hypothesis, starts: Array, iterations: int) -> Array:
-    """Return where the starts lead to, best first."""
+    """Return the local optima of the starts, best first."""
     residuals = residuals_of(hypothesis, hypothesis.measured)
     minima = minimise(residuals, starts, hypothesis.low, hypothesis.high, iterations=iterations)
     return np.asarray(minima.parameters[np.argsort(minima.cost, kind="stable")])
@@ -203,7 +201,7 @@ _FAR_OUT = 0.2  # of a log's span: a prediction that misses by more is none
 
 
 def event_notes(best: Fit) -> Iterable[str]:
-    """Tell the setpoint steps that were assumed."""
+    """Report the assumed setpoint steps."""
     for i, segment in enumerate(best.hypothesis.segments):
         if segment.event:
             step = best.hypothesis.controller(best.vector, i)
@@ -214,7 +212,7 @@ def event_notes(best: Fit) -> Iterable[str]:
 
 
 def lost_notes(names: Sequence[str], lost: Iterable[str], ranges: Mapping[str, Interval]) -> Iterable[str]:
-    """Tell what is not identified, and how wide it is."""
+    """Report unidentified parameters and their ranges."""
     for name in lost:
         _, called, unit = NOMENCLATURE[name]
         low, high = ("the bound of the search" if end is None else f"{end:.3g} {unit}"
@@ -224,7 +222,7 @@ def lost_notes(names: Sequence[str], lost: Iterable[str], ranges: Mapping[str, I
 
 
 def ambient_note(given: Bounds | None, sought: Bounds) -> str:
-    """Tell where the ambient temperature comes from."""
+    """Report the source of the ambient temperature."""
     if given is None:
         return (f"The ambient was sought within {sought[0]:.1f}…{sought[1]:.1f} °C, around the first reading; give "
                 "--ambient LOW HIGH if you know it better.")
@@ -259,8 +257,8 @@ def foretelling_remarks(best: Fit) -> Iterable[Remark]:
 def share_remarks(near: Sequence[Fit]) -> Iterable[Remark]:
     """Yield, once for each log, the finding that the power of a law does not explain the temperature.
 
-    The power of the law is compared with the decay of the initial state, as `power_share` does where the power was
-    logged: a model that gets most of its course from the state it begins in says little of what the power does.
+    The power of the law is compared with the decay of the initial state, as `power_share` does if the power was logged:
+    a model that is dominated by its initial state says little about the effect of the power.
 
     Args:
         near: fits that explain the logs about as well as the best, the best first.
@@ -272,7 +270,7 @@ def share_remarks(near: Sequence[Fit]) -> Iterable[Remark]:
 
 
 def _unexplained(fit: Fit, segment: int) -> str:
-    """Return why the power of a law does not explain one log; empty where it does."""
+    """Return why the power of a law does not explain one log; empty if it does."""
     simulated = fit.hypothesis.parts(fit.simulated_degC)[segment]
     free = fit.hypothesis.free_response(fit.vector, segment)
     whole, power, start = (float(np.ptp(part)) for part in (simulated, simulated - free, free))
@@ -293,7 +291,7 @@ def limit_remarks(kept: Sequence[Fit]) -> Iterable[Remark]:
 
 
 def validation_notes(best: Fit, ranked: Sequence[Fit]) -> Iterable[str]:
-    """Tell what the best fit is worth on unseen readings, whether another is worth more, and if residuals are white."""
+    """Report the prediction error of the best fit, whether another predicts better, and whether residuals are white."""
     hypothesis = best.hypothesis
     early = hypothesis.early(EARLY)
     ends = " and ".join(f"{segment.log.time_s[-1]:g} s" for segment in early.segments)
@@ -321,7 +319,7 @@ def validation_notes(best: Fit, ranked: Sequence[Fit]) -> Iterable[str]:
 
 
 def joint_note(best: Fit, ranked: Sequence[Fit], alone: Sequence[Sequence[Fit]]) -> str:
-    """Tell how well one heater serves all logs, and what that costs against a heater for each."""
+    """Report how well one heater fits all logs, and the loss compared with a heater for each."""
     hypothesis = best.hypothesis
     simulated = hypothesis.parts(best.simulated_degC)
     fits = ", ".join(
@@ -373,16 +371,16 @@ def fit_temperature(
     """Return the half-rule FOPDT of the best-fitting hypothesis and every hypothesis that explains the logs as well.
 
     Hypotheses: each law, one lag and two, with and without one setpoint step. They are ranked by BIC with AR(1) errors
-    on identical rows; those within 10 points stay, and the best single lag where its fit is
-    within 3 % of the best. Several logs are of one heater: one plant, each log with its own law, setpoint,
-    ambient and initial state; the laws tried together are those that explain a log alone.
+    on identical rows; those within 10 points stay, and the best single lag if its fit is within 3 % of the best.
+    Several logs are of one heater: one plant, each log with its own law, setpoint, ambient and initial state; the laws
+    tried together are those that explain a log alone.
 
     Args:
         logs: at least one.
         laws: hypotheses about the controller.
-        ambient_degC: bounds of the ambient temperature [°C]; equal where it is known, None: near the first reading.
+        ambient_degC: bounds of the ambient temperature [°C]; equal if it is known, None: near the first reading.
         seed: of the random starts and the bootstrap.
-        thorough: carry every hypothesis of a single log to the end, however far behind it is.
+        thorough: fit every hypothesis of a single log completely, even if it is far behind.
     """
     used, notes = _thinned(logs)
     sought = [_sought(log) if ambient_degC is None else ambient_degC for log in used]
@@ -471,9 +469,9 @@ def _contradictions(best: Fit, kept: Sequence[Fit]) -> Iterator[Remark]:
 def _intervals(
     best: Fit, kept: Sequence[Fit], ranges: Mapping[str, Interval], ambient_degC: Bounds | None
 ) -> dict[str, Interval | None]:
-    """Return what is identified; gain and time constant trade off against an unknown ambient.
+    """Return the identified intervals; gain and time constant trade off against an unknown ambient.
 
-    The intervals hold under the hypothesis alone: one that does not foretell the later readings identifies neither.
+    The intervals are valid only for the hypothesis: one that does not predict the later readings identifies neither.
     """
     limits = {name for fit in kept for name in fit.hypothesis.limits_reached(fit.vector)}
     ci95 = {name: None if name in limits else identified_interval(ranges[name]) for name in FIELDS}

@@ -1,1 +1,1 @@
-"""The searches: settings of least cost within their limits, real or in whole numbers."""
+"""The searches: parameters of least cost within their limits, real or integer."""

@@ -1,22 +1,23 @@
-"""The exact set of gains that keep a sensitivity limit, and the search built on it.
+"""The exact set of gains that keep a sensitivity limit, and the search based on it.
 
 With C = K·c(jω), |1 + K·h| ≥ 1/Ms at one frequency excludes one interval of K (a quadratic in K), and so do the limits
-on Mt and Mks; what is left over all frequencies and all models keeps the limits where it is stable. A long dead time
-leaves many pieces that are not: they lie beyond a crossing of h and the negative real axis whose turn no other takes
-back. The stable ones need not be connected, so they are tried from the top. That leaves a search over TN (and TV) only,
-and no start value can mislead it. What is feasible the margins say, on their own frequencies, without a tolerance.
+on Mt and Mks. The gains that remain over all frequencies and all models keep the limits if the loop is stable. A long
+dead time leaves many unstable pieces: they lie beyond a crossing of h and the negative real axis whose encirclement no
+other crossing cancels. The stable pieces need not be connected, so they are tried from the top. That leaves a search
+over TN (and TV) only, and no start value can mislead it. Feasibility is decided by the margins, on their own
+frequencies, without a tolerance.
 
 After a load step ∫e dt is TN/K, and ∫|e| is no less: the points of a grid are simulated in the order of this bound,
-until it is above the best cost. The largest K that one heater allows bounds that of all, so only points that may be the
-best are looked at on the others.
+until it exceeds the lowest cost. The largest K that one heater allows is a bound for all heaters, so only points that
+may be optimal are evaluated on the others.
 
 The constrained optimum, formulated in CasADi and solved by IPOPT.
 
 min over ln K, ln TN, ln TV   mean over the models of Σ √(e² + ε²)·TA after a load step of 1 %, or another objective
 subject to                    |1 + L(jω)|² ≥ 1/Ms², |L|²/Mt², |C|²/Mks²   at each frequency, for each model
 
-The sampled loop with its exact dead time is simulated inside (single shooting); the start is the best
-point of the feasible-set search, which no local minimum can mislead.
+The sampled loop with its exact dead time is simulated inside (single shooting). The start is the best
+point of the feasible-set search, which has no local minima.
 """
 
 from __future__ import annotations
@@ -76,10 +77,11 @@ class Problem:
         sample_time_s: TA [s].
         derivative_filter: weight of its past in the derivative part, see `PidDesign`.
         mt, mks: limits of the maximum complementary sensitivity and of the noise gain.
-        objective, weight: what is minimised; for ise the feasible-set search takes the load IAE, and IPOPT the rest.
-        guards: heaters on which the limits hold too, but which cost nothing.
-        step_power: largest power that one scan may move per °C of a reading [%/°C].
-        most_gain: design → the largest K that the target holds beside its times [%/°C].
+        objective, weight: the objective; for ise the feasible-set search minimises the load IAE, and IPOPT does the
+            rest.
+        guards: heaters that only add constraints, not cost.
+        step_power: largest change of power in one scan per °C of a reading [%/°C].
+        most_gain: design → the largest K that the target can store with its times [%/°C].
     """
 
     plants: tuple[HeaterModel, ...]
@@ -119,7 +121,7 @@ class Problem:
         )
 
     def cost(self, design: PidDesign) -> float:
-        """Return the mean over the models of the objective, in its unit; infinite where a loop does not come to rest.
+        """Return the mean over the models of the objective, in its unit; infinite if a loop does not come to rest.
 
         A P controller keeps an offset whatever its gain; its cost is the negative gain.
         """
@@ -130,7 +132,7 @@ class Problem:
         return float(np.mean([self._cost_on(plant, design) for plant in self.plants]))
 
     def least_cost(self, design: PidDesign) -> float:
-        """Return what `cost` cannot be below, by ∫e dt = TN/K after a load step of 1 %."""
+        """Return a lower bound of `cost`, from ∫e dt = TN/K after a load step of 1 %."""
         if not math.isfinite(design.integral_time_s):
             return -design.gain_pct_per_degC
         if self.objective == "itae":
@@ -161,7 +163,7 @@ def keeps(problem: Problem, design: PidDesign) -> bool:
 
 
 def largest_gain(problem: Problem, integral_time_s: float, derivative_time_s: float) -> list[float]:
-    """Return the upper ends of the feasible pieces of K > 0, the largest first; empty where none is stable."""
+    """Return the upper ends of the feasible pieces of K > 0, the largest first; empty if none is stable."""
     designs = _at_the_tops(problem, integral_time_s, derivative_time_s)
     return [design.gain_pct_per_degC for design in designs if keeps(problem, design)]
 
@@ -173,12 +175,12 @@ def _at_the_tops(problem: Problem, tn: float, tv: float) -> list[PidDesign]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Looked:
-    """What some heaters leave of K at one TN and TV.
+    """The intervals of K that some heaters exclude at one TN and TV.
 
     Attributes:
         unit: the design with K = 1.
         loops: h of each, shape (n,).
-        excluded: intervals of K, shape (m, 2), of each; the first is that of no heater.
+        excluded: intervals of K, shape (m, 2), of each; the first entry belongs to no heater.
     """
 
     unit: PidDesign
@@ -228,7 +230,7 @@ def search(problem: Problem) -> PidDesign:
 
 
 def _grids(problem: Problem) -> tuple[Array, Array]:
-    """Return the first TN and TV: what counts is the dead time with half a sample, where the lag is far longer."""
+    """Return the initial TN and TV, scaled by the dead time plus half a sample if the lag is much longer."""
     if problem.structure == "p":
         return np.array([math.inf]), np.zeros(1)
     slow = problem.slowest_s
@@ -244,7 +246,7 @@ def _even(low: float, high: float, ratio: float) -> Array:
 
 
 def _candidates(problem: Problem, times: Iterable[tuple[float, float]]) -> Iterator[CostedDesign]:
-    """Yield what may be the best of some TN and TV, each with a cost that it cannot be below, the least first."""
+    """Yield possible optima for some TN and TV, each with a lower bound of its cost, the lowest first."""
     hardest, *others = sorted(problem.limited, key=_hardness)
     ahead, numbers = list[tuple[float, int, PidDesign | _Looked]](), count()
     for tn, tv in times:
@@ -263,12 +265,12 @@ def _candidates(problem: Problem, times: Iterable[tuple[float, float]]) -> Itera
 
 
 def _hardness(plant: HeaterModel) -> float:
-    """Return what K would be for a heater by its lag and dead time alone: the least allows the least."""
+    """Estimate K for a heater from its lag and dead time alone; the heater with the lowest value allows the least."""
     return plant.lags_s[0] / (abs(plant.gain_degC_per_pct) * max(plant.dead_time_s + sum(plant.lags_s[1:]), 1e-9))
 
 
 def _best_of(problem: Problem, candidates: Iterable[CostedDesign], best: CostedDesign | None) -> CostedDesign | None:
-    """Return the best of the candidates and of what was the best before; None where nothing keeps the limits."""
+    """Return the best of the candidates and of the previous best; None if nothing keeps the limits."""
     for bound, design in candidates:
         if best is not None and bound >= best[0]:
             break
@@ -379,10 +381,11 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     highest[0] = min(highest[0], max(math.log(problem.most_gain(start)), first[0]))
     answer = solver(x0=first, lbg=0.0, ubg=ca.inf, lbx=first - 1.0, ubx=highest)
     if not solver.stats()["success"]:
-        return start, f"IPOPT stopped with {solver.stats()['return_status']}; the feasible-set search stands."
+        return start, (f"IPOPT stopped with {solver.stats()['return_status']}; the result of the "
+                       "feasible-set search is used.")
     polished = _on_the_limit(problem, start, np.asarray(answer["x"]).ravel())
     if not keeps(problem, polished):
-        return start, "IPOPT ended between the feasible gains; the feasible-set search stands."
+        return start, "IPOPT ended at infeasible gains; the result of the feasible-set search is used."
     change = 100.0 * (float(value(answer["x"])) / float(value(first)) - 1.0)
     comparison = f"IPOPT ended {abs(change):.1f} % {'below' if change < 0 else 'above'} the feasible-set search's cost."
     if problem.objective == "ise":

@@ -1,21 +1,20 @@
-"""The best whole numbers a controller can hold: branch and bound over boxes of words.
+"""The optimal integers that a controller can store: branch and bound over boxes of words.
 
-The words make a controller by `decode`, which is handed in. Its parallel gains kP, kI, kD must be multi-affine in the
-words (each word on its own enters linearly): then the gains at the corners of a box of words bound all that is inside,
-and the bounds of `heatertune.pid.search.integers` rule out whole boxes. What is left at the end is proven, not sampled.
-
-What can be said of a whole box of controllers at once: three bounds, and no controller inside can beat them.
+The argument `decode` converts words to a controller. Its parallel gains kP, kI, kD must be multi-affine in the
+words (linear in each word separately): the gains at the corners of a box of words then bound everything inside,
+and bounds rule out whole boxes. The result is proven, not sampled.
 
 The loop is L = kP·P + kI·I + kD·D with the parallel gains kP = K, kI = K·TA/TN, kD = K·TV/TA. A box is given by the
-gains at its corners, and every controller inside is a convex mixture of these.
+gains at its corners, and every controller inside is a convex combination of these. Three bounds hold for all of them:
 
-1. Where all corners come nearer to −1 than 1/Ms at one frequency, so does the whole box: |1 + L| is convex.
-2. Where no mixture of the corners makes 1 + L zero at any frequency, all controllers of the box are stable, or none is.
-3. The error of any controller costs at least what the error of a stable reference costs, divided by
+1. If all corners come nearer to −1 than 1/Ms at one frequency, so does the whole box: |1 + L| is convex.
+2. If no convex combination of the corners makes 1 + L zero at any frequency, all controllers of the box are stable, or
+   all are unstable.
+3. The error of any controller costs at least the cost of a stable reference controller's error, divided by
    1 + Σ |Δk|·‖closed loop from the reference's error through that part‖₁: from e_ref = (1 + Σ Δk·Part·S_ref)·e. It also
    costs at least its own net error, TA/kI.
 
-Frequencies are a grid, as they are for the margins; the horizon is the one of the load response.
+Frequencies are a grid, as for the margins; the horizon is that of the load response.
 """
 
 from __future__ import annotations
@@ -119,12 +118,12 @@ def norms(poles: Array, now: Array, before: Array, delay: int, gains: Array, pas
 
     Args:
         poles: of the sampled heater, see `pid.loop.sampled.SampledPlant`, shape (n,).
-        now: likewise.
-        before: likewise.
-        delay: likewise [samples].
+        now: see there.
+        before: see there.
+        delay: see there [samples].
         gains: kP, kI, kD.
         past: weight of its past in the derivative part.
-        samples: length of the answers.
+        samples: length of the responses.
     """
     sizes = np.zeros(4)
     modes, queues = np.zeros((4, len(poles))), np.zeros((4, delay + 2))
@@ -153,11 +152,11 @@ class LoopBounds:
     guards: tuple[_SampledHeater, ...]
 
     def least_cost(self, corners: Array, enough: float) -> float:
-        """Return what the mean load IAE of the box is not below [°C·s]; infinite where nothing in it keeps Ms.
+        """Return a lower bound of the mean load IAE of the box [°C·s]; infinite if no controller in it keeps Ms.
 
         Args:
-            corners: gains (kP, kI, kD) at the corners, shape (m, 3), kI positive; without kP > 0 it is no controller.
-            enough: the search does not care how far above this the bound lies [°C·s].
+            corners: gains (kP, kI, kD) at the corners, shape (m, 3), kI positive; kP must be positive somewhere.
+            enough: a bound above this value needs no further refinement [°C·s].
         """
         low, high = corners.min(axis=0), corners.max(axis=0)
         if high[0] <= 0.0:
@@ -230,17 +229,17 @@ _MOST_BOXES = 8_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Integers:
-    """Minimise the mean load IAE over the heaters and over whole numbers, subject to Ms ≤ `ms` on each heater.
+    """Minimise the mean load IAE over the heaters, in integers, subject to Ms ≤ `ms` on each heater.
 
     Attributes:
-        decode: words → the controller they make, None where the words are not allowed.
-        ranges: smallest and largest value of each word, at least 1 where it may vary.
+        decode: words → controller, None if the words are not allowed.
+        ranges: smallest and largest value of each word, at least 1 if it varies.
         plants: the heaters to serve.
         ms: limit of the maximum sensitivity.
-        guards: heaters that count for no cost, on which `limits` hold.
+        guards: heaters that only add the constraints `limits`, not cost.
         limits: "ms", "mt", "mks" [%/°C] → largest value on each guard.
-        step_power: largest power that one scan may move per °C of a reading [%/°C].
-        start: words to begin with, near the best; their sampling interval and filter are those of all.
+        step_power: largest change of power in one scan per °C of a reading [%/°C].
+        start: initial words, near the optimum; their sampling interval and filter apply to all.
     """
 
     decode: Callable[[Vector], PidDesign | None]
@@ -274,7 +273,7 @@ class Integers:
         """
         design = self.decode(self.start)
         if design is None:
-            raise InputError(f"words {self.start} to begin with are not allowed")
+            raise InputError(f"the controller does not allow the initial words {self.start}")
         return bounds_of(
             self.plants, ms=self.ms, sample_time_s=design.sample_time_s, derivative_filter=design.derivative_filter,
             guards=self.guards, guard_ms=self.limits.get("ms", math.inf),
@@ -293,7 +292,7 @@ class Integers:
             gains = [_gains(design) for design in designs if design is not None]
             if len(gains) == len(designs):
                 return varied, np.array(pairs, dtype=np.float64), np.array(gains).reshape(*[2] * len(varied), 3)
-        raise InputError(f"words {self.start}: doubling or halving them makes words the controller does not allow")
+        raise InputError(f"words {self.start}: the controller allows neither twice nor half these values")
 
     def corners(self, box: _Box) -> Array:
         """Return kP, kI, kD at the corners of a box of words, shape (m, 3)."""
@@ -319,13 +318,13 @@ class Integers:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegerOptimum:
-    """The best words and what the search proves.
+    """The optimal words, and the bound that the search proves.
 
     Attributes:
-        words: None where no words keep the limit.
+        words: None if no words keep the limit.
         cost: their mean load IAE [°C·s].
-        least: no words cost less [°C·s]: the cost itself where the search came to its end.
-        boxes: how many boxes were looked at.
+        least: lower bound of the cost of all words [°C·s]: the cost itself if the search was completed.
+        boxes: number of boxes evaluated.
     """
 
     words: Vector | None
@@ -340,9 +339,9 @@ class IntegerOptimum:
 
 
 def best_integers(problem: Integers, *, most_boxes: int = _MOST_BOXES) -> IntegerOptimum:
-    """Return the best words over all ranges, the box with the lowest bound first.
+    """Return the optimal words over all ranges by best-first search.
 
-    Where `most_boxes` do not suffice, the best so far is returned with the bound that is proven by then.
+    If `most_boxes` do not suffice, the best words found are returned with the bound proven so far.
 
     Raises:
         InputError: the start, or its words doubled or halved, are not allowed.
@@ -370,7 +369,7 @@ def best_integers(problem: Integers, *, most_boxes: int = _MOST_BOXES) -> Intege
 
 
 def _halves(box: _Box) -> Iterator[_Box]:
-    """Return the box cut at the geometric middle of its widest word; a box of one point as it is."""
+    """Split the box at the geometric mean of its widest word; a box of one point is returned unchanged."""
     widest = max(range(len(box)), key=lambda i: (box[i][1] + 0.5) / (box[i][0] + 0.5) if box[i][0] < box[i][1] else 0.0)
     low, high = box[widest]
     if low == high:

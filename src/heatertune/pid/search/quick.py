@@ -1,8 +1,8 @@
 """A design in milliseconds, for a slider: the largest integral gain that keeps Ms on every model.
 
-|1 + K·h|² ≥ 1/Ms² at one frequency is a quadratic in K; its smallest positive root over all frequencies and models ends
-the piece of feasible gains that begins at zero, where every heater's loop is stable. Among the TN of a grid the best is
-the one with the largest K/TN: a load step's ∫e dt is TN/K (K. J. Åström, T. Hägglund, "Advanced PID Control", ISA
+|1 + K·h|² ≥ 1/Ms² at one frequency is a quadratic in K. Its smallest positive root over all frequencies and models ends
+the piece of feasible gains that begins at zero, where every heater's loop is stable. The best TN of a grid
+has the largest K/TN: a load step's ∫e dt is TN/K (K. J. Åström, T. Hägglund, "Advanced PID Control", ISA
 2006, MIGO design).
 """
 
@@ -38,20 +38,20 @@ def quick_tune(
 ) -> PidDesign:
     """Return the design with the largest integral gain (P: the largest gain) that keeps `ms` on every heater.
 
-    Margins and costs are not computed. With TV = TN/4 the PID is not the best there is; `heatertune.pid.tune` finds it.
+    Margins and costs are not computed. With TV = TN/4 the PID is not optimal; `heatertune.pid.tune` finds the optimum.
 
     Args:
         plants: the heaters to serve.
         structure: "p", "pi" or "pid".
         ms: limit of the maximum sensitivity, above 1.
         sample_time_s: TA [s]; None: TRdom/10, found together with the gains.
-        timer: what the target's timer can do.
+        timer: of the target.
         derivative_filter: of the target, see `PidDesign`.
 
     Raises:
         UnknownName: no such structure.
-        OutOfRange: a limit or interval without meaning.
-        InputError: no heater is given.
+        OutOfRange: an invalid limit or interval.
+        InputError: no heaters.
     """
     if structure not in STRUCTURES:
         raise UnknownName("structure", structure, STRUCTURES)
@@ -100,7 +100,7 @@ def _best(
 
 
 def _end_of_first_piece(h: npt.NDArray[np.complex128], rest: float) -> Array:
-    """Return per row the smallest K > 0 with |h|²·K² + 2·Re h·K + rest = 0; infinite where there is none."""
+    """Return per row the smallest K > 0 with |h|²·K² + 2·Re h·K + rest = 0; infinite if it does not exist."""
     square = h.real**2 - rest * np.abs(h) ** 2
     hit = (square > 0.0) & (h.real < 0.0)
     root = np.where(hit, np.sqrt(np.maximum(square, 0.0)) - h.real, 0.0)

@@ -1,13 +1,12 @@
-"""The limits kept over heaters that a fit leaves open, not at its candidates alone.
+"""Limits kept on heaters sampled from the uncertainty of a fit, not only on its candidates.
 
-Cutting planes: solve for the candidates; find the drawn heater on which a limit is broken most; from then on keep the
-limits on this heater too, and solve again, until none of the heaters (or no more than few enough) breaks a limit.
-The cost stays that of the candidates: the drawn heaters only guard.
+Cutting planes: solve for the candidates; find the sampled heater that violates a limit most; add this heater as a
+constraint and solve again, until no heater (or no more than an allowed number) violates a limit.
+The cost remains that of the candidates: the sampled heaters are only constraints.
 
-What holds on the heaters it was tuned on need not hold on others: to keep the limits on 95 % of all, a second set,
-drawn apart, has to keep them too, and so few of it may break one that chance in drawing does not undo the promise.
-
-Heaters drawn from what a fit leaves open, and what a controller's robustness is on them.
+A design that keeps the limits on the heaters it was tuned for may break them on others. To keep the limits on 95 % of
+all heaters, a second, independent set of samples is checked too, and so few of it may violate a limit that the claim
+holds in spite of the randomness of sampling.
 """
 
 from __future__ import annotations
@@ -40,12 +39,12 @@ _MOST_CORRELATED: Final = 0.99  # intervals are wider than their samples; beyond
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampledMs:
-    """Ms over drawn heaters; infinite where the loop is unstable.
+    """Ms over sampled heaters; infinite if the loop is unstable.
 
     Attributes:
-        count: how many were drawn.
+        count: number of samples.
         median, p95, worst: of Ms.
-        unstable: on how many the loop is unstable.
+        unstable: number of samples with an unstable loop.
     """
 
     count: int
@@ -56,17 +55,17 @@ class SampledMs:
 
 
 def draw_heaters(fitted: FittedModel, count: int = 200, *, seed: int = 0) -> tuple[HeaterModel, ...]:
-    """Return heaters that the log does not rule out; none where the fit gives no interval.
+    """Sample heaters that the log does not rule out; empty if the fit has no intervals.
 
-    Each candidate in turn but for the ends of intervals, its gain and lags multiplied by lognormal factors and its dead
-    time moved by a normal distance, each as wide as its 95 % interval; no dead time lies below what is believed. The
-    fit's document holds no bootstrap samples; of what they would tell, the interval of gain per time constant is known:
-    it gives the correlation of the two, and where they are open it alone is drawn, as a factor of the gain. Otherwise
-    the numbers are independent, which is wider than the log: what it shows is rather too bad than too good. An
-    interval that is open or missing adds nothing; there the candidates span what is possible.
+    Candidates other than the ends of intervals are used in turn. Gain and lags are multiplied by lognormal factors, and
+    a normal deviate is added to the dead time, each as wide as its 95 % interval; no dead time is below the plausible
+    minimum. The fit's document contains no bootstrap samples, but the interval of gain per time constant is known: it
+    gives the correlation of the two, and if they are open it alone is sampled, as a factor of the gain. Otherwise the
+    parameters are independent, which is wider than the log allows and therefore conservative. An interval that is open
+    or missing adds nothing; there the candidates span the range.
 
     Raises:
-        OutOfRange: a count or a seed that is no whole number from 0 on.
+        OutOfRange: a count or a seed that is not a non-negative integer.
     """
     count, seed = (whole(name, number) for name, number in (("count", count), ("seed", seed)))
     gain, lag, dead = spreads_of(fitted)
@@ -89,7 +88,7 @@ def draw_heaters(fitted: FittedModel, count: int = 200, *, seed: int = 0) -> tup
 
 
 def peaks_on(heater: HeaterModel, design: PidDesign) -> dict[str, float]:
-    """Return ms, mt and mks [%/°C] of a controller on a heater; infinite where the loop is unstable."""
+    """Return ms, mt and mks [%/°C] of a controller on a heater; infinite if the loop is unstable."""
     if design.sample_time_s > 0.0:
         ms, mt = sensitivity_peaks(heater, design)
         return {"ms": ms, "mt": mt, "mks": noise_gain(heater, design) if math.isfinite(ms) else math.inf}
@@ -102,8 +101,8 @@ def peaks_on(heater: HeaterModel, design: PidDesign) -> dict[str, float]:
 def spreads_of(fitted: FittedModel) -> tuple[float, float, float]:
     """Return the standard deviations of the logarithms of gain and lags, and of the dead time itself [s].
 
-    0 where the interval of gain or lag is open. A dead time whose lower end is open reaches down to the least that is
-    believed; one whose upper end is open is as wide above the working model's as below.
+    They are 0 if the interval of gain or lag is open. A dead time with an open lower end reaches down to the plausible
+    minimum; one with an open upper end is as wide above the working model as below.
     """
     gain, lag = (_spread(fitted.ci95.get(name)) for name in ("gain_degC_per_pct", "time_constant_s"))
     dead = fitted.ci95.get("dead_time_s")
@@ -125,7 +124,7 @@ def interval_ends(fitted: FittedModel) -> tuple[HeaterModel, ...]:
 
 
 def ms_over(heaters: tuple[HeaterModel, ...], design: PidDesign) -> SampledMs | None:
-    """Return the quantiles of Ms of one controller over heaters; None where there are none."""
+    """Return the quantiles of Ms of one controller over heaters; None without heaters."""
     if not heaters:
         return None
     if design.sample_time_s == 0.0:
@@ -159,7 +158,7 @@ def _scaled(plant: HeaterModel, gain: float, lag: float, dead_s: float) -> Heate
     return Fopdt(**scaled)
 
 
-#: way → over which of the drawn heaters the limits hold
+#: way → over which of the sampled heaters the limits hold
 ROBUST: Final = {"none": "none: quantiles are told only", "p95": "95 % of them", "worst": "all of them"}
 
 Solve = Callable[[tuple[HeaterModel, ...]], PidDesign]
@@ -170,7 +169,7 @@ _TUNED_ON: Final = 200
 _CHECKED_ON: Final = 1000
 _CHECK_SEED: Final = 1
 
-#: way → share of the drawn heaters that may break a limit: with 0.036 of 1000, 95 % of all keep it in 98 of 100 draws
+#: way → share of the sampled heaters that may break a limit: with 0.036 of 1000, 95 % of all keep it in 98 of 100 draws
 _MAY_BREAK: Final = {"p95": 0.036, "worst": 0.0}
 
 
@@ -184,11 +183,11 @@ class BrokenLimit(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Open:
-    """The heaters that a fit leaves open, in the two sets that a promise is kept on; none where it has no intervals.
+    """The heaters sampled from the uncertainty of a fit, in two sets for tuning and checking; empty without intervals.
 
     Attributes:
-        tuned_on: drawn first.
-        checked_on: drawn apart; none where the limits are to hold on all of the first, which no other set shares.
+        tuned_on: the first set.
+        checked_on: an independent set; empty if the limits have to hold on all heaters of the first.
     """
 
     tuned_on: tuple[HeaterModel, ...]
@@ -201,11 +200,11 @@ class Open:
         return cls(tuned_on=draw_heaters(fitted, _TUNED_ON), checked_on=others)
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of heaters."""
         return len(self.tuned_on) + len(self.checked_on)
 
     def broken(self, promise: Promise, design: PidDesign) -> BrokenLimit | None:
-        """Return the heater that has to be guarded, None where enough of both sets keep the limits."""
+        """Return the heater to add as a constraint, None if enough of both sets keep the limits."""
         for heaters in (self.tuned_on, self.checked_on):
             peaks = [peaks_on(heater, design) for heater in heaters]
             broken = _most_broken(promise, heaters, peaks) if heaters else None
@@ -220,12 +219,12 @@ class Open:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobustDesign:
-    """A design that keeps its limits over drawn heaters.
+    """A design that keeps its limits over sampled heaters.
 
     Attributes:
         design: the design.
-        guards: the drawn heaters it was solved with besides the candidates; none where it kept the limits as it was.
-        before, after: Ms over the drawn heaters of the design without guards, and of this one.
+        guards: the sampled heaters added as constraints; empty if the first design kept the limits.
+        before, after: Ms over the sampled heaters of the design without guards, and of this one.
         way: "p95" or "worst".
     """
 
@@ -236,7 +235,7 @@ class RobustDesign:
     way: str
 
     def sentence(self, before: float, after: float) -> str:
-        """Return what robustness gave and what it costs.
+        """Describe the effect and the cost of robustness.
 
         Args:
             before: cost of the design without guards, in the unit of the objective; −K for a P controller.
@@ -244,22 +243,22 @@ class RobustDesign:
         """
         where = f"the limits hold on {ROBUST[self.way]}, Ms {_quantiles(self.after)}"
         if not self.guards:
-            return f"Robust over {self.after.count} heaters drawn from the fit: {where}; that cost nothing."
+            return f"Robust over {self.after.count} heaters sampled from the fit: {where}, at no cost."
         more = 100.0 * ((after / before if before > 0.0 else before / after) - 1.0)
         return (
-            f"Robust over {self.after.count} heaters drawn from the fit: {where}, by {len(self.guards)} of them as "
-            f"guards; without, Ms was {_quantiles(self.before)}. That costs {more:.1f} %."
+            f"Robust over {self.after.count} heaters sampled from the fit: {where}, with {len(self.guards)} of them as "
+            f"constraints (Ms {_quantiles(self.before)} without them). This costs {more:.1f} %."
         )
 
     def with_design(self, heaters: Open, specs: Specs, design: PidDesign) -> RobustDesign | None:
-        """Return the same with another design, None where that breaks a limit on the drawn heaters."""
+        """Return a copy with another design, None if that breaks a limit on the sampled heaters."""
         if heaters.broken(Promise(way=self.way, limits=specs.limits), design) is not None:
             return None
         return replace(self, design=design, after=heaters.ms(design))
 
 
 def robust_design(heaters: Open, specs: Specs, way: str, solve: Solve, first: PidDesign) -> RobustDesign:
-    """Return the design that keeps the limits over the heaters that a fit leaves open.
+    """Return the design that keeps the limits on the heaters sampled from a fit.
 
     Args:
         heaters: drawn from the fit.
@@ -269,16 +268,16 @@ def robust_design(heaters: Open, specs: Specs, way: str, solve: Solve, first: Pi
         first: the best design without guards.
 
     Raises:
-        InputError: the fit has no interval to draw from, or no controller was found that keeps the limits.
+        InputError: the fit has no intervals, or no controller was found that keeps the limits.
     """
     if not len(heaters):
-        raise InputError(f"robust = {way} has nothing to draw heaters from: the model has no intervals; fit a log, or "
-                         "tune without it")
+        raise InputError(f"robust = {way} needs a model with intervals to sample heaters from; fit a log, or tune "
+                         "without it")
     design, guards, before = first, list[HeaterModel](), heaters.ms(first)
     promise = Promise(way=way, limits=specs.limits)
     while (broken := heaters.broken(promise, design)) is not None:
         if broken.heater in guards:  # the search's frequencies missed what the margins' own see
-            raise InputError(f"no design found that keeps {specs.text} on the heaters drawn from the fit; loosen it")
+            raise InputError(f"no design keeps {specs.text} on the heaters sampled from the fit; loosen it")
         guards.append(broken.heater)
         design = solve(tuple(guards))
     return RobustDesign(design=design, guards=tuple(guards), before=before, after=heaters.ms(design), way=way)
@@ -296,4 +295,4 @@ def _most_broken(
 
 def _quantiles(drawn: SampledMs) -> str:
     unstable = f", unstable on {drawn.unstable}" if drawn.unstable else ""
-    return f"{drawn.median:.3g} in the middle, {drawn.p95:.3g} on 95 %, {drawn.worst:.3g} at worst{unstable}"
+    return f"median {drawn.median:.3g}, 95th percentile {drawn.p95:.3g}, worst {drawn.worst:.3g}{unstable}"

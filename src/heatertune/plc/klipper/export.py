@@ -137,7 +137,7 @@ def _with_usual(collected: WordCollector, there: set[str]) -> dict[str, int | fl
 
 
 def _told(there: set[str]) -> tuple[str, ...]:
-    return tuple(f"{name}, which is not there: {value:.{PLACES}f} as in the firmware" for name, value in USUAL.items()
+    return tuple(f"{name}, which is not set: {value:.{PLACES}f} as in the firmware" for name, value in USUAL.items()
                  if name not in there)
 
 
@@ -161,7 +161,7 @@ def loaders(files: Mapping[str, str | bytes], assume: KlipperAssumptions) -> dic
 def _section_exported(text: str) -> TextSettings:
     period = _PERIOD.search(text)
     if period is None:
-        raise InputError("pwm_cycle_time is not there")
+        raise InputError("pwm_cycle_time is missing")
     return TextSettings(from_text(text, None, _CONFIG).values, period_s=float(period[1]))
 
 
@@ -169,7 +169,7 @@ def _trial_exported(text: str) -> TextSettings:
     """Return the gains that are tried, and at which setpoint, where one was proven."""
     tried, target = _TRIED.search(text), _TARGET.search(text)
     if tried is None:
-        raise InputError("SET_HEATER_PID is not there")
+        raise InputError("SET_HEATER_PID is missing")
     gains = dict(zip(("pid_Kp", "pid_Ki", "pid_Kd"), map(float, tried.groups()), strict=True))
     return TextSettings(gains, setpoint_degC=None if target is None else float(target[1]))
 

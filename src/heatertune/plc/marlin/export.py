@@ -99,7 +99,7 @@ def from_text(text: str, sample_time_s: float | None, source: str, heater: str =
     for name in USUAL.keys() - seen:
         usual = USUAL[name] if name != "ADC_LOOPS" else _loops(sample_time_s)
         collected.put(name, usual, 0, str(usual))
-        over.append(f"{name} is not there: {usual:g}, as usual")
+        over.append(f"{name} is not set: {usual:g}, the default")
     return ReadBack(collected.values(), tuple(sorted(over)))
 
 

@@ -64,7 +64,8 @@ def from_text(
         if field is not None:
             collected.put(field.name, _number(field, value), line, value)
         elif _OLD.match(tag):
-            raise wrong(source, line, tag, value, "Retain.CtrlParams…: this is a name of V1 of the block, another one")
+            raise wrong(source, line, tag, value,
+                        "Retain.CtrlParams…: this name belongs to V1 of the block, which is not supported")
         elif tag.upper() in off:
             least, told = off[tag.upper()]
             if not _is(value, least):
@@ -78,17 +79,17 @@ def from_text(
 def _switched_off(tags: BlockTags) -> dict[str, tuple[str, str]]:
     """Return what has to be off, tag → its value, and what is told of another."""
     listed = {
-        tags.active("DeadZone"): ("0.0", "0.0: no proof here knows a dead zone"),
-        tags.active("ControlZone"): ("off", "3.402822E38: no proof here knows a control zone"),
-        "Config.ActivateCooling": ("FALSE", "FALSE: no proof here knows cooling beside heating" + (
-            "" if tags.inverts else f"; target {COOLING['pid-temp']} does")),
+        tags.active("DeadZone"): ("0.0", "0.0: the proof has no dead zone"),
+        tags.active("ControlZone"): ("off", "3.402822E38: the proof has no control zone"),
+        "Config.ActivateCooling": ("FALSE", "FALSE: the proof of this target has no cooling" + (
+            "" if tags.inverts else f"; use target {COOLING['pid-temp']}")),
         "Config.InputPerOn": ("TRUE", "TRUE: the reading is Input_PER"),
     }
     if tags.cools:
         listed |= {
             tags.active("CoolDeadZone"): listed[tags.active("DeadZone")],
             tags.active("CoolControlZone"): listed[tags.active("ControlZone")],
-            "Config.ActivateCooling": ("TRUE", "TRUE: without cooling it is target pid-temp"),
+            "Config.ActivateCooling": ("TRUE", "TRUE: without cooling, use target pid-temp"),
         }
     if not tags.inverts:
         listed["Config.InvertControl"] = ("FALSE", "FALSE: PID_Temp is not inverted")

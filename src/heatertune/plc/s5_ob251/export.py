@@ -266,7 +266,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
             number = int(block[1])
     missing = next((place for place in range(LENGTH) if place not in cells), None)
     if missing is not None:
-        raise InputError(f"{source}: DW{missing} is not there; expected DW0 to DW{LENGTH - 1}, the whole data block")
+        raise InputError(f"{source}: DW{missing} is missing; expected DW0 to DW{LENGTH - 1}, the whole data block")
     collected = WordCollector(source, FIELDS)
     for name, value in from_cells([cells[place].word for place in range(LENGTH)]).items():
         cell = cells[PLACES[name]]
