@@ -68,7 +68,7 @@ def test_where_rounding_breaks_it_the_words_found_keep_it_and_rounded_ones_tell_
     assert found.words != rounded
     assert peaks(found.words)[-1] <= 1.6
     assert found.search.notes[-1] == (
-        "Of the 200 heaters drawn from the fit, all of them keep the limits with the words too.")
+        "Of the 200 heaters sampled from the fit, all of them keep the limits with the rounded parameters too.")
     assert found.search.to_document()["robust"] == {"way": "worst", "limits": {"ms": 1.6}}
 
 

@@ -50,25 +50,25 @@ def test_where_rounding_decides_the_best_words_keep_the_limit_and_win_back_what_
     assert search["gap_pct"] == pytest.approx(100.0 * left)
     assert search["rounded"]["gap_pct"] == pytest.approx(100.0 * (iae_load(LATE, plain) / wished - 1.0))
     assert search["proven"]
-    assert any("rounding decides" in note for note in search["notes"])
+    assert any("rounding matters" in note for note in search["notes"])
 
 
 def test_the_interval_it_proposes_makes_the_word_fine():
     choice = choose_words(_optimum(SLOW, 1.0), "s5-ob251", model_by_hand(SLOW))
-    note = next(note for note in choice.search.notes if "rounding decides" in note)
+    note = next(note for note in choice.search.notes if "rounding matters" in note)
     ta = float(note.split("TA = ")[1].split(" s")[0])
     finer = choose_words(_optimum(SLOW, ta), "s5-ob251", model_by_hand(SLOW))
     assert 16 <= finer.words.values["TI"] <= 24
-    assert not any("rounding decides" in note for note in finer.search.notes)
+    assert not any("rounding matters" in note for note in finer.search.notes)
 
 
 @pytest.mark.parametrize(
     ("target", "way", "said"),
     [
-        ("weg", "auto", "over those of weg no search is made"),
-        ("fb41", "optimum", "over those of fb41 no search is made"),
+        ("weg", "auto", "there is no search over those of weg"),
+        ("fb41", "optimum", "there is no search over those of fb41"),
         ("on-off", "auto", "no PID"),
-        ("s5-ob251", "rounded", "asked for"),
+        ("s5-ob251", "rounded", "requested with"),
     ],
 )
 def test_where_there_is_no_search_the_words_are_the_rounded_ones_and_it_is_said_why(target, way, said):

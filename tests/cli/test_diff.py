@@ -198,7 +198,7 @@ def test_a_program_that_was_changed_is_not_covered(tmp_path):
     _, b = read_sides(tmp_path / "program.awl", tmp_path / "program.awl", DeclaredWords(target="s7-200"))
     document = difference(a, b)
     assert (document["same"], document["words"], document["proofs"][0]["covers"]) == (False, [], False)
-    assert "not the one that is exported" in document["b"]["notes"][0]
+    assert "differs from the exported one" in document["b"]["notes"][0]
 
 
 def test_two_controllers_are_compared_in_engineering_terms():

@@ -64,7 +64,7 @@ def test_the_continuous_tuning_tells_its_active_limit_and_gives_the_keys(run):
     assert document["ms"] == pytest.approx(1.6, rel=1e-3)
     assert document["mks"] > 1.0 / 0.37
     assert any("global" in note for note in document["notes"])
-    assert any(note.startswith("Ms stands at its limit of 1.6; with Ms <= 1.68 the cost would be 1") for note in document["notes"])
+    assert any(note.startswith("Ms is at its limit of 1.6; with Ms <= 1.68 the cost would be 1") for note in document["notes"])
     slow = json.loads(run("tune", *HAND, "--sample-time", 0, "--mks", 12, "--structure", "pid", "--json", "--quiet")[1])
     assert any("A PI controller under the same limits costs" in note for note in slow["notes"])
 

@@ -42,5 +42,5 @@ def test_the_wider_the_promise_the_smaller_the_gain(model, run):
 def test_a_model_without_intervals_is_refused_in_one_line(run):
     status, _, err = run("tune", "--gain", 0.4, "--time-constant", 160, "--dead-time", 16, "--robust", "worst", "--quiet")
     assert status == 2
-    assert "nothing to draw heaters from" in err
+    assert "needs a model with intervals" in err
     assert err.count("\n") == 1

@@ -29,7 +29,7 @@ def test_the_best_words_are_exported_unless_rounding_is_asked_for(run, slow, tmp
     assert best["search"]["ms"] <= best["search"]["ms_limit"]
     assert plain["search"]["way"] == "rounded"
     told = run("export-db", slow, *CONDITIONS, "-o", tmp_path / "text", "--force")[1]
-    assert f"TI = {best['words']['TI']} are the best whole numbers" in told
+    assert f"TI = {best['words']['TI']} are the best integers" in told
     assert "one step changes the I part" in told
     assert json.loads((tmp_path / "text" / "data" / "words.json").read_text())["search"] == best["search"]
 

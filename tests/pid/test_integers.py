@@ -114,7 +114,7 @@ def test_words_of_a_loop_sampled_slower_than_its_reset():
 
 def test_words_that_are_not_allowed_to_begin_with_are_refused():
     problem = _problem("s7-200", _pid(13.0, 62.0, past=0.0), (HEATER,), ((1, 32767),) * 3)
-    with pytest.raises(InputError, match="not allowed"):
+    with pytest.raises(InputError, match="does not allow the initial words"):
         best_integers(replace(problem, start=(5, 5, 0)))
 
 

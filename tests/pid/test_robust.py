@@ -131,7 +131,7 @@ def test_where_the_log_leaves_next_to_nothing_open_robustness_costs_as_little():
 
 
 def test_what_cannot_be_is_refused():
-    with pytest.raises(InputError, match="robust = p95 has nothing to draw heaters from"):
+    with pytest.raises(InputError, match="robust = p95 needs a model with intervals"):
         tune(model_by_hand(HEATER), sample_time_s=8.0, robust="p95")
     with pytest.raises(InputError, match="the rule simc has no limits to keep"):
         tune(_fitted(**WIDE), method="simc", robust="worst")
@@ -182,7 +182,7 @@ def test_a_heater_that_cools_slower_is_told_gains_for_each_and_what_one_set_cost
     heating, cooling = HEATER, replace(HEATER, time_constant_s=480.0)
     told = tune(_two_faced(heating, cooling), sample_time_s=sample_time_s).notes[-1]
     assert "(160 s and 480 s)" in told
-    assert re.search(r"costs \d+ % more than its own as it warms and \d+ % more than its own as it cools\.$", told)
+    assert re.search(r"costs \d+ % more than its own set when it heats and \d+ % more than its own set when it cools\.$", told)
     for face, plant in (("heating", heating), ("cooling", cooling)):
         own = tune(model_by_hand(plant), sample_time_s=sample_time_s)
         stated = next(part for part in told.split(";") if f"for {face}" in part)
@@ -206,7 +206,7 @@ def test_what_one_set_costs_is_the_ratio_of_the_load_responses_of_a_linear_progr
         closed = lti([k * tn, 0.0], [lag * tn, tn * (1.0 + k * gain), k * gain])
         t = np.linspace(0.0, 6000.0, 60_001)
         costs.append(trapezoid(np.abs(step(closed, T=t)[1]), t))
-    assert f"and {100.0 * (costs[0] / costs[1] - 1.0):.0f} % more than its own as it cools" in design.notes[-1]
+    assert f"and {100.0 * (costs[0] / costs[1] - 1.0):.0f} % more than its own set when it cools" in design.notes[-1]
 
 
 def test_a_heater_with_one_face_is_told_nothing_of_the_kind():

@@ -77,7 +77,7 @@ def test_what_a_rule_does_not_give_is_refused():
     refused = {
         "amigo gives PI and PID settings, none for P": ("amigo", heater, "p", None),
         "usort-setpoint-2.0 gives PID settings, none for PI": ("usort-setpoint-2.0", heater, "pi", None),
-        "those that do: simc, lambda, imc": ("cohen-coon", heater, "pi", 5.0),
+        "rules that have one: simc, lambda, imc": ("cohen-coon", heater, "pi", 5.0),
         "closed_loop_s = 0.0": ("simc", heater, "pi", 0.0),
         "second lag": ("simc", heater, "pid", None),
         "which no controller can hold; Made for 0.1 <= L/T <= 2; L/T is 0.01": ("usort-load-2.0", one_lag(0.01), "pi", None),

@@ -121,8 +121,8 @@ GATHERED = (WordField(name="K", address="DW1", format="INT", low=-5, high=5, com
 
 
 @pytest.mark.parametrize(("put", "told"), [
-    ({"K": 1, "TI": 2}, "f: Ts is not there; expected interval, a whole number 1…5"), ({"TI": 2, "Ts": 1}, "f: K (DW1) is not there; expected gain, a whole number -5…5"),
-    ({"TI": 0}, "f: K (DW1) is not there, nor are Ts; expected gain, a whole number -5…5"), ({}, "f: K (DW1) is not there, nor are TI, Ts; expected gain, a whole number -5…5"),
+    ({"K": 1, "TI": 2}, "f: Ts is missing; expected interval, a whole number 1…5"), ({"TI": 2, "Ts": 1}, "f: K (DW1) is missing; expected gain, a whole number -5…5"),
+    ({"TI": 0}, "f: K (DW1) is missing; also missing: Ts; expected gain, a whole number -5…5"), ({}, "f: K (DW1) is missing; also missing: TI, Ts; expected gain, a whole number -5…5"),
     ({"K": 6}, "f, line 1, K: '6'; expected INT, a whole number -5…5"), ({"TI": None}, "f, line 1, TI: 'None'; expected INT, a whole number 0…5"),
     ({"TI": -1}, "f, line 1, TI: '-1'; expected INT, a whole number 0…5"),
 ])

@@ -41,7 +41,7 @@ def test_the_default_gains_of_the_firmware_are_a_pid():
     assert design.gain_pct_per_degC == pytest.approx(2220.0 / 255.0)
     assert (design.integral_time_s, design.derivative_time_s) == pytest.approx((22.2 / 1.08, 114.0 / 22.2))
     assert design.derivative_filter == pytest.approx(0.7)
-    assert "max_power, which is not there: 1.000 as in the firmware" in over
+    assert "max_power, which is not set: 1.000 as in the firmware" in over
     assert "heater_pin: PB4 (line 3)" in over
 
 
@@ -96,8 +96,8 @@ def test_what_save_config_says_counts_and_the_rest_is_told():
     (EXAMPLE.replace("22.2", "22.2345"), ("line 5", "pid_Kp", "'22.2345'", "3 decimals")),
     (EXAMPLE.replace("22.2", "-22.2"), ("line 5", "'-22.2'")), (EXAMPLE.replace("22.2", "nan"), ("line 5", "'nan'")),
     (EXAMPLE.replace("22.2", "1e400"), ("line 5", "'1e400'")), (EXAMPLE.replace("22.2", ""), ("line 5", "''")),
-    (EXAMPLE.replace("pid_Ki: 1.08\n", ""), ("pid_Ki", "is not there")),
-    (EXAMPLE.replace("pid_Kp: 22.2\n", ""), ("pid_Kp", "is not there")),
+    (EXAMPLE.replace("pid_Ki: 1.08\n", ""), ("pid_Ki", "is missing")),
+    (EXAMPLE.replace("pid_Kp: 22.2\n", ""), ("pid_Kp", "is missing")),
     (EXAMPLE.replace("pid_Kp: 22.2", "pid_Kp 22.2"), ("line 5", "name: value")),
     (EXAMPLE + "pid_Kp: 23\n", ("line 10", "'23'", "22.2, as in line 5")),
     (EXAMPLE.replace("control: pid", "control: watermark"), ("line 4", "control", "'watermark'")),

@@ -29,7 +29,7 @@ def test_ob251_is_given_the_best_of_the_gains_that_its_word_holds():
     assert free.gain_pct_per_degC > MOST
     assert held.gain_pct_per_degC == pytest.approx(MOST, rel=2e-6)
     assert held.gain_pct_per_degC <= MOST
-    assert any("K stands at the largest that the target's words hold" in note for note in held.notes)
+    assert any("K is at the largest value that the target can store" in note for note in held.notes)
     assert not any("No limit is active" in note for note in held.notes)
     assert choose_words(held, "s5-ob251", fitted).words.whole["K"] <= 32767
 
@@ -67,5 +67,5 @@ def test_s7_200_is_given_a_gain_that_its_constants_hold():
 def test_an_interval_at_the_timers_stop_is_told(heater, ta, which):
     design = tune(model_by_hand(heater), target="s7-200-pid")
     assert design.sample_time_s == ta
-    assert any(f"TA = {ta:g} s is the {which} that the timer makes; TRdom/10 would be" in note for note in design.notes)
+    assert any(f"TA = {ta:g} s is the {which} interval of the timer; TRdom/10 would be" in note for note in design.notes)
     assert not any("that the timer makes" in note for note in tune(model_by_hand(SMALL), target="s7-200-pid").notes)

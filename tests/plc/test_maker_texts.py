@@ -50,7 +50,7 @@ def test_marlins_stock_gains_are_read_wherever_they_stand(text):
     values, over = _read("marlin", text)
     assert values == {"Kp": single(22.2), "Ki": single(1.08), "Kd": 114.0, "PID_MAX": 255, "PID_FUNCTIONAL_RANGE": 10,
                       "PID_K1": single(0.95), "ADC_LOOPS": 10}
-    assert any("PID_FUNCTIONAL_RANGE is not there: 10, as usual" in told for told in over)
+    assert any("PID_FUNCTIONAL_RANGE is not set: 10, the default" in told for told in over)
     assert any("two decimals" in told for told in over) == ("echo:  M301" in text)
 
 
@@ -58,7 +58,7 @@ def test_what_only_the_build_knows_is_read_where_it_stands():
     text = "M301 P1 I1 D1\n; #define PID_MAX 128\n//#define PID_FUNCTIONAL_RANGE 20\n; ADC_LOOPS = 12: of my build\n"
     values, over = _read("marlin", text)
     assert (values["PID_MAX"], values["PID_FUNCTIONAL_RANGE"], values["ADC_LOOPS"]) == (128, 20, 12)
-    assert over == ("PID_K1 is not there: 0.95, as usual",)
+    assert over == ("PID_K1 is not set: 0.95, the default",)
     assert _read("marlin", "M301 P1 I1 D1", 0.256)[0]["ADC_LOOPS"] == 16
 
 
@@ -102,7 +102,7 @@ def test_esphomes_yaml_and_logs_are_read():
     yaml = "climate:\n  - platform: pid\n    control_parameters:\n      kp: 0.49460\n      ki: 0.00487  # slow\n      kd: 12.56301\n"
     values, over = _read("esphome", yaml, 5.0)
     assert (values["kp"], values["ki"], values["min_integral"], values["update_interval"]) == (single(0.4946), single(0.00487), -1.0, 5000)
-    assert "min_integral is not there: -1, ESPHome's default" in over
+    assert "min_integral is not set: -1, ESPHome's default" in over
     assert _read("esphome", yaml + "    update_interval: 0.5s\n")[0]["update_interval"] == 500
     log = ("[12:00:01][C][pid.climate:108]:     kp: 0.49460, ki: 0.00487, kd: 12.56301, output samples: 1\n"
            "[12:00:01][C][pid.climate:112]:   Deadband disabled.\n")
@@ -114,7 +114,7 @@ def test_esphomes_yaml_and_logs_are_read():
 
 
 @pytest.mark.parametrize(("text", "parts"), [
-    ("ki: 0.1", ("kp is not there",)), ("kp: high", ("line 1", "kp", "high")), ("kp: 1\nkp: 2", ("line 2", "'2'")),
+    ("ki: 0.1", ("kp is missing",)), ("kp: high", ("line 1", "kp", "high")), ("kp: 1\nkp: 2", ("line 2", "'2'")),
     ("kp: 1\ndeadband_parameters:\n  threshold_high: 1", ("line 2", "deadband_parameters")), ("kp: 1\noutput_averaging_samples: 5", ("'5'",)),
     ("kp: 1\nderivative_averaging_samples: 9", ("derivative_averaging_samples", "9")), ("kp: 1\ncool_output: fan", ("cool_output",)),
     ("kp: 1\nstarting_integral_term: 0.4", ("starting_integral_term",)),

@@ -273,7 +273,7 @@ def test_names_have_their_decimal_point():
 
 @pytest.mark.parametrize(("name", "old", "new", "said"), [
     ("omron-e5cc", "10752 123", "10752 0", ("line 5", "P: '0'", "1…9999")), ("omron-e5cc", "10752 123", "10752 12.3", ("line 5", "'12.3'")),
-    ("omron-e5cc", "10752 123", "", ("P (2A00H) is not there", "proportional band")),
+    ("omron-e5cc", "10752 123", "", ("P (2A00H) is missing", "proportional band")),
     ("omron-e5cc", "10752 123", "10752 123\n2A00H 124", ("line 6", "'124'", "123, as in line 5")),
     ("omron-e5cc", "10752 123", "P 12.34", ("P: '12.34'", "at most 1 decimal places")), ("omron-e5cc", "10752 123", "Q 12.3", ("line 5", "one of CP")),
     ("omron-e5cc", "10752 123", "P 12.3 of 400", ("line 5", "one value and its unit")), ("omron-e5cc", "10752 123", "P", ("line 5", "a name or an address")),

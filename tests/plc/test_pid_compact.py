@@ -222,11 +222,11 @@ def test_a_list_of_tags_is_read_with_and_without_the_instance():
     ("pid-compact", "Retain.CtrlParams.Gain := 2.5", "sRet.r_Ctrl_Gain := 2.5", ("sRet.r_Ctrl_Gain", "V1 of the block")),
     ("pid-compact", "Retain.CtrlParams.Ti := 80.0", "Retain.CtrlParams.Ti := T#80s", ("Ti", "'T#80s'")),
     ("pid-compact", "Retain.CtrlParams.Ti := 80.0", "Retain.CtrlParams.Ti := -1.0", ("Ti", "'-1.0'", "0…100000")),
-    ("pid-compact", '"PID_Compact_1".Retain.CtrlParams.Ti := 80.0;', "", ("Ti (Retain.CtrlParams.Ti) is not there",)),
+    ("pid-compact", '"PID_Compact_1".Retain.CtrlParams.Ti := 80.0;', "", ("Ti (Retain.CtrlParams.Ti) is missing",)),
     ("pid-compact", "Config.InputPerOn := TRUE", "Config.InputPerOn := FALSE", ("Config.InputPerOn", "'FALSE'", "Input_PER")),
     ("pid-compact", "Config.InputPerOn := TRUE", "Retain.CtrlParams.DeadZone := 0.5", ("DeadZone", "'0.5'", "dead zone")),
     ("pid-compact", "END_FUNCTION", "END_FUNCTION\nGain 7", ("line 65", "'Gain 7'", "END_FUNCTION")),
-    ("pid-temp", "ActivateCooling := FALSE", "ActivateCooling := TRUE", ("Config.ActivateCooling", "cooling beside heating")),
+    ("pid-temp", "ActivateCooling := FALSE", "ActivateCooling := TRUE", ("Config.ActivateCooling", "the proof of this target has no cooling")),
     ("pid-temp", "ControlZone := 3.402822E38", "ControlZone := 40.0", ("ControlZone", "'40.0'", "control zone")),
     ("pid-temp", "Heat.Gain := 2.5", "Heat.Gain := 2.5.5", ("Gain", "'2.5.5'"))])
 def test_a_bad_line_is_told_by_number_field_and_value(target, find, put, parts):

@@ -142,7 +142,7 @@ def test_source_table_and_rollback_come_back_and_a_changed_configuration_is_told
 
 
 @pytest.mark.parametrize(("find", "put", "parts"), [
-    ("ActivateCooling := TRUE", "ActivateCooling := FALSE", ("Config.ActivateCooling", "without cooling it is target pid-temp")),
+    ("ActivateCooling := TRUE", "ActivateCooling := FALSE", ("Config.ActivateCooling", "without cooling, use target pid-temp")),
     ("Cool.DeadZone := 0.0", "Cool.DeadZone := 0.5", ("Retain.CtrlParams.Cool.DeadZone", "'0.5'", "dead zone")),
     ("Cool.ControlZone := 3.402822E38", "Cool.ControlZone := 8.0", ("Retain.CtrlParams.Cool.ControlZone", "control zone")),
     ("Cool.Ti := 80.0", "Cool.Ti := -1.0", ("CoolTi", "'-1.0'", "0…100000")), ("CoolFactor := 2.5", "CoolFactor := x", ("CoolFactor", "'x'"))])
@@ -155,7 +155,7 @@ def test_a_bad_line_is_told_by_number_field_and_value(find, put, parts):
 
 
 def test_a_block_that_only_heats_sends_one_with_a_cooler_to_its_target():
-    with pytest.raises(InputError, match="cooling beside heating; target pid-temp-cooling does"):
+    with pytest.raises(InputError, match="has no cooling; use target pid-temp-cooling"):
         read_machine(controller_for("pid-temp"), _files()["pid_temp_words.scl"].encode(), sample_time_s=4.0, source="block.txt", scaling=RANGE)
 
 

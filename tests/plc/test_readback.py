@@ -215,7 +215,7 @@ def test_a_changed_program_is_told():
     read, remarks = _read("s7-200", text.replace("-I\tVW0, VW10", "-I\tVW2, VW10"))
     assert read.values == words.values
     assert "-I VW2, VW10, not -I VW0, VW10" in remarks[0]
-    assert "not the one that is exported" in _read("s7-200", text.replace("\tENI\r\n", ""))[1][0]
+    assert "differs from the exported one" in _read("s7-200", text.replace("\tENI\r\n", ""))[1][0]
     for old, new in (("=\tV1.0", "=\tV1.1"), ("LDW>=\tVW30", "LDW>\tVW30"), ("IB0", "IB1")):
         assert old in text
         assert _read("s7-200", text.replace(old, new))[1], old
@@ -223,7 +223,7 @@ def test_a_changed_program_is_told():
         text = controller_for(target).export(replace(words, target=target, values=controller_for(target).encode(
             DESIGN, Scaling()).values), SAID)[name]
         remarks = _read(target, text.replace("PIW 256", "PIW 258"), interval=5.0)[1]
-        assert any("PIW 258" in rest and "not the one" in rest for rest in remarks)
+        assert any("PIW 258" in rest and "differs from the exported one" in rest for rest in remarks)
 
 
 # STEP 7: form of a data block's source as in Programming with STEP 7, chapter 13; parameters of FB41's table
