@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
-from heatertune import compiled
 from heatertune.chain import precompile
+from heatertune.compiled import dispatch
 from heatertune.log.values import Log
 from heatertune.processors import processors
 
@@ -30,7 +30,7 @@ REAL_LOGS = ROOT.parent / "shared" / "data" / "logs"
 
 CHROMIUM = Path("/usr/bin/chromium")
 
-_PLAIN_SCANS = compiled._PLAIN_SCANS
+_PLAIN_SCANS = dispatch._PLAIN_SCANS
 
 #: no deadline: a machine that others use, too, is now and then slow
 _IN_CI = 500
@@ -130,14 +130,14 @@ def pytest_collection_modifyitems(config, items):
 def plain(request, monkeypatch):
     """Few loops run as plain Python, as in a user's process; in long tests none does."""
     if request.node.get_closest_marker("long"):
-        monkeypatch.setattr(compiled, "_PLAIN_SCANS", 0)
+        monkeypatch.setattr(dispatch, "_PLAIN_SCANS", 0)
 
 
 @pytest.fixture
 def whatever_pays(plain, monkeypatch):
     """Loops run as in a fresh process of a user: compiled once that pays."""
-    monkeypatch.setattr(compiled, "_PLAIN_SCANS", _PLAIN_SCANS)
-    monkeypatch.setattr(compiled, "_scans_asked", Counter())
+    monkeypatch.setattr(dispatch, "_PLAIN_SCANS", _PLAIN_SCANS)
+    monkeypatch.setattr(dispatch, "_scans_asked", Counter())
 
 
 @pytest.fixture(scope="session")
@@ -152,7 +152,7 @@ def machine_code(request, run_folder):
     """What is compiled is kept, whatever cache a test asks for, each function by one process: each loop costs seconds."""
     place = request.config.cache.mkdir(_CACHE)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiled, "folder", lambda: place)
+        patch.setattr(dispatch, "folder", lambda: place)
         patch.setattr(precompile, "processors", lambda: 1)  # what is compiled is compiled in turn, not beside
         _compile_in_turn(patch, run_folder / "locks")
         yield
@@ -160,7 +160,7 @@ def machine_code(request, run_folder):
 
 def _compile_in_turn(patch, locks):
     """Let one process at a time compile a function: the next one finds it on disk."""
-    enter = compiled._MachineCode._entered
+    enter = dispatch._MachineCode._entered
     locks.mkdir(parents=True, exist_ok=True)
 
     def enter_in_turn(machine, *given):
@@ -170,7 +170,7 @@ def _compile_in_turn(patch, locks):
             fcntl.flock(lock, fcntl.LOCK_EX)
             return enter(machine, *given)
 
-    patch.setattr(compiled._MachineCode, "_entered", enter_in_turn)
+    patch.setattr(dispatch._MachineCode, "_entered", enter_in_turn)
 
 
 @pytest.fixture(scope="session")

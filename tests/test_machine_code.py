@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from heatertune import cache
-from heatertune import compiled as machine
 from heatertune.compiled import compile_function, machine_code
-from heatertune.compiler import object_code
+from heatertune.compiled import dispatch as machine
+from heatertune.compiled.numba_compiler import object_code
 from heatertune.heater.exact import unit_step_response
 
 SOURCE = """

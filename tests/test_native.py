@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from numba import njit
 
 from heatertune.compiled import compile_function
-from heatertune.compiler import object_code
-from heatertune.native import Code, kinds_of
+from heatertune.compiled.loader import Code, kinds_of
+from heatertune.compiled.numba_compiler import object_code
 
 
 class Pair(NamedTuple):
@@ -148,7 +148,7 @@ def test_a_function_that_gives_back_an_array_is_refused():
 
 
 def test_code_that_needs_what_is_not_here_is_not_run():
-    from heatertune.native import entry  # noqa: PLC0415 - beside its only use
+    from heatertune.compiled.loader import entry  # noqa: PLC0415 - beside its only use
 
     code = object_code(same, [1.0])
     assert entry(code, kinds_of([1.0])) is not None

@@ -18,7 +18,9 @@ SCHEMA: Final = "heatertune/doctor/2"
 
 #: the oldest Python, as pyproject.toml has it
 _PYTHON: Final = (3, 11)
-_REQUIREMENT: Final = re.compile(r"([A-Za-z0-9._-]+)\s*(?:>=\s*([0-9.]+))?(?:.*extra\s*==\s*['\"]([^'\"]+)['\"])?")
+_REQUIREMENT: Final = re.compile(r"([A-Za-z0-9._-]+)\s*([^;]*)(?:.*extra\s*==\s*['\"]([^'\"]+)['\"])?")
+_OLDEST: Final = re.compile(r">=\s*([0-9.]+)")
+_BEFORE: Final = re.compile(r"<\s*([0-9.]+)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +44,8 @@ class InstallationCheck:
 
 def examine() -> tuple[InstallationCheck, ...]:
     """Return all findings; nothing that is broken makes this fail."""
-    return (_python(), *_packages(), _ipopt(), _tables(), _results(), _compiled(), *_extras())
+    return (_python(), *_packages(), _ipopt(), _tables(), _machine_code(), _results(), _compiled(),
+            *_extras())
 
 
 def works(findings: Sequence[InstallationCheck]) -> bool:
@@ -64,27 +67,28 @@ def _python() -> InstallationCheck:
 
 
 def _requirements() -> Iterator[tuple[str, str, str]]:
-    """Yield name, oldest version ("" for any) and extra ("" for none) of all that heatertune's own metadata names."""
+    """Yield name, versions ("" for any) and extra ("" for none) of all that heatertune's own metadata names."""
     for line in metadata.requires("heatertune") or ():
         named = _REQUIREMENT.match(line)
         if named:
-            yield named[1], named[2] or "", named[3] or ""
+            yield named[1], named[2].strip(" ()"), named[3] or ""
 
 
 def _packages() -> Iterator[InstallationCheck]:
     try:
-        needed = [(name, oldest) for name, oldest, extra in _requirements() if not extra]
+        needed = [(name, versions) for name, versions, extra in _requirements() if not extra]
         yield InstallationCheck(name="heatertune", value=metadata.version("heatertune"), ok=True)
     except metadata.PackageNotFoundError:
         yield InstallationCheck(name="heatertune", value="runs from its source, not installed", ok=True, required=False,
                       remedy="pip install . checks and brings what it needs")
         return
-    for name, oldest in needed:
-        yield _package(name, oldest)
+    for name, versions in needed:
+        yield _package(name, versions)
 
 
-def _package(name: str, oldest: str) -> InstallationCheck:
-    remedy = f"pip install --upgrade '{name}{f'>={oldest}' if oldest else ''}'"
+def _package(name: str, versions: str) -> InstallationCheck:
+    """Return the finding of a package, whose versions are as in heatertune's metadata: `>=0.60,<0.69`."""
+    remedy = f"pip install --upgrade '{name}{versions}'"
     try:
         version = metadata.version(name)
         import_module(name.replace("-", "_"))
@@ -93,7 +97,10 @@ def _package(name: str, oldest: str) -> InstallationCheck:
     except Exception as problem:  # a broken package may raise anything, and is to be told
         return InstallationCheck(name=name, value=f"{version}, but cannot be imported: {_one_line(problem)}", ok=False,
                        remedy=remedy)
-    return InstallationCheck(name=name, value=version, ok=_numbers(version) >= _numbers(oldest), remedy=remedy)
+    oldest, before = _OLDEST.search(versions), _BEFORE.search(versions)
+    ok = (oldest is None or _numbers(version) >= _numbers(oldest[1])) and (
+        before is None or _numbers(version) < _numbers(before[1]))
+    return InstallationCheck(name=name, value=version, ok=ok, remedy=remedy)
 
 
 def _numbers(version: str) -> tuple[int, ...]:
@@ -136,6 +143,16 @@ def _tables() -> InstallationCheck:
         return ", ".join(f"{name}: {len(read_log(name).time_s)} readings" for name in BUILT_IN), True
 
     return _guarded("paper tables", "install heatertune again", look)
+
+
+def _machine_code() -> InstallationCheck:
+    """Make the check of the tricks with which machine code is called."""
+    from heatertune.compiled import tricks_hold  # noqa: PLC0415 - loads LLVM, which may be what is broken
+
+    holds = tricks_hold()
+    return InstallationCheck(
+        name="machine code", value="called directly" if holds else "on Numba's own path: right, but each run compiles",
+        ok=holds, required=False, remedy="install the releases of Numba and llvmlite that heatertune asks for")
 
 
 _PRIVATE: Final = "set HEATERTUNE_CACHE to a folder of your own that other users may not write"

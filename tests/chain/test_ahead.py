@@ -11,9 +11,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from heatertune import compiled as machine
 from heatertune.chain import design, precompile, worker
 from heatertune.chain.pipeline import redraw
+from heatertune.compiled import dispatch as machine
 from heatertune.proof import text_comparison
 from heatertune.proof.design_request import DesignRequest
 from heatertune.proof.text_comparison import ComparisonResult

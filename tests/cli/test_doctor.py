@@ -1,12 +1,14 @@
 """`doctor` finds what is broken, and only what is broken."""
 
 import json
+import re
 from importlib import metadata
 
 import casadi
 import pytest
 
 from heatertune import cache, doctor
+from heatertune.compiled import dispatch
 from heatertune.errors import LogError
 from heatertune.log import tables
 
@@ -29,7 +31,7 @@ def test_a_working_installation_is_well(run):
 
 
 def test_every_package_of_the_projects_metadata_is_looked_at():
-    needed = {line.split(">")[0] for line in metadata.requires("heatertune") if "extra" not in line}
+    needed = {re.split("[<>]", line)[0] for line in metadata.requires("heatertune") if "extra" not in line}
     assert needed <= set(_by_name(doctor._packages()))
     assert len(needed) >= 6
 
@@ -54,7 +56,21 @@ def test_a_missing_package_is_a_fail_with_its_remedy(run, monkeypatch):
                                              ("1.3", False), ("10.0+local.1", True)])
 def test_an_old_package_is_told_from_a_new_one(monkeypatch, version, ok):
     monkeypatch.setattr(doctor.metadata, "version", lambda _: version)
-    assert doctor._package("numpy", "1.26").ok is ok
+    assert doctor._package("numpy", ">=1.26").ok is ok
+
+
+@pytest.mark.parametrize(("version", "ok"), [("0.59.9", False), ("0.60.0", True), ("0.68.1", True), ("0.69.0rc1", False), ("0.69.0", False)])
+def test_a_package_newer_than_what_was_tried_is_told_with_the_releases_to_install(monkeypatch, version, ok):
+    monkeypatch.setattr(doctor.metadata, "version", lambda _: version)
+    found = doctor._package("numba", "<0.69,>=0.60")
+    assert (found.ok, found.remedy) == (ok, "pip install --upgrade 'numba<0.69,>=0.60'")
+
+
+@pytest.mark.parametrize(("holds", "value"), [(True, "called directly"), (False, "on Numba's own path: right, but each run compiles")])
+def test_how_machine_code_is_called_is_told_and_is_no_fail(monkeypatch, holds, value):
+    monkeypatch.setattr(dispatch, "tricks_hold", lambda: holds)
+    found = doctor._machine_code()
+    assert (found.value, found.ok, found.required) == (value, holds, False)
 
 
 def test_a_package_that_cannot_be_imported_is_broken(monkeypatch):
@@ -62,7 +78,7 @@ def test_a_package_that_cannot_be_imported_is_broken(monkeypatch):
         raise RuntimeError("compiled for\nanother numpy")
 
     monkeypatch.setattr(doctor, "import_module", broken)
-    found = doctor._package("scipy", "1.11")
+    found = doctor._package("scipy", ">=1.11")
     assert not found.ok
     assert "RuntimeError: compiled for another numpy" in found.value
 

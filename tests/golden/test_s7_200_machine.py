@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from tests.golden import s7_200_programs as programs
 
-from heatertune import compiled as machine
 from heatertune.compiled import compile_function
+from heatertune.compiled import dispatch as machine
 from heatertune.errors import InputError
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign

@@ -42,3 +42,10 @@ def test_the_lock_holds_every_package_that_is_asked_for(lowest_asked):
     pins = _pins("lock.txt")
     assert set(lowest_asked) <= set(pins)
     assert all(_numbers(pins[name]) >= _numbers(version) for name, version in lowest_asked.items())
+
+
+@pytest.mark.parametrize("name", ["numba", "llvmlite"])
+def test_what_is_compiled_by_the_inside_of_numba_is_bounded_by_the_newest_releases_that_were_tried(name):
+    (asked,) = {line for line in ASKED if _name(line) == name}
+    before, tried = _numbers(re.search(r"<([\d.]+)", asked)[1]), _numbers(_pins("lock.txt")[name])
+    assert before == [tried[0], tried[1] + 1]

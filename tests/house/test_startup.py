@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from heatertune import compiled
 from heatertune.cli import main
+from heatertune.compiled import dispatch
 from heatertune.proof.document import with_digest
 
 SLOW = ("casadi", "control", "llvmlite", "matplotlib", "numba", "pyarrow", "distributed", "scipy", "scipy.stats")
@@ -95,12 +95,12 @@ def test_a_design_whose_words_are_rounded_is_proven_and_exported_by_none_of_the_
 @pytest.mark.long
 def test_machine_code_that_is_kept_runs_without_the_compiler(proven):
     asked = ("verify", str(proven / "pid.json"), *TARGET)
-    before = compiled.decide(True)
+    before = dispatch.decide(True)
     try:
         main([*asked, "--quiet"])
     finally:
-        compiled.decide(before)
-    ended = slow_modules(asked, compiled.folder()).splitlines()[-1]
+        dispatch.decide(before)
+    ended = slow_modules(asked, dispatch.folder()).splitlines()[-1]
     assert ended in ("0 ['llvmlite']", "1 ['llvmlite']"), "numba takes 0.2 s"
 
 

@@ -12,13 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.witness.trace_measures import judge
 
-from heatertune import compiled as machine
-from heatertune.compiled import compile_function, worth_compiling
-from heatertune.compiler import object_code
+from heatertune.compiled import bound, compile_function, worth_compiling
+from heatertune.compiled import dispatch as machine
+from heatertune.compiled.loader import kinds_of
+from heatertune.compiled.numba_compiler import object_code
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.native import kinds_of
 from heatertune.pid.values import PidDesign
-from heatertune.plain import bound
 from heatertune.plc import COOLING, TARGETS, Scaling, controller_for
 from heatertune.plc.core import as_it_is
 from heatertune.plc.single_precision import single, to_single

@@ -10,7 +10,7 @@ from tests.witness.pid_temp import HeatCool, Pulses, Set, with_factor
 from tests.witness.trace_measures import judge
 
 from heatertune import chain
-from heatertune import compiled as machine
+from heatertune.compiled import dispatch as machine
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 from heatertune.pid.values import PidDesign

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from tests.witness.trace_measures import judge
 
+from heatertune.compiled import bound
 from heatertune.errors import OutOfRange, UnknownName
 from heatertune.model.values import Fopdt
-from heatertune.plain import bound
 from heatertune.plc.cpu.one_bit.machine import OneBitState
 from heatertune.proof import Actuator, Interlock, Scenario, TemperatureStep, prove_models, simulate
 from heatertune.proof.criteria import LoopLimits

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from llvmlite.binding import get_host_cpu_features, llvm_version_info
 
-from heatertune import compiled as machine
-from heatertune.compiled import compile_function
-from heatertune.compiler import overload
+from heatertune.compiled import bound, compile_function
+from heatertune.compiled import dispatch as machine
+from heatertune.compiled.numba_compiler import overload
 from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 from heatertune.pid.values import PidDesign
-from heatertune.plain import bound
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.plc.core import as_it_is
 from heatertune.proof import Actuator, Load, LoopLimits, Mains, NewSetpoint, Scenario, TemperatureStep

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from tests.witness.trace_measures import judge
 
-from heatertune import compiled
+from heatertune.compiled import dispatch
 from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.proof import simulate
@@ -42,7 +42,7 @@ def test_so_many_draws_speak_of_95_percent_with_95_percent_confidence():
 
 def test_words_that_pass_with_one_draw_fail_where_another_breaks_a_limit(monkeypatch, rated_only):
     # at the rated power: at 121 % of it, where the run nearest to a limit is otherwise, 26 of 59 draws break it
-    monkeypatch.setattr(compiled, "_PLAIN_SCANS", 0)  # in the machine code that the proof has anyway
+    monkeypatch.setattr(dispatch, "_PLAIN_SCANS", 0)  # in the machine code that the proof has anyway
     proof = prove(WORDS, FITTED, replace(NOISY, tolerance_degC=0.42, spec=rated_only))
     assert proof.verdict == "FAIL"
     assert _remarks(proof) == ["noise of 0.2 °C: 1 of 59 draws break a limit on the run nearest to one"]

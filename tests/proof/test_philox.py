@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from heatertune import compiled as machine
+from heatertune.compiled import dispatch as machine
 from heatertune.proof.monte_carlo.draw import BLOCK, STREAM, block_of, normal, normals, uniform, words
 
 # Random123 (J. K. Salmon et al., SC11), file kat_vectors, lines "philox4x32 10": counter, key, answer

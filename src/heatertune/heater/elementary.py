@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from heatertune.plain import runs_compiled_as
+from heatertune.compiled import runs_compiled_as
 
 __all__ = ["decay", "expm1_negative", "logarithm", "logarithm_beside_1"]
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from heatertune.plain import runs_compiled_as
+from heatertune.compiled import runs_compiled_as
 
 __all__ = ["LARGEST", "divide_single", "exponential", "is_single", "real_of", "single", "to_single", "word_of"]
 

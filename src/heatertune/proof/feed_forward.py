@@ -19,10 +19,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.compiled import bound
+from heatertune.compiled.plain_functions import step, warm_state
 from heatertune.errors import InputError
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.values import HeaterModel
-from heatertune.plain import bound
 from heatertune.plc.controller import Controller, controller_for
 from heatertune.plc.feed_forward import FeedForward
 from heatertune.plc.open_points import settings_to_prove
@@ -56,11 +57,6 @@ class FeedForwardParameters(NamedTuple):
     end: int
 
 
-def step(_parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_start: bool) -> tuple[Any, ...]:
-    """Stand in for a controller's own, see `heatertune.plc.core.StepFunctions` and `heatertune.compiled.bound`."""
-    raise NotImplementedError
-
-
 def step_fed(
     parameters: FeedForwardParameters, state: tuple[int, Any], setpoint: Any, reading: Any, cycle_start: bool
 ) -> tuple[tuple[int, Any], float, Any, int]:
@@ -80,14 +76,9 @@ def step_fed(
     return (scan + 1, inner), power, output, flags
 
 
-def restarted(_parameters: Any, _cold: Any, _state: Any) -> Any:
-    """Stand in likewise, for the controller's state after a start-up."""
-    raise NotImplementedError
-
-
 def restarted_fed(parameters: FeedForwardParameters, cold: tuple[int, Any], state: tuple[int, Any]) -> tuple[int, Any]:
     """Return the state after a start-up, see `StepFunctions.warm_start`."""
-    return state[0], restarted(parameters.calm, cold[1], state[1])
+    return state[0], warm_state(parameters.calm, cold[1], state[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -346,7 +337,7 @@ class _Trial(NamedTuple):
         calm, strong = (feed.set_disturbance(loop.parameters, self.line.at(level, self.controller.counts))
                         for level in (self.effect.calm, self.strong))
         fed = replace(loop.core, step=bound(step_fed, step=loop.core.step),
-                      warm_start=bound(restarted_fed, restarted=loop.core.warm_start))
+                      warm_start=bound(restarted_fed, warm_state=loop.core.warm_start))
         return replace(loop, core=fed, parameters=FeedForwardParameters(calm, strong, begin + 1, end + 1),
                        state=(0, loop.state))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple
 
+from heatertune.compiled.plain_functions import cold_state, measure, step, warm_state
 from heatertune.plc.pwm import INSTANT_S, Switches
 from heatertune.proof.meter import (
     FAULTS,
@@ -47,7 +48,6 @@ __all__ = [
     "TraceArrays",
     "apart",
     "apply_event",
-    "cold_state",
     "end_phase",
     "measure",
     "measure_interval",
@@ -55,7 +55,6 @@ __all__ = [
     "run_all",
     "step",
     "ticked_on",
-    "warm_state",
 ]
 
 #: what an event does: all lags jump, the load grows, the mains change, the heater is switched, a phase begins (as it
@@ -123,34 +122,6 @@ class LoopBatch(NamedTuple):
     event_value: Places
     leads: Places = NOT_LED
     cooling: Places = AS_TOLD
-
-
-def step(_parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_start: bool) -> tuple[Any, ...]:
-    """Stand in for a controller's own, see `heatertune.plc.core.StepFunctions` and `heatertune.compiled.bound`.
-
-    Args:
-        _parameters: of the controller.
-        _state: before the scan.
-        _setpoint: in its units.
-        _reading: likewise.
-        _cycle_start: whether a PWM period begins.
-    """
-    raise NotImplementedError
-
-
-def measure(_sensor: Any, _temperature: float) -> Any:
-    """Stand in likewise."""
-    raise NotImplementedError
-
-
-def cold_state(_parameters: Any, _state: Any) -> Any:
-    """Stand in likewise, for the controller's cold state."""
-    raise NotImplementedError
-
-
-def warm_state(_parameters: Any, _cold: Any, _state: Any) -> Any:
-    """Stand in likewise, for the controller's state after a start-up."""
-    raise NotImplementedError
 
 
 def run(  # noqa: PLR0913 - compiled for the types of each: one value of them all would be as many fields again

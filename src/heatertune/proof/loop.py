@@ -10,10 +10,9 @@ from typing import Any, Final, cast
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compile_function, worth_compiling
+from heatertune.compiled import bound, compile_function, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
-from heatertune.plain import bound
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import StepFunctions
 from heatertune.plc.open_points import settings_of

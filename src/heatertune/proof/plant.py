@@ -12,10 +12,10 @@ import math
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
+from heatertune.compiled import bound
 from heatertune.heater import exact
 from heatertune.heater.elementary import decay, expm1_negative, logarithm, logarithm_beside_1
 from heatertune.heater.exact import Factors, advance_step
-from heatertune.plain import bound
 
 __all__ = [
     "MOST_ROUNDS",

@@ -22,10 +22,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.compiled import bound
+from heatertune.compiled.plain_functions import measure
 from heatertune.errors import OutOfRange
 from heatertune.heater.exact import time_to
 from heatertune.model.values import HeaterModel
-from heatertune.plain import bound
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.kernel import LOAD, MAINS, LoopBatch, TraceArrays
 from heatertune.proof.loop import LoopController, program_of, pulses_of, ring_size, run_with, scans_of
@@ -259,11 +260,6 @@ class BrokenSensor(NamedTuple):
     memory: Places
 
 
-def sensor_reading(_sensor: Any, _temperature: float) -> Any:
-    """Stand in for the controller's own, see `heatertune.compiled.bound`."""
-    raise NotImplementedError
-
-
 def broken(sensor: Any, temperature: float) -> Any:
     """Return what the card reads of a temperature; it is asked once a scan."""
     seen, number = temperature, int(sensor.memory[0])
@@ -278,7 +274,7 @@ def broken(sensor: Any, temperature: float) -> Any:
     elif sensor.fault == _HIGH:
         seen = _FAR_DEGC
     sensor.memory[0] = number + 1.0
-    return sensor_reading(sensor.inner, seen)
+    return measure(sensor.inner, seen)
 
 
 class Card(NamedTuple):
@@ -332,7 +328,7 @@ class Ran:
 
 def breakable_sensor(loop: LoopController) -> LoopController:
     """Return the loop of a controller whose sensor can break."""
-    return replace(loop, core=replace(loop.core, measure=bound(broken, sensor_reading=loop.core.measure)))
+    return replace(loop, core=replace(loop.core, measure=bound(broken, measure=loop.core.measure)))
 
 
 def ran(

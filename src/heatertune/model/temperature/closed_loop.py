@@ -18,11 +18,11 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compile_function
+from heatertune.compiled import bound, compile_function
+from heatertune.compiled.plain_functions import law_step
 from heatertune.heater.exact import advance, advance_step, factors
 from heatertune.log.values import MIN_SAMPLES, Log
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
-from heatertune.plain import bound
 
 __all__ = [
     "CONSTANTS",
@@ -92,11 +92,6 @@ OWN = ("ambient_degC", "start_degC", "inner_start_degC", "setpoint_degC", "setpo
 CONSTANTS = 4
 
 
-def _step(form: int, constants: Array, memory: Array, error: float, h: float) -> float:
-    """Serve as placeholder for a control law, see `heatertune.compiled.bound`."""
-    raise NotImplementedError
-
-
 def simulate_many(law: ControllerLaw, z: Array, own: int, h: float, readings: Whole, out: Array, at: int) -> None:
     """Write the temperature of n loops at the readings into the columns of out (n, m) from `at` on [°C].
 
@@ -109,7 +104,7 @@ def simulate_many(law: ControllerLaw, z: Array, own: int, h: float, readings: Wh
         out: of row after row, in C's order.
         at: column of the first reading.
     """
-    run = compile_function(bound(_simulate_many, _step=law.step))
+    run = compile_function(bound(_simulate_many, law_step=law.step))
     logarithmic = np.array([float(constant.logarithmic) for constant in law.constants])
     run(law.form, np.ascontiguousarray(z), own, logarithmic, float(h), readings, np.empty(4), np.zeros(CONSTANTS),
         np.empty(int(readings[-1]) + 1), out, at)
@@ -145,7 +140,7 @@ def _simulate_many(  # noqa: PLR0913 - compiled for the types of each
             while read < len(readings) and readings[read] == k:
                 out[i, at + read] = y
                 read += 1
-            power[k] = _step(form, constants, memory, (before if k < event else after) - y, h)
+            power[k] = law_step(form, constants, memory, (before if k < event else after) - y, h)
             older = power[k - whole - 1] if k > whole else 0.0
             newer = power[k - whole] if k >= whole else 0.0
             y, x = advance_step(y, x, ambient + gain * older, begin)

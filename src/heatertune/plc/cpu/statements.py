@@ -13,6 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
+from heatertune.compiled.generated import functions_from_text
 from heatertune.errors import InputError
 
 __all__ = ["Accumulators", "Run", "StatementLine", "Translation", "in_ascii"]
@@ -97,7 +98,7 @@ class Translation(ABC):
         Raises:
             InputError: a statement that is not known here. So does the function, where a CPU would stop.
         """
-        exec(compile(self._function(), "<block>", "exec"), self.names)
+        self.names = functions_from_text(self._function(), self.names)
         run: Run = self.names["run"]
 
         def carry_out(cpu: Any) -> None:

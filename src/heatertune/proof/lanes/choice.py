@@ -10,8 +10,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compile_function, worth_a_second
-from heatertune.plain import bound
+from heatertune.compiled import bound, compile_function, worth_a_second
 from heatertune.plc.core import as_it_is, started_as_it_is
 from heatertune.plc.pwm import INSTANT_S, Actuator
 from heatertune.plc.single_precision import to_single

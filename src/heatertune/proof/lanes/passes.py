@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from heatertune.compiled.plain_functions import lane_parameters, law_loaded, law_stored, measure, step
 from heatertune.plc.pwm import Switches, on_time
 from heatertune.proof.kernel import HEAT, apply_event
 from heatertune.proof.lanes.rows import LANES, lanes_of, rows_of
@@ -55,9 +56,6 @@ __all__ = [
     "due_until",
     "enter_ripple",
     "flow_of",
-    "lane_parameters",
-    "law_loaded",
-    "law_stored",
     "left_of",
     "loaded_counts",
     "loaded_edges",
@@ -396,39 +394,6 @@ def cut_off(rows: Places, ring: Ring, begun: int, now: float) -> None:
         u, falls = loaded_under(rows, lane), all_falls[lane]
         all_falls[lane] = now if u.on or now < falls < NEVER else falls
         stored_under(rows, lane, Under(u.due, u.edge, u.last, 0.0, u.owed, False, u.times, u.happened))
-
-
-def law_loaded(_rows: Places, _lane: int) -> Any:
-    """Stand in for what loads a controller's state and setpoint word, see `heatertune.proof.rows`."""
-    raise NotImplementedError
-
-
-def law_stored(_rows: Places, _lane: int, _law: Any) -> None:
-    """Stand in likewise."""
-    raise NotImplementedError
-
-
-def step(_parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_start: bool) -> tuple[Any, ...]:
-    """Stand in for the controller's own, as in `heatertune.proof.kernel`.
-
-    Args:
-        _parameters: as there.
-        _state: likewise.
-        _setpoint: likewise.
-        _reading: likewise.
-        _cycle_start: likewise.
-    """
-    raise NotImplementedError
-
-
-def measure(_sensor: Any, _temperature: float) -> Any:
-    """Stand in likewise."""
-    raise NotImplementedError
-
-
-def lane_parameters(_parameters: Any) -> Any:
-    """Stand in for what gives a controller's parameters, see `heatertune.proof.rows.fixed`."""
-    raise NotImplementedError
 
 
 def quickly(rows: Places, ring: Ring, window: EdgeWindow, held: PhaseLimits, t: float) -> None:

@@ -14,13 +14,14 @@ from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 
+from heatertune.compiled.generated import functions_from_text
+
 __all__ = ["LANES", "STEP", "Rows", "constant_function", "lanes_of", "rows_of"]
 
 #: loops side by side: with fewer a compiler unrolls them first and then sees none, with more one waits for all others
 LANES: Final = 32
 #: fewer loops are run in so many steps of as many
 STEP: Final = 8
-_BEYOND: Final = 1000  # lines
 
 _LOAD: Final = {
     np.float32: "np.float32({0})", bool: "{0} != 0.0", int: "np.float64({0}).view(np.int64)", float: "{0}",
@@ -117,8 +118,7 @@ def _fields(value: tuple[Any, ...], name: str) -> Iterator[str]:
 def _made(text: str, names: tuple[str, ...], types: tuple[tuple[str, type], ...]) -> tuple[Any, ...]:
     """Return functions made from their text, which only names fields."""
     scope: dict[str, Any] = {"np": np, "PLUS": np.inf, "MINUS": -np.inf, "__name__": __name__, **dict(types)}
-    # beyond the end of this file: who looks there for its lines finds none, and no others in their place
-    exec(compile("\n" * _BEYOND + text, __file__, "exec"), scope)
+    scope = functions_from_text(text, scope, file=__file__)
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
     for name in names:
         scope[name].__doc__ = "Made by `heatertune.proof.lanes.rows`: see `Rows` and `fixed`."

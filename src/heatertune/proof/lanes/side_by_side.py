@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from heatertune.compiled.plain_functions import law_loaded, law_stored, warm_state
 from heatertune.heater.exact import Factors
 from heatertune.plc.pwm import INSTANT_S, Switches
 from heatertune.proof.kernel import (
@@ -26,7 +27,6 @@ from heatertune.proof.kernel import (
     end_phase,
     measure_interval,
     ticked_on,
-    warm_state,
 )
 from heatertune.proof.lanes.passes import (
     NEVER,
@@ -43,8 +43,6 @@ from heatertune.proof.lanes.passes import (
     Under,
     cut_off,
     flow_of,
-    law_loaded,
-    law_stored,
     loaded_counts,
     loaded_inner,
     loaded_line,

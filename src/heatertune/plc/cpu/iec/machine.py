@@ -18,6 +18,7 @@ from functools import lru_cache
 from types import CodeType, FunctionType
 from typing import Any, Final, NamedTuple, cast
 
+from heatertune.compiled.generated import BEYOND, functions_from_text
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.tape import Got, Tape, run_tape
 from heatertune.plc.cpu.iec.text import (
@@ -32,7 +33,6 @@ from heatertune.plc.cpu.iec.text import (
 from heatertune.plc.single_precision import divide_single, single
 
 __all__ = [
-    "BEYOND",
     "KIND",
     "NOTHING",
     "Firmware",
@@ -56,7 +56,6 @@ _WHOLE: Final = {"BYTE": (8, False), "UINT": (16, False), "INT": (16, True), "DI
 KIND: Final = {"REAL": "REAL", "BOOL": "BOOL", "TIME": "TIME", **dict.fromkeys(_WHOLE, "WHOLE")}
 NOTHING: Final[Mapping[str, Value]] = {"REAL": 0.0, "BOOL": False, "WHOLE": 0, "TIME": 0}
 _COMPARED: Final = {"=": "==", "<>": "!=", "<": "<", ">": ">", "<=": "<=", ">=": ">="}
-BEYOND: Final = 1000  # lines, more than this file has: who looks there for those of a function finds none
 _ROWS: Final = ("r", "w", "f")
 _FIRST: Final = ("a", "b", "c")
 
@@ -116,8 +115,7 @@ def row_of(type_: str) -> int:
 def _function(name: str, source: str, called: tuple[tuple[str, Callable[..., Any]], ...]) -> FunctionType:
     """Return the function of a text, which names others; the same for the same ones, so that it is compiled once."""
     names: dict[str, Any] = {**_FUNCTIONS, **dict(called), "__name__": __name__}
-    exec(compile("\n" * BEYOND + source, __file__, "exec"), names)
-    made: FunctionType = names["run"]
+    made: FunctionType = functions_from_text(source, names, file=__file__)["run"]
     beside = "".join(getattr(other, "__qualname__", "") for _, other in called)
     # by which what is kept on disk is told from that of another text
     made.__qualname__ = f"{name}_{hashlib.sha256((source + beside).encode()).hexdigest()[:16]}"

@@ -10,8 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.compiled import compile_function, worth_compiling
-from heatertune.plain import bound
+from heatertune.compiled import bound, compile_function, worth_compiling
 
 __all__ = ["KEEP", "Got", "Tape", "run_tape"]
 

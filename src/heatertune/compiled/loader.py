@@ -25,8 +25,12 @@ from typing import Any, Final, cast
 import numpy as np
 
 from heatertune.cache import release
+from heatertune.compiled.generated import Scope, functions_from_text
 
-__all__ = ["MISSED", "Code", "Kinds", "entry", "host", "kinds_of", "packed_door", "signature_text"]
+__all__ = [
+    "MISSED", "Code", "Kinds", "array_address", "entry", "host", "kinds_of", "letters_of", "packed_door",
+    "signature_text",
+]
 
 #: of arguments taken apart: a letter for a number, what tells apart arrays, a tuple's class and its end
 Kinds = tuple[Hashable, ...]
@@ -162,6 +166,17 @@ def entry(code: Code, kinds: Kinds) -> Callable[[tuple[Any, ...]], Any] | None:
     return run
 
 
+#: where an array's numbers are stands first in NumPy's PyArrayObject: an eighth of the time of `ctypes.data`
+_ADDRESS: Final = f"place(id({{}}) + {object.__basicsize__}).value"
+_place: Final = ctypes.c_void_p.from_address
+
+
+def array_address(value: Any) -> int:
+    """Return where the numbers of an array are, as the functions that take arguments apart read it."""
+    address: int | None = _place(id(value) + object.__basicsize__).value
+    return address or 0
+
+
 class _Taking:
     """The text of a function that takes arguments of some kinds apart and calls machine code with all numbers in them.
 
@@ -172,8 +187,8 @@ class _Taking:
     def __init__(self) -> None:
         """Begin with nothing."""
         self._lines, self._numbers, self._names = list[str](), list[str](), 0
-        self._scope: dict[str, Any] = {
-            "ndarray": np.ndarray, "float32": np.float32, "array": array, "place": ctypes.c_void_p.from_address,
+        self._scope: Scope = {
+            "ndarray": np.ndarray, "float32": np.float32, "array": array, "place": _place,
             "byte": ctypes.c_char.from_buffer, "addressof": addressof, "letter_of": _NUMBERS.get, "MISSED": MISSED}
 
     def function(self, kinds: Kinds) -> Callable[..., Any]:
@@ -188,11 +203,10 @@ class _Taking:
             else:
                 whole[-1].append(kind)
         self._take("arguments", whole[0])
-        self._scope["pack"] = Struct("=" + _letters(kinds)).pack
+        self._scope["pack"] = Struct("=" + letters_of(kinds)).pack
         text = "\n    ".join(["def call(arguments, function, result, error):", *self._lines,
                              f"return function(pack({', '.join(['result', 'error', *self._numbers])}))"])
-        exec(text, self._scope)
-        return cast("Callable[..., Any]", self._scope["call"])
+        return cast("Callable[..., Any]", functions_from_text(text, self._scope)["call"])
 
     def _take(self, whole: str, kinds: Sequence[Any]) -> None:
         names = [self._name() for _ in kinds]
@@ -213,10 +227,7 @@ class _Taking:
                 self._numbers.append(name)
 
     def _take_array(self, name: str, of: Any, dimensions: int, marks: Any) -> None:
-        """Take an array apart; its owner is who calls.
-
-        Where its numbers are stands first in NumPy's PyArrayObject: an eighth of the time of `ctypes.data`.
-        """
+        """Take an array apart; its owner is who calls."""
         shape, strides = ([self._name() for _ in range(dimensions)] for _ in range(2))
         if isinstance(marks, str):
             kept = f"{name}.typecode == {of!r}" if marks == "array" else "True"
@@ -232,7 +243,7 @@ class _Taking:
         if dimensions:
             self._lines += [f"{', '.join(shape)}, = {name}.shape", f"{', '.join(strides)}, = {name}.strides"]
         self._numbers += ["0", "0", f"{name}.size", str(of.itemsize),
-                          f"place(id({name}) + {object.__basicsize__}).value or 0", *shape, *strides]
+                          f"{_ADDRESS.format(name)} or 0", *shape, *strides]
 
     def _demand(self, what: str) -> None:
         self._lines.append(f"if not ({what}): return MISSED")
@@ -265,7 +276,7 @@ def _result(result: Result) -> tuple[Any, Callable[[Any], Any]]:
     return type("Tuple", (ctypes.Structure,), {"_fields_": [(name, made) for name, (made, _) in inside.items()]}), read
 
 
-def _letters(kinds: Kinds) -> str:
+def letters_of(kinds: Kinds) -> str:
     """Return a letter for each number, as `struct` has it: addresses of result and error, and what arguments hold."""
     letters = ["QQ"]
     for kind in kinds:
@@ -287,7 +298,7 @@ def packed_door(name: str, kinds: Kinds) -> bytes:
     """
     from llvmlite import ir  # noqa: PLC0415 - with the compiler
 
-    letters = _letters(kinds)
+    letters = letters_of(kinds)
     types = {"d": ir.DoubleType(), "f": ir.FloatType(), "q": ir.IntType(64), "Q": ir.IntType(64), "?": ir.IntType(8)}
     module, row, whole = ir.Module(), ir.IntType(8).as_pointer(), ir.IntType(32)
     module.triple = _loader().get_process_triple()

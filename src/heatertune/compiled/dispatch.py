@@ -1,8 +1,8 @@
-"""Plain functions made machine code: written once, run both ways, and kept on disk.
+"""Where machine code pays, where it is kept, and how it is found again.
 
 A function is compiled together with all functions of heatertune that it calls, from their plain source; importing the
-source needs no compiler, and calling what is kept needs none either (`heatertune.native`). The folder bears the digest
-of all files that those functions can depend on: a changed program starts anew. Without a folder (see
+source needs no compiler, and calling what is kept needs none either (`heatertune.compiled.loader`). The folder bears
+the digest of all files that those functions can depend on: a changed program starts anew. Without a folder (see
 `heatertune.cache`) nothing is kept, and every process compiles. What no process used for a month is removed.
 """
 
@@ -24,12 +24,14 @@ from types import FunctionType
 from typing import Any, Final, Literal, TypeVar, cast
 
 from heatertune.cache import folder, is_as_imported
+from heatertune.compiled import check
+from heatertune.compiled.loader import MISSED, Code, Kinds, entry, host, kinds_of, signature_text
+from heatertune.compiled.plain_functions import callees, plainly
 from heatertune.errors import InputError
-from heatertune.native import MISSED, Code, Kinds, entry, host, kinds_of, signature_text
-from heatertune.plain import callees, plainly
 from heatertune.writing import write_files
 
-__all__ = ["compile_function", "decide", "is_kept", "machine_code", "made_beside", "worth_a_second", "worth_compiling"]
+__all__ = ["compile_function", "decide", "is_kept", "machine_code", "made_beside", "tricks_hold", "worth_a_second",
+           "worth_compiling"]
 
 _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 
@@ -54,10 +56,11 @@ _found: Final[set[Callable[..., Any]]] = set()
 #: functions that another process compiles → what waits for it
 _beside: Final[dict[Callable[..., Any], Callable[[], object]]] = {}
 
-_ROOT: Final = Path(__file__).parent
+_ROOT: Final = Path(__file__).parents[1]
 _MENTION: Final = re.compile(r"heatertune((?:\.\w+)*)(?: import (\([^)]*\)|[^\n(]*))?")
 
 _ENDING: Final = ".code"
+_PROBE_ENDING: Final = ".probe"  # of the check's machine code, which is no work's
 _STALE_S: Final = 30 * 86_400.0  # folders that no process used for so long are removed
 
 #: functions → held by the thread that makes their machine code, or waits for it: others must not make it once more
@@ -132,6 +135,26 @@ def compile_function(function: _Plain, *, calls: bool = False) -> _Plain:
         return cast(_Plain, _door(function, calls))
 
 
+@remember
+def tricks_hold() -> bool:
+    """Return whether machine code may be called directly: the check of this process, see `heatertune.compiled.check`.
+
+    Where it fails, for whatever reason, all functions take Numba's own path.
+    """
+    with suppress(Exception):
+        if not check.addresses_are_right():
+            return False
+        arguments, plain = check.probe_arguments(), check.probe_arguments()
+        place = _place(check.probe)
+        if place is not None:
+            place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        code = _MachineCode(check.probe, place, calls=False, ending=_PROBE_ENDING)
+        result = code.run_directly(arguments)
+        expected = check.probe(*plain)
+        return type(result) is type(expected) and result == expected and bool((arguments[3] == plain[3]).all())
+    return False
+
+
 @contextmanager
 def made_beside(waits: Mapping[Callable[..., Any], Callable[[], object]]) -> Iterator[None]:
     """Let what the block needs of some functions wait for another process that compiles them.
@@ -178,9 +201,12 @@ class _MachineCode:
         made: how many times it was compiled.
     """
 
-    def __init__(self, function: Callable[..., Any], place: Path | None, *, calls: bool) -> None:
-        """Take a function, the folder where it is kept, and whether its calls stay calls."""
+    def __init__(
+        self, function: Callable[..., Any], place: Path | None, *, calls: bool, ending: str = _ENDING
+    ) -> None:
+        """Take a function, the folder where it is kept, whether its calls stay calls, and how its files end."""
         self._function, self._place, self._calls, self._entering = function, place, calls, Lock()
+        self._ending: Final = ending
         self.found, self.made = 0, 0
         self._runs: dict[Kinds, Callable[[tuple[Any, ...]], Any]] = {}
         self._last: Callable[[tuple[Any, ...]], Any] = lambda _arguments: MISSED
@@ -198,10 +224,26 @@ class _MachineCode:
     def _entered(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[tuple[Any, ...]], Any]:
         with self._entering:
             if kinds not in self._runs:
-                kept = self._kept(kinds)
-                self.found, self.made = self.found + (kept is not None), self.made + (kept is None)
-                self._runs[kinds] = kept or self._compiled(kinds, arguments)
+                direct = self._direct(kinds, arguments) if tricks_hold() else None
+                self._runs[kinds] = direct or self._by_numba()
         return self._runs[kinds]
+
+    def run_directly(self, arguments: tuple[Any, ...]) -> Any:
+        """Run it as machine code, unchecked: for the check itself."""
+        run = self._direct(kinds_of(arguments), arguments)
+        return MISSED if run is None else run(arguments)
+
+    def _by_numba(self) -> Callable[[tuple[Any, ...]], Any]:
+        """Return what runs it on Numba's own path, for arguments of all kinds."""
+        self.made += 1
+        function = check.numba_function(self._function)
+        return lambda arguments: function(*arguments)
+
+    def _direct(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[tuple[Any, ...]], Any] | None:
+        """Return what runs it as machine code, None where Numba calls it in a way that the loader does not know."""
+        kept = self._kept(kinds)
+        self.found, self.made = self.found + (kept is not None), self.made + (kept is None)
+        return kept or self._compiled(kinds, arguments)
 
     def _kept(self, kinds: Kinds) -> Callable[[tuple[Any, ...]], Any] | None:
         """Return what is on disk, None where it is not or is torn."""
@@ -210,11 +252,14 @@ class _MachineCode:
                 Code.from_bytes((self._place / self._name(kinds)).read_bytes()), kinds)
         return None
 
-    def _compiled(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[tuple[Any, ...]], Any]:
+    def _compiled(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[tuple[Any, ...]], Any] | None:
         """Compile it, and keep it where that can be: the disk may be full, and the folder gone by now."""
-        from heatertune.compiler import object_code  # noqa: PLC0415 - Numba: 0.2 s
+        from heatertune.compiled.numba_compiler import UnknownCall, object_code  # noqa: PLC0415 - Numba: 0.2 s
 
-        code = object_code(self._function, arguments, calls=self._calls)
+        try:
+            code = object_code(self._function, arguments, calls=self._calls)
+        except UnknownCall:
+            return None
         if self._place is not None:
             with suppress(InputError):
                 write_files(self._place, {self._name(kinds): code.to_bytes()})
@@ -224,7 +269,7 @@ class _MachineCode:
 
     def _name(self, kinds: Kinds) -> str:
         digest = hashlib.sha256(f"{host()} {signature_text(kinds)}".encode()).hexdigest()[:16]
-        return f"{_stem(self._function)}{digest}{_ENDING}"
+        return f"{_stem(self._function)}{digest}{self._ending}"
 
 
 def _stem(function: Callable[..., Any]) -> str:

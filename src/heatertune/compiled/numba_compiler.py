@@ -17,12 +17,20 @@ from numba.core.compiler import Compiler
 from numba.core.types.containers import BaseNamedTuple, BaseTuple
 from numba.core.types.misc import unliteral
 
-from heatertune.native import Code, Result, kinds_of, packed_door
-from heatertune.plain import callees, copy_function, plainly
+from heatertune.compiled.loader import Code, Kinds, Result, kinds_of, letters_of, packed_door
+from heatertune.compiled.plain_functions import callees, copy_function, plainly
 
-__all__ = ["object_code", "overload"]
+__all__ = ["UnknownCall", "object_code", "overload"]
 
 _LETTERS: Final = {types.float64: "d", types.float32: "f", types.int64: "q", types.boolean: "?"}
+
+
+#: LLVM's type of a number → its letter, as the loader hands it over
+_TAKEN: Final = {"double": "d", "float": "f", "i64": "q", "i8": "?"}
+
+
+class UnknownCall(Exception):
+    """A function that Numba calls in another way than the loader does."""
 
 
 class _Intermediate(JITCodeLibrary):  # type: ignore[misc]
@@ -75,13 +83,40 @@ def object_code(function: Callable[..., Any], arguments: Sequence[Any], *, calls
 
     Raises:
         TypeError: it returns something else than a number or a tuple of them.
+        UnknownCall: it takes its numbers in another way than the loader hands them over.
     """
     made = overload(function, arguments, calls=calls)
+    result = _result(function, made.signature.return_type)
+    _demand_call(made, kinds_of(arguments), result)
     needs = [each.name for each in made.library._final_module.functions if each.is_declaration]
-    return Code(name=made.fndesc.llvm_func_name, result=_result(function, made.signature.return_type),
+    return Code(name=made.fndesc.llvm_func_name, result=result,
                 needs=tuple(name for name in needs if not name.startswith("llvm.")),
                 content=made.library._get_compiled_object(),
                 door=packed_door(made.fndesc.llvm_func_name, kinds_of(arguments)))
+
+
+def _demand_call(function: Any, kinds: Kinds, result: Result) -> None:
+    """Do nothing where a function takes addresses of result and error and then its arguments' numbers, one by one.
+
+    What it writes to the first address has to be laid out as the loader reads it.
+    """
+    descriptor = function.fndesc
+    call = function.target_context.call_conv.get_function_type(descriptor.restype, descriptor.argtypes)
+    taken = [_TAKEN.get(str(each), "Q" if each.is_pointer else "") for each in call.args]
+    written = result is None or _laid_out(call.args[0].pointee) == _parts(result)
+    if taken != list(letters_of(kinds)) or str(call.return_type) != "i32" or not written:
+        raise UnknownCall(f"{descriptor.qualname}: it takes {call}")
+
+
+def _laid_out(kind: Any) -> Any:
+    """Return a letter for a number, the parts of anything else."""
+    letter = (_TAKEN | {"i1": "?"}).get(str(kind))  # a bit alone is written as a byte
+    return letter or [_laid_out(part) for part in kind.elements]
+
+
+def _parts(result: Result) -> Any:
+    """Return a result without its classes."""
+    return [_parts(part) for part in result[1:]] if isinstance(result, list) else result
 
 
 def overload(function: Callable[..., Any], arguments: Sequence[Any], *, calls: bool = False) -> Any:
