@@ -200,7 +200,7 @@ def _python() -> float:
 
 
 def _lfilter() -> Callable[[], object]:
-    from scipy.signal import lfilter  # noqa: PLC0415 - takes a second, and serves nothing else
+    from scipy.signal import lfilter
 
     values = np.random.default_rng(1).normal(size=_VALUES)
     return lambda: lfilter([0.0, 0.01], [1.0, -0.99], values)

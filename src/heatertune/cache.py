@@ -197,7 +197,7 @@ def release(library: str) -> str:
     for name in ("version.py", "_version.py") if origin else ():
         with suppress(OSError):
             return (Path(str(origin)).parent / name).read_text(encoding="utf-8")
-    from importlib.metadata import version  # noqa: PLC0415
+    from importlib.metadata import version
 
     return version(library)
 

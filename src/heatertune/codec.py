@@ -162,7 +162,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     Raises:
         DocumentError: it cannot be read, or is no TOML.
     """
-    import tomllib  # noqa: PLC0415 - documents are read at every start, TOML files seldom
+    import tomllib
 
     try:
         return tomllib.loads(read_text(path))

@@ -12,6 +12,8 @@ from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any, Final
 
+from heatertune.cache import folder, not_private
+
 __all__ = ["SCHEMA", "InstallationCheck", "document", "examine", "works"]
 
 SCHEMA: Final = "heatertune/doctor/2"
@@ -124,7 +126,7 @@ def _ipopt() -> InstallationCheck:
     """Solve min (x − 3)² subject to x ≤ 2, whose answer is 2."""
 
     def look() -> tuple[str, bool]:
-        import casadi  # noqa: PLC0415 - slow, and may be what is broken
+        import casadi
 
         x = casadi.MX.sym("x")
         silent: dict[str, Any] = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
@@ -137,8 +139,8 @@ def _ipopt() -> InstallationCheck:
 
 def _tables() -> InstallationCheck:
     def look() -> tuple[str, bool]:
-        from heatertune.log import read_log  # noqa: PLC0415 - needs numpy, which may be what is broken
-        from heatertune.log.tables import BUILT_IN  # noqa: PLC0415
+        from heatertune.log import read_log
+        from heatertune.log.tables import BUILT_IN
 
         return ", ".join(f"{name}: {len(read_log(name).time_s)} readings" for name in BUILT_IN), True
 
@@ -147,7 +149,7 @@ def _tables() -> InstallationCheck:
 
 def _machine_code() -> InstallationCheck:
     """Make the check of the tricks with which machine code is called."""
-    from heatertune.compiled import tricks_hold  # noqa: PLC0415 - loads LLVM, which may be what is broken
+    from heatertune.compiled import tricks_hold
 
     holds = tricks_hold()
     return InstallationCheck(
@@ -159,8 +161,6 @@ _PRIVATE: Final = "set HEATERTUNE_CACHE to a folder of your own that other users
 
 
 def _results() -> InstallationCheck:
-    from heatertune.cache import folder, not_private  # noqa: PLC0415 - next to its only use
-
     place = folder()
     if (why := not_private()) is not None:
         return InstallationCheck(name="cache of results", value=why, ok=False, required=False, remedy=_PRIVATE)
@@ -176,8 +176,7 @@ def _results() -> InstallationCheck:
 
 def _compiled() -> InstallationCheck:
     """Tell where machine code is kept, and how much of it is there."""
-    from heatertune.cache import folder  # noqa: PLC0415 - beside its only use
-    from heatertune.compiled import machine_code  # noqa: PLC0415
+    from heatertune.compiled import machine_code
 
     place = folder()
     if place is None:

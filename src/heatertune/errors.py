@@ -53,7 +53,7 @@ def one_line(text: str) -> str:
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return ": did you mean …?" where a known name is near to one that is not; else nothing."""
-    import difflib  # noqa: PLC0415 - only an error needs it
+    import difflib
 
     near = difflib.get_close_matches(name.lower(), list(known), n=1)
     return f": did you mean {near[0]}?" if near else ""

@@ -193,7 +193,7 @@ def _swap(new: Path, folder: Path) -> bool:
 @cache
 def _renameat2() -> Callable[..., Any] | None:
     """Return the call that exchanges two names, None on a system without it."""
-    import ctypes  # noqa: PLC0415 - 1 ms of the start, which only a folder that is there needs
+    import ctypes
 
     try:
         return ctypes.CDLL(None).renameat2

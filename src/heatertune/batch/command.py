@@ -44,7 +44,7 @@ def workers(settings: argparse.Namespace) -> Workers:
     Raises:
         InputError: both kinds are asked for; as `in_processes` and `on_dask`.
     """
-    from heatertune.batch import in_processes, on_dask  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.batch import in_processes, on_dask
 
     if settings.scheduler is None:
         return in_processes(settings.jobs)
@@ -121,7 +121,7 @@ def add_fleet(commands: Any) -> None:
 
 
 def _run_fleet(settings: argparse.Namespace) -> int:
-    from heatertune.batch.fleets import ZoneSettings, fleet  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.batch.fleets import ZoneSettings, fleet
 
     zones = ZoneSettings(request=common.design_request(settings), read=common.reading(settings),
                          fitted_with=options.of(FitSettings, settings))
@@ -162,7 +162,7 @@ def add_study(commands: Any) -> None:
 
 
 def _run_study(settings: argparse.Namespace) -> int:
-    from heatertune.batch.studies import study  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.batch.studies import study
 
     document = study(
         settings.study, out=settings.out, workers=workers(settings), resume=settings.resume,

@@ -295,8 +295,8 @@ def demand_parquet() -> Any:
         InputError: it is not installed.
     """
     try:
-        import pyarrow  # noqa: PLC0415 - an extra
-        import pyarrow.parquet  # noqa: PLC0415
+        import pyarrow
+        import pyarrow.parquet
     except ImportError as problem:
         raise InputError("a Parquet table needs pyarrow: pip install 'heatertune[fleet]'") from problem
     return pyarrow

@@ -40,9 +40,9 @@ def on_dask(address: str) -> Workers:
         InputError: Dask is not installed; when run: no scheduler answers, or it goes away.
     """
     try:
-        import distributed  # noqa: PLC0415 - an extra
-        from distributed.client import FutureCancelledError  # noqa: PLC0415
-        from distributed.comm import CommClosedError  # noqa: PLC0415
+        import distributed
+        from distributed.client import FutureCancelledError
+        from distributed.comm import CommClosedError
     except ImportError as problem:
         raise InputError("--scheduler needs Dask: pip install 'heatertune[dask]'") from problem
 

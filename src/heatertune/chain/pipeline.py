@@ -398,6 +398,6 @@ def _write(
 
 
 def _page(documents: Mapping[str, Mapping[str, Any]], drawn: Mapping[str, str] | None = None) -> str:
-    from heatertune.report import render  # noqa: PLC0415 - matplotlib only where pictures are drawn
+    from heatertune.report import render
 
     return render(documents, drawn)

@@ -85,7 +85,7 @@ class Worker:
 
     def _draw(self, name: str) -> None:
         """Draw a section here."""
-        from heatertune.report import sections  # noqa: PLC0415 - matplotlib only where pictures are drawn
+        from heatertune.report import sections
 
         asked = self._asked[name]
         self._send(_write_on, asked.request, [])
@@ -154,7 +154,7 @@ def _has_drawn() -> bool:
 
 def _missing(target: str) -> dict[str, Callable[..., Any]]:
     """Return the loops that are not cached, by target: of a controller and of the two-level control for comparison."""
-    from heatertune.chain.worker import loops  # noqa: PLC0415 - imports all that a proof needs
+    from heatertune.chain.worker import loops
 
     return {} if folder() is None else {name: loop for name, loop in loops(target) if not is_kept(loop)}
 

@@ -68,7 +68,7 @@ def fit_together(
     Raises:
         InputError, OutOfRange: as `heatertune.model.fit.fit_together`.
     """
-    from heatertune.model.fit import fit_together as fit_logs  # noqa: PLC0415 - compiles; a proof needs no fit
+    from heatertune.model.fit import fit_together as fit_logs
 
     if isinstance(logs, Log | str) or not logs:
         raise InputError("no logs: expected a list of one log or more")
@@ -101,7 +101,7 @@ def fit_known(
     """
     if words.ramp is not None:
         raise InputError("parameters with a setpoint ramp: a log contains the requested setpoint, not the ramped one")
-    from heatertune.model.fit import fit_known as fit_log_known  # noqa: PLC0415 - compiles; a proof needs no fit
+    from heatertune.model.fit import fit_known as fit_log_known
 
     tried = controllers(words, known)
     given = merge_options(FitSettings, settings, changed)
@@ -121,7 +121,7 @@ def fit_known(
 
 def _fit_one(log: Log, given: FitSettings, progress: ProgressCallback, *, thorough: bool = False) -> FittedModel:
     def run() -> FittedModel:
-        from heatertune.model.fit import fit as fit_log  # noqa: PLC0415 - compiles; what is kept needs no fit
+        from heatertune.model.fit import fit as fit_log
 
         laws = _laws() if log.power_pct is None else ()
         return fit_log(log, given, laws=laws, thorough=thorough, progress=progress)
@@ -144,7 +144,7 @@ def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel],
 
 
 def _laws() -> Sequence[Any]:
-    from heatertune.plc.s7_200_paper.laws import LAWS  # noqa: PLC0415 - compiles; only logs without power need it
+    from heatertune.plc.s7_200_paper.laws import LAWS
 
     return LAWS
 

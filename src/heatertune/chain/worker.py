@@ -72,7 +72,7 @@ def _receive(first: IO[bytes], asked: SimpleQueue[Any], drawn: set[int]) -> None
 def _work(asked: SimpleQueue[Any], drawn: set[int], compiles: bool) -> None:
     """Compile as requested, then draw sections that the first process has not drawn, until the process ends."""
     if compiles:
-        import numba  # noqa: F401, PLC0415 - while the first one finds out what it is
+        import numba  # noqa: F401
     else:
         _draw_first()
     targets: Sequence[str] = asked.get()
@@ -82,7 +82,7 @@ def _work(asked: SimpleQueue[Any], drawn: set[int], compiles: bool) -> None:
         print(json.dumps(target), flush=True)
     if compiles:
         _draw_first()
-    from heatertune.report import sections  # noqa: PLC0415 - after what is waited for first
+    from heatertune.report import sections
 
     documents: Mapping[str, Mapping[str, Any]]
     while True:
@@ -93,7 +93,7 @@ def _work(asked: SimpleQueue[Any], drawn: set[int], compiles: bool) -> None:
 
 def _draw_first() -> None:
     """Draw nothing: the first picture takes longest."""
-    from heatertune.report.plots import new_figure, to_svg  # noqa: PLC0415 - matplotlib
+    from heatertune.report.plots import new_figure, to_svg
 
     to_svg(new_figure(1, 1.0)[0])
 

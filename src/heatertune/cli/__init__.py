@@ -153,7 +153,7 @@ def _complain(text: str) -> None:
 
 def _fault(problem: Exception) -> str:
     """Return what a user can report."""
-    import traceback  # noqa: PLC0415 - reads sources: only a fault needs it
+    import traceback
 
     place = traceback.extract_tb(problem.__traceback__)[-1]
     return one_line(

@@ -335,7 +335,7 @@ def target(settings: argparse.Namespace) -> str:
 
 def design_request(settings: argparse.Namespace) -> DesignRequest:
     """Return what a design is asked for; errors as `heatertune.options.of`."""
-    from heatertune.proof.design_request import DesignRequest  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.design_request import DesignRequest
 
     by = options.of(WordSettings, settings)
     return DesignRequest(
@@ -366,7 +366,7 @@ def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedMod
     Raises:
         InputError: the file holds no model and none is given by hand.
     """
-    from heatertune.pid.document import read_design  # noqa: PLC0415
+    from heatertune.pid.document import read_design
 
     design, model, recipe = read_design(settings.pid)
     return design, model if model is not None and not by_hand(settings) else model_from(settings, None), recipe
@@ -378,7 +378,7 @@ def words_of_machine(settings: argparse.Namespace, path: str) -> Machine:
     Raises:
         InputError: the file cannot be read.
     """
-    from heatertune.plc.dump_reader import content_of, read_machine  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc.dump_reader import content_of, read_machine
 
     if settings.called_every is not None:
         check("--called-every", settings.called_every, above=0.0)
@@ -405,7 +405,7 @@ def _given(settings: argparse.Namespace, *names: str) -> dict[str, Any]:
 
 def _model_of_design(path: str) -> FittedModel | None:
     """Return the model that a pid.json holds; None where the file is none."""
-    from heatertune.pid.document import SCHEMA, read_design  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.pid.document import SCHEMA, read_design
 
     if peek_schema(path) != SCHEMA:
         return None
@@ -422,8 +422,8 @@ def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
     Raises:
         InputError: both or neither are given, or a number of the hand-given model is missing.
     """
-    from heatertune.model.document import read_model  # noqa: PLC0415 - the help must not wait for numpy
-    from heatertune.model.values import (  # noqa: PLC0415
+    from heatertune.model.document import read_model
+    from heatertune.model.values import (
         Fopdt,
         TwoLag,
         model_by_hand,

@@ -46,7 +46,7 @@ def add_compare(commands: Any) -> None:
 
 
 def _run_compare(settings: argparse.Namespace) -> int:
-    from heatertune.proof.repetition import scaling_of  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.repetition import scaling_of
 
     design, fitted, kept = common.design_and_model(settings)
     progress, (recipe, notes) = printing.Progress(settings), in_force(settings, kept, settings.pid)
@@ -95,15 +95,15 @@ def add_design(commands: Any) -> None:
 
 
 def _run_design(settings: argparse.Namespace) -> int:
-    from heatertune.chain.precompile import work_alongside  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.chain.precompile import work_alongside
 
     with work_alongside(settings.target) as second:  # which begins before the rest is imported
         return _designed(settings, second)
 
 
 def _designed(settings: argparse.Namespace, second: Worker) -> int:
-    from heatertune.chain.documents import without_curves  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.chain.pipeline import TYPICAL_S  # noqa: PLC0415
+    from heatertune.chain.documents import without_curves
+    from heatertune.chain.pipeline import TYPICAL_S
 
     progress = printing.Progress(settings, TYPICAL_S)
     progress("reading")

@@ -54,14 +54,14 @@ def add_verify(commands: Any) -> None:
 
 
 def _run_verify(settings: argparse.Namespace) -> int:
-    from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.verdict import verdict_first, verdict_line  # noqa: PLC0415
+    from heatertune.proof.setpoint_ramp import prove_ramped
+    from heatertune.proof.verdict import verdict_first, verdict_line
 
     progress = printing.Progress(settings)
     asked, drawn = proof_source(settings), options.of(SampleSettings, settings)
     fitted, conditions = asked.fitted_model, asked.conditions
     if drawn.replay is not None:
-        from heatertune.proof.monte_carlo.run import replay_document  # noqa: PLC0415 - as below
+        from heatertune.proof.monte_carlo.run import replay_document
 
         if asked.ramp is not None:
             raise InputError("--replay runs the words with the ramp they have; --setpoint-ramp would be another proof")
@@ -73,7 +73,7 @@ def _run_verify(settings: argparse.Namespace) -> int:
     progress("proving the parameters")
     proof, notes = prove_ramped(asked.words, fitted, asked.ramp, conditions, progress=progress)
     if drawn.samples is not None:
-        from heatertune.proof.monte_carlo.run import with_samples  # noqa: PLC0415 - who asks for none must not wait for it
+        from heatertune.proof.monte_carlo.run import with_samples
 
         progress(f"proving them on {drawn.samples} samples")
         proof = with_samples(proof, fitted, drawn, conditions)
@@ -109,7 +109,7 @@ def add_feed_forward(commands: Any) -> None:
 
 
 def _run_feed_forward(settings: argparse.Namespace) -> int:
-    from heatertune.chain.pipeline import feed_forward  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.chain.pipeline import feed_forward
 
     fed = feed_forward(settings.directory, options.of(FeedForwardSettings, settings), force=settings.force)
     out, document = settings.out or settings.directory, fed.proof.to_document()
@@ -149,10 +149,10 @@ def add_report(commands: Any) -> None:
 
 
 def _run_report(settings: argparse.Namespace) -> int:
-    from heatertune.chain.documents import without_curves  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.chain.pipeline import redraw  # noqa: PLC0415
-    from heatertune.log import read_log  # noqa: PLC0415
-    from heatertune.report.as_left_section import CURVES, as_left_brief  # noqa: PLC0415
+    from heatertune.chain.documents import without_curves
+    from heatertune.chain.pipeline import redraw
+    from heatertune.log import read_log
+    from heatertune.report.as_left_section import CURVES, as_left_brief
 
     about, progress = options.of(AsLeftSettings, settings), printing.Progress(settings)
     if settings.as_left is None and about != AsLeftSettings():
@@ -207,8 +207,8 @@ def add_export_db(commands: Any) -> None:
 
 
 def _run_export_db(settings: argparse.Namespace) -> int:
-    from heatertune.proof.verdict import verdict_line  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.words_file import export_first  # noqa: PLC0415
+    from heatertune.proof.verdict import verdict_line
+    from heatertune.proof.words_file import export_first
 
     again = None if common.proof_asked(settings) else _exported_again(settings)
     proven = again or _proven(settings)
@@ -235,11 +235,11 @@ def _exported_again(settings: argparse.Namespace) -> dict[str, Any] | None:
         ExportRefused: the verdict is not PASS and `--force` was not given; as `repeat_proof`.
         DocumentError, InputError, OutOfRange, UnknownName: as `repeat_proof`.
     """
-    from heatertune.proof.words_file import certificate, read_words  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.words_file import certificate, read_words
 
     if read_words(settings.pid, common.target(settings)) is None:
         return None
-    from heatertune.proof.repetition import repeat_proof  # noqa: PLC0415 - a design is proven without it
+    from heatertune.proof.repetition import repeat_proof
 
     again = repeat_proof(
         settings.pid, accept=common.conditions(settings).accept, progress=printing.Progress(settings))
@@ -255,9 +255,9 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     What is exported was proven then or before: the verdict on the same words, heater and conditions by the same
     program on this machine is read from the cache and checked like any proof. `verify` always proves again.
     """
-    from heatertune.cache import load_or_compute, release  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.model import document as model_document  # noqa: PLC0415
-    from heatertune.proof.spec_file import specification_of  # noqa: PLC0415
+    from heatertune.cache import load_or_compute, release
+    from heatertune.model import document as model_document
+    from heatertune.proof.spec_file import specification_of
 
     progress = printing.Progress(settings)
     asked = proof_source(settings)
@@ -276,10 +276,10 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
 
 
 def _prove(asked: ProofSource, progress: Any, *, force: bool) -> dict[str, Any]:
-    from heatertune.chain.documents import words_document  # noqa: PLC0415 - words that are proven already need none of it
-    from heatertune.plc.word_selection import search_document  # noqa: PLC0415
-    from heatertune.proof.repetition import design_document  # noqa: PLC0415
-    from heatertune.proof.setpoint_ramp import prove_ramped  # noqa: PLC0415
+    from heatertune.chain.documents import words_document
+    from heatertune.plc.word_selection import search_document
+    from heatertune.proof.repetition import design_document
+    from heatertune.proof.setpoint_ramp import prove_ramped
 
     proof, told = prove_ramped(asked.words, asked.fitted_model, asked.ramp, asked.conditions, progress=progress)
     notes = [*asked.notes, *told]
@@ -302,8 +302,8 @@ def _demand_export(document: dict[str, Any], asked: ProofSource, *, force: bool)
     Raises:
         HeatertuneError: it is damaged, of other words, without a PASS or with files that the controller does not have.
     """
-    from heatertune.proof.document import check_document  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.words_file import certificate, demand_same_words, words_of  # noqa: PLC0415
+    from heatertune.proof.document import check_document
+    from heatertune.proof.words_file import certificate, demand_same_words, words_of
 
     where = "the cache"
     if set(document) != {"words", "pid", "proof", "notes", "files"} or not all(

@@ -122,8 +122,8 @@ def add_validate(commands: Any) -> None:
 
 
 def _run_validate(settings: argparse.Namespace) -> int:
-    from heatertune.model.document import read_model  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.model.validate import to_document  # noqa: PLC0415
+    from heatertune.model.document import read_model
+    from heatertune.model.validate import to_document
 
     progress = printing.Progress(settings)
     model = read_model(settings.model)
@@ -188,7 +188,7 @@ def _add_prior_options(command: argparse.ArgumentParser) -> None:
 
 
 def _run_plan(settings: argparse.Namespace) -> int:
-    from heatertune.model.experiment.fisher import noise_of  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.model.experiment.fisher import noise_of
 
     fitted = None if settings.model is None else _model(settings)
     low, high = settings.power
@@ -231,7 +231,7 @@ def _model(settings: argparse.Namespace) -> FittedModel:
     Raises:
         InputError: ranges are given as well.
     """
-    from heatertune.model.document import read_model  # noqa: PLC0415 - the help must not wait for numpy
+    from heatertune.model.document import read_model
 
     if any(getattr(settings, name) is not None for name in _RANGES):
         raise InputError("name a model file or --gain, --time-constant, --dead-time, not both")
@@ -285,7 +285,7 @@ def add_fit(commands: Any) -> None:
 
 
 def _run_fit(settings: argparse.Namespace) -> int:
-    from heatertune.model.document import to_document  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.model.document import to_document
 
     progress = printing.Progress(settings)
     progress("reading")

@@ -50,7 +50,7 @@ def add_bench(commands: Any) -> None:
 
 
 def _run_bench(settings: argparse.Namespace) -> int:
-    from heatertune.bench import speed  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.bench import speed
 
     measured = speed(settings.target, settings.samples, rounds=settings.rounds, progress=printing.Progress(settings))
     printing.output(settings, encode(measured), lambda: _told(measured))
@@ -106,9 +106,9 @@ def add_completion(commands: Any) -> None:
 
 
 def _run_completion(settings: argparse.Namespace) -> int:
-    import shtab  # noqa: PLC0415 - only this command needs it
+    import shtab
 
-    from heatertune.cli import parser  # noqa: PLC0415 - it holds this command
+    from heatertune.cli import parser
 
     whole = parser()
     for action in _actions(whole):
@@ -146,7 +146,7 @@ def add_doctor(commands: Any) -> None:
 
 
 def _run_doctor(settings: argparse.Namespace) -> int:
-    from heatertune.doctor import document, examine, works  # noqa: PLC0415 - it loads what it looks at
+    from heatertune.doctor import document, examine, works
 
     findings = examine()
 

@@ -46,7 +46,7 @@ def add_terms(commands: Any) -> None:
 
 
 def _run_terms(settings: argparse.Namespace) -> int:
-    from heatertune.terms import TERMS, the_term  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.terms import TERMS, the_term
 
     chosen = tuple(map(the_term, settings.term)) or TERMS
     document = {"schema": "heatertune/terms/1", "terms": [dataclasses.asdict(term) for term in chosen]}
@@ -80,8 +80,8 @@ def add_spec(commands: Any) -> None:
 
 
 def _run_spec(settings: argparse.Namespace) -> int:
-    from heatertune.proof.spec_file import in_force, spec_text  # noqa: PLC0415
-    from heatertune.proof.specification import PRESETS  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.spec_file import in_force, spec_text
+    from heatertune.proof.specification import PRESETS
 
     if settings.list:
         document = {"schema": "heatertune/presets/1",

@@ -60,7 +60,7 @@ def add_diff(commands: Any) -> None:
 
 
 def _run_diff(settings: argparse.Namespace) -> int:
-    from heatertune.proof.difference import DeclaredWords, difference, read_sides  # noqa: PLC0415 - the help must not wait
+    from heatertune.proof.difference import DeclaredWords, difference, read_sides
 
     if settings.called_every is not None:
         check("--called-every", settings.called_every, above=0.0)
@@ -94,8 +94,8 @@ def add_replay(commands: Any) -> None:
 
 
 def _run_replay(settings: argparse.Namespace) -> int:
-    from heatertune.plc.replay import read_inputs, replay  # noqa: PLC0415
-    from heatertune.proof.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc.replay import read_inputs, replay
+    from heatertune.proof.words_file import read_words
 
     controller = plc.controller_for(settings.target)
     words = read_words(settings.words, settings.target)
@@ -138,9 +138,9 @@ def add_advise(commands: Any) -> None:
 
 
 def _run_advise(settings: argparse.Namespace) -> int:
-    from heatertune.log import read_log  # noqa: PLC0415
-    from heatertune.pid.document import read_design  # noqa: PLC0415
-    from heatertune.proof.advice import advise  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.log import read_log
+    from heatertune.pid.document import read_design
+    from heatertune.proof.advice import advise
 
     design, model, kept = read_design(settings.pid)
     if model is None:
@@ -181,8 +181,8 @@ def add_decode(commands: Any) -> None:
 
 
 def _run_decode(settings: argparse.Namespace) -> int:
-    from heatertune.pid.document import to_document  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.plc.dump_reader import realised_design  # noqa: PLC0415
+    from heatertune.pid.document import to_document
+    from heatertune.plc.dump_reader import realised_design
 
     controller = plc.controller_for(common.target(settings))
     words, passed_over, unlike = common.words_of_machine(settings, settings.dump)

@@ -55,7 +55,7 @@ def known_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | No
             if getattr(settings, name):
                 raise InputError(f"--{name} needs --controller: it tells what that controller holds")
         return None
-    from heatertune.proof.words_file import read_words  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.words_file import read_words
 
     plc.controller_for(settings.controller)  # an unknown name is refused before the file is opened
     if settings.words is None:
@@ -109,8 +109,8 @@ def proof_source(settings: argparse.Namespace) -> ProofSource:
         InputError: the file holds no model and none is given by hand; words of another target; as `in_force`.
         NotRepresentable, OutOfRange: the words do not fit.
     """
-    from heatertune.proof.repetition import made_again  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.words_file import read_words  # noqa: PLC0415
+    from heatertune.proof.repetition import made_again
+    from heatertune.proof.words_file import read_words
 
     words, by = read_words(settings.pid, common.target(settings)), options.of(WordSettings, settings)
     ramp = by.setpoint_ramp
@@ -177,8 +177,8 @@ def in_force(settings: argparse.Namespace, kept: DesignProvenance | None, where:
         InputError: a file of the specification has changed since; another controller whose module gives no degrees;
             as `heatertune.options.of`.
     """
-    from heatertune.pid.document import DesignProvenance  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.repetition import demand_same_files  # noqa: PLC0415
+    from heatertune.pid.document import DesignProvenance
+    from heatertune.proof.repetition import demand_same_files
 
     target = common.target(settings) if hasattr(settings, "target") else None
     sensor, own = options.provided_options(SensorSettings, settings), options.provided_options(Conditions, settings)
@@ -201,7 +201,7 @@ def in_force(settings: argparse.Namespace, kept: DesignProvenance | None, where:
 def _of(kept: DesignProvenance, target: str, where: str, sensor: Mapping[str, Any]) -> tuple[DesignProvenance,
                                                                                              list[str]]:
     """Return what a recipe says of any controller, where it is of another one, and what of it is not taken then."""
-    from heatertune.plc.inputs import has_ends  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.plc.inputs import has_ends
 
     degrees = has_ends(plc.controller_for(kept.target).ranges, kept.input)
     if degrees:

@@ -56,7 +56,7 @@ def add_pareto(commands: Any) -> None:
 
 
 def _run_pareto(settings: argparse.Namespace) -> int:
-    from heatertune.pid.alternatives import front  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.pid.alternatives import front
 
     suffix = None if settings.out is None else Path(settings.out).suffix.lower()
     if suffix not in (None, ".json", *_PICTURES):
@@ -76,7 +76,7 @@ def _run_pareto(settings: argparse.Namespace) -> int:
 
 
 def _draw(document: dict[str, Any], path: str, suffix: str) -> None:
-    from heatertune.report.plots import (  # noqa: PLC0415
+    from heatertune.report.plots import (
         plot_pareto,
         to_png,
         to_svg,
@@ -114,11 +114,11 @@ def add_tune(commands: Any) -> None:
 
 
 def _run_tune(settings: argparse.Namespace) -> int:
-    from heatertune.pid.alternatives import alternatives  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.pid.document import to_document  # noqa: PLC0415
-    from heatertune.pid.values import other_forms  # noqa: PLC0415
-    from heatertune.plc.design import loop_fit  # noqa: PLC0415
-    from heatertune.proof.verdict import verdict_line  # noqa: PLC0415
+    from heatertune.pid.alternatives import alternatives
+    from heatertune.pid.document import to_document
+    from heatertune.pid.values import other_forms
+    from heatertune.plc.design import loop_fit
+    from heatertune.proof.verdict import verdict_line
 
     fitted, progress = common.model_from(settings, settings.model), printing.Progress(settings)
     proven = _closed(settings, fitted, progress)
@@ -126,7 +126,7 @@ def _run_tune(settings: argparse.Namespace) -> int:
         proven.ideal, notes=(*proven.ideal.notes, *proven.notes))
     loop = fitted if settings.target is None else loop_fit(fitted, common.target(settings), common.scaling(settings))
     if settings.second_opinion:
-        from heatertune.pid.linear_check import second_opinion  # noqa: PLC0415 - loads python-control
+        from heatertune.pid.linear_check import second_opinion
 
         design = replace(design, notes=(*design.notes, second_opinion(loop.plants, design)))
     others = alternatives(loop, design)
@@ -147,7 +147,7 @@ def _run_tune(settings: argparse.Namespace) -> int:
 
 def _closed(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> DesignResult | None:
     """Return the design closed on the verdict of its words, None where no proof is asked for or can be made."""
-    from heatertune.proof.redesign import find_passing_design  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.redesign import find_passing_design
 
     if settings.target is None or not _proof_asked(settings):
         return None
@@ -163,9 +163,9 @@ def _proof_asked(settings: argparse.Namespace) -> bool:
 
 def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> PidDesign:
     """Return the design as asked for; of the conditions of a proof it hears those that it can aim at."""
-    from heatertune.plc.word_selection import tune_for_words  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.prove_words import told_of_aim, tune_settings_for  # noqa: PLC0415
-    from heatertune.proof.pwm_period import with_pwm  # noqa: PLC0415
+    from heatertune.plc.word_selection import tune_for_words
+    from heatertune.proof.prove_words import told_of_aim, tune_settings_for
+    from heatertune.proof.pwm_period import with_pwm
 
     by_words = common.interval_by_words(settings)
     if by_words and settings.target is None:

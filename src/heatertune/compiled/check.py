@@ -81,7 +81,7 @@ def addresses_are_right() -> bool:
 @remember
 def numba_function(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a plain function as Numba compiles it, with all that it calls; arguments by position only."""
-    from numba import njit  # noqa: PLC0415 - 0.2 s
+    from numba import njit
 
     plain = plainly(function)
     inside = {name: numba_function(value) for name, value in callees(plain).items()}

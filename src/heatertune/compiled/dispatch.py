@@ -254,7 +254,7 @@ class _MachineCode:
 
     def _compiled(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[tuple[Any, ...]], Any] | None:
         """Compile it, and keep it where that can be: the disk may be full, and the folder gone by now."""
-        from heatertune.compiled.numba_compiler import UnknownCall, object_code  # noqa: PLC0415 - Numba: 0.2 s
+        from heatertune.compiled.numba_compiler import UnknownCall, object_code
 
         try:
             code = object_code(self._function, arguments, calls=self._calls)

@@ -296,7 +296,7 @@ def packed_door(name: str, kinds: Kinds) -> bytes:
         name: of the function that takes them one by one.
         kinds: of its arguments.
     """
-    from llvmlite import ir  # noqa: PLC0415 - with the compiler
+    from llvmlite import ir
 
     letters = letters_of(kinds)
     types = {"d": ir.DoubleType(), "f": ir.FloatType(), "q": ir.IntType(64), "Q": ir.IntType(64), "?": ir.IntType(8)}
@@ -317,7 +317,7 @@ def packed_door(name: str, kinds: Kinds) -> bytes:
 @remember
 def _loader() -> Any:
     """Return LLVM, ready to load."""
-    import llvmlite.binding as llvm  # noqa: PLC0415 - 30 ms, which only the compiled world needs
+    import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()

@@ -58,7 +58,7 @@ class As511Server:
             InputError: this system has none.
         """
         try:
-            import tty  # noqa: PLC0415 - not there where pseudo-terminals are not
+            import tty
 
             self._line, self._far = os.openpty()
         except (ImportError, AttributeError, OSError) as problem:

@@ -226,7 +226,7 @@ def places_given(*, design: str | Path | None = None, map_file: str | Path | Non
         return places_in(map_file)
     if design is None:
         return None
-    from heatertune.proof.words_file import words_in  # noqa: PLC0415 - who gives a map needs no proof's code
+    from heatertune.proof.words_file import words_in
 
     words, _ = words_in(design)
     places = places_of(words)

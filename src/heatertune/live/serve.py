@@ -250,7 +250,7 @@ class VirtualPlcServed:
 
     def _serve(self, protocol: str, port: int, *, linked: bool) -> None:
         if protocol == "as511":
-            from heatertune.live.as511_server import As511Server  # noqa: PLC0415 - only what is served is loaded
+            from heatertune.live.as511_server import As511Server
 
             if port:
                 raise InputError(f"as511 is served at a line, not at port {port}: give 0 in its turn")

@@ -212,7 +212,7 @@ class Log(NotebookDisplay):
             InputError: pandas is not installed.
         """
         try:
-            from pandas import DataFrame  # noqa: PLC0415 - a second that only notebooks need
+            from pandas import DataFrame
         except ImportError as problem:
             raise InputError("a table needs pandas: pip install 'heatertune[notebook]'") from problem
         columns = ("time_s", "temperature_degC", "power_pct", "setpoint_degC")

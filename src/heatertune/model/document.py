@@ -118,7 +118,7 @@ class CandidateView:
         plant = candidate.model
         if isinstance(plant, Fopdt):
             return construct_from(cls, candidate, plant)
-        from heatertune.model.reduction import match_fopdt  # noqa: PLC0415 - an optimiser; reading needs none
+        from heatertune.model.reduction import match_fopdt
 
         return construct_from(cls, candidate, plant, half_rule=construct_from(_Reduced, plant.half_rule()),
                      matched=construct_from(_Reduced, match_fopdt(plant)))

@@ -286,7 +286,7 @@ def _cleared(log: Log, progress: Callable[[str], object]) -> tuple[Log, Disturba
     """Return a log without the effect of its disturbance, and this effect (None without a disturbance)."""
     if log.disturbance is None:
         return log, None
-    from heatertune.model.power.disturbance_fit import without_disturbance  # noqa: PLC0415 - an optimiser; few logs need it
+    from heatertune.model.power.disturbance_fit import without_disturbance
 
     progress(f"{log.name}: fitting heater and disturbance together")
     return without_disturbance(log)

@@ -194,7 +194,7 @@ class _ConstantPowerResponse:
             return 0.0
         for start, end in pairwise(ends):
             if beyond(end) >= 0.0:
-                from scipy.optimize import brentq  # noqa: PLC0415 - takes half a second
+                from scipy.optimize import brentq
 
                 return float(brentq(beyond, start, end, xtol=1e-9))
         return None
@@ -550,7 +550,7 @@ def _decay_of(logs: Callable[[float], tuple[float, float]], ratio: float) -> flo
     grid = [float(decay) for decay in np.linspace(0.005, 0.995, 100)]
     for low, high in pairwise(grid):
         if surplus(low) * surplus(high) < 0.0:
-            from scipy.optimize import brentq  # noqa: PLC0415 - half a second, for relay logs alone
+            from scipy.optimize import brentq
 
             return float(brentq(surplus, low, high, xtol=1e-12))
     return None

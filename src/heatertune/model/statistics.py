@@ -108,7 +108,7 @@ def share_bounds(kept: int, count: int) -> tuple[float, float]:
     Each bound holds with 95 % confidence, exactly (C. J. Clopper and E. S. Pearson, "The use of confidence or fiducial
     limits illustrated in the case of the binomial", Biometrika 26 (1934) 404–413); NaN if not applicable.
     """
-    from scipy.special import betaincinv  # noqa: PLC0415 - as below
+    from scipy.special import betaincinv
 
     least = 0.0 if kept == 0 else float(betaincinv(kept, count - kept + 1, 0.05))
     return least, 1.0 if kept == count else float(betaincinv(kept + 1, count - kept, 0.95))
@@ -116,7 +116,7 @@ def share_bounds(kept: int, count: int) -> tuple[float, float]:
 
 def student_t(freedom: float) -> float:
     """Return the 97.5 % point of Student's t with so many degrees of freedom, not necessarily whole."""
-    from scipy.special import stdtrit  # noqa: PLC0415 - a tenth of a second, which no log without power needs
+    from scipy.special import stdtrit
 
     return float(stdtrit(freedom, 0.975))
 

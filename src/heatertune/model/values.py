@@ -117,7 +117,7 @@ class Dynamics:
             OutOfRange: both are given, or neither and there is a dead time, which python-control does not support;
                 an order below 1, which would omit the dead time.
         """
-        import control  # noqa: PLC0415 - a second that few have to wait
+        import control
 
         heater = self._heater
         if (sample_time_s is None) == (pade is None) and (heater.dead_time_s > 0.0 or pade is not None):
@@ -133,8 +133,8 @@ class Dynamics:
 
     def to_ss(self, *, pade: int | None = None, sample_time_s: float | None = None) -> StateSpace:
         """Return `to_tf` as python-control's state space."""
-        from control import StateSpace  # noqa: PLC0415 - as above
-        from scipy.signal import tf2ss  # noqa: PLC0415 - as above
+        from control import StateSpace
+        from scipy.signal import tf2ss
 
         system = self.to_tf(pade=pade, sample_time_s=sample_time_s)
         matrices = tf2ss(system.num[0][0], system.den[0][0])

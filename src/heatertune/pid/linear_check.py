@@ -22,7 +22,7 @@ _MOST_DELAY = 100  # samples of dead time
 
 def loop_transfer_function(model: HeaterModel, design: PidDesign) -> Any:
     """Return L(z) = G(z)·C(z) as a python-control TransferFunction with dt = TA, dead time as powers of z."""
-    import control  # noqa: PLC0415 - takes longer to import than everything else together
+    import control
 
     ta = design.sample_time_s
     plant = sample_plant(model, ta)
@@ -49,7 +49,7 @@ def control_margins(model: HeaterModel, design: PidDesign) -> Margins | None:
     """
     if sample_plant(model, design.sample_time_s).delay > _MOST_DELAY:
         return None
-    import control  # noqa: PLC0415
+    import control
 
     loop = loop_transfer_function(model, design)
     omega = np.geomspace(1e-5, math.pi / design.sample_time_s, 4000)

@@ -153,7 +153,7 @@ def _designed(path: str, given: DeclaredWords, other: Side | None) -> Side:
     schema = peek_schema(path)
     if schema != DESIGN_SCHEMA:
         raise DocumentError(f"{path}: schema is {schema!r}; expected {WORDS_SCHEMA!r} or {DESIGN_SCHEMA!r}")
-    from heatertune.proof.repetition import apply_provenance, made_again  # noqa: PLC0415 - dumps need none of its libraries
+    from heatertune.proof.repetition import apply_provenance, made_again
 
     design, model, recipe = read_design(path)
     is_own = recipe is not None and given.target in (None, recipe.target) and not given.scales

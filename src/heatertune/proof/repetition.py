@@ -98,7 +98,7 @@ def made_again(design: PidDesign, fitted: FittedModel, recipe: DesignProvenance)
     """
     choice = choose_words(design, recipe.target, fitted, scaling=scaling_of(recipe), way=recipe.words_by)
     if recipe.refined:
-        from heatertune.proof.refine import refine  # noqa: PLC0415 - few recipes need the proof's loop
+        from heatertune.proof.refine import refine
 
         choice = refine(choice, fitted, recipe.conditions)
     return replace(choice, words=apply_provenance(choice.words, recipe))
@@ -353,7 +353,7 @@ def _proof_document(
         proof, _ = prove_ramped(words, fitted, None, conditions)
         if samples is None:
             return proof.to_document()
-        from heatertune.proof.monte_carlo.run import with_samples  # noqa: PLC0415 - most proofs are without samples
+        from heatertune.proof.monte_carlo.run import with_samples
 
         return with_samples(proof, fitted, samples, conditions).to_document()
 

@@ -86,7 +86,7 @@ def measure_runs(  # noqa: PLR0913 - what differs from loop to loop stands in ar
     events = events_of(scenario, dead, sizes, rests_of(phases))
     batch = LoopBatch(scans, noise_degC, late_s, rows, *events, meter.leads, cooling)
     if side_by_side:
-        from heatertune.proof.lanes.choice import run_side_by_side  # noqa: PLC0415 - a proof alone must not wait for it
+        from heatertune.proof.lanes.choice import run_side_by_side
 
         run_side_by_side(controller, program, batch, actuator, meter)
     else:

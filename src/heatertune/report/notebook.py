@@ -30,7 +30,7 @@ __all__ = ["card", "plot", "summary"]
 
 def plot(value: object, ax: Axes | None = None) -> Axes:
     """Draw a value into axes or a new pyplot figure, and return the axes; see `panels` for exceptions."""
-    from matplotlib import pyplot as plt  # noqa: PLC0415 - half a second that only pictures need
+    from matplotlib import pyplot as plt
 
     if ax is None:
         return draw_figure(value, plt.figure())[1][0]

@@ -5,6 +5,7 @@ All pictures share one style: each quantity keeps its colour and line style, als
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
@@ -44,7 +45,7 @@ def new_figure(
         figure: an empty figure to use; None: a new one.
         settings: of `Figure.subplots`.
     """
-    from matplotlib.figure import Figure  # noqa: PLC0415 - half a second that only pictures need
+    from matplotlib.figure import Figure
 
     figure = Figure() if figure is None else figure
     figure.set_size_inches(9.0, height)
@@ -68,7 +69,7 @@ def key(ax: Axes, *names: tuple[str, str]) -> None:
         ax: where.
         names: name and style of each line.
     """
-    from matplotlib.lines import Line2D  # noqa: PLC0415 - with the rest of matplotlib, only where pictures are drawn
+    from matplotlib.lines import Line2D
 
     ax.legend(handles=[Line2D([], [], label=name, **LOOK[look]) for name, look in names], loc="lower left",
               bbox_to_anchor=(0.0, 1.0), ncols=len(names), frameon=False, fontsize=8, handlelength=3.5,
@@ -85,8 +86,6 @@ def label_levels(ax: Axes, *levels: tuple[float, str]) -> None:
 
 def to_png(figure: Figure) -> bytes:
     """Return the figure as a PNG file; the same figure always gives the same bytes."""
-    import io  # noqa: PLC0415
-
     content = io.BytesIO()
     _lay_out(figure)
     figure.savefig(content, format="png", dpi=150, metadata={"Software": None})
@@ -95,10 +94,8 @@ def to_png(figure: Figure) -> bytes:
 
 def to_svg(figure: Figure) -> str:
     """Return the figure as an SVG element; the same figure always gives the same text."""
-    import io  # noqa: PLC0415
-
-    import matplotlib as mpl  # noqa: PLC0415
-    from matplotlib.backends.backend_svg import FigureCanvasSVG  # noqa: PLC0415
+    import matplotlib as mpl
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     text = io.StringIO()
     _lay_out(figure)
@@ -253,7 +250,7 @@ def plot_robustness(curves: Sequence[Part], limit: float, designed: float | None
 
 def _circle(ax: Axes, ms: float, text: str, look: str, *, inner: bool) -> None:
     """Draw the circle that a loop with this Ms touches, its name above it or, of an inner one, inside."""
-    from matplotlib.patches import Circle  # noqa: PLC0415
+    from matplotlib.patches import Circle
 
     ax.add_patch(Circle((-1.0, 0.0), 1.0 / ms, fill=False, **LOOK[look]))
     ax.annotate(f"Ms, {text}", (-1.0, 0.0 if inner else 1.0 / ms), xytext=(0, -6 if inner else 3), ha="center",

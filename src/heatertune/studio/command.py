@@ -30,7 +30,7 @@ def add_studio(commands: Any) -> None:
 def _run_studio(settings: argparse.Namespace) -> int:
     if find_spec("nicegui") is None:
         raise InputError('the studio needs NiceGUI: pip install "heatertune[studio]"')
-    from heatertune.studio.server import serve  # noqa: PLC0415 - only this command needs it
+    from heatertune.studio.server import serve
 
     serve(settings.source, port=settings.port, browser=not settings.no_browser)
     return 0

@@ -87,7 +87,7 @@ def report_page(standing: FrontDesign, files: Mapping[str, str | bytes]) -> str:
         standing: the design.
         files: that were exported; none for words that failed and were not forced.
     """
-    from heatertune.report import render  # noqa: PLC0415 - matplotlib only where pictures are drawn
+    from heatertune.report import render
 
     gains = standing.look.gains
     documents = dossier(standing.log, standing.fitted, gains.design, standing.proof, files, gains.search, gains.recipe)

@@ -54,7 +54,7 @@ def add_supervise(commands: Any) -> None:
 
 
 def _run_supervise(settings: argparse.Namespace) -> int:
-    from heatertune.supervision.supervise import SampleCounts, supervise  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.supervision.supervise import SampleCounts, supervise
 
     progress = printing.Progress(settings)
     words, fitted, conditions, notes = _asked(settings, progress)
@@ -82,7 +82,7 @@ def _asked(
     if settings.pid is not None and not (schema or "").startswith("heatertune/model/"):
         asked = proof_source(settings)
         return asked.words, asked.fitted_model, asked.conditions, asked.notes
-    from heatertune.proof.design_request import DesignRequest, plainly  # noqa: PLC0415
+    from heatertune.proof.design_request import DesignRequest, plainly
 
     fitted = common.model_from(settings, settings.pid)
     closed = plainly(fitted, DesignRequest(target=common.target(settings), scaling=common.scaling(settings),

@@ -100,7 +100,7 @@ def _fitted(
     points: npt.NDArray[np.float64], sign: float,
 ) -> tuple[float, float, float]:
     """Return gain, loss and rest of the closest plane above the largest movement of each part of the field."""
-    from scipy.optimize import linprog  # noqa: PLC0415 - only a design needs it
+    from scipy.optimize import linprog
 
     units = max(np.abs(move).max(), 1.0), max(level.max(), 1.0), max(power.max(), 1.0)
     m, r, u = move / units[0], level / units[1], power / units[2]

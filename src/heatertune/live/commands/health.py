@@ -52,7 +52,7 @@ def add_health(commands: Any) -> None:
 
 
 def _run_health(settings: argparse.Namespace) -> int:
-    from heatertune.batch.loop_health import HealthSettings, health, last_table  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.batch.loop_health import HealthSettings, health, last_table
 
     page, settings.target = Path(settings.out), settings.target or ""  # each loop may name its own
     if page.suffix.lower() not in (".html", ".htm"):
@@ -73,7 +73,7 @@ def _run_health(settings: argparse.Namespace) -> int:
 
 def _logs(settings: argparse.Namespace, page: Path) -> tuple[str | Path, Any, list[dict[str, Any]]]:
     """Return where the logs are, what is known of their loops, and which loops have none; running ones are recorded."""
-    from heatertune.live.recorder import (  # noqa: PLC0415 - needs no protocol's library where none is read
+    from heatertune.live.recorder import (
         RecordingSetup,
         is_address,
         record_addresses,

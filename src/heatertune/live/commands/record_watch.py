@@ -65,8 +65,8 @@ def add_record(commands: Any) -> None:
 
 
 def _run_record(settings: argparse.Namespace) -> int:
-    from heatertune.live.controller_block import places_given  # noqa: PLC0415
-    from heatertune.live.recorder import RecordingSetup, record  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.live.controller_block import places_given
+    from heatertune.live.recorder import RecordingSetup, record
 
     address = address_of(settings.address)
     how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append,
@@ -105,7 +105,7 @@ def tell(message: str) -> None:
 def _pwm_period_s(design: str | None) -> float | None:
     if design is None:
         return None
-    from heatertune.proof.words_file import pwm_period_in  # noqa: PLC0415 - who gives a map needs no proof's code
+    from heatertune.proof.words_file import pwm_period_in
 
     return pwm_period_in(design)
 
@@ -237,11 +237,11 @@ def add_watch(commands: Any) -> None:
 
 
 def _run_watch(settings: argparse.Namespace) -> int:
-    from heatertune.live.controller_block import places_of  # noqa: PLC0415
-    from heatertune.live.loop_watch import BandWatch, others_there  # noqa: PLC0415
-    from heatertune.live.plc_state import PlcState  # noqa: PLC0415
-    from heatertune.live.recorder import RecordingSetup, record  # noqa: PLC0415
-    from heatertune.live.write.proven_words import read_proven  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.live.controller_block import places_of
+    from heatertune.live.loop_watch import BandWatch, others_there
+    from heatertune.live.plc_state import PlcState
+    from heatertune.live.recorder import RecordingSetup, record
+    from heatertune.live.write.proven_words import read_proven
 
     address, proven = address_of(settings.address), read_proven(settings.design, printing.Progress(settings))
     places = places_of(proven.words)
@@ -285,8 +285,8 @@ def _unmoved(beside: BandWatch, so_far: RecordingState) -> str:
 
 
 def _monitored(path: str | None, proven: ProvenWords) -> OnlineMonitor | None:
-    from heatertune.live.loop_watch import OnlineMonitor  # noqa: PLC0415 - only where it is asked for
-    from heatertune.supervision.document import read_supervision  # noqa: PLC0415
+    from heatertune.live.loop_watch import OnlineMonitor
+    from heatertune.supervision.document import read_supervision
 
     if path is None:
         return None

@@ -62,7 +62,7 @@ def add_experiment(commands: Any) -> None:
 
 
 def _run_experiment(settings: argparse.Namespace) -> int:
-    from heatertune.proof.words_file import pwm_period_in, words_in  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.proof.words_file import pwm_period_in, words_in
 
     if settings.restore:
         return _restored(settings)
@@ -71,8 +71,8 @@ def _run_experiment(settings: argparse.Namespace) -> int:
     words, _ = words_in(settings.design)
     if None in (settings.plan, settings.address, settings.out, settings.limit_temperature):
         raise InputError("experiment needs PLAN, ADDRESS, -o FILE and --limit-temperature")
-    from heatertune.live.experiment import Experiment, ExperimentObserver  # noqa: PLC0415
-    from heatertune.live.schedule import AbortLimits, read_plan  # noqa: PLC0415
+    from heatertune.live.experiment import Experiment, ExperimentObserver
+    from heatertune.live.schedule import AbortLimits, read_plan
 
     plan, address, aims = read_plan(settings.plan), address_of(settings.address), _aims(settings.until)
     limits = AbortLimits(temperature_degC=settings.limit_temperature, rate_degC_per_min=settings.limit_rate)
@@ -93,8 +93,8 @@ def _run_experiment(settings: argparse.Namespace) -> int:
 
 def _heaters(folder: str) -> tuple[HeaterModel, ...]:
     """Return the plausible heaters of a folder's design, none where it holds no model."""
-    from heatertune.live.serve import read_folder  # noqa: PLC0415 - the help must not wait for it
-    from heatertune.proof.heaters import labelled_heaters  # noqa: PLC0415
+    from heatertune.live.serve import read_folder
+    from heatertune.proof.heaters import labelled_heaters
 
     with suppress(HeatertuneError):
         return tuple(model for _, model in labelled_heaters(read_folder(folder)[1]))
@@ -102,7 +102,7 @@ def _heaters(folder: str) -> tuple[HeaterModel, ...]:
 
 
 def _aims(said: list[str]) -> Aims:
-    from heatertune.live.schedule import Aims  # noqa: PLC0415
+    from heatertune.live.schedule import Aims
 
     shares = {}
     for text in said:
@@ -159,7 +159,7 @@ def _to_terminal(message: str) -> None:
 
 
 def _restored(settings: argparse.Namespace) -> int:
-    from heatertune.live.experiment import restore  # noqa: PLC0415
+    from heatertune.live.experiment import restore
 
     given = [each for each in (settings.plan, settings.address) if each is not None]
     if len(given) != 1:

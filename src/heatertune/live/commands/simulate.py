@@ -58,7 +58,7 @@ def add_simulate(commands: Any) -> None:
 
 def _run_simulate(settings: argparse.Namespace) -> int:
     if settings.faults:
-        from heatertune.live.plc import FAULTS  # noqa: PLC0415 - the help must not wait for it
+        from heatertune.live.plc import FAULTS
 
         width = max(map(len, FAULTS))
         printing.output(settings, {"schema": "heatertune/faults/1", "faults": dict(FAULTS)},
@@ -66,7 +66,7 @@ def _run_simulate(settings: argparse.Namespace) -> int:
         return 0
     if settings.directory is None:
         raise InputError("simulate needs the folder that heatertune design wrote (or --faults)")
-    from heatertune.live.serve import Simulation, read_folder, virtual_plc  # noqa: PLC0415
+    from heatertune.live.serve import Simulation, read_folder, virtual_plc
 
     simulation = Simulation(
         serve=tuple(settings.serve), ports=tuple(settings.port), rate=_rate(settings.rate),

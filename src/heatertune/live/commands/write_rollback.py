@@ -80,7 +80,7 @@ def add_guard(command: argparse.ArgumentParser, of_what: str) -> None:
 
 def link_of(settings: argparse.Namespace) -> LinkSettings:
     """Return how the link is held, as the options say; raise OutOfRange where that makes no sense."""
-    from heatertune.live.write.plc_block import LinkSettings  # noqa: PLC0415 - the help must not wait for it
+    from heatertune.live.write.plc_block import LinkSettings
 
     check("--reconnect", settings.reconnect, least=1)
     check("--timeout", settings.timeout, above=0.0)
@@ -89,16 +89,16 @@ def link_of(settings: argparse.Namespace) -> LinkSettings:
 
 
 def _run_write(settings: argparse.Namespace) -> int:
-    from heatertune.live.plc_state import PlcState  # noqa: PLC0415
-    from heatertune.live.write.apply import (  # noqa: PLC0415
+    from heatertune.live.plc_state import PlcState
+    from heatertune.live.write.apply import (
         PLAN_SCHEMA,
         WriteRequest,
         apply_write,
         peer_of,
         plan_write,
     )
-    from heatertune.live.write.proven_words import Declared, read_proven  # noqa: PLC0415
-    from heatertune.live.write.rollback import unfinished_records  # noqa: PLC0415
+    from heatertune.live.write.proven_words import Declared, read_proven
+    from heatertune.live.write.rollback import unfinished_records
 
     sensor = options.provided_options(SensorSettings, settings)
     said = Declared(called_every_s=settings.called_every, range_degC=sensor.get("range_degC"),
@@ -162,7 +162,7 @@ def _of_plan(settings: argparse.Namespace, wanted: WriteRequest, plan: WritePlan
 
 def _of_block(difference: Mapping[str, Any]) -> dict[str, Any]:
     """Return what differs without what no block tells, or the program around writes."""
-    from heatertune.proof.write_comparison import IN_BLOCK  # noqa: PLC0415
+    from heatertune.proof.write_comparison import IN_BLOCK
 
     terms = [term for term in difference["terms"] if term["name"] in IN_BLOCK]
     words = [word for word in difference["words"] if not word["written"]]
@@ -206,8 +206,8 @@ def add_rollback(commands: Any) -> None:
 
 
 def _run_rollback(settings: argparse.Namespace) -> int:
-    from heatertune.live.plc_state import PlcState  # noqa: PLC0415
-    from heatertune.live.write.rollback import before_of, inspect_write, rolled_back  # noqa: PLC0415 - as in write
+    from heatertune.live.plc_state import PlcState
+    from heatertune.live.write.rollback import before_of, inspect_write, rolled_back
 
     before, link = before_of(settings.record), link_of(settings)
     document: dict[str, Any] = {
@@ -228,7 +228,7 @@ def _run_rollback(settings: argparse.Namespace) -> int:
 
 
 def _lines(settings: argparse.Namespace, before: Before, ended: WriteEnd, open_experiment: str) -> Iterator[str]:
-    from heatertune.live.write.rollback import not_proven  # noqa: PLC0415
+    from heatertune.live.write.rollback import not_proven
 
     if open_experiment:
         yield from wrap_text(open_experiment, "- ")

@@ -153,7 +153,7 @@ def _searched(problem: _Problem, *, two_lags: bool, effect: bool = True, own_lag
 
     starts = [np.array([*start, *([_last(start, bounds, own_lag=own_lag)] if effect else [])])
               for start in _starts(bounds, two_lags=two_lags)]
-    from scipy.optimize import least_squares  # noqa: PLC0415 - takes half a second
+    from scipy.optimize import least_squares
 
     tried = sorted(starts, key=lambda z: float(np.sum(residuals(z) ** 2)))[:3]
     solutions = [least_squares(residuals, z, bounds=bounds.T, x_scale=np.ptp(bounds, axis=1), max_nfev=60)

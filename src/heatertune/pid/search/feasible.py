@@ -353,7 +353,7 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     if longest > _MOST_DELAY:
         return start, (f"IPOPT was not used: the dead time spans {longest} samples; the result of the feasible-set "
                        "search is used.")
-    import casadi as ca  # noqa: PLC0415 - a tenth of a second that only the optimum needs
+    import casadi as ca
 
     unknowns = ca.SX.sym("x", 3 if problem.structure == "pid" else 2)
     gain, integral = ca.exp(unknowns[0]), ca.exp(unknowns[1])

@@ -92,7 +92,7 @@ def peaks_on(heater: HeaterModel, design: PidDesign) -> dict[str, float]:
     if design.sample_time_s > 0.0:
         ms, mt = sensitivity_peaks(heater, design)
         return {"ms": ms, "mt": mt, "mks": noise_gain(heater, design) if math.isfinite(ms) else math.inf}
-    from heatertune.pid.continuous_optimum import margins  # noqa: PLC0415 - compiles; words are of sampled loops
+    from heatertune.pid.continuous_optimum import margins
 
     judged, noise = margins((heater,), design)
     return {"ms": judged.ms, "mt": judged.mt, "mks": noise}

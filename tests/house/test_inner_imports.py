@@ -1,0 +1,81 @@
+"""Imports stand at the top of a file; those inside functions have one of the reasons here."""
+
+import ast
+import json
+import subprocess
+import sys
+
+import pytest
+from tests.house.measure import ROOT, inside_functions, modules
+
+#: libraries → why they are imported where they are used
+LIBRARIES = {
+    **dict.fromkeys(("casadi", "control", "llvmlite", "matplotlib", "numba", "pandas", "scipy"),
+                    "it takes 0.03 to 1 s to load, and few commands need it"),
+    **dict.fromkeys(("distributed", "pyarrow", "shtab"), "an extra that only one command needs"),
+    **dict.fromkeys(("ctypes", "difflib", "importlib.metadata", "tomllib", "traceback"), "some ms of each start, for what is rare"),
+    "tty": "there are no pseudo-terminals on Windows",
+}
+COMMANDS = "what only the run of a command needs: its help must not wait for it"
+#: importing module, imported module → why it is imported where it is used
+OTHERS = {
+    **dict.fromkeys((("chain.pipeline", "report"), ("chain.precompile", "report"), ("chain.worker", "report"), ("chain.worker", "report.plots"),
+                     ("studio.work", "report")), "it loads matplotlib, which only pictures need"),
+    ("chain.precompile", "chain.worker"): "the worker's process imports all that a proof needs, the first process does not",
+    **dict.fromkeys((("chain.stages", "model.fit"), ("chain.stages", "plc.s7_200_paper.laws"), ("model.fit", "model.power.disturbance_fit"),
+                     ("plc.design", "pid.tune"), ("model.document", "model.reduction")),
+                    "it loads an optimiser or compiles, and what is read or proven needs neither"),
+    **dict.fromkeys((("doctor", "log"), ("doctor", "log.tables"), ("doctor", "compiled")), "it may be what is broken"),
+    ("compiled.dispatch", "compiled.numba_compiler"): "it loads Numba, which machine code on disk does not need",
+    ("live.serve", "live.as511_server"): "only the protocol that is served is loaded",
+    ("live.controller_block", "proof.words_file"): "a file that says where the signals are needs no proof's code",
+    ("pid.search.robust", "pid.continuous_optimum"): "the import at the top would close a circle",
+    **dict.fromkeys((("proof.difference", "proof.repetition"), ("proof.repetition", "proof.refine"), ("proof.repetition", "proof.monte_carlo.run"),
+                     ("proof.runs", "proof.lanes.choice")), "few commands need the many loops behind it"),
+}
+SOURCE = modules(ROOT / "src" / "heatertune")
+NAMES = {module.name for module in SOURCE}
+INNER = [(module, node) for module in SOURCE for node in inside_functions(module)]
+
+
+def imported(node):
+    """Return the modules that an import statement loads."""
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    return sorted({name if (name := f"{node.module}.{alias.name}") in NAMES else node.module for alias in node.names})
+
+
+def is_command(module):
+    return module.path.parent.name in ("cli", "commands") or module.path.name == "command.py"
+
+
+def reason(module, target):
+    """Return why a module imports another one inside of a function, None where nothing is known."""
+    if target.startswith("heatertune"):
+        return OTHERS.get((module.name.removeprefix("heatertune."), target.removeprefix("heatertune."))) or (
+            COMMANDS if is_command(module) else None)
+    return LIBRARIES.get(target) or LIBRARIES.get(target.split(".")[0])
+
+
+def test_every_import_inside_a_function_has_its_reason():
+    without = [f"{module.name}, line {node.lineno}: {target}" for module, node in INNER for target in imported(node)
+               if reason(module, target) is None]
+    assert not without, "import it at the top, or say here what that would cost"
+
+
+def test_every_reason_is_in_use():
+    pairs = {(module.name.removeprefix("heatertune."), target.removeprefix("heatertune."))
+             for module, node in INNER for target in imported(node)}
+    assert set(OTHERS) <= pairs
+    targets = {target for _, target in pairs}
+    assert all(any(target == name or target.startswith(f"{name}.") for target in targets) for name in LIBRARIES)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("module", [module for module in SOURCE if inside_functions(module)], ids=lambda module: module.name)
+def test_an_import_inside_a_function_loads_what_its_module_does_not(module):
+    targets = sorted({target for node in inside_functions(module) for target in imported(node)})
+    code = f"import sys, json, {module.name}; print(json.dumps([name for name in {targets!r} if name in sys.modules]))"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = {*json.loads(ended.stdout)} - {"heatertune.report", "heatertune.compiled", "heatertune.batch", "heatertune.cli"}
+    assert not loaded, "these cost nothing at the top"  # but for packages whose parts are loaded when they are used
