@@ -29,7 +29,7 @@ from heatertune.errors import InputError
 from heatertune.model.cooler_mirror import cools
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words, controller_for
-from heatertune.plc.klipper.export import heater_of
+from heatertune.plc.klipper.controller import heater_of
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.processors import ProgressCallback, threaded_list
 from heatertune.proof.heaters import holding_heaters
