@@ -4,8 +4,6 @@ All that they remember stands in DB31: flags are shared with OB1, and those from
 function blocks. Operations have their English names (S5-100U manual EWA 4NEB 812 6120, chapter 8; TB tests a bit); a
 comparison asks whether ACCU 2 … ACCU 1, and leaves both as they are.
 
-FB33, which leads W along a ramp: statements on the words of DB31, which its caller has opened.
-
 The PWM behind YA in sums of 16 bits, as STEP 5 has no multiplication: a staircase over the ticks of a period.
 
 At tick j of N the staircase stands at c = floor((2j + 1)·2047/(2N)), and the output is on while c < YA: at the nearest
@@ -16,13 +14,16 @@ The whole program as one listing: OB251's data block, the blocks around it, and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from math import ceil
 from typing import Final, NamedTuple
 
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY
+from heatertune.plc.print.parts import CELLS, setpoint_ramp
+from heatertune.plc.print.statements import renamed
+from heatertune.plc.print.stl import S5Printer
 from heatertune.plc.pwm import INSTANT_S, Actuator, Ticks, on_time
-from heatertune.plc.ramp import Ramp, for_coolers
+from heatertune.plc.ramp import Ramp
 from heatertune.plc.s5_ob251.step import FULL_SCALE
 from heatertune.plc.words import Certificate, Words
 
@@ -42,57 +43,11 @@ __all__ = [
     "organisation_blocks",
     "program_listing",
     "ramp_block",
-    "ramp_statements",
     "retains",
     "staircase",
     "start_up",
     "work",
 ]
-
-
-_SWAPPED: Final = {"+F": "-F", ">F": "<F", ">=F": "<=F", "DOWN": "RISE", "LOW": "TOP"}
-
-
-def ramp_statements(ramp: Ramp, at: Mapping[str, str]) -> list[str]:
-    """Return the statements, each `label:operation`.
-
-    Args:
-        ramp: step in units of W.
-        at: name of a word of DB31 → its operand: asked, w, x, countdown, lowest.
-    """
-    body = [] if ramp.calls == 1 else _count(ramp.calls, "BEC" if ramp.hold is None else "JC =HELD", at["countdown"])
-    return [*body, *_moves(ramp, at)]
-
-
-def _count(calls: int, leave: str, countdown: str) -> list[str]:
-    return [
-        f"L  {countdown}", "L  KF +1", "-F", f"T  {countdown}", "L  KF +0", ">F", leave,
-        f"L  KF +{calls}", f"T  {countdown}",
-    ]
-
-
-def _moves(ramp: Ramp, at: Mapping[str, str]) -> list[str]:
-    """Return the statements that move W by a step, or by what is left where that is less, and hold it at X."""
-    step, w, x, asked, lowest = int(ramp.step), at["w"], at["x"], at["asked"], at["lowest"]
-    up = [
-        f"L  {w}", f"L  {asked}", ">F", "JC =DOWN",
-        f"L  {w}", f"L  KF +{step}", "+F", f"L  {asked}", ">F", "JC =END", "TAK", "JU =END",
-    ]
-    if ramp.hold is None:
-        return [*up, f"DOWN:L  {w}", *_down(step, asked), f"END:T  {w}", "BE"]
-    hold = abs(ramp.hold)
-    heaters = [
-        *up,
-        f"DOWN:L  {x}", f"L  KF +{hold}", "-F", f"L  {asked}", "<F", "JC =LOW", "TAK", f"LOW:T  {lowest}",
-        f"L  {w}", ">=F", "JC =HELD",
-        f"L  {w}", *_down(step, lowest), f"END:T  {w}",
-        f"HELD:L  {x}", f"L  KF +{hold}", "+F", f"L  {w}", ">=F", "BEC", "TAK", f"T  {w}", "BE",
-    ]
-    return [for_coolers(statement, _SWAPPED) for statement in heaters] if ramp.cools else heaters
-
-
-def _down(step: int, lowest: str) -> list[str]:
-    return [f"L  KF +{step}", "-F", f"L  {lowest}", "<F", "JC =END", "TAK"]
 
 
 _MOST: Final = 32767
@@ -169,7 +124,8 @@ MODE: Final = "I 0.0"
 OUTPUT: Final = "PY 4"
 ANALOG: Final = "PW 176"
 
-_WORDS: Final = {"asked": "DW 0", "x": "DW 1", "w": "DW 2", "countdown": "DW 11", "lowest": "DW 12"}
+#: words of DB31 with which FB33 leads W along its ramp
+_RAMP_WORDS: Final = {"ASKED": 0, "X": 1, "W": 2, "CALLS": 11, "END": 12, "AHEAD": 13, "BACK": 14, "SIZE": 15}
 _WIDTH: Final = 22
 
 #: of the input's word, below its value
@@ -187,11 +143,11 @@ def work(asked: int, ramp: Ramp | None) -> list[tuple[int, str]]:
         ramp: of the setpoint; None: none.
     """
     words = [
-        (asked, "setpoint asked for, 0...2047 units: yours to write"), (0, "X"), (0, "W"),
+        (asked, "ASKED: the setpoint, 0...2047 units: yours to write"), (0, "X"), (0, "W"),
         (0, "analog input as read; bit 1: wire break"), (0, "YA"), (1, "calls of OB13 until OB251's"),
         (2047, "PWM: staircase"), (0, "PWM: its remainder"), (0, "PWM: YA of this period"),
         (0, "1: the sensor broke, off until manual"), (0, "1: the ramp has begun"),
-        (0, "calls of OB251 until the ramp's next step"), (0, "how far W may go for X")]
+        *((0, f"{name} of the ramp: {CELLS[name.capitalize()]}") for name in list(_RAMP_WORDS)[3:])]
     return words if ramp is not None else words[:10]
 
 
@@ -210,8 +166,9 @@ def heat(stairs: Staircase | None, ramp: Ramp | None, input_: str | None = None)
 
 
 def ramp_block(ramp: Ramp) -> list[str]:
-    """Return FB33, called by FB30 where W follows a ramp."""
-    return [f"FB {RAMP}", "NAME :RAMP", *_columns("\n".join(ramp_statements(ramp, _WORDS)))]
+    """Return FB33, called by FB30 where W follows a ramp; its caller has opened DB31."""
+    printer, moves = S5Printer(_RAMP_WORDS), renamed(setpoint_ramp(ramp), {"Reading": "X", "Lead": "W"})
+    return [f"FB {RAMP}", "NAME :RAMP", *printer.print_group(moves), printer.next("BE")]
 
 
 def start_up(interval_s: float, *, pwm: bool, ramp: Ramp | None, retained: bool) -> list[str]:

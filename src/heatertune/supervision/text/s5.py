@@ -7,10 +7,11 @@ from typing import Final
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s5.machine import S5Cpu
+from heatertune.plc.print.statements import Group, Set
+from heatertune.plc.print.stl import S5Printer
 from heatertune.plc.s5_ob251.blocks import WORK
 from heatertune.plc.s5_ob251.step import FULL_SCALE
-from heatertune.supervision.text.accumulators import Printer
-from heatertune.supervision.text.statements import INPUTS, OUTPUTS, WIDE, Group, Operand, Set, Statements, alarms_told
+from heatertune.supervision.text.statements import INPUTS, OUTPUTS, WIDE, Statements, alarms_told
 
 __all__ = ["FILE", "S5Text", "written"]
 
@@ -24,35 +25,17 @@ _DB: Final = 32
 #: words that only products and sums need
 _SCRATCH: Final = {"Z1": "factor", "Z2": "factor", "Z32": "product, high word", "Z31": "product, low word",
                    "Z": "for the carry"}
-_BESIDE_CALL: Final = ("NAME", "Z1", "Z2", "Z3=0", "Z32", "Z31")
 _MOST_WORDS: Final = 256
-_WIDTH: Final = 20
 
 
-class _S5Printer(Printer):
-    def __init__(self, at: Mapping[str, int]) -> None:
-        super().__init__()
-        self._at = at
+class _S5MonitorPrinter(S5Printer):
+    def assign(self, made: Set) -> Iterator[tuple[str, ...]] | None:
+        return self._wide(made) if made.cell == WIDE else None
 
-    def line(self, label: str, operation: str, operand: str = "", remark: str = "") -> str:
-        if operation in _BESIDE_CALL:
-            return f"{operation:5s}:{operand}"
-        statement = f"{operation:2s} {operand}".rstrip()
-        return f"{label:5s}:{f'{statement:{_WIDTH}s};{remark}' if remark else statement}"
-
-    def operand(self, what: Operand) -> str:
-        return f"KF {what:+d}" if isinstance(what, int) else f"DW {self._at[what.upper()]}"
-
-    def operation(self, sign: str) -> str:
-        return {"=": "!=F", "<>": "><F"}.get(sign, f"{sign}F")
-
-    def jump(self, label: str) -> tuple[str, str]:
-        return "JC", f"={label}"
-
-    def wide(self, made: Set) -> Iterator[tuple[str, ...]]:
+    def _wide(self, made: Set) -> Iterator[tuple[str, ...]]:
         rest = [term for term in made.terms if isinstance(term.what, int)]
         value = sum(term.sign * int(term.what) for term in rest) & 0xFFFFFFFF
-        high = self._at[WIDE]
+        high = self.at[WIDE]
         yield "L", f"KH {value >> 16:04X}", made.text.upper()
         yield "T", f"DW {high}"
         yield "L", f"KH {value & 0xFFFF:04X}"
@@ -75,9 +58,6 @@ class _S5Printer(Printer):
             yield "JU", f"FB {_ADD}"
             yield "NAME", "ADD"
 
-    def sign_of_wide(self) -> tuple[str, Operand]:
-        return self.operand(WIDE), 0
-
 
 def written(statements: Statements, head: list[str]) -> str:
     """Return the listing.
@@ -93,7 +73,7 @@ def written(statements: Statements, head: list[str]) -> str:
     at = {name.upper(): dw for dw, (name, _) in enumerate(cells)}
     if len(cells) > _MOST_WORDS:
         raise InputError(f"no program: {len(cells)} words; a data block has {_MOST_WORDS}")
-    printer = _S5Printer(at)
+    printer = _S5MonitorPrinter(at)
     blocks = [
         [f"DB{_DB}", *(f"{f'{dw:4d}:  KF = +00000;'.ljust(33)}{name.upper()}: {meaning}"
                        for dw, (name, meaning) in enumerate(cells))],
@@ -128,7 +108,7 @@ def _by_hand(at: Mapping[str, int]) -> list[str]:
     ]
 
 
-def _each_call(statements: Statements, printer: _S5Printer) -> Iterator[str]:
+def _each_call(statements: Statements, printer: _S5MonitorPrinter) -> Iterator[str]:
     output, power = printer.operand("YA"), printer.operand("Power")
     for operation, operand, remark in (
             ("C", f"DB {WORK}", ""), ("L", "DW 1", "X"), ("L", "DW 4", "YA"), ("C", f"DB {_DB}", ""), ("T", output, ""),
@@ -145,18 +125,18 @@ def _each_call(statements: Statements, printer: _S5Printer) -> Iterator[str]:
         yield printer.next(operation, operand)
 
 
-def _each_block(statements: Statements, printer: _S5Printer) -> Iterator[str]:
+def _each_block(statements: Statements, printer: _S5MonitorPrinter) -> Iterator[str]:
     yield from _groups(statements.each_block, printer)
     yield printer.next("BE")
 
 
-def _groups(groups: tuple[Group, ...], printer: _S5Printer) -> Iterator[str]:
+def _groups(groups: tuple[Group, ...], printer: _S5MonitorPrinter) -> Iterator[str]:
     for group in groups:
         yield f"// {group.title}"
         yield from printer.print_group(group)
 
 
-def _sum(printer: _S5Printer) -> Iterator[str]:
+def _sum(printer: _S5MonitorPrinter) -> Iterator[str]:
     """Yield what adds Z32 and Z31 to the margin; a carry shows where a sum, taken without a sign, is the smaller."""
     high = int(printer.operand(WIDE).removeprefix("DW "))
     one, low = printer.operand("Z31"), f"DW {high + 1}"

@@ -9,9 +9,10 @@ from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300 import source as awl
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
 from heatertune.plc.cpu.s7_300.machine import S7300Cpu
+from heatertune.plc.print.statements import Set
+from heatertune.plc.print.stl import S7300Printer
 from heatertune.plc.single_precision import word_of
-from heatertune.supervision.text.accumulators import Printer
-from heatertune.supervision.text.statements import INPUTS, OUTPUTS, Operand, Set, Statements, alarms_told
+from heatertune.supervision.text.statements import INPUTS, OUTPUTS, WIDE, Statements, alarms_told
 
 __all__ = ["FILE", "S7300Text", "written"]
 
@@ -37,21 +38,11 @@ _PERCENT_OF_REAL: Final = f"""\
       T     #POWER;"""
 
 
-class _S7300Printer(Printer):
-    def line(self, label: str, operation: str, operand: str = "", remark: str = "") -> str:
-        mark = f"{label}:" if label else ""
-        return f"{mark:6s}{operation:6s}{operand};" + (f"  // {remark}" if remark else "")
+class _S7300MonitorPrinter(S7300Printer):
+    def assign(self, made: Set) -> Iterator[tuple[str, ...]] | None:
+        return self._wide(made) if made.cell == WIDE else None
 
-    def operand(self, what: Operand) -> str:
-        return f"L#{what}" if isinstance(what, int) else f"#{what}"
-
-    def operation(self, sign: str) -> str:
-        return f"{'==' if sign == '=' else sign}D"
-
-    def jump(self, label: str) -> tuple[str, str]:
-        return "JC", label
-
-    def wide(self, made: Set) -> Iterator[tuple[str, ...]]:
+    def _wide(self, made: Set) -> Iterator[tuple[str, ...]]:
         cell, text = self.operand(made.cell), made.text.upper()
         for place, term in enumerate(made.terms):
             yield "L", self.operand(term.what), text
@@ -64,9 +55,6 @@ class _S7300Printer(Printer):
                 yield ("TAK",)
                 yield (self.operation("+" if term.sign > 0 else "-"),)
             yield "T", cell
-
-    def sign_of_wide(self) -> tuple[str, Operand]:
-        return "#MARGIN", 0
 
 
 def written(statements: Statements, head: list[str], *, real: bool) -> str:
@@ -95,7 +83,7 @@ def _by_hand() -> list[str]:
 
 
 def _block(statements: Statements, real: bool) -> Iterator[str]:
-    kind, printer = ("REAL", "% of full power") if real else ("INT", f"0..{FULL_SCALE}"), _S7300Printer()
+    kind, printer = ("REAL", "% of full power") if real else ("INT", f"0..{FULL_SCALE}"), _S7300MonitorPrinter()
     yield from (
         f"FUNCTION_BLOCK FB {_NUMBER}", "TITLE =monitor of the heater; it does not replace a thermal cut-out",
         "VERSION : 0.1", "VAR_INPUT", "  PV : INT ;  // analog value", f"  OUT : {kind[0]} ;  // {kind[1]}", "END_VAR",

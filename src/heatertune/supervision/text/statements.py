@@ -3,33 +3,26 @@
 They are as simple as the simplest target: whole numbers, no loop, no array, and each statement under one comparison at
 most. The last blocks are cells in a row, moved on by one at the end of each block. Only `Margin` needs 32 bits wherever
 sensor and window are small; a rule that is off leaves no statement.
-
-The statements of a monitor as what any printer has to write: assignments under a comparison.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.iec.text import Assignment, Branches, Expression, Literal, Name, Operation, body_of
+from heatertune.plc.print.statements import Group, if_
 from heatertune.supervision.monitor import ALARMS, Numbers
 
 __all__ = [
     "INPUTS",
     "MARGIN",
     "OUTPUTS",
-    "Group",
-    "Operand",
-    "Set",
+    "WIDE",
     "Statements",
-    "Step",
-    "SumTerm",
     "alarms_told",
     "check_reach",
     "statements_of",
-    "steps",
 ]
 
 
@@ -53,13 +46,6 @@ _CELLS: Final = {
     "Cause": "the one that counts", MARGIN: "what is left to the limit; below 0: alarm",
     "Say": "which alarm it is then", "Found": "alarm of this block",
 }
-
-
-class Group(NamedTuple):
-    """Some statements, and what they do."""
-
-    title: str
-    lines: str
 
 
 class Statements(NamedTuple):
@@ -99,10 +85,6 @@ def _ago(blocks: int) -> str:
     return ("the last block", "the block before")[blocks] if blocks < 2 else f"{blocks} blocks before the last"
 
 
-def _if(condition: str, *then: str) -> str:
-    return f"IF {condition} THEN\n" + "".join(f"  {each};\n" for each in then) + "END_IF;\n"
-
-
 def _alarm(name: str) -> int:
     return ALARMS.index(name)
 
@@ -120,30 +102,30 @@ def _each_call(numbers: Numbers) -> Iterator[Group]:
     begins += ["Still := -1"] if still else []
     begins += ["Held := Power", "Moving := 0", "Moved_For := 0"] if moved_for else []
     begins += ["Way := 0", "Swung := 0", "Grew := 0"] if numbers.growths else []
-    yield Group("start-up: nothing is known", _if("Begun = 0", *begins))
+    yield Group("start-up: nothing is known", if_("Begun = 0", *begins))
     yield Group("how far the reading moved", "Alarm := 0;\nJump := Reading - Last;\n"
-                + _if("Jump < 0", "Jump := Last - Reading") + "Last := Reading;\n")
+                + if_("Jump < 0", "Jump := Last - Reading") + "Last := Reading;\n")
     if full:
         yield Group("setpoint out of reach: full power for too long", (
-            _if(f"Full_For <= {full}", "Full_For := Full_For + 1") + _if("Power < 100", "Full_For := 0")
-            + _if(f"Full_For > {full}", f"Alarm := {_alarm('setpoint out of reach')}")))
+            if_(f"Full_For <= {full}", "Full_For := Full_For + 1") + if_("Power < 100", "Full_For := 0")
+            + if_(f"Full_For > {full}", f"Alarm := {_alarm('setpoint out of reach')}")))
     if still:
         yield Group("frozen: the same reading for too long", (
-            _if(f"Still <= {still}", "Still := Still + 1") + _if("Jump > 0", "Still := 0")
-            + _if(f"Still > {still}", f"Alarm := {_alarm('frozen')}")))
+            if_(f"Still <= {still}", "Still := Still + 1") + if_("Jump > 0", "Still := 0")
+            + if_(f"Still > {still}", f"Alarm := {_alarm('frozen')}")))
     if moved_for:
         yield Group("frozen: the same reading although the power has moved", (
-            "Away := Power - Held;\n" + _if("Away < 0", "Away := Held - Power")
-            + _if(f"Away >= {numbers.moved}", "Moving := 1")
-            + _if(f"Moved_For <= {moved_for}", "Moved_For := Moved_For + Moving")
-            + _if("Jump > 0", "Moving := 0", "Moved_For := 0", "Held := Power")
-            + _if(f"Moved_For > {moved_for}", f"Alarm := {_alarm('frozen')}")))
-    yield Group("implausible rate", _if(f"Jump > {numbers.jump}", f"Alarm := {_alarm('implausible rate')}"))
+            "Away := Power - Held;\n" + if_("Away < 0", "Away := Held - Power")
+            + if_(f"Away >= {numbers.moved}", "Moving := 1")
+            + if_(f"Moved_For <= {moved_for}", "Moved_For := Moved_For + Moving")
+            + if_("Jump > 0", "Moving := 0", "Moved_For := 0", "Held := Power")
+            + if_(f"Moved_For > {moved_for}", f"Alarm := {_alarm('frozen')}")))
+    yield Group("implausible rate", if_(f"Jump > {numbers.jump}", f"Alarm := {_alarm('implausible rate')}"))
     gone = f"Alarm := {_alarm('sensor gone')}"
-    yield Group("sensor gone", _if(f"Reading < {numbers.low}", gone) + _if(f"Reading > {numbers.high}", gone))
+    yield Group("sensor gone", if_(f"Reading < {numbers.low}", gone) + if_(f"Reading > {numbers.high}", gone))
     yield Group("sums of this block; the first alarm is kept", (
         "Level := Level + Reading;\nAsked := Asked + Power;\nIn_Block := In_Block + 1;\n"
-        + _if("Told = 0", "Told := Alarm")))
+        + if_("Told = 0", "Told := Alarm")))
 
 
 def _each_block(numbers: Numbers) -> Iterator[Group]:
@@ -154,7 +136,7 @@ def _each_block(numbers: Numbers) -> Iterator[Group]:
             "Found := 0"]
     least = numbers.delay_high + levels
     yield Group("a block is over: all move on by one", (
-        "".join(f"{each};\n" for each in moved + ends) + _if(f"Blocks < {least}", "Blocks := Blocks + 1")))
+        "".join(f"{each};\n" for each in moved + ends) + if_(f"Blocks < {least}", "Blocks := Blocks + 1")))
     if numbers.growths:
         yield from _swings(numbers)
     if numbers.slow_blocks:
@@ -163,17 +145,17 @@ def _each_block(numbers: Numbers) -> Iterator[Group]:
         margin = (numbers.slow_scale, -numbers.slow_gain, numbers.slow_loss, -numbers.slow_rest)
         yield Group("heats too slowly, or falls although heated", (
             _margin(numbers, blocks, margin) + f"Say := {_alarm('heats too slowly')};\n"
-            + _if(f"Moved <= {-numbers.swing}", f"Say := {_alarm('falls although heated')}")
-            + _if(f"{MARGIN} < 0", "Found := Say")))
+            + if_(f"Moved <= {-numbers.swing}", f"Say := {_alarm('falls although heated')}")
+            + if_(f"{MARGIN} < 0", "Found := Say")))
     if numbers.fast_blocks:
         blocks = numbers.fast_blocks
         yield Group("largest sum of powers that may have caused the movement", _cause(numbers, blocks, ">"))
         margin = (-numbers.fast_scale, numbers.fast_gain, -numbers.fast_loss, numbers.fast_rest)
         yield Group("too hot for its power", (
             _margin(numbers, blocks, margin)
-            + _if(f"{MARGIN} < 0", f"Found := {_alarm('too hot for its power')}")))
+            + if_(f"{MARGIN} < 0", f"Found := {_alarm('too hot for its power')}")))
     yield Group("an alarm of the call comes first; the first of all is kept", (
-        _if("Alarm = 0", "Alarm := Found") + _if("Told = 0", "Told := Alarm")))
+        if_("Alarm = 0", "Alarm := Found") + if_("Told = 0", "Told := Alarm")))
 
 
 def _cause(numbers: Numbers, blocks: int, better: str) -> str:
@@ -182,7 +164,7 @@ def _cause(numbers: Numbers, blocks: int, better: str) -> str:
     text = f"Window := {' + '.join(f'Power_{low + back}' for back in range(blocks))};\nCause := Window;\n"
     for delay in range(low + 1, high + 1):
         text += f"Window := Window + Power_{delay + blocks - 1} - Power_{delay - 1};\n"
-        text += _if(f"Window {better} Cause", "Cause := Window")
+        text += if_(f"Window {better} Cause", "Cause := Window")
     return text
 
 
@@ -193,96 +175,24 @@ def _margin(numbers: Numbers, blocks: int, factors: tuple[int, ...]) -> str:
         products, ("Moved", "Cause", f"Level_{blocks}"), strict=True) if factor)]
     total = "".join(f" {'-' if factor < 0 else '+'} {text}" for factor, text in terms)
     return (f"Moved := Level_0 - Level_{blocks};\n{MARGIN} :={total.replace(' + ', ' ', 1) if rest >= 0 else total};\n"
-            + _if(f"Blocks <= {blocks + numbers.delay_high}", f"{MARGIN} := 0"))
+            + if_(f"Blocks <= {blocks + numbers.delay_high}", f"{MARGIN} := 0"))
 
 
 def _swings(numbers: Numbers) -> Iterator[Group]:
     swing = numbers.swing
     yield Group("how far the level is from its ends", (
-        _if("Blocks = 1", "Top := Level_0", "Bottom := Level_0")
+        if_("Blocks = 1", "Top := Level_0", "Bottom := Level_0")
         + "Fall := Top - Level_0;\nRise := Level_0 - Bottom;\n"
-        + _if("Way < 0", "Fall := 0") + _if("Way > 0", "Rise := 0")
-        + _if("Fall < 0", "Top := Level_0") + _if("Rise < 0", "Bottom := Level_0")))
+        + if_("Way < 0", "Fall := 0") + if_("Way > 0", "Rise := 0")
+        + if_("Fall < 0", "Top := Level_0") + if_("Rise < 0", "Bottom := Level_0")))
     yield Group("does it turn, and was the swing larger than the one before?", (
-        f"Turn := 0;\n{_if(f'Rise >= {swing}', 'Turn := 1')}{_if(f'Fall >= {swing}', 'Turn := -1')}"
+        f"Turn := 0;\n{if_(f'Rise >= {swing}', 'Turn := 1')}{if_(f'Fall >= {swing}', 'Turn := -1')}"
         "Swing := Top - Bottom;\nMore := Grew + 1;\n"
-        + _if("Swing <= Swung", "More := 0") + _if("Swung = 0", "More := 0")
-        + _if("Way = 0", "More := 0", "Swing := 0")
-        + _if("Turn > 0", "Way := 1", "Top := Level_0", "Swung := Swing", "Grew := More")
-        + _if("Turn < 0", "Way := -1", "Bottom := Level_0", "Swung := Swing", "Grew := More")))
-    yield Group("swing grows", _if(f"Grew >= {numbers.growths}", f"Found := {_alarm('swing grows')}"))
-
-
-#: a cell's name in capitals, or a whole number
-Operand = str | int
-
-
-class SumTerm(NamedTuple):
-    """A part of a sum: its sign, the factor before it, and what is added."""
-
-    sign: int
-    factor: int
-    what: Operand
-
-
-class Set(NamedTuple):
-    """A cell gets a sum; as structured text, too."""
-
-    cell: str
-    terms: tuple[SumTerm, ...]
-    text: str
-
-
-class Step(NamedTuple):
-    """Some of them, under a comparison of two operands (relation, first, second) or whatever is."""
-
-    condition: tuple[str, Operand, Operand] | None
-    sets: tuple[Set, ...]
-
-
-def steps(group: Group) -> Iterator[Step]:
-    """Yield the steps of a group; assignments in a row are one."""
-    free = list[Set]()
-    lines = group.lines.splitlines()
-    for statement in body_of(group.lines):
-        if isinstance(statement, Assignment):
-            free.append(_set(statement, lines))
-            continue
-        if free:
-            yield Step(None, tuple(free))
-            free = []
-        assert isinstance(statement, Branches)
-        (arm,) = statement.arms
-        assert isinstance(arm.condition, Operation)
-        first, second = map(_operand, arm.condition.operands)
-        yield Step((arm.condition.sign, first, second),
-                   tuple(_set(each, lines) for each in arm.body if isinstance(each, Assignment)))
-    if free:
-        yield Step(None, tuple(free))
-
-
-def _set(statement: Assignment, lines: Sequence[str]) -> Set:
-    return Set(statement.target.path[0], tuple(_terms(statement.value)), lines[statement.line - 1].strip().rstrip(";"))
-
-
-def _terms(value: Expression, sign: int = 1) -> Iterator[SumTerm]:
-    if isinstance(value, Operation) and value.sign in "+-":
-        first, second = value.operands
-        yield from _terms(first, sign)
-        yield from _terms(second, sign if value.sign == "+" else -sign)
-    elif isinstance(value, Operation):
-        factor, what = map(_operand, value.operands)
-        assert isinstance(factor, int)
-        yield SumTerm(sign, factor, what)
-    else:
-        yield SumTerm(sign, 1, _operand(value))
-
-
-def _operand(value: Expression) -> Operand:
-    if isinstance(value, Name):
-        return value.path[0]
-    assert isinstance(value, Literal)
-    return int(value.value)
+        + if_("Swing <= Swung", "More := 0") + if_("Swung = 0", "More := 0")
+        + if_("Way = 0", "More := 0", "Swing := 0")
+        + if_("Turn > 0", "Way := 1", "Top := Level_0", "Swung := Swing", "Grew := More")
+        + if_("Turn < 0", "Way := -1", "Bottom := Level_0", "Swung := Swing", "Grew := More")))
+    yield Group("swing grows", if_(f"Grew >= {numbers.growths}", f"Found := {_alarm('swing grows')}"))
 
 
 def check_reach(numbers: Numbers, highest: int, bits: int) -> None:
