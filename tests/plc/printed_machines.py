@@ -15,11 +15,11 @@ from heatertune.plc.print.stl import S5Printer, S7300Printer, networks
 class OnS5:
     """In data words."""
 
-    def __init__(self, group, names):
+    def __init__(self, groups, names):
         self._at = {name.upper(): number for number, name in enumerate(names)}
         printer = S5Printer(self._at)
         text = ["DB31", *(f"{number:4d}:  KF = +00000;" for number in range(len(names))), "", "FB 33", "NAME :PART",
-                printer.next("C", "DB 31"), *printer.print_group(group), printer.next("BE")]
+                printer.next("C", "DB 31"), *printer.print_groups(groups), printer.next("BE")]
         self._cpu = S5Cpu("\n".join(text) + "\n", {})
         self._words = self._cpu.block(31, len(names) - 1)
 
@@ -36,10 +36,10 @@ class OnS5:
 class OnS7300:
     """In members of a block, of 32 bits."""
 
-    def __init__(self, group, names):
+    def __init__(self, groups, names):
         printer = S7300Printer()
         text = ["FUNCTION_BLOCK FB 33", "VERSION : 0.1", "VAR", *(f"  {name.upper()} : DINT ;" for name in names), "END_VAR",
-                "BEGIN", "NETWORK", *printer.print_group(group), printer.next("NOP", "0"), "END_FUNCTION_BLOCK", "",
+                "BEGIN", "NETWORK", *printer.print_groups(groups), printer.next("NOP", "0"), "END_FUNCTION_BLOCK", "",
                 "DATA_BLOCK DB 33", "VERSION : 0.1", "FB 33", "BEGIN", "END_DATA_BLOCK"]
         self._cpu = S7300Cpu(awl.text(text), {})
         self._cpu.instance = "DB 33"
@@ -60,9 +60,9 @@ class OnS7200:
 
     letter, width = "D", 4
 
-    def __init__(self, group, names):
+    def __init__(self, groups, names):
         at = {name.upper(): f"V{self.letter}{300 + 4 * number}" for number, name in enumerate(names)}
-        self._program = assemble(program(block("OB1", "none", []), block("INT0", "part", list(networks([group], at)))))
+        self._program = assemble(program(block("OB1", "none", []), block("INT0", "part", list(networks(groups, at)))))
         self._memory = bytearray(WHOLE)
         byte, mask = bit("SM0.0")
         self._memory[byte] |= mask
@@ -87,9 +87,10 @@ class OnS7200Words(OnS7200):
 class OnStructuredText:
     """In variables, whole or REAL."""
 
-    def __init__(self, group, names, reals=()):
+    def __init__(self, groups, names, reals=()):
+        body = "".join(group.lines for group in groups)
         declared = "".join(f"  {name} : {'REAL' if name in reals else 'DINT'};\n" for name in names)
-        self._program = TextProgram(units(f"PROGRAM P\nVAR\n{declared}END_VAR\n{group.lines}END_PROGRAM\n"), {})
+        self._program = TextProgram(units(f"PROGRAM P\nVAR\n{declared}END_VAR\n{body}END_PROGRAM\n"), {})
 
     def __getitem__(self, name):
         return self._program[name]

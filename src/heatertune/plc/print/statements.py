@@ -7,7 +7,7 @@ take them as steps. For whole numbers NOT (a < b) is a >= b; a REAL that is no n
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from heatertune.plc.cpu.iec.text import Assignment, Branches, Expression, Literal, Name, Operation, body_of
@@ -57,9 +57,10 @@ class Step(NamedTuple):
     sets: tuple[Set, ...]
 
 
-def renamed(group: Group, names: Mapping[str, str]) -> Group:
-    """Return statements with a program's own names in the place of some cells' names."""
-    return group._replace(lines=re.sub(r"[A-Z]\w*", lambda match: names.get(match[0], match[0]), group.lines))
+def renamed(groups: Iterable[Group], names: Mapping[str, str]) -> Iterator[Group]:
+    """Yield statements with a program's own names in the place of some cells' names."""
+    for group in groups:
+        yield group._replace(lines=re.sub(r"[A-Z]\w*", lambda match: names.get(match[0], match[0]), group.lines))
 
 
 def steps(group: Group) -> Iterator[Step]:

@@ -45,6 +45,18 @@ class Printer(ABC):
         label, self._pending = self._pending, ""
         return self.line(label, operation, operand, remark)
 
+    @final
+    def print_groups(self, groups: Iterable[Group]) -> Iterator[str]:
+        """Yield the lines of groups, each below what it does."""
+        for group in groups:
+            yield f"// {group.title}"
+            yield from self.print_group(group)
+
+    @final
+    def mark(self, label: str) -> None:
+        """Let a label stand before the next line."""
+        self._pending = label
+
     @abstractmethod
     def line(self, label: str, operation: str, operand: str = "", remark: str = "") -> str:
         """Return a line of the text."""
@@ -203,7 +215,8 @@ def _relation(step: Step) -> str:
     """Return the relation; where a cell gets what it is compared with, >= or <=, which a CPU 21x has, too."""
     assert step.condition is not None
     relation, first, second = step.condition
-    clamps = [(made.cell, *(term.what for term in made.terms)) for made in step.sets] == [(first, second)]
+    moved = [(made.cell, *(term.what for term in made.terms)) for made in step.sets]
+    clamps = moved in ([(first, second)], [(second, first)])
     return f"{relation}=" if clamps and relation in ("<", ">") else relation
 
 

@@ -70,7 +70,7 @@ def _ramped(words: Words) -> list[Network]:
     if words.ramp is None:
         return []
     follow = Network("set point on its ramp", ["LD SM0.0", f"MOVW {_RAMP['LEAD']}, VW10"])
-    return [*networks([setpoint_ramp(words.ramp)], _RAMP), follow]
+    return [*networks(setpoint_ramp(words.ramp), _RAMP), follow]
 
 
 def _interrupt(words: Words) -> list[Network]:

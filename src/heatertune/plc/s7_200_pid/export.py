@@ -100,8 +100,8 @@ _LED = "VW82"
 _READING, _BROKEN, _BLIND = "VW86", "VW88", "VW92"
 _END = 32766  # what an EM231 gives in size where its supply is missing, and nearly so where a wire is broken
 #: cells of the setpoint ramp, in double words: what the holdback adds may leave a word
-_RAMP: Final = {"ASKED": "VD40", "READING": "VD44", "LEAD": "VD48", "CALLS": "VW84", "SIZE": "VD52", "AHEAD": "VD56",
-                "BACK": "VD60", "END": "VD64"}
+_RAMP: Final = {"ASKED": "VD180", "READING": "VD184", "LEAD": "VD188", "CALLS": "VW84", "SIZE": "VD192",
+                "AHEAD": "VD196", "BACK": "VD200", "END": "VD204"}
 #: where OB1 leaves what it reads of an EM 231 for temperatures, that this goes on
 _READ = "VW94"
 
@@ -205,7 +205,7 @@ def _setpoint(words: Words) -> list[Network]:
         Network("setpoint asked for, reading and setpoint on its ramp in 32 bits", [
             "LD SM0.0", *(f"ITD {word}, {_RAMP[name]}" for name, word in (
                 ("ASKED", asked), ("READING", _READING), ("LEAD", _LED)))]),
-        *networks([setpoint_ramp(words.ramp)], _RAMP),
+        *networks(setpoint_ramp(words.ramp), _RAMP),
         Network("setpoint on its ramp in 16 bits", ["LD SM0.0", f"MOVD {_RAMP['LEAD']}, AC0", f"MOVW AC0, {_LED}"]),
         Network("setpoint as a share of the range", _share(_LED, SETPOINT)),
     ]

@@ -228,7 +228,7 @@ def variables(
 
 def _ramp_variables(ramp: Ramp) -> Iterator[Variable]:
     yield "HeaterRamp", "REAL", "0.0", "degC, the setpoint on its ramp"
-    text = setpoint_ramp(ramp).lines
+    text = "".join(group.lines for group in setpoint_ramp(ramp))
     for name, meaning in CELLS.items():
         if f"{name} :=" in text:
             kind = ("INT", "0", meaning) if name == "Calls" else ("REAL", "0.0", f"degC, {meaning}")
@@ -350,7 +350,8 @@ def _boost(words: Words, limits: ProgramLimits) -> tuple[str, str]:
 
 def _ramp(ramp: Ramp) -> str:
     """Return the statements that lead the setpoint; it begins at the reading of the call that enables the block."""
-    moves = renamed(setpoint_ramp(ramp, literal), _RAMP_NAMES).lines
+    groups = renamed(setpoint_ramp(ramp, literal), _RAMP_NAMES)
+    moves = "".join(f"(* {group.title} *)\n{group.lines}" for group in groups)
     return ("IF NOT HeaterWasOn THEN\n  HeaterRamp := HeaterTemperature;\n"
             f"{f'  HeaterRampCalls := {ramp.calls};{chr(10)}' if ramp.calls > 1 else ''}END_IF;\n{moves}")
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s5.machine import S5Cpu
-from heatertune.plc.print.statements import Group, Set
+from heatertune.plc.print.statements import Set
 from heatertune.plc.print.stl import S5Printer
 from heatertune.plc.s5_ob251.blocks import WORK
 from heatertune.plc.s5_ob251.step import FULL_SCALE
@@ -118,7 +118,7 @@ def _each_call(statements: Statements, printer: _S5MonitorPrinter) -> Iterator[s
             ("+F", "", ""), ("L", output, ""), ("SRW", "8", ""), ("+F", "", ""), ("L", "KF +257", ""), ("+F", "", ""),
             ("SRW", "9", ""), ("T", power, "")):
         yield printer.next(operation, operand, remark)
-    yield from _groups(statements.each_call, printer)
+    yield from printer.print_groups(statements.each_call)
     yield printer.next("L", printer.operand("In_Block"), "is a block over?")
     for operation, operand in (("L", printer.operand(statements.block)), ("<F", ""), ("BEC", ""),
                                ("JU", f"FB {_BLOCK}"), ("NAME", "BLOCK"), ("BE", "")):
@@ -126,14 +126,8 @@ def _each_call(statements: Statements, printer: _S5MonitorPrinter) -> Iterator[s
 
 
 def _each_block(statements: Statements, printer: _S5MonitorPrinter) -> Iterator[str]:
-    yield from _groups(statements.each_block, printer)
+    yield from printer.print_groups(statements.each_block)
     yield printer.next("BE")
-
-
-def _groups(groups: tuple[Group, ...], printer: _S5MonitorPrinter) -> Iterator[str]:
-    for group in groups:
-        yield f"// {group.title}"
-        yield from printer.print_group(group)
 
 
 def _sum(printer: _S5MonitorPrinter) -> Iterator[str]:

@@ -451,7 +451,7 @@ class BlockProgram:
         return [f"      A     {at['BEGUN']};", "      JC    go;", "      L     #reading;",
                 f"      T     {at['LED']};  // setpoint ramp begins at the reading",
                 f"      L     {self.ramp.calls};", f"      T     {at['COUNTDOWN']};", "      SET   ;",
-                f"      =     {at['BEGUN']};", "go:   NOP   0;", *printer.print_group(moves),
+                f"      =     {at['BEGUN']};", "go:   NOP   0;", *printer.print_groups(moves),
                 printer.next("NOP", "0")]
 
     @property
