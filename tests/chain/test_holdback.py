@@ -83,7 +83,7 @@ def test_a_holdback_is_carried_by_documents_certificate_and_words(words, found, 
     assert (document["hold"], document["hold_degC"]) == (proof.words.ramp.hold, pytest.approx(proof.words.ramp.hold))
     for content in export(proof.words, proof).values():
         assert f"held within {proof.words.ramp.hold:.9g} degC of the reading" in content
-        assert "HeaterLimit" in content
+        assert "HeaterRampEnd" in content
     path = tmp_path / "words.json"
     whole = {"target": "weg", "words": dict(words.values), "sample_time_s": words.sample_time_s,
              "scaling": {"low_degC": 0.0, "high_degC": 100.0}, "setpoint_ramp": document}

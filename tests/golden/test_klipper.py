@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from heatertune.plc import Scaling, Words, controller_for
-from heatertune.plc.klipper.step import COLD, KlipperAssumptions, loop_of, step
+from heatertune.plc.klipper.controller import COLD, KlipperAssumptions, loop_of, step
 
 ROOM = controller_for("klipper")
 KALICO = KlipperAssumptions(source=1)

@@ -16,9 +16,8 @@ from tests.proof.test_supervision import random_numbers
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s5.machine import S5Cpu
-from heatertune.supervision.text.s7_200 import reading_of, s7_200_text
-from heatertune.supervision.text.structured_text import statements_of, structured_text
-from heatertune.supervision.text.two_accumulators import s5_text, s7_300_text
+from heatertune.supervision.text import s5, s7_300, structured
+from heatertune.supervision.text.statements import statements_of
 
 HEAD = ["a monitor"]
 
@@ -56,7 +55,7 @@ def check(load, monitors, calls, seed=1):
 def test_the_s5_s_listing_says_the_same_in_words_with_carries():
     def load(numbers):
         given = "".join(f"{dw:4d}:  KF = +00000;\n" for dw in range(5))
-        machine = Machine(f"{s5_text(statements_of(numbers), HEAD)}\nDB31\n{given}", wraps=True)
+        machine = Machine(f"{s5.written(statements_of(numbers), HEAD)}\nDB31\n{given}", wraps=True)
 
         def call(reading, power):
             machine.data[31][1], machine.data[31][4] = reading, power * 2047 // 100
@@ -70,7 +69,7 @@ def test_the_s5_s_listing_says_the_same_in_words_with_carries():
 
 def test_the_s5_s_listing_makes_the_nearest_whole_percent_of_every_output():
     given = "".join(f"{dw:4d}:  KF = +00000;\n" for dw in range(5))
-    machine = Machine(f"{s5_text(statements_of(random_numbers(random.Random(1))), HEAD)}\nDB31\n{given}", wraps=True)
+    machine = Machine(f"{s5.written(statements_of(random_numbers(random.Random(1))), HEAD)}\nDB31\n{given}", wraps=True)
     for output in range(2048):
         machine.data[31][4] = output
         machine.call("FB 34")
@@ -79,7 +78,7 @@ def test_the_s5_s_listing_makes_the_nearest_whole_percent_of_every_output():
 
 @pytest.mark.parametrize(("old", "new"), [("Z1   :DW", "Z2   :DW"), ("Z32  :DW", "Z32  :FW"), ("Z3=0 :F 200.0\n", "")])
 def test_the_s5_refuses_a_multiplier_without_its_parameters(old, new):
-    text = s5_text(statements_of(random_numbers(random.Random(0))._replace(slow_blocks=2)), HEAD)
+    text = s5.written(statements_of(random_numbers(random.Random(0))._replace(slow_blocks=2)), HEAD)
     assert old in text
     with pytest.raises(InputError, match=r"FB 242|is none that is known here"):
         S5Cpu(text.replace(old, new, 1), {})
@@ -88,7 +87,7 @@ def test_the_s5_refuses_a_multiplier_without_its_parameters(old, new):
 @pytest.mark.long(seconds=5)
 def test_the_structured_text_says_the_same():
     def load(numbers):
-        text = structured_text(statements_of(numbers), HEAD, low_degC=-20.0, step_degC=0.25, highest=1100)
+        text = structured.written(statements_of(numbers), HEAD, low_degC=-20.0, step_degC=0.25, highest=1100)
         block = FunctionBlock(text)
 
         def call(reading, power):
@@ -107,7 +106,7 @@ def test_the_s7_300_s_source_says_the_same_in_awlsim(machine, real):
               "      CALL FB 105 , DB 105 (\r\n           PV := PIW 256);\r\nEND_ORGANIZATION_BLOCK\r\n")
 
     def load(numbers):
-        machine.load(s7_300_text(statements_of(numbers), HEAD, real=real) + caller)
+        machine.load(s7_300.written(statements_of(numbers), HEAD, real=real) + caller)
 
         def call(reading, power):
             machine.write(105, OUT=float(power) if real else 27648 * power // 100)
@@ -174,7 +173,7 @@ class Words:
 def test_the_s7_200_s_subroutines_say_the_same_in_words(target, per_count, cycle):
     def load(numbers):
         statements = statements_of(numbers)
-        text = s7_200_text(statements, HEAD, reading_of(target, per_count), cycle)
+        text = s7_200.written(statements, HEAD, s7_200.reading_of(target, per_count), cycle)
         words = Words(text)
         place = dict(reversed(found) for found in re.findall(r"^// (V[WD]\d+): (\w+),", text, re.MULTILINE))
         over = re.search(r"LDW>= (VW\d+), \+(\d+); CALL SBR2", text)

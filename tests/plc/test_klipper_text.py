@@ -126,7 +126,7 @@ def test_words_are_gains_times_255_with_three_decimals():
 
 
 @pytest.mark.parametrize(("design", "named"), [
-    (_design(gain=-2.0), "a heater's"), (_design(tn=20_000.0), "pid_Ki"), (_design(gain=1e-4), "pid_Kp"),
+    (_design(gain=-2.0), "of a heater"), (_design(tn=20_000.0), "pid_Ki"), (_design(gain=1e-4), "pid_Kp"),
     (_design(tv=5e-5), "pid_Kd"), (_design(gain=1e6), "pid_Kp"),
 ])
 def test_what_three_decimals_cannot_hold_is_refused(design, named):
@@ -145,7 +145,8 @@ def test_an_interval_that_the_printer_does_not_have_is_refused():
 def test_without_a_part_the_words_say_so():
     words = ROOM.encode(_design(tn=math.inf, tv=0.0), SCALING)
     assert words.values["pid_Ki"] == words.values["pid_Kd"] == 0.0
-    assert ROOM.oddities(words) == ("pid_Ki is 0: there is no integral part.",)
+    # without integral action an offset remains wherever power is needed at rest: Åström and Hägglund, Advanced PID Control, 3.2
+    assert ROOM.oddities(words) == ("pid_Ki is 0: there is no integral part, and an offset remains.",)
 
 
 def test_power_is_limited_to_no_more_than_is_asked():

@@ -15,7 +15,7 @@ from heatertune.errors import HeatertuneError, InputError, NotRepresentable
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Scaling, controller_for
 from heatertune.plc.dump_reader import read_machine
-from heatertune.plc.parallel.words import decimal
+from heatertune.plc.firmware.text import decimal
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.single_precision import single
 

@@ -149,13 +149,13 @@ def test_a_text_for_another_range_of_the_module_does_what_was_proven(target, nam
 #: target → a pattern of its text, what stands there instead
 PLANTED = [
     ("s5-ob251", r"SRW 3", "SRW 2"), ("s5-ob251", r"KF = \+01382;( +K )", r"KF = +01383;\1"),
-    ("s5-ob251", r":T  DW 22 ", ":T  DW 23 "), ("s5-ob251", r"(OUT  :L  DW 7.*\n +:L  KF \+)(\d+)", r"\g<1>39"),
-    ("s5-ob251", r":SU D 11\.2", ":RU D 11.2"), ("s5-ob251", r"(:L  KF \+\d+\n +:\+F\n +:L  DW 0\n +:>F)", r"\1\n     :JU =END"),
+    ("s5-ob251", r":T  DW 22 ", ":T  DW 23 "), ("s5-ob251", r"(OUT  :L  DW 6.*\n +:L  KF \+)(\d+)", r"\g<1>39"),
+    ("s5-ob251", r":SU D 11\.2", ":RU D 11.2"), ("s5-ob251", r"(;IF AHEAD > ASKED\n +:L  DW 0\n +):<=F", r"\1:>F"),
     ("s7-300", r"/R    ;", "*R    ;"), ("s7-300", r"DTR   ;", "NOP   0;"), ("s7-300", r"ou1:  L     1\.0", "ou1:  L     9.0"),
     ("s7-300", r"L     L#13824;", "L     L#13000;"), ("s7-300", r"CALL  FC 101;\r\nEND_ORG", "NOP   0;\r\nEND_ORG"),
     ("fb41", r"GAIN := \d", "GAIN := 9"), ("fb41", r"SP_INT := DB101\.DBD    2", "SP_INT := DB101.DBD    6"),
     ("fb41", r"SRD   12;", "SRD   11;"), ("fb41", r"COM_RST := TRUE", "COM_RST := FALSE"),
-    ("fb41", "PVPER_ON := TRUE", "PVPER_ON := FALSE"), ("s7-300", "  AUTO := FALSE", "  AUTO := TRUE"), ("s7-300", "LEAST := 2765", "LEAST := 2766"), ("s7-300", "MOST := 26956", "MOST := 26955"), ("s5-ob251", r"KF \+205 ", "KF +206 "),
+    ("fb41", "PVPER_ON := TRUE", "PVPER_ON := FALSE"), ("s7-300", "  AUTO := FALSE", "  AUTO := TRUE"), ("s7-300", "LEAST := 2765", "LEAST := 2766"), ("s7-300", "MOST := 26956", "MOST := 26955"), ("s5-ob251", r"KF \+205\n", "KF +206\n"),
     *(("s7-300 PULSEGEN", there, instead) for there, instead in (
         ("PER_TM := T#2000MS", "PER_TM := T#1000MS"), ("P_B_TM := T#200MS", "P_B_TM := T#900MS"), (" CYCLE := T#100MS", " CYCLE := T#50MS"),
         ("STEP3_ON := FALSE", "STEP3_ON := TRUE"), ("SYN_ON := FALSE", "SYN_ON := TRUE"), ("INV := #share", "INV := 0.0"), ("  PER_TM := T#2000MS ;", ""))),
@@ -166,7 +166,7 @@ PLANTED = [
 @pytest.mark.parametrize(("target", "there", "instead"), PLANTED)
 def test_a_fault_in_the_text_is_noticed(target, there, instead, monkeypatch):
     target, _, block = target.partition(" ")
-    trace = short_run(target, ramped=":>F" in there, actuator=GEN if block else SWITCH)
+    trace = short_run(target, ramped="ASKED" in there, actuator=GEN if block else SWITCH)
     files, file = files_of(trace), FILES[target]
     broken, count = re.subn(there, instead, files[file])
     assert count, files[file]

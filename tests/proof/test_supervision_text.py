@@ -10,10 +10,8 @@ from heatertune.errors import InputError
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.supervision.faulty_loops import Card, Ran
-from heatertune.supervision.text import program_check
-from heatertune.supervision.text.program_check import one_bit_departure, one_bit_text
-from heatertune.supervision.text.structured_text import check_reach, statements_of
-from heatertune.supervision.text.two_accumulators import s5_text, s7_300_text
+from heatertune.supervision.text import one_bit, program_check, s5
+from heatertune.supervision.text.statements import check_reach, statements_of
 
 CARD = Card(0.0, 0.1, 1000)
 NUMBERS = OFF._replace(low=5, high=900, jump=50, still=9, full=20, growths=2, slow_blocks=2, slow_scale=64, slow_gain=3, slow_rest=-900)
@@ -51,14 +49,14 @@ def test_every_target_s_text_is_run_beside_the_monitor(target):
     ("      T     #LAST;", "      T     #LAST_ONE;", "LAST_ONE"),
 ])
 def test_a_text_that_says_other_is_told_and_is_not_exported(monkeypatch, old, new, said):
-    whole = s7_300_text
+    whole = s7_300.written
 
     def damaged(*given, **named):
         text = whole(*given, **named)
         assert old in text
         return text.replace(old, new)
 
-    monkeypatch.setattr(program_check, "s7_300_text", damaged)
+    monkeypatch.setattr(s7_300, "written", damaged)
     made = program_check.export_monitor(NUMBERS, words_of("s7-300"), CARD, [], [run(seed) for seed in range(4)])
     assert (made.file, made.text) == (None, "")
     assert said in made.why
@@ -73,7 +71,7 @@ def test_what_does_not_fit_into_words_is_refused_with_the_number():
     with pytest.raises(InputError, match=r"slow rule adds up may be \d+, which 32 bits"):
         check_reach(NUMBERS._replace(slow_gain=40000), 1 << 26, 32)
     with pytest.raises(InputError, match="words; a data block has 256"):
-        s5_text(statements_of(NUMBERS._replace(delay_high=240)), [])
+        s5.written(statements_of(NUMBERS._replace(delay_high=240)), [])
     assert program_check.export_monitor(NUMBERS._replace(still=40000), words_of("s5-ob251"), CARD, [], []).why.startswith("no program: still")
 
 
@@ -83,11 +81,11 @@ def test_a_target_without_a_program_of_its_own_is_told():
 
 def test_the_one_bit_plc_s_listing_trips_as_what_is_left_of_the_monitor_does():
     for seed in range(5):
-        text = one_bit_text(NUMBERS, 2.0, ["head"])
-        assert one_bit_departure(text, NUMBERS, 2.0, [run(seed)]) is None
-    assert "in scan" in one_bit_departure(text.replace("AC1<AC2", "AC1>AC2"), NUMBERS, 2.0, [run(1)])
+        text = one_bit.written(NUMBERS, 2.0, ["head"])
+        assert one_bit.departs(text, NUMBERS, 2.0, [run(seed)]) is None
+    assert "in scan" in one_bit.departs(text.replace("AC1<AC2", "AC1>AC2"), NUMBERS, 2.0, [run(1)])
     assert text.count("\n") == 24  # eight lines of remarks, sixteen of the ROM
-    assert one_bit_departure(one_bit_text(NUMBERS._replace(full=0), 2.0, []), NUMBERS._replace(full=0), 2.0, [run(1)]) is None
+    assert one_bit.departs(one_bit.written(NUMBERS._replace(full=0), 2.0, []), NUMBERS._replace(full=0), 2.0, [run(1)]) is None
 
 
 @pytest.mark.long(seconds=5)

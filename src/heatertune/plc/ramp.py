@@ -13,8 +13,7 @@ after an open heater circuit as in the heat-up.
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -22,7 +21,7 @@ from heatertune.errors import OutOfRange
 from heatertune.plc.single_precision import is_single, single
 from heatertune.units import check
 
-__all__ = ["Boost", "Number", "Ramp", "course", "for_coolers", "nearest", "next_setpoint"]
+__all__ = ["Boost", "Number", "Ramp", "course", "nearest", "next_setpoint"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,18 +135,6 @@ def next_setpoint(setpoint: Number, asked: Number, ramp: Ramp, reading: Number, 
         return setpoint
     highest = _stored(reading + ramp.hold, ramp.step)
     return highest if setpoint > highest else setpoint
-
-
-def for_coolers(statements: str, swapped: Mapping[str, str]) -> str:
-    """Return the statements of a heater's holdback turned into a cooler's.
-
-    Args:
-        statements: in the controller's language, one a line.
-        swapped: operation, label or words of a comment → what stands there in the mirror image; both ways.
-    """
-    both = {**swapped, **{there: here for here, there in swapped.items()}}
-    words = "|".join(re.escape(word) for word in sorted(both, key=len, reverse=True))
-    return re.sub(rf"(?<![\w+<>-])({words})(?![\w+<>=-])", lambda match: both[match[0]], statements)
 
 
 def course(ramp: Ramp | None, readings: Sequence[Number], asked: Number) -> list[Number]:

@@ -29,7 +29,7 @@ from heatertune.errors import InputError
 from heatertune.model.cooler_mirror import cools
 from heatertune.model.values import FittedModel
 from heatertune.plc import Words, controller_for
-from heatertune.plc.klipper.export import heater_of
+from heatertune.plc.klipper.controller import heater_of
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.processors import ProgressCallback, threaded_list
 from heatertune.proof.heaters import holding_heaters
@@ -57,7 +57,8 @@ from heatertune.supervision.faulty_loops import (
 )
 from heatertune.supervision.monitor import ALARMS, Numbers
 from heatertune.supervision.monitor_design import FRESH, Bench, MonitorDesign, design, first_alarm
-from heatertune.supervision.text.program_check import ONE_BIT_TARGET, MonitorProgram, export_monitor, reduce_monitor
+from heatertune.supervision.text.one_bit import TARGET, reduce_monitor
+from heatertune.supervision.text.program_check import MonitorProgram, export_monitor
 from heatertune.units import check, written
 
 __all__ = [
@@ -415,7 +416,7 @@ def supervise(
     else:
         progress("comparing the program of the monitor with it")
         program = export_monitor(made.numbers, words, card, head, _runs(bench, drawn))
-    if words.target == ONE_BIT_TARGET:
+    if words.target == TARGET:
         beside = [_fault(bench, _monitored(reduce_monitor(made.numbers)), kind, drawn) for kind in FAULTS]
     document: dict[str, Any] = encode(SupervisionView(
         warning=WARNING, target=words.target, words=dict(words.values), scan_s=family.scan_s,

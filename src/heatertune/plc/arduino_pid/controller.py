@@ -1,58 +1,345 @@
-"""The controller in Arduino's library PID_v1."""
+"""Brett Beauregard's PID_v1 for Arduino: its words, its law (`SUM` of `firmware.parallel`), and the sketch around it.
+
+The words are what its constructor, SetOutputLimits and SetSampleTime are given; the law is that of PID_v1.cpp, 1.2.1.
+"""
 
 from __future__ import annotations
 
-from typing import ClassVar
+import re
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.arduino_pid.export import export_words, from_text, loaders
-from heatertune.plc.arduino_pid.step import FIRST_MS, ArduinoPidAssumptions, parameters_of, scan
-from heatertune.plc.arduino_pid.words import (
-    COUNTS,
-    FIELDS,
-    FULL,
-    TIMER,
-    consistent,
-    design_of,
-    interval_s,
-    oddities,
-    values_of,
+from heatertune.errors import InputError, OutOfRange
+from heatertune.pid.values import Timer
+from heatertune.plc.exported import TextSettings
+from heatertune.plc.firmware.make import FirmwarePid, controller_of, gain_fields, texts_of
+from heatertune.plc.firmware.parallel import (
+    COLD,
+    NOBODY,
+    PARALLEL,
+    SUM,
+    ParallelParameters,
+    ParallelState,
+    again,
+    clamp,
+    compute_call,
+    narrowed_to,
+    scan_result,
+    step,
 )
-from heatertune.plc.controller import Controller
-from heatertune.plc.core import ControllerState
-from heatertune.plc.parallel.step import COLD, PARALLEL, with_boost
-from heatertune.plc.words import Words
+from heatertune.plc.firmware.text import (
+    PwmWindow,
+    blank_matches,
+    calls_open_point,
+    commented,
+    decimal,
+    number_of,
+    sensor_line,
+    setpoint_of,
+    settings_of,
+    window_of,
+)
+from heatertune.plc.open_points import OpenPoint
+from heatertune.plc.ramp import Number
+from heatertune.plc.readback import ReadBack, WordCollector, wrong
+from heatertune.plc.words import Certificate, WordField, Words
 
 __all__ = ["ArduinoPid"]
 
+#: output of full power, the library's own upper limit
+FULL: Final = 255.0
+#: POn, as PID_v1.h numbers them
+ON_MEASUREMENT: Final = 0
+ON_ERROR: Final = 1
 
-class ArduinoPid(Controller, name="arduino-pid"):
-    """PID_v1 in double or single precision; the sketch around it switches the heater in windows of time."""
+GAINS: Final = gain_fields(("Kp", "Ki", "Kd"), "constructor", "LREAL", (
+    "proportional gain, output per °C", "integral gain Kp/TN, per second", "derivative gain Kp·TV, seconds"))
+SETTINGS: Final = (
+    WordField(name="POn", address="constructor", format="BYTE", low=0, high=1, comment="1 P_ON_E, 0 P_ON_M"),
+    WordField(name="OutMax", address="SetOutputLimits", format="LREAL", low=0.001, high=65535.0,
+              comment="upper limit of the output; the lower one is 0"),
+    WordField(name="Full", address="sketch", format="LREAL", low=0.001, high=65535.0, comment="output at full power"),
+    WordField(name="SampleTime", address="SetSampleTime", format="UINT", low=1, high=32767, comment="ms"),
+)
+FIELDS: Final = (*GAINS, *SETTINGS)
 
-    title = "Arduino, library PID by Brett Beauregard 1.2.1 (PID_v1.cpp)"
-    main_file = "arduino_pid.ino"
-    can = (
+
+def _check(v: Mapping[str, Number]) -> None:
+    """Refuse an upper limit above full power."""
+    if v["OutMax"] > v["Full"]:
+        raise OutOfRange("word OutMax", v["OutMax"], f"<= Full = {v['Full']:g}")
+
+
+def _oddities(v: Mapping[str, Number]) -> Iterator[str]:
+    if v["POn"] == ON_MEASUREMENT:
+        yield "P is on the measurement (P_ON_M): that is no standard form."
+    if v["OutMax"] < v["Full"]:
+        yield f"The output is limited to {v['OutMax']:g} of {v['Full']:g}."
+
+
+#: SampleTime before SetSampleTime is called, and how long the last call is taken to be ago when the object is made [ms]
+FIRST_MS: Final = 100.0
+
+
+class ArduinoPidAssumptions(NamedTuple):
+    """What the library leaves to board and sketch, see DIFFERENCES.md."""
+
+    narrow: Annotated[bool, OpenPoint(
+        name="double", means={"64bit": False, "32bit": True},
+        reason="what double is on the board: double precision (ARM, ESP32), or single precision (AVR)",
+    )] = False
+    late: Annotated[bool, calls_open_point(
+        "Compute() waits for at least SampleTime: it comes on time, or each tenth time after twice SampleTime")] = False
+
+
+def _parameters(values: Mapping[str, float], assume: ArduinoPidAssumptions) -> ParallelParameters:
+    """Return the gains as the library keeps them: for 100 ms by the constructor, then by SetSampleTime's ratio."""
+    narrow = assume.narrow
+    kp, ki, kd = (narrowed_to(narrow, float(values[name])) for name in ("Kp", "Ki", "Kd"))
+    first = narrowed_to(narrow, FIRST_MS / 1000.0)
+    ratio = narrowed_to(narrow, values["SampleTime"] / FIRST_MS)
+    high = narrowed_to(narrow, float(values["OutMax"]))
+    return ParallelParameters(
+        law=SUM, narrow=narrow, kp=kp, ki=narrowed_to(narrow, narrowed_to(narrow, ki * first) * ratio),
+        kd=narrowed_to(narrow, narrowed_to(narrow, kd / first) / ratio), low=0.0, high=high, least=0.0, most=high,
+        full=float(values["Full"]), interval=float(values["SampleTime"]), late=assume.late,
+        on_measurement=values["POn"] == ON_MEASUREMENT)
+
+
+def _scan(
+    p: ParallelParameters, s: ParallelState, inputs: Mapping[str, float]
+) -> tuple[ParallelState, float, float, int]:
+    """Compute one pass of loop(): where named, Mode 0 with Output by hand, and Elapsed, ms since the last."""
+    if not inputs.get("Mode", 1):
+        by_hand = narrowed_to(p.narrow, float(inputs.get("Output", s.output)))
+        return scan_result(p, again(s, True, by_hand, s.waited + inputs.get("Elapsed", p.interval), NOBODY))
+    if s.begins:  # SetMode(AUTOMATIC), at once
+        total = clamp(s.output, p.low, p.high)
+        before = narrowed_to(p.narrow, float(inputs["Input"]))
+        s = ParallelState(False, s.calls, total, 0.0, 0.0, before, 0.0, 0.0, s.output, s.waited, mode=s.mode)
+    setpoint, reading = (narrowed_to(p.narrow, float(inputs[name])) for name in ("Setpoint", "Input"))
+    if "Elapsed" not in inputs:
+        return step(p, s, setpoint, reading, True)
+    waited = s.waited + inputs["Elapsed"]
+    if waited < p.interval:
+        return scan_result(p, again(s, False, s.output, waited, s.mode))
+    return scan_result(p, compute_call(p, s, setpoint, reading, p.interval))
+
+
+_COMMENT: Final = re.compile(r"/\*.*?(?:\*/|\Z)|//[^\n]*", re.DOTALL)
+_PID: Final = re.compile(r"\bPID\s+(\w+)\s*\(([^()]*)\)")
+_LIMITS: Final = re.compile(r"\.\s*SetOutputLimits\s*\(([^()]*)\)")
+_SAMPLE: Final = re.compile(r"\.\s*SetSampleTime\s*\(([^()]*)\)")
+_TUNINGS: Final = re.compile(r"\.\s*SetTunings\s*\(([^()]*)\)")
+_CONSTANT: Final = re.compile(r"\b(\w+)\s*=\s*([^;,(){}]+?)\s*(?=[;,])|#\s*define\s+(\w+)\s+(\S+)")
+_MODES: Final = {"P_ON_E": ON_ERROR, "P_ON_M": ON_MEASUREMENT}
+#: names by which sketches call the output at full power: that of heatertune's, and the library's example
+_FULLS: Final = ("Full", "WindowSize")
+
+
+def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
+    """Return the words in a sketch.
+
+    Raises:
+        InputError: no constructor of PID_v1 or several; a gain that is no number or out of its range; REVERSE; a
+            lower limit other than 0; gains that the sketch changes later.
+    """
+    plain = blank_matches(_COMMENT, text.replace("\r\n", "\n").replace("\r", "\n"))
+    made = list(_PID.finditer(plain))
+    if len(made) != 1:
+        what = "no constructor of PID_v1" if not made else f"{len(made)} constructors of PID_v1"
+        raise InputError(f"{source}: {what}; expected one line such as PID heater(&Input, &Output, &Setpoint, 2.0, "
+                         "5.0, 1.0, P_ON_E, DIRECT);")
+    known = {match[1] or match[3]: match[2] or match[4] for match in _CONSTANT.finditer(plain)}
+    collected, over = WordCollector(source, FIELDS), list[str]()
+    line = _line(plain, made[0])
+    gains, modes = _parts(made[0][2], line, source)
+    for field, value in zip(GAINS, gains, strict=True):
+        collected.put(field.name, _number(value, known), line, value)
+    collected.put("POn", _MODES.get(modes[0], ON_ERROR), line, modes[0])
+    high = _limits(plain, known, source, collected)
+    full = next((_number(name, known) for name in _FULLS if name in known), None)
+    if full is None:
+        over.append(f"the output at full power is not stated: the upper limit {high:g} is used")
+    collected.put("Full", high if full is None else full, line, f"{full}")
+    times = list(_SAMPLE.finditer(plain))
+    for match in times:
+        given = _number(match[1], known)
+        whole = int(given) if isinstance(given, float) and given.is_integer() else given
+        collected.put("SampleTime", whole, _line(plain, match), match[1])
+    if not times:
+        collected.put("SampleTime", round(FIRST_MS), line, f"{FIRST_MS:g}")
+    for match in _TUNINGS.finditer(plain):
+        raise wrong(source, _line(plain, match), "SetTunings", match[1], "gains in the constructor alone")
+    return ReadBack(collected.values(), tuple(over))
+
+
+def _parts(arguments: str, line: int, source: str) -> tuple[list[str], list[str]]:
+    """Return the three gains and the modes of a constructor."""
+    parts = [part.strip() for part in arguments.split(",")]
+    modes = parts[6:]
+    if len(parts) not in (7, 8) or modes[-1] != "DIRECT" or (len(modes) == 2 and modes[0] not in _MODES):
+        raise wrong(source, line, "PID", arguments, "three pointers, three gains, P_ON_E or P_ON_M (or none), DIRECT")
+    return parts[3:6], modes
+
+
+def _limits(plain: str, known: dict[str, str], source: str, collected: WordCollector) -> float:
+    """Take the upper limit and return it."""
+    high, found = FULL, list(_LIMITS.finditer(plain))
+    for match in found:
+        ends = [_number(part.strip(), known) for part in match[1].split(",")]
+        line = _line(plain, match)
+        if len(ends) != 2 or ends[0] != 0.0 or ends[1] is None:
+            raise wrong(source, line, "SetOutputLimits", match[1], "0 and a number: a heater has no power below 0")
+        collected.put("OutMax", ends[1], line, match[1])
+        high = float(ends[1])
+    if not found:
+        collected.put("OutMax", high, 0, str(high))
+    return high
+
+
+def _number(text: str, known: dict[str, str]) -> Number | None:
+    """Return a number, or the constant of that name."""
+    return number_of(known.get(text.strip(), text))
+
+
+def _line(text: str, match: re.Match[str]) -> int:
+    return text.count("\n", 0, match.start()) + 1
+
+
+_FILE: Final = "arduino_pid.ino"
+_NUMBER: Final = re.compile(r"^(?:const (?:unsigned long|double)|double) (\w+) = ([^;]+);", re.MULTILINE)
+
+
+def _settings(text: str) -> TextSettings:
+    values = from_text(text, None, _FILE).values
+    numbers = {name: float(number) for name, number in _NUMBER.findall(text)}
+    if numbers.get("SAMPLE_MS", values["SampleTime"]) != values["SampleTime"]:
+        raise InputError(f"SAMPLE_MS is {numbers['SAMPLE_MS']:g}; SampleTime is {values['SampleTime']}")
+    return settings_of(values, numbers, numbers["Setpoint"], ("BOOST_WITHIN", "BOOST_AGAIN"), text)
+
+
+_LOOP = """
+double Setpoint = {setpoint};  // degC
+double Input = 0.0;            // degC
+double Output = 0.0;
+PID heaterPid(&Input, &Output, &Setpoint, {kp}, {ki}, {kd}, {pon}, DIRECT);
+
+unsigned long windowBegan = 0;
+unsigned long onMs = 0;
+bool heating = false;          // whether there is a reading
+{boost_state}
+// TODO: return your sensor's temperature in degC, NAN where it is broken
+double readTemperature() {{
+  return NAN;
+}}
+
+unsigned long pulse(double output) {{
+  if (!(output > 0.0)) return 0;  // what is no number is off, too
+  const double wanted = output / Full * WINDOW_MS;
+  unsigned long on = STEP_MS * (unsigned long)(wanted / STEP_MS + 0.5);
+  if (wanted < LEAST_ON_MS || on < LEAST_ON_MS) return 0;
+  if (wanted > WINDOW_MS - LEAST_OFF_MS || on > WINDOW_MS - LEAST_OFF_MS) return WINDOW_MS;
+  return on;
+}}
+
+void setup() {{
+  pinMode(HEATER_PIN, OUTPUT);
+  digitalWrite(HEATER_PIN, LOW);
+  heaterPid.SetOutputLimits(0.0, {outmax});
+  heaterPid.SetSampleTime({sample});
+}}
+
+void loop() {{
+  const unsigned long now = millis();
+  const double reading = readTemperature();
+  if (isnan(reading)) {{            // a broken sensor: off, and from cold when it is back
+    heaterPid.SetMode(MANUAL);
+    Output = 0.0;
+    heating = false;
+    digitalWrite(HEATER_PIN, LOW);
+    return;
+  }}
+  Input = reading;
+{who}  heaterPid.Compute();
+  if (!heating || now - windowBegan >= WINDOW_MS) {{
+    windowBegan = heating ? windowBegan + WINDOW_MS : now;
+    onMs = pulse({asked});
+  }}
+  heating = true;
+  digitalWrite(HEATER_PIN, now - windowBegan < onMs ? HIGH : LOW);
+}}
+"""
+
+_AUTOMATIC = """\
+  if (!heating) heaterPid.SetMode(AUTOMATIC);
+"""
+
+_STATE = """\
+bool boosting = true;
+unsigned long decided = 0;
+"""
+
+_BOOST = """\
+  if (!heating) boosting = true;
+  if (!heating || now - decided >= SAMPLE_MS) {  // far from the setpoint: full power, and the PID by hand at 0
+    decided = heating ? decided + SAMPLE_MS : now;
+    const double away = Setpoint - Input;
+    boosting = away > (boosting ? BOOST_WITHIN : BOOST_AGAIN) && !isinf(away);
+    heaterPid.SetMode(boosting ? MANUAL : AUTOMATIC);
+    if (boosting) Output = 0.0;
+  }
+"""
+
+
+def _export(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+    """Return the sketch; the same words and certificate give the same bytes."""
+    window, texts = window_of(words, certificate), texts_of(words, FIELDS)
+    head = commented(
+        "//", "heater controller for Arduino, library PID by Brett Beauregard, 1.2.1 (PID_v1.h)",
+        sensor_line(words, f"; {len(FIELDS)} words"), *certificate.head, window.summary,
+        "remains to be done by hand: HEATER_PIN and readTemperature(); loop() must come round well within STEP_MS,",
+        "  for Compute() and pulses are late by up to one round; nothing that waits (delay) belongs in it")
+    body = _LOOP.format(
+        setpoint=setpoint_of(words, certificate), kp=texts["Kp"], ki=texts["Ki"], kd=texts["Kd"],
+        outmax=texts["OutMax"], sample=texts["SampleTime"],
+        pon="P_ON_E" if words.values["POn"] == ON_ERROR else "P_ON_M",
+        boost_state=_STATE if words.boost else "", who=_BOOST if words.boost else _AUTOMATIC,
+        asked=f"boosting ? {texts['OutMax']} : Output" if words.boost else "Output")
+    return {_FILE: f"{head}\n#include <PID_v1.h>\n\n{_constants(words, texts, window)}{body}"}
+
+
+def _constants(words: Words, texts: Mapping[str, str], window: PwmWindow) -> str:
+    numbers = {"WINDOW_MS": window.period_ms, "STEP_MS": window.step_ms, "LEAST_ON_MS": window.least_on_ms,
+               "LEAST_OFF_MS": window.least_off_ms}
+    times = "".join(f"const unsigned long {name} = {number};\n" for name, number in numbers.items())
+    if words.boost is not None:
+        times += (f"const unsigned long SAMPLE_MS = {texts['SampleTime']};\n"
+                  f"const double BOOST_WITHIN = {decimal(words.boost.within_degC, 'LREAL')};  // degC\n"
+                  f"const double BOOST_AGAIN = {decimal(words.boost.again_degC, 'LREAL')};\n")
+    return f"const int HEATER_PIN = 5;  // TODO: yours\nconst double Full = {texts['Full']};\n{times}"
+
+
+ArduinoPid = controller_of(FirmwarePid(
+    name="arduino-pid", title="Arduino, library PID by Brett Beauregard 1.2.1 (PID_v1.cpp)", main_file=_FILE,
+    can=(
         "P, PI, PD and PID, D on the reading; P on the error, or on the measurement where words are read",
         "exported as a whole sketch: constructor, boost, window of time for a relay; a broken sensor is off",
-    )
-    cannot = (
+    ),
+    cannot=(
         "no derivative filter: noise and steps of the reading reach the output times Kd/SampleTime",
         "the integral part goes on while the output is at a limit; it ends at that limit itself",
         "no coolers (REVERSE), no lower limit but 0, no gains that the sketch changes later",
         "no setpoint ramp in the sketch; pulses that make up for others are left to a switch behind it",
-    )
-    fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, ArduinoPidAssumptions
-    inputs: ClassVar = {"Setpoint": "REAL", "Input": "REAL", "Mode": "BOOL", "Output": "REAL", "Elapsed": "UINT"}
-    derivative_filter = 0.0
-    most_power = ("OutMax", FULL)
-    tick_s = 0.01
-    has_boost = True
-    core = PARALLEL
-    values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
-    consistent, interval_s = staticmethod(consistent), staticmethod(interval_s)
-    oddities, text, scan_all = staticmethod(oddities), staticmethod(from_text), staticmethod(scan)
-    load_exported = staticmethod(loaders)
-
-    def begin(self, words: Words, assume: ArduinoPidAssumptions) -> ControllerState:
-        """Return the state before SetMode(AUTOMATIC), the output being 0."""
-        return ControllerState(with_boost(parameters_of(words.values, assume), words.boost),
-                               COLD._replace(waited=FIRST_MS))
+    ),
+    inputs={"Setpoint": "REAL", "Input": "REAL", "Mode": "BOOL", "Output": "REAL", "Elapsed": "UINT"},
+    counts=4095,  # of the 12-bit converter behind the sensor that is assumed
+    timer=Timer(shortest_s=0.001, longest_s=32.767, step_s=0.001),  # SampleTime is an int of ms, of 16 bits on an AVR
+    gains=GAINS, settings=SETTINGS, full=FULL, usual={"POn": ON_ERROR, "OutMax": FULL, "Full": FULL},
+    interval=("SampleTime", 0.001), method="as the words of PID_v1 realise it", oddities=_oddities, check=_check,
+    full_word="Full", measurement=("POn", ON_MEASUREMENT), law=PARALLEL, cold=COLD._replace(waited=FIRST_MS),
+    assumptions=ArduinoPidAssumptions, parameters=_parameters,
+    export=_export, text=from_text, settings_in={_FILE: _settings},
+    further={"tick_s": 0.01, "has_boost": True, "most_power": ("OutMax", FULL), "scan_all": staticmethod(_scan),
+             "keyed_entries": None},
+))

@@ -4,26 +4,24 @@ All that they remember stands in DB31: flags are shared with OB1, and those from
 function blocks. Operations have their English names (S5-100U manual EWA 4NEB 812 6120, chapter 8; TB tests a bit); a
 comparison asks whether ACCU 2 … ACCU 1, and leaves both as they are.
 
-FB33, which leads W along a ramp: statements on the words of DB31, which its caller has opened.
-
 The PWM behind YA in sums of 16 bits, as STEP 5 has no multiplication: a staircase over the ticks of a period.
-
-At tick j of N the staircase stands at c = floor((2j + 1)·2047/(2N)), and the output is on while c < YA: at the nearest
-number of ticks to YA·N/2047, for a tie would ask for 2·YA·N = 2047·odd, an even number for an odd one.
 
 The whole program as one listing: OB251's data block, the blocks around it, and what is left to do by hand.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from math import ceil
 from typing import Final, NamedTuple
 
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY
-from heatertune.plc.pwm import INSTANT_S, Actuator, Ticks, on_time
-from heatertune.plc.ramp import Ramp, for_coolers
-from heatertune.plc.s5_ob251.step import FULL_SCALE
+from heatertune.plc.print.parts import CELLS, pulse_staircase, setpoint_ramp
+from heatertune.plc.print.statements import renamed
+from heatertune.plc.print.stl import S5Printer
+from heatertune.plc.pwm import INSTANT_S, Actuator, Ticks, pulse_ends
+from heatertune.plc.ramp import Ramp
+from heatertune.plc.s5_ob251.step import FULL_SCALE, percent
 from heatertune.plc.words import Certificate, Words
 
 __all__ = [
@@ -34,6 +32,7 @@ __all__ = [
     "INPUT",
     "MODE",
     "OUTPUT",
+    "PERIOD_ENDS",
     "RAMP",
     "START",
     "WORK",
@@ -42,7 +41,6 @@ __all__ = [
     "organisation_blocks",
     "program_listing",
     "ramp_block",
-    "ramp_statements",
     "retains",
     "staircase",
     "start_up",
@@ -50,74 +48,22 @@ __all__ = [
 ]
 
 
-_SWAPPED: Final = {"+F": "-F", ">F": "<F", ">=F": "<=F", "DOWN": "RISE", "LOW": "TOP"}
-
-
-def ramp_statements(ramp: Ramp, at: Mapping[str, str]) -> list[str]:
-    """Return the statements, each `label:operation`.
-
-    Args:
-        ramp: step in units of W.
-        at: name of a word of DB31 → its operand: asked, w, x, countdown, lowest.
-    """
-    body = [] if ramp.calls == 1 else _count(ramp.calls, "BEC" if ramp.hold is None else "JC =HELD", at["countdown"])
-    return [*body, *_moves(ramp, at)]
-
-
-def _count(calls: int, leave: str, countdown: str) -> list[str]:
-    return [
-        f"L  {countdown}", "L  KF +1", "-F", f"T  {countdown}", "L  KF +0", ">F", leave,
-        f"L  KF +{calls}", f"T  {countdown}",
-    ]
-
-
-def _moves(ramp: Ramp, at: Mapping[str, str]) -> list[str]:
-    """Return the statements that move W by a step, or by what is left where that is less, and hold it at X."""
-    step, w, x, asked, lowest = int(ramp.step), at["w"], at["x"], at["asked"], at["lowest"]
-    up = [
-        f"L  {w}", f"L  {asked}", ">F", "JC =DOWN",
-        f"L  {w}", f"L  KF +{step}", "+F", f"L  {asked}", ">F", "JC =END", "TAK", "JU =END",
-    ]
-    if ramp.hold is None:
-        return [*up, f"DOWN:L  {w}", *_down(step, asked), f"END:T  {w}", "BE"]
-    hold = abs(ramp.hold)
-    heaters = [
-        *up,
-        f"DOWN:L  {x}", f"L  KF +{hold}", "-F", f"L  {asked}", "<F", "JC =LOW", "TAK", f"LOW:T  {lowest}",
-        f"L  {w}", ">=F", "JC =HELD",
-        f"L  {w}", *_down(step, lowest), f"END:T  {w}",
-        f"HELD:L  {x}", f"L  KF +{hold}", "+F", f"L  {w}", ">=F", "BEC", "TAK", f"T  {w}", "BE",
-    ]
-    return [for_coolers(statement, _SWAPPED) for statement in heaters] if ramp.cools else heaters
-
-
-def _down(step: int, lowest: str) -> list[str]:
-    return [f"L  KF +{step}", "-F", f"L  {lowest}", "<F", "JC =END", "TAK"]
-
-
 _MOST: Final = 32767
+#: a staircase above full power: the next tick begins a period
+PERIOD_ENDS: Final = FULL_SCALE + 1
 
 
 class Staircase(NamedTuple):
-    """What is summed up.
+    """How OB13 makes the PWM.
 
     Attributes:
-        ticks: of a call and of a period.
-        parts: 2N, by which the remainder counts.
-        first, first_part: whole units and remainder at tick 0.
-        step, step_part: of each further tick.
-        least: YA below this gives no pulse, for it would be too short; None: it would not.
-        full: from this YA on there is no pause, likewise.
+        ticks: calls of OB13 from one call of OB251 to the next, and in a period of the PWM.
+        least, most: smallest YA with a pulse, and largest one with a pause.
     """
 
     ticks: Ticks
-    parts: int
-    first: int
-    first_part: int
-    step: int
-    step_part: int
-    least: int | None
-    full: int | None
+    least: int
+    most: int
 
 
 def staircase(actuator: Actuator | None, sample_time_s: float) -> Staircase | None:
@@ -130,24 +76,9 @@ def staircase(actuator: Actuator | None, sample_time_s: float) -> Staircase | No
     ticks = None if actuator is None else actuator.ticks(sample_time_s)
     if actuator is None or ticks is None or actuator.minimum_rule == "carry":
         return None
-    parts = 2 * ticks.per_period
-    if ticks.per_call > _MOST or 2 * parts > _MOST or not _of_ten_ms(actuator.resolution_s):
+    if ticks.per_call > _MOST or 4 * ticks.per_period > _MOST or not _of_ten_ms(actuator.resolution_s):
         return None
-    least, full = _limits(actuator, ticks.per_period)
-    return Staircase(ticks, parts, *divmod(FULL_SCALE, parts), *divmod(2 * FULL_SCALE, parts), least=least, full=full)
-
-
-def _limits(actuator: Actuator, ticks: int) -> tuple[int | None, int | None]:
-    """Return `Staircase.least` and `Staircase.full` of a switch whose period is so many ticks."""
-    least = full = None
-    for ya in range(FULL_SCALE + 1):
-        on_s, _ = on_time(100.0 * ya / FULL_SCALE, 0.0, actuator.numbers)
-        on, nearest = round(on_s / actuator.resolution_s), (2 * ya * ticks + FULL_SCALE) // (2 * FULL_SCALE)
-        if on < nearest:
-            least = ya + 1
-        elif on > nearest and full is None:
-            full = ya
-    return least, full
+    return Staircase(ticks, *pulse_ends(actuator, percent, FULL_SCALE))
 
 
 def _of_ten_ms(tick_s: float) -> bool:
@@ -169,7 +100,10 @@ MODE: Final = "I 0.0"
 OUTPUT: Final = "PY 4"
 ANALOG: Final = "PW 176"
 
-_WORDS: Final = {"asked": "DW 0", "x": "DW 1", "w": "DW 2", "countdown": "DW 11", "lowest": "DW 12"}
+#: words of DB31 with which FB30 makes the PWM
+_PWM_WORDS: Final = {"YA": 4, "STAIR": 6, "REST": 7, "HELD": 8}
+#: words of DB31 with which FB33 leads W along its ramp
+_RAMP_WORDS: Final = {"ASKED": 0, "X": 1, "W": 2, "CALLS": 11, "END": 12, "AHEAD": 13, "BACK": 14, "SIZE": 15}
 _WIDTH: Final = 22
 
 #: of the input's word, below its value
@@ -187,11 +121,11 @@ def work(asked: int, ramp: Ramp | None) -> list[tuple[int, str]]:
         ramp: of the setpoint; None: none.
     """
     words = [
-        (asked, "setpoint asked for, 0...2047 units: yours to write"), (0, "X"), (0, "W"),
+        (asked, "ASKED: the setpoint, 0...2047 units: yours to write"), (0, "X"), (0, "W"),
         (0, "analog input as read; bit 1: wire break"), (0, "YA"), (1, "calls of OB13 until OB251's"),
-        (2047, "PWM: staircase"), (0, "PWM: its remainder"), (0, "PWM: YA of this period"),
+        (PERIOD_ENDS, "STAIR of the PWM"), (0, "REST of the PWM"), (0, "HELD of the PWM: YA of this period"),
         (0, "1: the sensor broke, off until manual"), (0, "1: the ramp has begun"),
-        (0, "calls of OB251 until the ramp's next step"), (0, "how far W may go for X")]
+        *((0, f"{name} of the ramp: {CELLS[name.capitalize()]}") for name in list(_RAMP_WORDS)[3:])]
     return words if ramp is not None else words[:10]
 
 
@@ -204,14 +138,15 @@ def heat(stairs: Staircase | None, ramp: Ramp | None, input_: str | None = None)
         input_: range of the analog module, see `heatertune.plc.inputs`.
     """
     per_call = 1 if stairs is None else stairs.ticks.per_call
-    output = _ANALOG if stairs is None else _pwm(stairs)
-    body = (_read(per_call, input_), _BROKEN_BEFORE, _mode(ramp), _CONTROL, _BROKEN, output, "BE")
-    return [f"FB {HEAT}", "NAME :HEAT", *_columns("".join(body))]
+    output = _columns(_ANALOG) if stairs is None else _pwm(stairs)
+    body = "".join((_read(per_call, input_), _BROKEN_BEFORE, _mode(ramp), _CONTROL, _BROKEN))
+    return [f"FB {HEAT}", "NAME :HEAT", *_columns(body), *output, *_columns("BE")]
 
 
 def ramp_block(ramp: Ramp) -> list[str]:
-    """Return FB33, called by FB30 where W follows a ramp."""
-    return [f"FB {RAMP}", "NAME :RAMP", *_columns("\n".join(ramp_statements(ramp, _WORDS)))]
+    """Return FB33, called by FB30 where W follows a ramp; its caller has opened DB31."""
+    printer, moves = S5Printer(_RAMP_WORDS), renamed(setpoint_ramp(ramp), {"Reading": "X", "Lead": "W"})
+    return [f"FB {RAMP}", "NAME :RAMP", *printer.print_groups(moves), printer.next("BE")]
 
 
 def start_up(interval_s: float, *, pwm: bool, ramp: Ramp | None, retained: bool) -> list[str]:
@@ -228,7 +163,7 @@ def start_up(interval_s: float, *, pwm: bool, ramp: Ramp | None, retained: bool)
     body = f"""{anew}C  DB {WORK}
 L  KF +1; the first call of OB13 calls OB251
 T  DW 5
-L  KF +2047; and begins a period of the PWM
+L  KF +{PERIOD_ENDS}; and begins a period of the PWM
 T  DW 6
 L  KF +0
 T  DW 4
@@ -361,10 +296,10 @@ T  DW 4
 """
 
 #: off in this very call, and no call of OB251 before the sensor is back
-_BROKEN: Final = """JU =OUT
+_BROKEN: Final = f"""JU =OUT
 BROK:L  KF +1; the sensor broke: off at once
 T  DW 9
-L  KF +2047
+L  KF +{PERIOD_ENDS}
 T  DW 6
 L  KF +0
 T  DW 4
@@ -376,61 +311,17 @@ T  {ANALOG}
 """
 
 
-def _pwm(stairs: Staircase) -> str:
-    """Return the staircase and the switch; YA is taken over where a period begins, after OB251 where both are due."""
-    return f"""OUT:L  DW 7; the staircase rises by {stairs.step} and {stairs.step_part}/{stairs.parts}
-L  KF +{stairs.step_part}
-+F
-T  DW 7
-L  DW 6
-L  KF +{stairs.step}
-+F
-T  DW 6
-L  DW 7
-L  KF +{stairs.parts}
-<F
-JC =NEXT
--F
-T  DW 7
-L  DW 6
-L  KF +1
-+F
-T  DW 6
-NEXT:L  DW 6
-L  KF +{FULL_SCALE}
-<F
-JC =LEVL
-L  KF +{stairs.first}; a period begins
-T  DW 6
-L  KF +{stairs.first_part}
-T  DW 7
-{_taken_over(stairs)}LEVL:L  DW 6; on while the staircase is below YA
-L  DW 8
-<F
-JC =ON
-L  KB 0
-JU =SET
-ON:L  KB 1
-SET:T  {OUTPUT}
-"""
-
-
-def _taken_over(stairs: Staircase) -> str:
-    """Return what takes YA over, without pulses or pauses that are too short."""
-    none = "" if stairs.least is None else f"""L  KF +{stairs.least}; a pulse that is too short is left out
-<F
-JC =NONE
-L  DW 4
-"""
-    full = "" if stairs.full is None else f"""L  KF +{stairs.full}; a pause that is too short is, too
->=F
-JC =FULL
-L  DW 4
-"""
-    cut = "" if stairs.least is None else "NONE:L  KF +0\n"
-    filled = "" if stairs.full is None else f"FULL:L  KF +{FULL_SCALE}\n"
-    kept = "JU =KEEP\n".join(filter(None, ("L  DW 4\n" + none + full, cut, filled)))
-    return f"{kept}{'KEEP:' if cut or filled else ''}T  DW 8\n"
+def _pwm(stairs: Staircase) -> Iterator[str]:
+    """Yield the staircase and the switch; YA is taken over where a period begins, after OB251 where both are due."""
+    printer = S5Printer(_PWM_WORDS)
+    printer.mark("OUT")
+    pulses = pulse_staircase(stairs.ticks.per_period, FULL_SCALE, stairs.least, stairs.most)
+    yield from printer.print_groups(renamed(pulses, {"Power": "YA"}))
+    yield printer.next("L", printer.operand("HELD"), "on while STAIR is not above HELD")
+    for statement in (("L", printer.operand("STAIR")), (">=F",), ("JC", "=ON"), ("L", "KB 0"), ("JU", "=SET")):
+        yield printer.next(*statement)
+    yield printer.line("ON", "L", "KB 1")
+    yield printer.line("SET", "T", OUTPUT)
 
 
 def _columns(body: str) -> Iterator[str]:

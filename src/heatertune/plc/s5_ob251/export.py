@@ -33,7 +33,18 @@ from heatertune.plc.feed_forward import FeedForward, FeedForwardHooks
 from heatertune.plc.keyed_entry import FIRST, THEN, bits, typed_words
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import ReadBack, WordCollector, lines_of, wrong
-from heatertune.plc.s5_ob251.blocks import DB, FOUR_MA, HEAT, INPUT, MODE, OUTPUT, START, WORK, program_listing
+from heatertune.plc.s5_ob251.blocks import (
+    DB,
+    FOUR_MA,
+    HEAT,
+    INPUT,
+    MODE,
+    OUTPUT,
+    PERIOD_ENDS,
+    START,
+    WORK,
+    program_listing,
+)
 from heatertune.plc.s5_ob251.step import (
     AUTO,
     COLD,
@@ -379,7 +390,7 @@ class ExportedS5(ExportedInPlc):
     def begin(self, output: Number, ticks: int) -> bool | None:  # noqa: ARG002 - the staircase's end begins a period
         """Run OB13 where a period begins with this YA."""
         work = self._work
-        work[_YA], work[_DUE], work[_STAIRS], work[_PART] = int(output), _FAR, FULL_SCALE, 0
+        work[_YA], work[_DUE], work[_STAIRS], work[_PART] = int(output), _FAR, PERIOD_ENDS, 0
         work[_YA_OF_PERIOD] = FULL_SCALE - int(output)  # anything else than what it has to become
         self._cpu.run("OB 13")
         return self._on()

@@ -3,8 +3,8 @@
 The repaired program as statement list, written from its words.
 
 Only instructions that a CPU 214 has are used. V memory: VW0, VW2, VW4 reading and its two predecessors; VW10, VW20
-error and its predecessor; VW24, VW26, VW28 differences and sum; VW30 ticks to go; VW34, VW36 setpoint on its
-ramp and calls to its next step; VD224 rest; constants from VW200.
+error and its predecessor; VW24, VW26, VW28 differences and sum; VW30 ticks to go; VW34 setpoint on its ramp, VW36 to
+VW44 what leads it there; VD224 rest; constants from VW200.
 
 The repaired program's constants in text: its statement list, or a data block with VW200 to VD220.
 """
@@ -16,9 +16,10 @@ from typing import Final
 
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.cpu.s7_200.assembler import Network, block, count_ticks, program, pwm_registers, timed_interrupt
-from heatertune.plc.cpu.s7_200.ramp import ramp_begins, ramp_moves
 from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, LoadedNumber, difference, is_program, loads, statements
 from heatertune.plc.cpu.s7_200.wiring import COUNTS, SWITCH, clock, counts_wired, head
+from heatertune.plc.print.parts import setpoint_ramp
+from heatertune.plc.print.stl import networks, ramp_begins
 from heatertune.plc.readback import ReadBack, WordCollector, whole_of, wrong
 from heatertune.plc.s7_200.words import FIELDS
 from heatertune.plc.words import Certificate, Words
@@ -28,8 +29,9 @@ __all__ = ["COUNTDOWN", "export_words", "from_text", "repaired_program", "setpoi
 
 #: ticks to go
 COUNTDOWN = "VW30"
-#: setpoint on the ramp, calls to its next step
-_RAMP = ("VW34", "VW36")
+#: cells of the setpoint ramp: setpoint asked for and reading, which may change places with it, and its own
+_RAMP: Final = {"ASKED": "VW10", "READING": "VW0", "LEAD": "VW34", "CALLS": "VW36", "SIZE": "VW38", "AHEAD": "VW40",
+                "BACK": "VW42", "END": "VW44"}
 
 
 def repaired_program(words: Words, head: Sequence[str] = ()) -> str:
@@ -57,7 +59,7 @@ def _initialisation(words: Words) -> list[Network]:
         Network("process variable: IB0", ["LD SM0.0", "MOVW +0, VW0", "MOVB IB0, VB1"]),
         Network("its bit 0 is wired to I1.0", ["LD I1.0", "= V1.0"]),
         Network("no change of it before the start", ["LD SM0.0", "MOVW VW0, VW2"]),
-        *([] if words.ramp is None else [ramp_begins(words.ramp, "VW0", *_RAMP)]),
+        *([] if words.ramp is None else [ramp_begins(words.ramp, _RAMP)]),
         pwm_registers(cycle, "16#CB"),
         timed_interrupt(v["TICK"]),
     ]
@@ -67,9 +69,8 @@ def _ramped(words: Words) -> list[Network]:
     """Return the networks that put the setpoint on its ramp in the place of the one asked for."""
     if words.ramp is None:
         return []
-    word, _ = _RAMP
-    follow = Network("set point on its ramp", ["LD SM0.0", f"MOVW {word}, VW10"])
-    return [*ramp_moves(words.ramp, "VW10", "VW0", *_RAMP), follow]
+    follow = Network("set point on its ramp", ["LD SM0.0", f"MOVW {_RAMP['LEAD']}, VW10"])
+    return [*networks(setpoint_ramp(words.ramp), _RAMP), follow]
 
 
 def _interrupt(words: Words) -> list[Network]:

@@ -24,10 +24,11 @@ from heatertune.plc.cpu.s7_200.assembler import (
     timed_interrupt,
 )
 from heatertune.plc.cpu.s7_200.cycle import cycle_ms, ticks_of, whole_cycle
-from heatertune.plc.cpu.s7_200.ramp import ramp_begins, ramp_moves
 from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, difference, is_program, loads
 from heatertune.plc.cpu.s7_200.wiring import SWITCH, clock, head
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
+from heatertune.plc.print.parts import setpoint_ramp
+from heatertune.plc.print.stl import networks, ramp_begins
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import ReadBack, WordCollector, wrong
 from heatertune.plc.s7_200_pid.step import STEP, measure
@@ -93,11 +94,14 @@ SETPOINT_INPUT = "VW80"
 COUNTDOWN = "VW90"
 
 _WIDEST = "32000.0"  # an analog input at the end of its range
-#: setpoint asked for, setpoint on the ramp, countdown
-_RAMP = (SETPOINT_INPUT, "VW82", "VW84")
+#: setpoint on the ramp
+_LED = "VW82"
 #: the reading of this call, whether it is that of a broken wire, and whether there was one since the call before
 _READING, _BROKEN, _BLIND = "VW86", "VW88", "VW92"
 _END = 32766  # what an EM231 gives in size where its supply is missing, and nearly so where a wire is broken
+#: cells of the setpoint ramp, in double words: what the holdback adds may leave a word
+_RAMP: Final = {"ASKED": "VD180", "READING": "VD184", "LEAD": "VD188", "CALLS": "VW84", "SIZE": "VD192",
+                "AHEAD": "VD196", "BACK": "VD200", "END": "VD204"}
 #: where OB1 leaves what it reads of an EM 231 for temperatures, that this goes on
 _READ = "VW94"
 
@@ -127,7 +131,7 @@ def _initialisation(words: Words) -> list[Network]:
         ]),
         Network("reading of the call before: the one at the start, whatever V memory retained",
                 _share("AIW0", f"VD{TABLE + 32}")),
-        *([] if words.ramp is None else [ramp_begins(words.ramp, "AIW0", *_RAMP[1:])]),
+        *([] if words.ramp is None else [ramp_begins(words.ramp, {**_RAMP, "READING": "AIW0", "LEAD": _LED})]),
         pwm_registers(cycle_ms(words.whole), "16#DB"),
         timed_interrupt(words.whole["TICK"]),
     ]
@@ -181,7 +185,7 @@ def in_degrees(words: Words) -> bool:
 
 def _seeing_again(words: Words) -> Network:
     """Return what makes the first good reading after a fault the beginning of the loop, as after a start."""
-    ramp = [] if words.ramp is None else [f"MOVW {_READING}, {_RAMP[1]}"]
+    ramp = [] if words.ramp is None else [f"MOVW {_READING}, {_LED}"]
     return Network("the first reading after that is the one before, too", [
         f"LDW>= {_BLIND}, +1", f"MOVR VD{TABLE}, VD{TABLE + 32}", *ramp, f"MOVW +0, {_BLIND}",
     ])
@@ -194,12 +198,16 @@ def _setpoint(words: Words) -> list[Network]:
             Network("setpoint not above the range", [f"LDR>= {SETPOINT}, 1.0", f"MOVR 1.0, {SETPOINT}"]),
             Network("setpoint not below the range", [f"LDR<= {SETPOINT}, 0.0", f"MOVR 0.0, {SETPOINT}"]),
         ]
-    asked, *led = _RAMP
+    asked = SETPOINT_INPUT
     return [
         Network("setpoint not above the range", [f"LDW>= {asked}, +32000", f"MOVW +32000, {asked}"]),
         Network("setpoint not below the range", [f"LDW<= {asked}, +0", f"MOVW +0, {asked}"]),
-        *ramp_moves(words.ramp, asked, _READING, *led),
-        Network("setpoint as a share of the range", _share(led[0], SETPOINT)),
+        Network("setpoint asked for, reading and setpoint on its ramp in 32 bits", [
+            "LD SM0.0", *(f"ITD {word}, {_RAMP[name]}" for name, word in (
+                ("ASKED", asked), ("READING", _READING), ("LEAD", _LED)))]),
+        *networks(setpoint_ramp(words.ramp), _RAMP),
+        Network("setpoint on its ramp in 16 bits", ["LD SM0.0", f"MOVD {_RAMP['LEAD']}, AC0", f"MOVW AC0, {_LED}"]),
+        Network("setpoint as a share of the range", _share(_LED, SETPOINT)),
     ]
 
 

@@ -1,47 +1,338 @@
-"""The controller in Python's simple-pid."""
+"""Python's simple-pid: its words, its law (`TERMS` of `firmware.parallel`), and the module around it.
+
+The words are arguments of its class PID and the interval of the loop that calls it; the law is that of pid.py, 2.0.1.
+"""
 
 from __future__ import annotations
 
-from typing import ClassVar
+import ast
+import math
+import warnings
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Final, NamedTuple
 
-from heatertune.plc.controller import Controller
-from heatertune.plc.core import ControllerState
-from heatertune.plc.parallel.step import COLD, PARALLEL, with_boost
-from heatertune.plc.simple_pid.export import export_words, from_text, loaders
-from heatertune.plc.simple_pid.step import SimplePidAssumptions, parameters_of, scan
-from heatertune.plc.simple_pid.words import COUNTS, FIELDS, FULL, TIMER, design_of, interval_s, oddities, values_of
-from heatertune.plc.words import Words
+from heatertune.errors import InputError
+from heatertune.pid.values import Timer
+from heatertune.plc.exported import TextSettings
+from heatertune.plc.firmware.make import FirmwarePid, controller_of, gain_fields, texts_of
+from heatertune.plc.firmware.parallel import (
+    COLD,
+    NOBODY,
+    PARALLEL,
+    TERMS,
+    ParallelParameters,
+    ParallelState,
+    again,
+    clamp,
+    compute_call,
+    scan_result,
+    step,
+)
+from heatertune.plc.firmware.text import (
+    calls_open_point,
+    commented,
+    decimal,
+    sensor_line,
+    setpoint_of,
+    settings_of,
+    window_of,
+)
+from heatertune.plc.ramp import Number
+from heatertune.plc.readback import ReadBack, WordCollector, wrong
+from heatertune.plc.words import Certificate, WordField, Words
 
 __all__ = ["SimplePid"]
 
+#: output of full power
+FULL: Final = 100.0
+_P_ON, _D_ON = "proportional_on_measurement", "differential_on_measurement"
 
-class SimplePid(Controller, name="simple-pid"):
-    """simple-pid in double precision; the loop around it switches the heater in windows of time."""
+GAINS: Final = gain_fields(("Kp", "Ki", "Kd"), "PID", "LREAL", (
+    "proportional gain, % per °C", "integral gain Kp/TN, per second", "derivative gain Kp·TV, seconds"))
+SETTINGS: Final = (
+    WordField(name="output_max", address="output_limits", format="LREAL", low=0.001, high=FULL,
+              comment="upper limit of the output, %; the lower one is 0"),
+    *(WordField(name=name, address="PID", format="BYTE", low=0, high=1, comment="1 True, 0 False")
+      for name in (_P_ON, _D_ON)),
+    WordField(name="PERIOD_MS", address="loop", format="TIME", low=10, high=600000,
+              comment="interval of the calls, ms"),
+)
+FIELDS: Final = (*GAINS, *SETTINGS)
 
-    title = "simple-pid 2.0.1 for Python (simple_pid/pid.py)"
-    main_file = "simple_pid_heater.py"
-    can = (
+
+def _oddities(v: Mapping[str, Number]) -> Iterator[str]:
+    if v[_P_ON] == 1:
+        yield "P is on the measurement: it is no standard form, and its sum has no limits."
+    if v[_D_ON] == 0:
+        yield "D is on the error: a step of the setpoint kicks the output."
+    if v["output_max"] < FULL:
+        yield f"The output is limited to {v['output_max']:g} %."
+
+
+class SimplePidAssumptions(NamedTuple):
+    """What depends on the computer, see DIFFERENCES.md."""
+
+    late: Annotated[bool, calls_open_point(
+        "the loop calls on time, or each tenth time after twice the interval, which it measures")] = False
+
+
+def _parameters(values: Mapping[str, float], assume: SimplePidAssumptions) -> ParallelParameters:
+    """Return the words as the object keeps them."""
+    high = float(values["output_max"])
+    return ParallelParameters(
+        law=TERMS, narrow=False, kp=float(values["Kp"]), ki=float(values["Ki"]), kd=float(values["Kd"]), low=0.0,
+        high=high, least=0.0, most=high, full=100.0, interval=values["PERIOD_MS"] / 1000.0, late=assume.late,
+        on_measurement=values[_P_ON] != 0, on_error=values[_D_ON] == 0)
+
+
+def _scan(
+    p: ParallelParameters, s: ParallelState, inputs: Mapping[str, float]
+) -> tuple[ParallelState, float, float, int]:
+    """Compute one call; where named, auto_mode 0 keeps the output, last_output begins I, dt is the interval [s].
+
+    An interval that is none is refused by the package, and leaves all as it was.
+    """
+    if not inputs.get("auto_mode", 1):
+        return scan_result(p, again(s, True, s.output, 1.0, NOBODY))
+    if s.begins and s.waited:  # back from manual: the I part begins where it is told
+        begun = clamp(float(inputs.get("last_output", 0.0)), p.least, p.most)
+        s = ParallelState(True, s.calls, begun, 0.0, 0.0, 0.0, 0.0, 0.0, s.output, 0.0)
+    setpoint, reading = float(inputs["setpoint"]), float(inputs["input_"])
+    if "dt" not in inputs:
+        return step(p, s, setpoint, reading, True)
+    interval = float(inputs["dt"])
+    return scan_result(p, compute_call(p, s, setpoint, reading, interval) if interval > 0.0 else s)
+
+
+#: in the order in which the class takes them
+_ORDER: Final = (
+    "Kp", "Ki", "Kd", "setpoint", "sample_time", "output_limits", "auto_mode", _P_ON,
+    _D_ON, "error_map", "time_fn", "starting_output")
+_USUAL: Final = {"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "sample_time": 0.01, "output_limits": (None, None), "auto_mode": True,
+                 _P_ON: False, _D_ON: True, "error_map": None,
+                 "starting_output": 0.0}
+_PERIOD: Final = "PERIOD_MS"
+
+
+def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
+    """Return the words in a module.
+
+    Raises:
+        InputError: no Python, no call of PID or several; an argument that is no number, out of its range, or of a part
+            that is not proven here; no interval.
+    """
+    tree = _parsed(text, source)
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and _named(node.func) == "PID"]
+    if len(calls) != 1:
+        raise InputError(f"{source}: {len(calls) or 'no'} calls of PID; expected one, such as PID(2.0, 0.1, 0.0, "
+                         "output_limits=(0, 100))")
+    known = {target.id: node.value for node in tree.body if isinstance(node, ast.Assign) for target in node.targets
+             if isinstance(target, ast.Name)}
+    call = calls[0]
+    given = _arguments(call, known, source)
+    collected = WordCollector(source, FIELDS)
+    for name in ("Kp", "Ki", "Kd"):
+        collected.put(name, _number(given[name]), call.lineno, str(given[name]))
+    for name in (_P_ON, _D_ON):
+        value = given[name]
+        collected.put(name, int(value) if isinstance(value, bool) else None, call.lineno, str(value))
+    limits = given["output_limits"]
+    if not isinstance(limits, tuple) or len(limits) != 2 or _number(limits[0]) != 0.0:
+        raise wrong(source, call.lineno, "output_limits", str(limits), "0 and a number up to 100, %")
+    collected.put("output_max", _number(limits[1]), call.lineno, str(limits[1]))
+    slow = given["sample_time"]
+    over = () if slow is None else (f"sample_time = {slow}: calls that come sooner are left out, which is not run",)
+    period = _value(known[_PERIOD], known) if _PERIOD in known else None
+    if period is None and sample_time_s is not None:
+        period = round(1000.0 * sample_time_s)
+    if period is not None:
+        collected.put(_PERIOD, period, call.lineno, str(period))
+    return ReadBack(collected.values(), over)
+
+
+def _parsed(text: str, source: str) -> ast.Module:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return ast.parse(text)
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
+        line = getattr(problem, "lineno", None)
+        raise InputError(f"{source}{'' if line is None else f', line {line}'}: no Python; expected a module that calls "
+                         "PID of simple-pid") from problem
+
+
+def _arguments(call: ast.Call, known: dict[str, ast.expr], source: str) -> dict[str, object]:
+    """Return all arguments of a call, by name."""
+    names = [*_ORDER[: len(call.args)], *(keyword.arg for keyword in call.keywords)]
+    if len(call.args) > len(_ORDER) or any(name not in _ORDER for name in names) or len(set(names)) != len(names):
+        raise wrong(source, call.lineno, "PID", ast.unparse(call)[:60], f"{', '.join(_ORDER)}")
+    values = [*call.args, *(keyword.value for keyword in call.keywords)]
+    given = _USUAL | {str(name): _value(value, known) for name, value in zip(names, values, strict=True)}
+    for name in ("auto_mode", "error_map", "starting_output"):
+        if given[name] != _USUAL[name]:
+            raise wrong(source, call.lineno, name, str(given[name]), f"{_USUAL[name]}: no other is proven here")
+    return given
+
+
+def _named(function: ast.expr) -> str:
+    if isinstance(function, ast.Attribute):
+        return function.attr
+    return function.id if isinstance(function, ast.Name) else ""
+
+
+def _value(node: ast.expr, known: dict[str, ast.expr]) -> Any:
+    """Return what an expression is, where it is a constant or the name of one; else its text, which no word takes."""
+    if isinstance(node, ast.Name) and node.id in known:
+        node = known[node.id]
+    if isinstance(node, ast.Tuple | ast.List):
+        return tuple(_value(each, known) for each in node.elts)
+    try:
+        return ast.literal_eval(node)
+    except (ValueError, TypeError, SyntaxError, RecursionError, MemoryError):
+        return ast.unparse(node)[:60]
+
+
+def _number(value: Any) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+_FILE: Final = "simple_pid_heater.py"
+
+
+def _settings(text: str) -> TextSettings:
+    values = from_text(text, None, _FILE).values
+    numbers = {target.id: float(node.value.value) for node in ast.parse(text).body
+               if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant)
+               and isinstance(node.value.value, int | float) for target in node.targets if isinstance(target, ast.Name)}
+    return settings_of(values, numbers, numbers["SETPOINT_DEGC"], ("BOOST_WITHIN_DEGC", "BOOST_AGAIN_DEGC"), text)
+
+
+_MODULE = '''
+import math
+import time
+
+from simple_pid import PID
+
+SETPOINT_DEGC = {setpoint}
+PERIOD_MS = {period}
+WINDOW_MS = {window}
+STEP_MS = {step}
+LEAST_ON_MS = {on}
+LEAST_OFF_MS = {off}
+{distances}
+
+def controller():
+    """Return the controller as it was proven; it has to be called each PERIOD_MS with the interval in seconds."""
+    return PID(
+        Kp={kp}, Ki={ki}, Kd={kd}, setpoint=SETPOINT_DEGC, sample_time=None,
+        output_limits=(0.0, {high}), proportional_on_measurement={p_on}, differential_on_measurement={d_on},
+    )
+
+
+def pulse_ms(output):
+    """Return how long the heater is on in one window for an output in percent; what is no number is off."""
+    if not output > 0.0:
+        return 0
+    wanted = output / 100.0 * WINDOW_MS
+    on = STEP_MS * math.floor(wanted / STEP_MS + 0.5)
+    if min(wanted, on) < LEAST_ON_MS:
+        return 0
+    return WINDOW_MS if max(wanted, on) > WINDOW_MS - LEAST_OFF_MS else on
+
+
+{far}def run(read_degC, switch, clock=time.monotonic, sleep=time.sleep):
+    """Control for ever; switch(False) in the end, whatever ends it.
+
+    read_degC() returns the temperature, NaN where the sensor is broken; switch(on) puts the heater on or off.
+    """
+    pid, output, called, due, began, on_ms = None, None, None, clock(), None, 0
+    try:
+        while True:
+            now = clock()
+            if now >= due:
+                reading = read_degC()
+                if math.isnan(reading):  # a broken sensor: off, and from cold when it is back
+                    pid, output, began = None, None, None
+{boost}                else:
+                    pid, dt = (controller(), PERIOD_MS / 1000.0) if pid is None else (pid, now - called)
+                    output, called = pid(reading, dt=dt), now
+                due = max(due + PERIOD_MS / 1000.0, now)
+            if output is None:
+                switch(False)
+            else:
+                if began is None or round(1000.0 * (now - began)) >= WINDOW_MS:
+                    began = now if began is None else began + WINDOW_MS / 1000.0
+                    on_ms = pulse_ms(output)
+                switch(round(1000.0 * (now - began)) < on_ms)
+            sleep(STEP_MS / 1000.0)
+    finally:
+        switch(False)
+'''
+
+_FAR = '''\
+def far(reading, free):
+    """Return whether the heater gets full power, free telling whether no controller has it."""
+    return (BOOST_WITHIN_DEGC if free else BOOST_AGAIN_DEGC) < SETPOINT_DEGC - reading < math.inf
+
+
+'''
+
+_BOOST = '''\
+                elif far(reading, pid is None):  # full power, and from cold where the controller takes over
+                    pid, output = None, {high}
+'''
+
+
+def _export(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
+    """Return the module; the same words and certificate give the same bytes."""
+    window, texts = window_of(words, certificate), texts_of(words, FIELDS)
+    high = texts["output_max"]
+    head = commented(
+        "#", "heater controller for Python's simple-pid 2.0.1", sensor_line(words, "; output in percent"),
+        *certificate.head, window.summary,
+        "remains to be done by hand: run(read_degC, switch) with your sensor and your heater's switch; pulses end with",
+        "  a round of the loop, late by up to STEP_MS and what your reading takes")
+    return {_FILE: head + _MODULE.format(
+        setpoint=setpoint_of(words, certificate), period=texts["PERIOD_MS"], window=window.period_ms,
+        step=window.step_ms, on=window.least_on_ms, off=window.least_off_ms,
+        kp=texts["Kp"], ki=texts["Ki"], kd=texts["Kd"], high=high,
+        p_on=words.values[_P_ON] != 0, d_on=words.values[_D_ON] != 0, distances=_distances(words),
+        far=_FAR if words.boost else "", boost=_BOOST.format(high=high) if words.boost else "")}
+
+
+def _distances(words: Words) -> str:
+    if words.boost is None:
+        return ""
+    return (f"BOOST_WITHIN_DEGC = {decimal(words.boost.within_degC, 'LREAL')}\n"
+            f"BOOST_AGAIN_DEGC = {decimal(words.boost.again_degC, 'LREAL')}\n")
+
+
+SimplePid = controller_of(FirmwarePid(
+    name="simple-pid", title="simple-pid 2.0.1 for Python (simple_pid/pid.py)", main_file=_FILE,
+    can=(
         "P, PI, PD and PID in double precision by the measured interval, D on the reading",
         "P on the measurement and D on the error where words are read",
         "exported as a Python module: the object, a loop with a boost and a window of time; a broken sensor is off",
-    )
-    cannot = (
+    ),
+    cannot=(
         "no derivative filter: noise and steps of the reading reach the output times Kd/interval",
         "the integral part goes on while the output is at a limit; it ends at that limit itself",
         "no coolers, no lower limit but 0, no error_map, no starting_output",
         "no setpoint ramp in the module; pulses that make up for others are left to a switch behind it",
-    )
-    fields, timer, counts, assumptions = FIELDS, TIMER, COUNTS, SimplePidAssumptions
-    inputs: ClassVar = {"setpoint": "REAL", "input_": "REAL", "auto_mode": "BOOL", "last_output": "REAL", "dt": "REAL"}
-    derivative_filter = 0.0
-    most_power = ("output_max", FULL)
-    tick_s = 0.01
-    has_boost = True
-    core = PARALLEL
-    values, design, export = staticmethod(values_of), staticmethod(design_of), staticmethod(export_words)
-    interval_s, oddities, text = staticmethod(interval_s), staticmethod(oddities), staticmethod(from_text)
-    scan_all, load_exported = staticmethod(scan), staticmethod(loaders)
-
-    def begin(self, words: Words, assume: SimplePidAssumptions) -> ControllerState:
-        """Return the state of a new object."""
-        return ControllerState(with_boost(parameters_of(words.values, assume), words.boost), COLD)
+    ),
+    inputs={"setpoint": "REAL", "input_": "REAL", "auto_mode": "BOOL", "last_output": "REAL", "dt": "REAL"},
+    counts=4095,  # of the 12-bit converter behind the sensor that is assumed
+    timer=Timer(shortest_s=0.01, longest_s=600.0, step_s=0.01),
+    gains=GAINS, settings=SETTINGS, full=FULL, usual={"output_max": FULL, _P_ON: 0, _D_ON: 1},
+    interval=("PERIOD_MS", 0.001), method="as the words of simple-pid realise it", oddities=_oddities,
+    measurement=(_P_ON, 1), law=PARALLEL, cold=COLD, assumptions=SimplePidAssumptions, parameters=_parameters,
+    export=_export, text=from_text, settings_in={_FILE: _settings},
+    further={"tick_s": 0.01, "has_boost": True, "most_power": ("output_max", FULL), "scan_all": staticmethod(_scan),
+             "keyed_entries": None},
+))

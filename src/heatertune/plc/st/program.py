@@ -12,15 +12,17 @@ What an exported program says first: what it is, under which conditions, and wha
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from typing import Final, NamedTuple
 
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.cpu.statements import in_ascii
 from heatertune.plc.open_points import OpenPoint
+from heatertune.plc.print.parts import CELLS, setpoint_ramp
+from heatertune.plc.print.statements import renamed
 from heatertune.plc.pwm import Actuator, pulse_ends
-from heatertune.plc.ramp import Number, Ramp, for_coolers
+from heatertune.plc.ramp import Ramp
 from heatertune.plc.single_precision import real_of, single, word_of
 from heatertune.plc.words import Certificate, Words
 
@@ -151,15 +153,13 @@ _PWM_VARIABLES: Final = (
     ("HeaterRest", "DINT", "0", "what was cut off, times the steps of a period"),
     ("HeaterHigh", "DINT", "0", "of the product with the steps of a period"),
 )
-_RAMP_VARIABLES: Final = (
-    ("HeaterRamp", "REAL", "0.0", "degC, the setpoint on its ramp"),
-    ("HeaterRampCalls", "INT", "0", "calls since its last step"),
-)
+#: cells of the setpoint ramp → variables of the program
+_RAMP_NAMES: Final = {"Asked": "HeaterSetPoint", "Reading": "HeaterTemperature", "Lead": "HeaterRamp"} | {
+    name: f"HeaterRamp{name}" for name in CELLS}
 _BOOST_VARIABLES: Final = (
     ("HeaterBoost", "BOOL", "FALSE", "full power, the controller not enabled"),
     ("HeaterAway", "REAL", "0.0", "degC, from the temperature to the setpoint"),
 )
-_HOLD_VARIABLES: Final = (("HeaterLimit", "REAL", "0.0", "degC, how far from the temperature the ramp may be"),)
 
 
 class ProgramClock(NamedTuple):
@@ -219,11 +219,20 @@ def variables(
         setpoint_degC: as it was proven, on the counts of the input module [°C].
         own: more of them, for this target alone.
     """
-    ramp = () if words.ramp is None else _RAMP_VARIABLES + (() if words.ramp.hold is None else _HOLD_VARIABLES)
+    ramp = () if words.ramp is None else tuple(_ramp_variables(words.ramp))
     boost = () if words.boost is None else _BOOST_VARIABLES
     given = {"setpoint": literal(single(setpoint_degC)), "tick": clock.tick_ms}
     said = tuple((name, type_, initial.format(**given), meaning) for name, type_, initial, meaning in _VARIABLES)
     return said + own + (_PWM_VARIABLES if clock.steps else ()) + boost + ramp
+
+
+def _ramp_variables(ramp: Ramp) -> Iterator[Variable]:
+    yield "HeaterRamp", "REAL", "0.0", "degC, the setpoint on its ramp"
+    text = "".join(group.lines for group in setpoint_ramp(ramp))
+    for name, meaning in CELLS.items():
+        if f"{name} :=" in text:
+            kind = ("INT", "0", meaning) if name == "Calls" else ("REAL", "0.0", f"degC, {meaning}")
+            yield _RAMP_NAMES[name], *kind
 
 
 def statements(
@@ -341,38 +350,10 @@ def _boost(words: Words, limits: ProgramLimits) -> tuple[str, str]:
 
 def _ramp(ramp: Ramp) -> str:
     """Return the statements that lead the setpoint; it begins at the reading of the call that enables the block."""
-    step = literal(ramp.step)
-    below, lowest, above = ("", "HeaterSetPoint", "") if ramp.hold is None else _held(ramp.hold)
-    arrived = "  ELSE\n" if not below else "  ELSIF NOT (HeaterRamp > HeaterSetPoint) THEN\n"
-    moves = (
-        f"{below}"
-        "  IF HeaterRamp < HeaterSetPoint THEN\n"
-        f"    HeaterRamp := HeaterRamp + {step};\n"
-        "    IF HeaterRamp > HeaterSetPoint THEN\n      HeaterRamp := HeaterSetPoint;\n    END_IF;\n"
-        f"  ELSIF HeaterRamp > {lowest} THEN\n"
-        f"    HeaterRamp := HeaterRamp - {step};\n"
-        f"    IF HeaterRamp < {lowest} THEN\n      HeaterRamp := {lowest};\n    END_IF;\n"
-        f"{arrived}    HeaterRamp := HeaterSetPoint;\n  END_IF;\nEND_IF;\n{above}"
-    )
-    if ramp.cools:
-        moves = for_coolers(moves, {"<": ">", "+": "-"})
-    return (
-        "IF NOT HeaterWasOn THEN\n  HeaterRamp := HeaterTemperature;\n  HeaterRampCalls := 0;\nEND_IF;\n"
-        "HeaterRampCalls := HeaterRampCalls + 1;\n"
-        f"IF HeaterRampCalls >= {ramp.calls} THEN\n  HeaterRampCalls := 0;\n{moves}"
-    )
-
-
-def _held(size: Number) -> tuple[str, str, str]:
-    """Return the statements that find the lowest setpoint, its name, and those that keep the setpoint from above."""
-    hold = literal(abs(size))
-    return (
-        f"  HeaterLimit := HeaterTemperature - {hold};\n"
-        "  IF NOT (HeaterLimit > HeaterSetPoint) THEN\n    HeaterLimit := HeaterSetPoint;\n  END_IF;\n",
-        "HeaterLimit",
-        f"HeaterLimit := HeaterTemperature + {hold};\n"
-        "IF HeaterRamp > HeaterLimit THEN\n  HeaterRamp := HeaterLimit;\nEND_IF;\n",
-    )
+    groups = renamed(setpoint_ramp(ramp, literal), _RAMP_NAMES)
+    moves = "".join(f"(* {group.title} *)\n{group.lines}" for group in groups)
+    return ("IF NOT HeaterWasOn THEN\n  HeaterRamp := HeaterTemperature;\n"
+            f"{f'  HeaterRampCalls := {ramp.calls};{chr(10)}' if ramp.calls > 1 else ''}END_IF;\n{moves}")
 
 
 def head_of(

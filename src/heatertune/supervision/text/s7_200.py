@@ -12,28 +12,17 @@ from heatertune.plc.cpu.s7_200.assembler import Network, block, block_number, pr
 from heatertune.plc.cpu.s7_200.cpu import carry_out
 from heatertune.plc.cpu.s7_200.memory import V_BEGIN, V_END, WHOLE, bit, cell, put_word, word
 from heatertune.plc.cpu.statements import in_ascii
-from heatertune.supervision.text.structured_text import (
-    INPUTS,
-    OUTPUTS,
-    WIDE,
-    Group,
-    Operand,
-    Set,
-    Statements,
-    Step,
-    alarms_told,
-    steps,
-)
+from heatertune.plc.print.stl import ALWAYS, networks
+from heatertune.supervision.text.statements import INPUTS, OUTPUTS, WIDE, Statements, alarms_told
 
-__all__ = ["S7_200_FILE", "S7200Text", "reading_of", "s7_200_text"]
+__all__ = ["FILE", "S7200Text", "reading_of", "written"]
 
-S7_200_FILE: Final = "monitor.awl"
+FILE: Final = "monitor.awl"
 #: first of its words: those below are the controller's
 _FIRST: Final = 300
-_ALWAYS: Final = "LD SM0.0"
 _WORD: Final = 1 << 15
 _CALLS: Final = (
-    Network("monitor of the heater", [_ALWAYS, "CALL SBR1"]),
+    Network("monitor of the heater", [ALWAYS, "CALL SBR1"]),
     Network("a block of its calls is over", ["LDW>= {in_block}, {block:+d}", "CALL SBR2"]),
 )
 
@@ -48,7 +37,7 @@ def reading_of(target: str, per_count: int) -> list[str]:
     return ["MOVW VW0, AC0"] if target == "s7-200" else ["MOVW VW86, AC0", f"DIV {per_count:+d}, AC0"]
 
 
-def s7_200_text(statements: Statements, head: list[str], reading: list[str], cycle_ms: int) -> str:
+def written(statements: Statements, head: list[str], reading: list[str], cycle_ms: int) -> str:
     """Return the text of the two subroutines.
 
     Args:
@@ -64,10 +53,10 @@ def s7_200_text(statements: Statements, head: list[str], reading: list[str], cyc
     told = [f"{place}: {name.upper()}, {meaning}" for (name, meaning), place in zip(
         _cells(statements).items(), at.values(), strict=True)]
     lines = [in_ascii(line) for line in [*head, *_by_hand(statements, at), *told]]
-    call = [Network("reading", [_ALWAYS, *reading, f"MOVW AC0, {at['READING']}"]), *_percent(cycle_ms, at["POWER"])]
+    call = [Network("reading", [ALWAYS, *reading, f"MOVW AC0, {at['READING']}"]), *_percent(cycle_ms, at["POWER"])]
     return program(
-        block("SBR1", "monitor of the heater: each call", [*call, *_networks(statements.each_call, at)], lines),
-        block("SBR2", "monitor of the heater: a block is over", [*_networks(statements.each_block, at)]))
+        block("SBR1", "monitor of the heater: each call", [*call, *networks(statements.each_call, at)], lines),
+        block("SBR2", "monitor of the heater: a block is over", [*networks(statements.each_block, at)]))
 
 
 def _cells(statements: Statements) -> Mapping[str, str]:
@@ -111,59 +100,12 @@ def _percent(cycle_ms: int, power: str) -> Iterator[Network]:
         shift -= 1
     half = (cycle_ms + 1) // 2
     yield Network("power asked for, a first guess", [
-        _ALWAYS, "MOVW SMW70, AC0", f"MUL {(100 << shift) // cycle_ms:+d}, AC0", f"SRD AC0, {shift}",
+        ALWAYS, "MOVW SMW70, AC0", f"MUL {(100 << shift) // cycle_ms:+d}, AC0", f"SRD AC0, {shift}",
         f"MOVW AC0, {power}"])
     yield Network("100 times the width less the guess times the cycle", [
-        _ALWAYS, "MOVW SMW70, AC0", "MUL +100, AC0", f"MOVW {power}, AC1", f"MUL {cycle_ms:+d}, AC1", "-D AC1, AC0"])
+        ALWAYS, "MOVW SMW70, AC0", "MUL +100, AC0", f"MOVW {power}, AC1", f"MUL {cycle_ms:+d}, AC1", "-D AC1, AC0"])
     for more in (half, half + cycle_ms):
         yield Network("nearest whole percent", [f"LDD>= AC0, {more:+d}", f"+I +1, {power}"])
-
-
-def _networks(groups: tuple[Group, ...], at: Mapping[str, str]) -> Iterator[Network]:
-    for group in groups:
-        for number, step in enumerate(steps(group)):
-            yield Network(_said(step, group.title if number == 0 else ""), list(_step(step, at)))
-
-
-def _said(step: Step, title: str) -> str:
-    does = "; ".join(made.text.upper() for made in step.sets)
-    asked = "" if step.condition is None else "IF {1} {0} {2}: ".format(*step.condition)
-    return f"{title}{': ' if title else ''}{asked}{does}"
-
-
-def _step(step: Step, at: Mapping[str, str]) -> Iterator[str]:
-    if step.condition is None:
-        yield _ALWAYS
-    else:
-        relation, *both = step.condition
-        kind = "D" if both[0] == WIDE else "W"
-        yield f"LD{kind}{relation} {', '.join(_operand(each, at) for each in both)}"
-    for made in step.sets:
-        yield from _wide(made, at) if made.cell == WIDE else _sum(made, at)
-
-
-def _operand(what: Operand, at: Mapping[str, str]) -> str:
-    return f"{what:+d}" if isinstance(what, int) else at[what]
-
-
-def _sum(made: Set, at: Mapping[str, str]) -> Iterator[str]:
-    first, *others = made.terms
-    target = at[made.cell]
-    assert all(term.what != made.cell for term in others)
-    if first.what != made.cell:
-        yield f"MOVW {_operand(first.what, at)}, {target}"
-    for term in others:
-        yield f"{'+' if term.sign > 0 else '-'}I {_operand(term.what, at)}, {target}"
-
-
-def _wide(made: Set, at: Mapping[str, str]) -> Iterator[str]:
-    target = at[made.cell]
-    first, *others = made.terms
-    yield f"MOVD {first.sign * int(first.what):+d}, {target}"
-    for term in others:
-        yield f"MOVW {_operand(term.what, at)}, AC0"
-        yield f"MUL {term.factor:+d}, AC0"
-        yield f"{'+' if term.sign > 0 else '-'}D AC0, {target}"
 
 
 class S7200Text:

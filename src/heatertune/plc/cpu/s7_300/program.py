@@ -3,8 +3,6 @@
 OB35 ticks; every so many ticks it calls the controller, and each tick the PWM. A broken sensor, or another interval of
 OB35 than the proof's, puts the heater off at once, and the controller begins anew afterwards, as after a restart.
 
-The statements that lead a setpoint along a ramp, for both controllers of the S7-300.
-
 How the heater is switched: by a PWM block of the export's own, by FB43 PULSEGEN, or behind an analog output.
 
 OB35 ticks at the resolution of the PWM that was proven; every so many ticks it calls the controller.
@@ -14,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Final, NamedTuple
 
 from heatertune.plc.core import count
@@ -22,8 +19,11 @@ from heatertune.plc.cpu.s7_300 import source as awl
 from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, RANGES
 from heatertune.plc.cpu.s7_300.source import BlockMember, values
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
+from heatertune.plc.print.parts import setpoint_ramp
+from heatertune.plc.print.statements import renamed
+from heatertune.plc.print.stl import S7300Printer
 from heatertune.plc.pwm import Actuator, pulse_ends
-from heatertune.plc.ramp import Number, Ramp, for_coolers
+from heatertune.plc.ramp import Number, Ramp
 from heatertune.plc.single_precision import real_of, word_of
 from heatertune.plc.words import Certificate, Words
 
@@ -42,81 +42,13 @@ __all__ = [
     "pwm_block",
     "pwm_members",
     "pwm_source",
-    "ramp_begins",
-    "ramp_moves",
     "whole_number",
 ]
 
 
-_SWAPPED: Final = {
-    "+I": "-I", ">I": "<I", ">=I": "<=I", "+D": "-D", ">D": "<D", ">=D": "<=D", "down": "rise", "low": "top",
-    "the reading less the holdback where that is more": "the reading and the holdback where that is less",
-    "the reading and the holdback": "the reading less the holdback",
-}
-
-
-def ramp_begins(ramp: Ramp, at: Mapping[str, str]) -> list[str]:
-    """Return the statements of the first call: the ramp begins at the reading; operands as for `ramp_moves`."""
-    countdown = [] if ramp.calls == 1 else [f"      L     {ramp.calls};", f"      T     {at['COUNTDOWN']};"]
-    return ["      L     #reading;", f"      T     {at['LED']};  // setpoint ramp begins at the reading", *countdown]
-
-
-def ramp_moves(ramp: Ramp, at: Mapping[str, str]) -> list[str]:
-    """Return the statements of each call: the setpoint moves by a step, or by what is left where that is less.
-
-    It comes from the side on which it is, so that no sum can overflow on a setpoint within 0…27648. A holdback is
-    reckoned in 32 bits: the reading of a broken sensor is at the end of 16.
-
-    Args:
-        ramp: how it moves.
-        at: operands: SP asked for; LED, the setpoint that the controller follows; COUNTDOWN, the calls to its next
-            step; LOWEST, how far a holdback lets it go down, or up for a cooler.
-    """
-    step, asked, word, lowest = int(ramp.step), at["SP"], at["LED"], at["LOWEST"]
-    counts = [] if ramp.calls == 1 else _count(ramp.calls, at["COUNTDOWN"])
-    up = [*_by(step, word, asked, "+I", ">I"), "      JU    ramp;"]
-    if ramp.hold is None:
-        return [
-            *counts, f"      L     {word};", f"      L     {asked};", "      >I    ;", "      JC    down;",
-            *up, *_by(step, word, asked, "-I", "<I", label="down:"),
-            f"ramp: T     {word};", *(["kept: NOP   0;"] if counts else []),
-        ]
-    hold = abs(ramp.hold)
-    heaters = [
-        *_beside(hold, "-D", asked), "      <D    ;", "      JC    low;", "      TAK   ;",
-        f"low:  T     {lowest};  // the setpoint asked for, or the reading less the holdback where that is more",
-        f"      L     {word};", f"      L     {asked};", "      >I    ;", "      JC    down;", *up,
-        f"down: L     {word};", f"      L     {lowest};", "      <=I   ;", "      JC    kept;",
-        *_by(step, word, lowest, "-I", "<I"),
-        f"ramp: T     {word};",
-        *_beside(hold, "+D", word, label="kept:"), "      >=D   ;", "      JC    held;", "      TAK   ;",
-        f"      T     {word};  // the reading and the holdback", "held: NOP   0;",
-    ]
-    return [*counts, *(map(partial(for_coolers, swapped=_SWAPPED), heaters) if ramp.cools else heaters)]
-
-
-def _beside(hold: Number, sum_: str, word: str, label: str = "") -> list[str]:
-    """Return the statements that leave the reading and a holdback in ACCU 2, a word in ACCU 1, both in 32 bits."""
-    return [
-        f"{label:6s}L     #reading;", "      ITD   ;", f"      L     L#{hold};", f"      {sum_}    ;",
-        f"      L     {word};", "      ITD   ;",
-    ]
-
-
-def _count(calls: int, countdown: str) -> list[str]:
-    return [
-        f"      L     {countdown};", "      L     1;", "      -I    ;", f"      T     {countdown};",
-        "      L     0;", "      >I    ;", "      JC    kept;",
-        f"      L     {calls};", f"      T     {countdown};",
-    ]
-
-
-def _by(step: int, word: str, asked: str, move: str, beyond: str, label: str = "") -> list[str]:
-    """Return the statements that leave a step on, or what is asked for where the step goes beyond it, in ACCU 1."""
-    return [
-        f"{label:6s}L     {word};", f"      L     {step};", f"      {move}    ;", f"      L     {asked};",
-        f"      {beyond}    ;", "      JC    ramp;", "      TAK   ;",
-    ]
+#: cells of the setpoint ramp in the program's data, words; the others are double words for the time of a call
+_RAMP: Final = {"Asked": "SP", "Lead": "LED", "Calls": "COUNTDOWN"}
+_RAMP_TEMPORARIES: Final = tuple(f"{name.lower()} : DINT" for name in ("SIZE", "AHEAD", "BACK", "END"))
 
 
 #: who makes the pulses: a block of this source, FB43 of the Standard Library, or the user behind an analog output
@@ -431,7 +363,8 @@ class BlockProgram:
             low, broken = f"below {LEAST}", [f"      L     {LEAST};  // 3.6 mA", "      <I    ;"]
         return [
             "ORGANIZATION_BLOCK OB 35", "TITLE =cyclic interrupt: one tick", "VERSION : 0.1", *_TOLD.splitlines(),
-            *(f"  {each} ;" for each in self.temporaries), "END_VAR", "BEGIN",
+            *(f"  {each} ;" for each in self.temporaries),
+            *([] if self.ramp is None else [f"  {each} ;" for each in _RAMP_TEMPORARIES]), "END_VAR", "BEGIN",
             "NETWORK", "TITLE =is this the interval of the proof?",
             "      L     #OB35_EXC_FREQ;", f"      L     {at['TICK_MS']};", "      <>I   ;",
             f"      =     {at['WRONG_CLOCK']};", "      JC    off;",
@@ -473,7 +406,6 @@ class BlockProgram:
             BlockMember("BEGUN", "BOOL", 0, "setpoint ramp under way"),
             BlockMember("LED", "INT", 0, "setpoint on its ramp"),
             BlockMember("COUNTDOWN", "INT", 0, "calls to its next step"),
-            BlockMember("LOWEST", "INT", 0, "end of its way back"),
         ]
         return [
             *bits, self.setpoint,
@@ -513,9 +445,14 @@ class BlockProgram:
         """Return the statements that lead the setpoint, if it is led."""
         if self.ramp is None:
             return []
-        at = self.at
-        return [f"      A     {at['BEGUN']};", "      JC    go;", *ramp_begins(self.ramp, at), "      SET   ;",
-                f"      =     {at['BEGUN']};", "go:   NOP   0;", *ramp_moves(self.ramp, at)]
+        at, moves = self.at, renamed(setpoint_ramp(self.ramp), _RAMP)
+        temporaries = {name: f"#{name.lower()}" for name in ("READING", "SIZE", "AHEAD", "BACK", "END")}
+        printer = S7300Printer({**at, **temporaries}, words=("READING", *_RAMP.values()))
+        return [f"      A     {at['BEGUN']};", "      JC    go;", "      L     #reading;",
+                f"      T     {at['LED']};  // setpoint ramp begins at the reading",
+                f"      L     {self.ramp.calls};", f"      T     {at['COUNTDOWN']};", "      SET   ;",
+                f"      =     {at['BEGUN']};", "go:   NOP   0;", *printer.print_groups(moves),
+                printer.next("NOP", "0")]
 
     @property
     def _switched(self) -> list[str]:

@@ -20,7 +20,6 @@ import math
 from typing import Final, NamedTuple
 
 from heatertune.plc.core import Sensor, StepFunctions, count
-from heatertune.plc.ramp import Boost
 from heatertune.plc.single_precision import single
 
 __all__ = [
@@ -41,7 +40,6 @@ __all__ = [
     "quotient",
     "scan_result",
     "step",
-    "with_boost",
 ]
 
 #: what a program does against windup
@@ -129,11 +127,6 @@ def step(p: ParallelParameters, s: ParallelState, setpoint: float, reading: floa
     return scan_result(p, compute_call(p, s, setpoint, reading, interval))
 
 
-def with_boost(p: ParallelParameters, boost: Boost | None) -> ParallelParameters:
-    """Return the parameters with a boost."""
-    return p if boost is None else p._replace(within=boost.within_degC, far=boost.again_degC)
-
-
 def again(s: ParallelState, begins: bool, output: float, waited: float, held: int) -> ParallelState:
     """Return a state whose memory is as it was.
 
@@ -145,8 +138,7 @@ def again(s: ParallelState, begins: bool, output: float, waited: float, held: in
         held: who has the heater.
     """
     return ParallelState(begins, s.calls % _TEN + 1, s.integral, s.proportional, s.derivative, s.reading, s.error,
-                         s.setpoint,
-                 output, waited, s.sample_count, s.slopes, held)
+                         s.setpoint, output, waited, s.sample_count, s.slopes, held)
 
 
 def scan_result(p: ParallelParameters, s: ParallelState) -> tuple[ParallelState, float, float, int]:
@@ -190,9 +182,7 @@ def _on_full_power(p: ParallelParameters, s: ParallelState, setpoint: float, rea
                              PROGRAM)
     s = _summed_by_time(p, s, setpoint, reading, interval)
     return ParallelState(False, s.calls, 0.0, 0.0, s.derivative, reading, s.error, setpoint, s.output, 0.0,
-                         s.sample_count,
-                         s.slopes,
-                 PROGRAM)
+                         s.sample_count, s.slopes, PROGRAM)
 
 
 def _windowed(p: ParallelParameters, s: ParallelState, setpoint: float, reading: float) -> ParallelState:
@@ -209,15 +199,14 @@ def _windowed(p: ParallelParameters, s: ParallelState, setpoint: float, reading:
     both = narrowed_to(p.narrow, narrowed_to(p.narrow, p.kp * error) + narrowed_to(p.narrow, p.ki * total))
     output = clamp(narrowed_to(p.narrow, both + lagged), p.low, p.high)
     steps = float(math.floor(output / 2.0)) if output >= 0.0 else 0.0  # a whole number, halved: both cut
-    return ParallelState(False, s.calls % _TEN + 1, total, 0.0, lagged, reading, error, target, steps, 0.0, 0, s.slopes,
-                 CONTROLLER)
+    return ParallelState(False, s.calls % _TEN + 1, total, 0.0, lagged, reading, error, target, steps, 0.0, 0,
+                         s.slopes, CONTROLLER)
 
 
 def _outside(p: ParallelParameters, s: ParallelState, reading: float, output: float) -> ParallelState:
     last = s.reading if p.inside else reading
     return ParallelState(True, s.calls % _TEN + 1, s.integral, 0.0, s.derivative, last, s.error, s.setpoint, output,
-                         0.0, 0,
-                 s.slopes, CONTROLLER)
+                         0.0, 0, s.slopes, CONTROLLER)
 
 
 def _summed(p: ParallelParameters, s: ParallelState, setpoint: float, reading: float) -> ParallelState:
@@ -231,8 +220,8 @@ def _summed(p: ParallelParameters, s: ParallelState, setpoint: float, reading: f
     output = 0.0 if p.on_measurement else narrowed_to(p.narrow, p.kp * error)
     output = narrowed_to(p.narrow, output + narrowed_to(p.narrow, total - narrowed_to(p.narrow, p.kd * change)))
     output = clamp(output, p.low, p.high)
-    return ParallelState(False, s.calls % _TEN + 1, total, 0.0, 0.0, reading, error, setpoint, output, 0.0, 0, s.slopes,
-                 CONTROLLER)
+    return ParallelState(False, s.calls % _TEN + 1, total, 0.0, 0.0, reading, error, setpoint, output, 0.0, 0,
+                         s.slopes, CONTROLLER)
 
 
 def _summed_by_time(p: ParallelParameters, s: ParallelState, setpoint: float, reading: float,
@@ -257,8 +246,7 @@ def _summed_by_time(p: ParallelParameters, s: ParallelState, setpoint: float, re
     output = narrowed_to(p.narrow, both + narrowed_to(p.narrow, p.kd * slope))
     level = clamp(output, 0.0, 1.0) if output == output else s.output  # noqa: PLR0124 - neither output is set
     return ParallelState(False, s.calls % _TEN + 1, total, 0.0, slope, reading, error, setpoint, level, 0.0, kept,
-                         slopes,
-                 CONTROLLER)
+                         slopes, CONTROLLER)
 
 
 def _mean(p: ParallelParameters, slopes: tuple[float, ...], kept: int) -> float:
@@ -278,8 +266,7 @@ def _of_terms(p: ParallelParameters, s: ParallelState, setpoint: float, reading:
     derivative = p.kd * turned / interval if p.on_error else -p.kd * change / interval
     output = clamp(proportional + total + derivative, p.low, p.high)
     return ParallelState(False, s.calls % _TEN + 1, total, proportional, derivative, reading, error, setpoint, output,
-                         0.0, 0,
-                 s.slopes, CONTROLLER)
+                         0.0, 0, s.slopes, CONTROLLER)
 
 
 def clamp(value: float, low: float, high: float) -> float:
