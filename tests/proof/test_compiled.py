@@ -1,4 +1,4 @@
-"""The loop compiled against the same loop as plain Python, bit for bit, and what is measured against `judge`."""
+"""The loop compiled against the same loop as plain Python, bit for bit, and what is measured against the witness."""
 
 import math
 import struct

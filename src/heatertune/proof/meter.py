@@ -1,8 +1,8 @@
 """What a loop is judged by, measured while it runs, so that no trace need be kept.
 
-The same numbers as `judge` takes from a trace. Between two instants at which the temperature may turn (scan, change of
-power, jump, and with two lags the turn itself) it only rises or only falls: there integrals, and the instants at which
-it crosses the setpoint or an edge of the band, are those of the heater's own answer, not of a line between two points.
+Between two instants at which the temperature may turn (scan, change of power, jump, and with two lags the turn itself)
+it only rises or only falls: there integrals, and the instants at which it crosses the setpoint or an edge of the band,
+are those of the heater's own answer, not of a line between two points.
 A phase lasts from the start, or a disturbance, to the next one, or the end; its rest is its last part.
 """
 

@@ -97,7 +97,7 @@ class RunScreen:
             yield [self._broken(run, of) for of, run in self._nights(words, conditions)]
 
     def badness(self, words: Words, conditions: Conditions) -> float:
-        """Return by how much words break the limits in these runs, see `Look`; errors as `look`."""
+        """Return by how much words break the limits in these runs, see `WorstRuns`; errors as `look`."""
         return self.look(words, conditions).badness
 
     def keeps(self, words: Words, conditions: Conditions) -> bool:

@@ -28,7 +28,7 @@ class Spot:
     """One criterion over all samples, each under the setting that is worst for it; infinite for what never happened.
 
     Attributes:
-        name: of the criterion, as in `judge`.
+        name: of the criterion, as in `CRITERIA`.
         unit: of all its numbers.
         limit: with several disturbances that of the worst sample; None: the number informs.
         bound: ">=" where it has to be reached, else "<=".
