@@ -33,12 +33,12 @@ def _time(default: float | None, what: str, flag: str, **more: Any) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadSettings:
-    """How a log file is to be read; what is not said is found out, see `heatertune.log.read_log`.
+    """How to read a log file; unset options are detected, see `heatertune.log.read_log`.
 
     Attributes:
-        time_column: name or number (1 = first) of the column of the time; likewise the other columns.
+        time_column: name or number (1 = first) of the time column; the same for the other columns.
         temperature_column: of the temperature; of a long table, of the values.
-        power_column: of the heater power; "none": there is none; likewise where a column or tag need not be there.
+        power_column: of the heater power; "none": there is none; the same for other optional columns and tags.
         run: which of several runs in one file, 1 = first; None: the longest.
         skip_empty: whether rows without a temperature are left out instead of refused.
     """

@@ -10,7 +10,7 @@ from heatertune.errors import InputError
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.supervision.faulty_loops import Card, Ran
-from heatertune.supervision.text import one_bit, program_check, s5
+from heatertune.supervision.text import one_bit, program_check, s5, s7_300
 from heatertune.supervision.text.statements import check_reach, statements_of
 
 CARD = Card(0.0, 0.1, 1000)

@@ -186,7 +186,7 @@ def _words(folder: Path, target: str) -> Words:
     return words
 
 
-#: stage → what is told where it begins, and how long it takes as a rule, its machine code being kept [s]
+#: stage → its progress message, and its usual duration with cached machine code [s]
 _STAGES: Final = {
     "fit": ("finding the heater", 8.0), "design": ("tuning", 1.5), "words": ("finding the words", 2.0),
     "proof": ("proving them", 4.0), "report": ("comparing with other designs, drawing the report", 5.0)}
@@ -366,7 +366,7 @@ def redraw(
         trace: of the commissioned loop, to compare with the proof; None: as before.
         about: additional knowledge about the trace.
         record: names of the plant and the record; fields not given stay as before.
-        progress: told how far the runs for the trace are.
+        progress: called with the progress of the runs for the trace.
         written: record of writes of this proof to the PLC; None: as before.
 
     Raises:

@@ -29,7 +29,7 @@ from heatertune.processors import processors
 
 __all__ = ["Worker", "work_alongside"]
 
-_PATIENCE_S: Final = 60.0  # who waits longer compiles on his own
+_PATIENCE_S: Final = 60.0  # after a longer wait, a process compiles by itself
 _PATIENCE_FOR_PICTURES_S: Final = 10.0  # likewise
 
 _Documents = Mapping[str, Mapping[str, Any]]
@@ -136,7 +136,7 @@ def work_alongside(target: str) -> Iterator[Worker]:
     listener = Thread(target=second.listen, args=(process.stdout,), daemon=True)
     listener.start()
     try:
-        missing = _missing(target)  # imports what the first process needs as well
+        missing = _missing(target)  # imports the same modules as the first process
         second.compile(missing)
         with made_beside({loop: partial(second.waits, name) for name, loop in missing.items()}):
             yield second
@@ -144,7 +144,7 @@ def work_alongside(target: str) -> Iterator[Worker]:
         process.kill()
         process.wait()
         listener.join()
-        with suppress(OSError):  # what it did not read
+        with suppress(OSError):  # the unread data
             process.communicate()
 
 
@@ -161,7 +161,7 @@ def _missing(target: str) -> dict[str, Callable[..., Any]]:
 
 def _begun() -> subprocess.Popen[bytes] | None:
     """Start the second process with the modules of this one; None if impossible."""
-    if not sys.executable or getattr(sys, "frozen", False):  # no interpreter but a program of its own
+    if not sys.executable or getattr(sys, "frozen", False):  # a frozen program instead of an interpreter
         return None
     place = folder()
     likely = ["compiles"] if place is not None and not machine_code(place) else []

@@ -40,7 +40,7 @@ def loops(target: str) -> Iterator[tuple[str, Callable[..., Any]]]:
         InputError: no such controller.
     """
     for name in filter(None, (target, controller_for(target).baseline)):
-        with suppress(HeatertuneError):  # one that cannot hold such a design is compiled where it is needed
+        with suppress(HeatertuneError):  # a controller that cannot hold such a design is compiled on demand
             which = controller_for(name)
             core = in_loop(which, _words(which), _SCENARIO.setpoints_degC, {}, direct=True).core
             if core.compiles:

@@ -19,7 +19,7 @@ from heatertune.compiled import runs_compiled_as
 
 __all__ = ["decay", "expm1_negative", "logarithm", "logarithm_beside_1"]
 
-_LEAST: Final = -700.0  # below, e^x is nothing beside any temperature
+_LEAST: Final = -700.0  # below, e^x is negligible
 _NEAR: Final = -0.34  # above −½·ln 2
 _BY_LN2: Final = 1.4426950408889634
 _LN2: Final = 0.6931471803691238  # 32 bits of it

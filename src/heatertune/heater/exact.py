@@ -207,7 +207,7 @@ def time_to(share: float, first_s: float, second_s: float | None = None) -> floa
     return -first_s * math.log1p(-share) if second_s is None else _two_lags_to(share, first_s, second_s)
 
 
-@lru_cache(maxsize=4096)  # a story asks for the same few times, and the next story for most of them again
+@lru_cache(maxsize=4096)  # a test sequence needs the same few times, and the next one most of them again
 def _two_lags_to(share: float, first_s: float, second_s: float) -> float:
     low, high = 0.0, (first_s + second_s) * (1.0 - math.log1p(-share))  # no two lags take longer
     for _ in range(60):

@@ -43,7 +43,7 @@ __all__ = [
 _UNIT: Final = re.compile(
     r"[\[(]?(m?s|sec|min|h|°?[CFK]|deg ?[CF]|%|pct|m?V|m?A|k?W|[-–/]|bool|u?s?d?l?int|l?real|float|d?word|string"
     r"|date|time|datetime|double)?[\])]?", re.IGNORECASE)
-_HEADER_SAMPLE: Final = 50  # rows at the end that show what a reading looks like
+_HEADER_SAMPLE: Final = 50  # rows at the end that define the form of a reading
 _MOST_TITLES: Final = 200  # rows above the first reading
 
 
@@ -157,7 +157,7 @@ _TEMPERATURE: Final = re.compile(r"(-?\d+\.\d+) (-?\d+\.\d+)\s*")
 _KALICO: Final = re.compile(r"time, temp, pwm, target\s*")
 _PEAKS: Final = re.compile(r"sample, low time, low, high time, high, max power\s*")
 
-#: the heater that is read where none is asked for
+#: the default heater
 _USUAL: Final = "extruder"
 _HEADER: Final = ("time [s]", "temperature [degC]", "power [0...1]")
 _LEAST: Final = 2

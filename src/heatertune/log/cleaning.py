@@ -22,7 +22,7 @@ __all__ = ["no_readings", "one_run", "tell_gaps"]
 
 Mask = npt.NDArray[np.bool_]
 
-#: what converters give without a sensor: MAX6675 and MAX31855 at full scale, DS18B20, open inputs of PLC modules
+#: readings of converters without a sensor: MAX6675 and MAX31855 at full scale, DS18B20, open inputs of PLC modules
 _OPEN: Final = (1023.75, 1024.0, 2047.75, 2048.0, -127.0, 3276.7, 3276.8, 6553.5, -999.0, 9999.0)
 _MOST_LOST: Final = 0.1  # share of the rows: a log with more holes is not repaired
 _LONGEST_SPIKE: Final = 3  # readings
@@ -31,7 +31,7 @@ _FAR_VALUE: Final = "at one value that the log jumps to, as of an open sensor,"
 _SPIKE_SHARE: Final = 0.1  # of the log's span
 _LEVELS: Final = 1.5
 _SPIKE_TIMES: Final = 12.0  # the usual departure of a reading from its neighbours
-_EDGE_TIMES: Final = 2.0  # what 90 % of the log's steps stay below: one reading in twenty may be a spike
+_EDGE_TIMES: Final = 2.0  # 90 % of the log's steps are smaller: one reading in twenty may be a spike
 _GAP_TIMES: Final = 5.0  # the usual interval
 _PAUSE_TIMES: Final = 3.0  # the usual interval: a jump after a longer pause may be the heater's
 _STARTS: Final = (0.0, 85.0, 32.0, 185.0)  # °C and °F
@@ -177,7 +177,7 @@ def _spikes(values: Array) -> npt.NDArray[np.intp]:
         return np.flatnonzero(is_spike)
     usual = 1.4826 * float(np.median(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2.0)))
     span = float(np.subtract(*np.percentile(values, [98.0, 2.0])))
-    levels = np.unique(values)  # a reading one step of the card away is none
+    levels = np.unique(values)  # a reading one step of the card away is not a spike
     least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * span, _LEVELS * float(np.diff(levels).min(initial=span)))
     steps = np.abs(np.diff(values))
     steep = _EDGE_TIMES * float(np.percentile(steps, 90.0))

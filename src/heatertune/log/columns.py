@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 
-#: what the user says where a log has no such column
+#: option value if a log has no such column
 NO_COLUMN: Final = "none"
 
 
@@ -273,7 +273,7 @@ def _is_float(cell: str) -> bool:
     return True
 
 
-#: ends how a number was written whose unit nothing shows
+#: suffix of the notation of a number with an unknown unit
 ASSUMED: Final = ", assumed"
 
 #: unit → its length [s]

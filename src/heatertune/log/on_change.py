@@ -87,7 +87,7 @@ Mask = npt.NDArray[np.bool_]
 
 _FEWEST: Final = 20
 _LONG: Final = 1.5  # times the interval of the readings
-_LONG_SHARE: Final = 0.03  # of the intervals that are long, at least, where rows are written on change
+_LONG_SHARE: Final = 0.03  # of the intervals are long, at least, if rows are written on change
 _REPEATS: Final = 0.02  # share of the readings that may repeat the one before
 _ONE_STEP: Final = 1.6  # times the smallest change: the value had moved by one step when it was written
 _FASTEST: Final = 1.5  # times the fastest change between two readings that follow at once
@@ -109,7 +109,7 @@ class OnChange(NamedTuple):
 
 
 class RestoredRows(NamedTuple):
-    """Rows with those put back: the row each one continues, shape (n,), its instant [s], and its temperature."""
+    """Rows including the inserted ones: the row that each continues, shape (n,), its instant [s] and temperature."""
 
     source: npt.NDArray[np.intp]
     time_s: Array

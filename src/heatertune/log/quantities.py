@@ -35,7 +35,7 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
                         r"|relais|relay|\bssr\b|^heat$|\bout\d*\b)|\bMV\d*\b"),
 }
 
-#: taken only where nothing else has the role: a room's temperature, a date beside the time of day, an electric current
+#: used only if nothing else has the role: a room's temperature, a date next to the time of day, an electric current
 _SECOND_CHOICE: Final = re.compile(
     r"(?i:ambient|room|\bext|outside|umgebung|raum|junction|board|cpu|^dat(e|um)$|volt|watt|spannung|strom|\bcurrent"
     r"|\bamp(s|ere)?\b|^control|last.?updated)")
@@ -121,7 +121,7 @@ def plain_name(name: str) -> str:
     return name[:_LONGEST].replace("_", " ").strip().replace("º", "°").replace("℃", "°C").replace("℉", "°F")
 
 
-#: what `stamp` understands, as told to people
+#: the formats of `stamp`, for messages
 STAMPS: Final = "2026-03-01 10:00:00 (ISO 8601), 01.03.2026 10:00:00 or 10:00:00"
 
 _DAY_FIRST = re.compile(r"(\d{1,2})[./](\d{1,2})[./](\d{4}|\d\d)(?:,?[ T]+(.+))?")

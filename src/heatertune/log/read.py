@@ -56,11 +56,11 @@ __all__ = [
 
 
 Rows = npt.NDArray[np.intp]
-_SHOWN: Final = 5  # line numbers told
+_SHOWN: Final = 5  # line numbers in messages
 _MOST_LOST: Final = 0.1  # share of the rows that a clock with coarse steps may cost
 _MOST_TAGS: Final = 100
 _HOUR_S: Final = 3600.0
-_TOLD: Final = 0.95  # of the instants a column has to tell apart
+_TOLD: Final = 0.95  # of the instants that a column has to distinguish
 
 
 def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> tuple[npt.NDArray[np.bool_], int]:
@@ -286,7 +286,7 @@ _KELVIN: Final = 250.0  # no heater log lies wholly above 250 °C without saying
 _ROOM_DEGF: Final = (55.0, 110.0)  # 13…43 °C
 _ROOM_DEGC: Final = (15.0, 30.0)  # in °F, in kelvins and in tenths of a degree no heater rests there
 _WITHIN: Final = 1.5  # intervals between two readings: a power that is late by no more is as in any other log
-_BELOW_FIRST: Final = 0.1  # share of the span that a heater's log may lie below where it begins
+_BELOW_FIRST: Final = 0.1  # fraction of the span by which a heater's log may fall below its start
 _POSSIBLE_DEGC: Final = (-90.0, 2000.0)  # colder than any place on earth; hotter than any electric heater
 
 

@@ -25,7 +25,7 @@ from heatertune.units import count
 __all__ = ["HeldSeries", "TagSelection", "TagTable", "by_tags", "changes_twice", "hold_series", "places"]
 
 
-_FEW_LEVELS: Final = 5  # of a power that is switched between them: a mean would be none of them
+_FEW_LEVELS: Final = 5  # of a power that is switched between them: a mean would be neither
 _SWITCHED: Final = 0.01  # share of the intervals in which a power changes more than once
 
 

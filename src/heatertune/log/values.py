@@ -29,9 +29,9 @@ UNIT_OPTIONS: Final = {"time": "time_unit", "temperature": "temperature_unit", "
 Option = bool | float | str | None
 
 _ROLES: Final = ("time", "temperature", "power", "setpoint")
-#: told where the user names it alone
+#: reported only if named by the user
 _NAMED: Final = "disturbance"
-#: share of the rows: more is told on the verdict's line
+#: share of the rows: more is reported on the verdict line
 MOST_REPAIRED: Final = 0.01
 _SHOWN: Final = 12  # unused columns named
 

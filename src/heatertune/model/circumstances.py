@@ -84,7 +84,7 @@ def with_late_power(
     dead = fitted.ci95.get("dead_time_s")
     later = [_later(each, _room(_dead_time_s(each), late_s, most_s), part)
              for each in _hardest(fitted.candidates, late_s)]
-    is_distorted = gap_s > _LATE * fitted.model.time_constant_s  # beyond what a longer dead time stands for
+    is_distorted = gap_s > _LATE * fitted.model.time_constant_s  # beyond what a longer dead time can represent
     return replace(
         fitted, notes=(*fitted.notes, note), candidates=told_apart([*fitted.candidates, *later], least_s),
         findings=(*fitted.findings, *((Finding(name="alias", message=note),) if is_distorted else ())),
@@ -148,7 +148,7 @@ def _stretched(interval: Interval | None, share: float) -> Interval | None:
 
 
 _SECOND_DIFFERENCE: Final = 6.0**0.5  # standard deviation of y₋ − 2y + y₊ of white noise of 1
-_USED: Final = 0.75  # of what the heater reached: the middle of the upper half
+_USED: Final = 0.75  # of the range that the heater reached: the middle of the upper half
 _ABOVE: Final = 0.25  # of the same: a setpoint below is a heater that was switched off
 
 
@@ -157,7 +157,7 @@ class DelaysKnown:
     """Delays known to the user in addition to the log.
 
     Attributes:
-        dead_time_at_most_s: no dead time is longer, None if nobody knows [s].
+        dead_time_at_most_s: longest possible dead time, None if unknown [s].
         sensor_delay_s: delay of the sensor [s].
         pwm_period_s: of the PWM that switched the heater, 0 without PWM, None: as in each log [s].
 

@@ -18,7 +18,7 @@ __all__ = [
     "DROP_PCT", "Remark", "fast_remarks", "findings_of", "level_remarks", "poor_remarks", "unit_findings",
 ]
 
-#: fit that may be lost on readings not seen [%]
+#: allowed loss of fit in cross-validation [%]
 DROP_PCT = 10.0
 _BESIDE = 1.01  # times the least time constant
 _TWO = 2  # levels of power
@@ -34,7 +34,7 @@ _HOLDS = {"time": "the time", "temperature": "the temperature", "power": "the po
 
 
 class Remark(NamedTuple):
-    """A sentence about a fit, and the name of the finding that it is; empty if a verdict need not hear it."""
+    """A sentence about a fit, and the name of its finding; empty if it does not affect the verdict."""
 
     finding: str
     sentence: str

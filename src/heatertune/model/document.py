@@ -54,7 +54,7 @@ __all__ = [
 SCHEMA = "heatertune/model/3"
 
 Pair = tuple[float | None, float | None]
-#: parameters as they stand in a document, each with its interval: x, x_ci95
+#: parameters in a document, each with its interval: x, x_ci95
 SideBySide = Mapping[str, float | Pair]
 
 _MOST = 1e150  # of any reading: its square is a number, too

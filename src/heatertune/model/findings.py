@@ -127,13 +127,13 @@ KINDS: Final[dict[str, FindingKind]] = {
 
 _LONGER: Final = ("log steps of the power up and down (heatertune plan), each until the temperature is steady, with "
                   "doors and fans unchanged")
-#: kind → what closes it where the power was logged already
+#: kind → its remedy if the power is already logged
 _OF_POWER_LOGS: Final = {
     "poor-fit": "keep doors and fans unchanged while you log, and log each change of the power at its own time",
     "contradicted": "log one open-loop step of the power",
     "on-bound": "log one open-loop step of the power until the temperature is steady",
 }
-#: kind → what closes it where the log is of open-loop steps of the power already
+#: kind → its remedy if the log already has open-loop steps of the power
 _OF_OPEN_LOOP_LOGS: Final = _OF_POWER_LOGS | dict.fromkeys(
     ("not-foretold", "follows-power", "halves-disagree", "contradicted", "on-bound"), _LONGER)
 

@@ -106,7 +106,7 @@ def _slopes(
     moved[:, np.arange(q), free] += sign * _DIFFERENCE * width
     shifted = residuals(moved.reshape(n * q, -1), np.repeat(rows, q))
     gradient, normal = np.empty((n, q)), np.empty((n, q, q))
-    # in C's order whatever the order of what they come from: one kernel to compile
+    # in C order, whatever the source: one kernel to compile
     jacobian = np.array(shifted, order="C").reshape(n, q, -1)
     compile_function(_normal_equations)(jacobian, r, np.array(sign * _DIFFERENCE, order="C"), gradient, normal)
     return gradient, normal

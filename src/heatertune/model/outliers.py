@@ -20,11 +20,11 @@ __all__ = ["disturbance_s", "replace_outliers", "sensor_step", "undisturbed_part
 
 Array = npt.NDArray[np.float64]
 
-_NEIGHBOURS = 11  # readings under the running median: up to five odd ones in a row stand out
-_COMMON = 0.05  # share of the readings: what lies off so often is the model's fault, not the sensor's
-_LIMIT = 6.0  # standard deviations: none of 100 million normal readings lies further off
+_NEIGHBOURS = 11  # readings of the running median: up to five consecutive outliers are detected
+_COMMON = 0.05  # share of the readings: more frequent deviations are the model's fault, not the sensor's
+_LIMIT = 6.0  # standard deviations: fewer than one in 100 million normal readings deviates more
 _WILD = 0.1
-_FEW_VALUES = 0.5  # of the readings: a column with more distinct values is not seen as quantised
+_FEW_VALUES = 0.5  # of the readings: a column with more distinct values does not count as quantised
 
 
 def without_outliers(
@@ -62,7 +62,7 @@ def _medians(values: Array, begun: npt.NDArray[np.intp] | None) -> Array:
 
 def _median(values: Array, neighbours: int = _NEIGHBOURS) -> Array:
     beside = np.pad(values, (neighbours // 2, neighbours - 1 - neighbours // 2), mode="edge")
-    # of an even number the upper one of the middle two, as SciPy's median_filter, whose import takes longer than this
+    # for an even number the upper of the middle two, as SciPy's median_filter, whose import takes longer than this
     windows = np.lib.stride_tricks.sliding_window_view(beside, neighbours)
     return np.partition(windows, neighbours // 2)[:, neighbours // 2]
 
@@ -98,7 +98,7 @@ def disturbance_s(log: Log) -> float | None:
     """
     readings = replace_outliers(replace_outliers(log.temperature_degC, share=_ABSURD), _SPIKE)
     departure = _departures(readings)
-    # of the log as it is: where all is noise, what was tamed looks quieter than it was
+    # of the original log: in pure noise, limited readings look quieter than they are
     typical = 1.4826 * float(np.median(_departures(log.temperature_degC)))
     threshold = max(_SHARE * float(np.ptp(readings)), _TIMES * typical)
     jumps = np.flatnonzero(departure > threshold)

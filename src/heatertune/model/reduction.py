@@ -66,7 +66,7 @@ COMBINATIONS: Final[dict[str, Measure]] = {
 _CUT_DEG: Final = 120.0
 _OCTAVES: Final = 0.5
 _POINTS: Final = 60
-_LEAST: Final = 1e-4  # share of a step below which none gains
+_LEAST: Final = 1e-4  # share of a step below which no step gains
 
 Array = npt.NDArray[np.float64]
 

@@ -233,7 +233,7 @@ _CLOCK = 2.0  # sampling intervals: then the periods differ by more
 _PHASES = 400  # of the mean period
 _STILL = 0.05  # of the log's span: a rest moves less
 _LONG = 0.1  # of the period: a shorter stretch does not show whether the heater rested
-_LOPSIDED = 0.1  # a smaller difference of on and off time does not tell the gain
+_LOPSIDED = 0.1  # a smaller difference of on and off time does not identify the gain
 _LEAST_DELAY = 0.85  # rad: less lag beyond a quarter turn, at the relay's period, leaves the half turn too far away
 _MOST_DELAY = 2.0  # rad: more is no heater's
 _ONE_LAG = 0.12  # of ultimate gain and period: how far the way to the half turn errs with one lag
@@ -307,7 +307,7 @@ class RelayRecord:
             time, y = self.log.time_s[first:last + 1], self.log.temperature_degC[first:last + 1]
             length = float(time[-1] - time[0])
             turns = np.exp(-2j * math.pi * (time - time[0]) / length)
-            level = y - y[0] - (y[-1] - y[0]) * (time - time[0]) / length  # what differs from one period to the next
+            level = y - y[0] - (y[-1] - y[0]) * (time - time[0]) / length  # the scatter from one period to the next
             temperature = np.sum(np.diff(time) * (level[1:] * turns[1:] + level[:-1] * turns[:-1])) / 2.0
             power = np.sum(self.log.power_pct[first:last] * np.diff(turns)) * length / (-2j * math.pi)
             ratios.append(temperature / power)
@@ -419,7 +419,7 @@ def _at_half_turn(responses: npt.NDArray[np.complex128], lengths_s: Array) -> tu
     """Return ultimate gains [%/°C] and periods [s] from responses at each period, nan where they are too far away."""
     unknown = np.full(len(responses), math.nan)
     mean = complex(np.mean(responses))
-    if mean == 0.0 or not np.all(responses):  # no swing is seen
+    if mean == 0.0 or not np.all(responses):  # no oscillation
         return unknown, unknown
     # the spread of a lag beyond the quarter turn about that of their mean, so that no noise turns it by a whole turn
     lag = float(np.angle(-1.0 / mean)) % (2.0 * math.pi) + 0.5 * math.pi
@@ -576,7 +576,7 @@ def _refined(record: RelayRecord, start: Fopdt, ambient_degC: float | None) -> F
         log, before = log.window(float(log.time_s[record.off[0]]), float(log.time_s[-1])), record.high_pct
     problem = PowerProblem(readings=Readings.of(log), ambient_degC=ambient_degC, power_before_pct=before)
     model = problem.refine(np.array([[math.log(start.time_constant_s), start.dead_time_s, 0.0]])).model
-    return model if isinstance(model, Fopdt) else None  # None: not even the start warms where the power is high
+    return model if isinstance(model, Fopdt) else None  # None: even at the start, high power does not heat
 
 
 def _numbers(model: Fopdt) -> str:

@@ -121,7 +121,7 @@ def student_t(freedom: float) -> float:
     return float(stdtrit(freedom, 0.975))
 
 
-#: name of what is known where gain and time constant are not
+#: name of the combination that is identified if gain and time constant are not
 RATIO = "gain_per_time_constant_degC_per_s_pct"
 
 #: name of the period at which the heater lags by half a turn

@@ -246,7 +246,7 @@ def oscillation(  # noqa: PLR0915 - one loop
     ended = tn / (gain * k) * setpoint - tn / gain * load
     half, ratio = 0.5 * gain * past, gain * tv / h
     if not 0 <= whole < queue.shape[1]:
-        return math.inf, math.inf  # gains beyond all numbers: the step is none
+        return math.inf, math.inf  # gains overflow: no step
     queue[:, :whole + 1] = 0.0
     x1 = x2 = summed = filtered = area = moment = peak = 0.0
     e, u = setpoint, gain * (1.0 + past) * setpoint

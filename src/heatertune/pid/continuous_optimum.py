@@ -125,7 +125,7 @@ def refine(task: Task, start: Four, stride: float, least: float, finer: float, s
         space: work arrays for the task.
     """
     best = _simplex(task, start, stride, least, finer, space)
-    # begun anew from the other side: a simplex can fall flat where two peaks of |S| meet
+    # restarted from the other side: a simplex can collapse where two peaks of |S| meet
     return _simplex(task, best, -0.3 * stride, least, finer, space)
 
 
@@ -479,7 +479,7 @@ def _descend(problem: ContinuousProblem, start: Point) -> PidDesign:
     stride = math.log(tns[0] / tns[1]) * (0.5 if problem.structure == "pid" else 1.0)
     point = _refine(problem, _COARSE, start, stride, 0.03)
     for density in (_FINE, _EXACT):
-        # what other frequencies think of the start is not comparable with what these will
+        # the cost of the start at other frequencies is not comparable
         near = _refine(problem, density, (math.inf, *point[1:]), 0.06, 3e-4)
         point = near if math.isfinite(near[0]) else point
         design = _finish(problem, point)

@@ -21,7 +21,7 @@ from heatertune.pid.values import PidDesign
 __all__ = ["LOOSER", "explain", "told_about_faces", "without_explanation"]
 
 
-#: how the law of a candidate ends that is one face of a heater with two time constants, and what the heater does then;
+#: suffix of the law of a candidate for heating or cooling only, and the verb for its direction;
 #: `heatertune.model.power.fit_power` writes it, `heatertune.model.power.nonlinear` finds it
 _FACES: Final = {"heating": "heats", "cooling": "cools"}
 
@@ -52,7 +52,7 @@ def told_about_faces(fitted: FittedModel, design: PidDesign, alone: Alone) -> li
     ]
 
 
-LOOSER = 1.05  # factor by which a limit is loosened to see what it costs
+LOOSER = 1.05  # factor by which a limit is loosened to find its cost
 
 _AT = 5e-3  # share of a limit within which it counts as reached
 _NAMES = {"ms": "Ms", "mt": "Mt", "mks": "Mks"}
@@ -94,7 +94,7 @@ def _sentence(specs: Specs, name: str, cost: float, solve: Callable[[Specs], flo
     limit, called = specs.limits[name], _NAMES[name]
     try:
         looser = specs.with_limit(name, limit * LOOSER)
-    except InputError:  # beyond what a limit may be
+    except InputError:  # beyond the allowed range of a limit
         return f"{called} is at its limit of {limit:g}, the largest possible."
     gained = 100.0 * (1.0 - solve(looser) / cost) if cost > 0.0 else 0.0
     worth = f"the cost would be {gained:.1f} % lower" if gained >= 0.05 else "there would be no gain"

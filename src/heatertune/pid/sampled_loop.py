@@ -143,12 +143,12 @@ def _modes(model: HeaterModel) -> tuple[Array, Array]:
     return np.array([first, second]), np.array([first, -second]) / (first - second)
 
 
-#: an array where the loop is compiled, a list in plain Python
+#: an array in the compiled loop, a list in plain Python
 Places = Array | list[float]
 
 
 _PLAIN_SAMPLES = 300_000  # take as long as the compiler's start
-_PLAIN_SAMPLES_READY = 30_000  # as long as this function's compilation, where the compiler was started for other work
+_PLAIN_SAMPLES_READY = 30_000  # as long as the compilation of this function, if the compiler was started for other work
 
 
 def _respond(

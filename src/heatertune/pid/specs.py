@@ -14,7 +14,7 @@ from heatertune.units import check
 
 __all__ = ["OBJECTIVES", "ROOM", "Specs", "is_boundless", "refuse_boundless"]
 
-#: name → what is minimised
+#: name → objective
 OBJECTIVES: Final[dict[str, str]] = {
     "load": "∫|e| dt after a load step of 1 % power [°C·s]",
     "setpoint": "∫|e| dt after a setpoint step of 1 °C [s]",
@@ -28,7 +28,7 @@ OBJECTIVES: Final[dict[str, str]] = {
 #: single precision then lifts the loop over it, and whoever judges allows nothing
 ROOM: Final = 1e-6
 
-#: where nothing is said
+#: default
 _ASKED: Final = TuneSettings()
 
 

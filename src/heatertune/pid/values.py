@@ -132,7 +132,7 @@ class Promise:
     """
 
     way: str
-    limits: Mapping[str, float] = field(hash=False)  # a dictionary has none, and a design is looked up by its own
+    limits: Mapping[str, float] = field(hash=False)  # a dictionary has no hash, and designs are looked up by theirs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,7 +209,7 @@ def structure_of(integral_time_s: float, derivative_time_s: float) -> str:
 
 Array = npt.NDArray[np.float64]
 
-_CONTINUOUS = 200  # points where there is no sampling interval
+_CONTINUOUS = 200  # points without a sampling interval
 
 
 def reaction(design: PidDesign) -> tuple[Array, Array]:

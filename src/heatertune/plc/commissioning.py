@@ -1,4 +1,4 @@
-"""How a controller is put into service, step by step: the text lives in its folder, report and manual draw from it."""
+"""Commissioning of a controller, step by step: report and manual use the text in its folder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from heatertune.plc.targets import NAMES
 
 __all__ = ["SECTIONS", "Commissioning", "commissioning"]
 
-#: what every controller's COMMISSIONING.md tells, in this order
+#: the sections of every COMMISSIONING.md, in this order
 SECTIONS: Final = (
     "Entering the parameters", "The first minutes", "If it oscillates", "If it is sluggish", "If it does not heat",
     "Restoring the old parameters",
@@ -24,7 +24,7 @@ class Commissioning:
     """The steps of one controller.
 
     Attributes:
-        facts: the documents they were taken from.
+        facts: the source documents.
         steps: section (see `SECTIONS`) → its steps, in order.
     """
 

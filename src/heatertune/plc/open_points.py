@@ -1,12 +1,12 @@
-"""What a controller's manual leaves open, declared once: as fields of the named tuple that its step takes.
+"""The open points of a controller's manual, declared once: as fields of the named tuple that its step takes.
 
     class Assumptions(NamedTuple):
-        truncates: Annotated[bool, Switch(
-            name="conversion", means={"rnd": False, "trunc": True}, why="whether OUT is rounded or cut",
+        truncates: Annotated[bool, OpenPoint(
+            name="conversion", means={"rnd": False, "trunc": True}, reason="whether OUT is rounded or truncated",
         )] = False
 
-From it come the switches that users see, the settings that a proof runs, the table in DIFFERENCES.md, and the value
-that the step reads. Nothing goes by position: fields may stand in any order.
+They define the open points that users see, the settings that a proof runs, the table in DIFFERENCES.md, and the value
+that the step reads. The order of the fields does not matter.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _ALL_TOGETHER: Final = 8  # up to so many combinations of settings all are run
 
 
 def always(_parameters: Any) -> bool:
-    """Return True: a run may show how the switch is set, whatever the words."""
+    """Return True: a run may show the setting of the open point, whatever the words."""
     return True
 
 
 def never(_parameters: Any) -> bool:
-    """Return False: no run shows how the switch is set, as none takes the controller where it counts."""
+    """Return False: no run shows the setting of the open point, because none reaches the relevant state."""
     return False
 
 
@@ -42,14 +42,14 @@ class OpenPoint:
 
     Attributes:
         name: on the command line.
-        means: each setting → what the field then holds; the default first.
-        why: what is open, as in the table of DIFFERENCES.md.
-        in_manual: whether it shows where the mode of the controller changes alone: no run of a proof does that.
-        told: settings that a program follows which is told of them; they are proven where the user says them alone.
-        chosen: whether the user chooses it, and the export does as chosen: the proof runs the setting chosen and the
-            default, which a PLC that forgets falls back to.
-        shows: what the step takes first → whether a run may show how it is set; where it cannot, every setting gives
-            the same, bit for bit, and one of them is run for all.
+        means: each setting → value of the field; the default first.
+        reason: the open question, as in the table of DIFFERENCES.md.
+        in_manual: whether it only shows when the mode of the controller changes, which no run of a proof does.
+        summary: settings that the exported program handles by itself; they are proven only if the user selects them.
+        chosen: whether the user chooses it and the export implements the choice: the proof runs the chosen setting
+            and the default, to which a PLC without retention falls back.
+        shows: parameters of the step → whether a run may show the setting; if not, every setting gives
+            the same result, bit for bit, and only one of them is run.
     """
 
     name: str
@@ -67,17 +67,17 @@ class OpenPoint:
 
     @property
     def default(self) -> str:
-        """The setting of a controller about which nothing more is known."""
+        """The setting if nothing more is known about the controller."""
         return self.settings[0]
 
 
 class NothingOpen(NamedTuple):
-    """What a step assumes whose manual leaves nothing open."""
+    """The assumptions of a step without open points."""
 
 
 @cache
 def open_points_of(assumptions: type[NamedTuple]) -> Mapping[str, OpenPoint]:
-    """Return the switch of each field of a named tuple, in the order of the fields.
+    """Return the open point of each field of a named tuple, in the order of the fields.
 
     Raises:
         TypeError: a field without a switch or with two, a default or a meaning that is not the field's, or two of one

@@ -1,4 +1,4 @@
-"""Words in text that a programming tool saves or prints: every line is understood, named as passed over, or refused."""
+"""Read parameters from the text of a programming tool: every line is interpreted, reported as ignored, or refused."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _UNLIKE: Final = "the program around the parameters differs from the exported on
 
 
 class ReadBack(NamedTuple):
-    """The words in a text.
+    """The parameters in a text.
 
     Attributes:
         values: word name → number.
-        passed_over: what stands there besides and was not compared with anything, a few words each.
-        unlike: where the text holds the program around the words: words → where it first differs from the one that is
-            exported with them, empty where it does not; None: there is no program in it.
+        passed_over: other content that was not compared, a few words each.
+        unlike: for a text with the program around the parameters: words → first difference from the exported program,
+            empty if there is none; None: the text contains no program.
     """
 
     values: dict[str, Number]
@@ -35,7 +35,7 @@ class ReadBack(NamedTuple):
 
 
 def text_of(content: bytes) -> str | None:
-    """Return the text in a file's bytes, None where they are none; what is no UTF-8 is read as Windows writes it."""
+    """Decode the text in a file, None if it is not text; other encodings than UTF-8 are read as Windows-1252."""
     if content[:2] in _UTF_16:
         wide = content.decode("utf-16", errors="replace")
         return wide if all(sign >= " " or ord(sign) in _IN_TEXT for sign in wide) else None
@@ -48,14 +48,14 @@ def text_of(content: bytes) -> str | None:
 
 
 def lines_of(text: str) -> Iterator[tuple[int, str]]:
-    """Yield number, from 1 on, and content of each line, without what surrounds it; form feeds are left out."""
+    """Yield number, from 1 on, and stripped content of each line; form feeds are removed."""
     broken = text.replace("\r\n", "\n").replace("\r", "\n").translate({0x0C: None, 0x1A: None})
     for number, line in enumerate(broken.split("\n"), start=1):
         yield number, line.strip()
 
 
 def first_unlike(read: Sequence[tuple[int, str]], ours: Sequence[tuple[int, str]]) -> tuple[str, ...]:
-    """Return where a program, by lines and statements, first differs from heatertune's, if it does."""
+    """Return the first difference of a program, by lines and statements, from heatertune's, if any."""
     for (line, code), (_, own) in zip(read, ours, strict=False):
         if code != own:
             return (f"{_UNLIKE} (line {line}: {code}, not {own})",)
@@ -69,14 +69,14 @@ def wrong(source: str, line: int, field: str, value: str, expected: str) -> Inpu
         source: the file.
         line: its number.
         field: what the line is about.
-        value: what stands there.
-        expected: what would be right.
+        value: the value found.
+        expected: the expected content.
     """
     return InputError(f"{source}, line {line}, {field}: {value!r}; expected {expected}")
 
 
 def whole_of(text: str) -> int | None:
-    """Return a decimal whole number, or one as 16#…, 8#… or 2#…; None where it is none."""
+    """Return a decimal integer, or one as 16#…, 8#… or 2#…; None if it is not an integer."""
     base, mark, digits = text.partition("#")
     try:
         if not mark:
@@ -87,7 +87,7 @@ def whole_of(text: str) -> int | None:
 
 
 def real_of(text: str) -> float | None:
-    """Return a number as a REAL holds it, None where it is none."""
+    """Return a number as a REAL, None if it is not a number."""
     plain = text.replace("_", "") if text[:1] not in ("_", "") else ""
     if not plain.isascii() or set(plain.upper()) - set("0123456789+-.E"):
         return None
@@ -98,11 +98,11 @@ def real_of(text: str) -> float | None:
 
 
 class WordCollector:
-    """The words of a text, gathered line by line.
+    """The parameters of a text, collected line by line.
 
     Args:
         source: name for error messages.
-        fields: the words that have to be there.
+        fields: the required parameters.
     """
 
     def __init__(self, source: str, fields: Sequence[WordField]) -> None:
@@ -111,10 +111,10 @@ class WordCollector:
         self._before: dict[str, str] = {}
 
     def put(self, name: str, value: Number | None, line: int, shown: str) -> None:
-        """Take a word.
+        """Store a parameter.
 
         Raises:
-            InputError: it is None or not of its field, or stands there twice with different values.
+            InputError: it is None, out of range, or occurs twice with different values.
         """
         field = self._fields[name]
         if value is None or not field.takes(value):

@@ -156,7 +156,7 @@ def plot_watch(watch: Document) -> Figure:
     return drawn
 
 
-#: what of the document is a curve
+#: keys of the document that contain curves
 CURVES: Final = ("time_s", "temperature_degC", "power_pct", "band_s", "low_degC", "high_degC")
 
 

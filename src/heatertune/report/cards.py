@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["Panel", "card", "draw_figure", "panels", "thinned"]
 
 
-_POINTS: Final = 600  # what a card's width can show
+_POINTS: Final = 600  # the width of a card
 
 
 class Panel(NamedTuple):
@@ -170,7 +170,7 @@ def _card(title: str, *parts: str) -> str:
 
 
 def _picture(value: object) -> str:
-    # only numbers and text stand in it: the width alone is for the page to choose
+    # it contains only numbers and text: the page chooses only the width
     return to_svg(draw_figure(value)[0]).replace("<svg ", '<svg style="max-width:100%;height:auto" ', 1)
 
 

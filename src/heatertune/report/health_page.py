@@ -123,7 +123,7 @@ def _sparkline(course: str | None) -> Markup | str:
         return ""
     parts: Sequence[Sequence[float]] = json.loads(course)
     peaks = sorted(max(map(abs, part)) for part in parts)
-    size = peaks[int(_WHOLE * (len(peaks) - 1))] or 1.0  # what goes beyond is a heat-up, cut at the edge
+    size = peaks[int(_WHOLE * (len(peaks) - 1))] or 1.0  # anything beyond is a heat-up, clipped at the edge
 
     def height(value: float) -> float:
         return 14.0 - 13.0 * min(max(value / size, -1.0), 1.0)

@@ -99,7 +99,7 @@ class Markup(str):
     __slots__ = ()
 
 
-#: to be filled in by hand
+#: to be filled in manually
 BLANK: Final = Markup('<span class="blank"></span>')
 
 

@@ -20,7 +20,7 @@ __all__ = [
     "wrap_text",
 ]
 
-#: columns and lines of a terminal that nobody has made larger, the prompt's own left out
+#: columns and lines of a default terminal, without those of the prompt
 WIDTH: Final = 80
 LINES: Final = 30
 

@@ -159,11 +159,11 @@ def limits(documents: Documents) -> str:
     return f"<h2>What was not proven</h2>{bullets(unproven)}"
 
 
-#: steps of COMMISSIONING.md that are done once; the others stand in the appendix, for when they are needed
+#: steps of COMMISSIONING.md that are done once; the others are in the appendix
 _INTO_SERVICE: Final = ("Entering the parameters", "The first minutes")
 #: criteria that no plant shows: they are of the words, or of flags in the PLC
 _SHORT: Final = 160  # characters of all words in one cell
-_SIDE_BY_SIDE: Final = 5  # words from which on they stand in two columns
+_SIDE_BY_SIDE: Final = 5  # from this number of words on they are set in two columns
 _MOST_LETTERS: Final = 34  # of the longest word and of the longest value, for two columns to leave their meaning room
 
 

@@ -21,7 +21,7 @@ __all__ = [
 ]
 
 
-# M. Okabe and K. Ito, "Color universal design" (2008): told apart by colour-blind eyes; darkness differs too
+# M. Okabe and K. Ito, "Color universal design" (2008): distinguishable for colour-blind eyes, and by brightness
 LOOK: Final[dict[str, dict[str, Any]]] = {
     "log": {"color": "#000000", "linewidth": 0.9},
     "model": {"color": "#0072B2", "linewidth": 1.6},
@@ -116,11 +116,11 @@ def _lay_out(figure: Figure) -> None:
 
 Part = Mapping[str, Any]
 
-_MANY_PARTS: Final = 4  # a run of fewer is drawn on an even axis
+_MANY_PARTS: Final = 4  # a run with fewer is drawn on a linear axis
 _NAMES_IN: Final = 1.1  # of the names of the parts below a picture [inch]
 _RESTS_DRAWN: Final = 0.05  # of a time at rest
-_NAMED: Final = 0.015  # a part that is narrower, of the whole picture, stands in the words below alone
-_SEEN: Final = 0.02  # |S| that can be told from 0 in the picture
+_NAMED: Final = 0.015  # a narrower part of the picture is only named in the text below
+_SEEN: Final = 0.02  # |S| that is distinguishable from 0 in the picture
 
 
 def plot_fit(log: Part, residuals: Part) -> Figure:
@@ -179,7 +179,7 @@ def plot_wish(nominal: Part, wish: Part, phases: Sequence[Part] = ()) -> Figure:
     """Draw the ideal design and its rounded parameters."""
     figure, (top, low) = new_figure(2, 3.8 + _named_height(phases), sharex=True, height_ratios=(2, 1.2))
     _temperature(top, nominal, "realised", "realised")
-    _temperature(top, wish, "ideal", "ideal")  # dashed, on top: where they agree both can be seen
+    _temperature(top, wish, "ideal", "ideal")  # dashed, on top: where they agree, both are visible
     _setpoint(top, nominal)
     instants = np.asarray(nominal["time_s"])
     wished = np.interp(instants, wish["time_s"], wish["temperature_degC"])

@@ -65,12 +65,12 @@ _WORST: Final = 5
 _NAMED: Final = 3
 _DOUBTS: Final = 7
 _FAILING: Final = 3
-#: lines of a verdict, and of what leaves it unproven
+#: lines of a verdict, and of the reasons why it is not proven
 _SAID: Final = 4
 #: words up to which each has a line with its meaning
 _WITH_MEANING: Final = 10
 
-#: what only those ask for who know how a fit or an optimum is found
+#: details for experts on fits and optima
 _OF_EXPERTS: Final = re.compile(r"IPOPT|BIC|Ljung|TRdom|candidate|half rule|Jury|Nyquist|feasible")
 _SETTINGS: Final = re.compile(r"settings of (.+) \(they change no run\)")
 

@@ -43,7 +43,7 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 
-_SINGULAR = 1e-9  # of the largest scaled column: what is left of one after the others explained it
+_SINGULAR = 1e-9  # of the largest scaled column: the part of a column that the others do not explain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,7 +164,7 @@ def noise_of(
 
 Rows = npt.NDArray[np.intp]
 
-#: what an experiment is judged by; the time constant is the sum of both where there are two lags
+#: the criteria of an experiment; with two lags the time constant is their sum
 QUANTITIES = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
 
 _SHORT = 0.1  # of the lags: a shorter dead time limits no loop, so its error is measured against this

@@ -46,13 +46,13 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 
-_READINGS = 150  # in the search; the figures told are those of all readings
+_READINGS = 150  # in the search; reported figures use all readings
 _STEP_AT = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # of the duration
 _STEPS = 3  # up, down, and a last stretch
 _DIGIT_PCT = 0.1
-_HOPELESS = 1e6  # stands for an infinite interval in the search
+_HOPELESS = 1e6  # represents an infinite interval in the search
 
-#: at the base power before anything steps: a log that begins with a step hides what the power was before
+#: at the base power before the first step: a log that begins with a step hides the power before
 REST_READINGS = 5
 
 
@@ -177,9 +177,9 @@ _CHATTER = 3.0  # standard deviations: noise alone then hardly ever switches the
 _HIGH = (1.0, 0.85, 0.7, 0.55, 0.4, 0.3, 0.2)  # of the power above the least
 _LOW = (0.0, 0.25, 0.5)  # of the high power above the least
 _AT = (0.25, 0.35, 0.5, 0.65, 0.75)  # of the span of setpoints that swing on every heater
-_REST = 0.05  # of the duration: it shows the fit where the heater rested
-_RELAY_READINGS = 400  # in the search; the figures told are those of all readings
-_SWITCHES = 6  # up to the end of the second whole period: fewer tell nothing
+_REST = 0.05  # of the duration: it gives the fit the steady state
+_RELAY_READINGS = 400  # in the search; reported figures use all readings
+_SWITCHES = 6  # up to the end of the second whole period: fewer have no information
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -38,7 +38,7 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 
-_SURE = 0.4  # of the error on windows not seen, that drift and loads have to leave to be believed in an open loop
+_SURE = 0.4  # of the cross-validation error: drift and loads must reduce it to this in an open loop
 _NEAR = 10.0  # BIC points
 _TRIALS = 6  # of dead times between the best and the longest that may be
 _WAYS = 4  # gaps in which the power changed that are tried one by one

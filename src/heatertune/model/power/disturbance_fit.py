@@ -81,7 +81,7 @@ def without_disturbance(log: Log) -> tuple[Log, DisturbanceEffect]:
     two_lags = len(through.z) == 4
     none = _searched(problem, two_lags=two_lags, effect=False)
     own = _searched(problem, two_lags=two_lags, own_lag=True)
-    together = _one_shape(log.power_pct, log.disturbance)  # what the fit divides is then rounding, of either sign
+    together = _one_shape(log.power_pct, log.disturbance)  # the fit would then divide rounding errors, of either sign
     if together or through.linear[0] <= 0.0:
         why = (f"the disturbance {_named(log)!r} moves with the power, so their effects cannot be separated: log a "
                "step of it with constant power") if together or none.linear[0] > 0.0 else (

@@ -117,7 +117,7 @@ MOST = 10
 
 _GAP = 10.0  # times as long as nine of ten steps of the clock
 _SHARE = 0.1  # of the log's span: a jump no heater makes between two readings
-_TIMES = 10.0  # the usual step of what is left over
+_TIMES = 10.0  # the usual step of the residuals
 _BESIDE = 11  # readings before and after that the jump has to set apart: five odd ones in a row are outliers
 _LASTS = 0.3  # of the jump
 _NAMED = 5  # instants that are listed
@@ -202,7 +202,7 @@ def _named(instants: Array) -> str:
     return f"{named} and {len(instants) - _NAMED} more" if len(instants) > _NAMED else named
 
 
-_READINGS = 1000  # averaged, in the search; what is reported is simulated at every reading
+_READINGS = 1000  # averaged, in the search; reported results are simulated at every reading
 _PASSES = 4  # of finding outliers
 _ROUNDS = 3  # of finding jumps: a large one hides others
 

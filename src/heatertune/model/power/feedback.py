@@ -78,7 +78,7 @@ def input_correlation(
 
     noise = _coloured(whitening, np.random.default_rng(seed).normal(size=(_DRAWN, 2 * len(residuals))))
     by_chance = correlations(_projected(noise[:, len(residuals):], sensitivities))
-    # a lag that the fit itself has nulled says nothing: what is left there is the arithmetic of the fit
+    # a lag at which the fit itself has zeroed the correlation has no information, only rounding
     deviation = np.maximum(np.sqrt(np.mean(by_chance**2, axis=0)), _NULLED / np.sqrt(inputs.shape[1]))
     quantile = float(np.quantile(np.max(np.abs(by_chance) / deviation, axis=1), _SURE))
     observed = correlations(residuals[None, :])[0]
@@ -163,10 +163,10 @@ _LATE = 0.8  # of the longest dead time searched: an answer as late may be to an
 _SHORT = 3.0  # sampling intervals: no heater's time constant
 _CAUSALITY_EXPLAINED = 0.3  # share of the power's moves that the temperature explains in a loop
 _USUAL = 0.9
-_NEARLY_ALL = 0.9  # share of what the temperature does, that an accusation has to explain
-_SETTLED = 0.98  # share of what the temperature does, from which on a heater with its loads is believed
+_NEARLY_ALL = 0.9  # share of the temperature changes that the alternative has to explain
+_SETTLED = 0.98  # share of the temperature changes from which a heater with its loads is accepted
 _CANCELS = 1.5  # spans of the readings: a larger answer is cancelled by something else
-_FOLLOWS = 0.5  # share of what the temperature does, from which on it follows the power
+_FOLLOWS = 0.5  # share of the temperature changes from which it follows the power
 _TIMES = 2  # switchings in each direction that show a controller's law: one may be a step at any temperature
 _MOVES = 0.1  # share of the readings at which a controller moves its power
 

@@ -31,7 +31,7 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.bool_]
 
-_WINDOWS = 6  # the first stays in every fit: without it nothing tells where the heater began
+_WINDOWS = 6  # the first stays in every fit because it defines the initial state
 _BEGUN = 5  # readings of a later segment
 _AS_WELL = 5.0  # fit [%] that may be lost
 _FEWEST = 20  # readings of a half

@@ -79,8 +79,8 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 
-#: places in a vector: ln gain (or ln gain per lag), ln first lag, dead time, ratio of the second lag; then, where it is
-#: sought beside what is shared, the first log's ambient
+#: indices in a vector: ln gain (or ln gain per lag), ln first lag, dead time, ratio of the second lag; then, as
+#: an additional unknown, the first log's ambient
 POWER, LAG, DEAD, SECOND, FIRST_AMBIENT = 0, 1, 2, 3, 4
 
 _FAR_AMBIENT = 10.0  # spans of the first log, about its best ambient
@@ -477,7 +477,7 @@ def fit_logs(
     alone = [_alone(log, weight, best, i) for i, (log, weight) in enumerate(zip(logs, weights, strict=True))]
     apart = disagreements(alone)
     others = [values_of(_fopdt(rival)) for rival in rivals if not rival.shifted]
-    # the ambient told is the first log's, whatever another's was
+    # the reported ambient is that of the first log
     others += [values_of(log.model) | {"ambient_degC": math.nan} for log in logs if apart]
     others += [end for log in logs for end in values_at_ends(log.bend)]
     as_read = widen_intervals(inside, others)

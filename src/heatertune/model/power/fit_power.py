@@ -350,7 +350,7 @@ def interval_widening(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
     thin = problem.average(READINGS)
     refit = thin.refine(fit.vector[None, :])
     noise = noise_of(thin, refit)
-    # the ambient of a half is its own: a load that began before is part of it
+    # each half has its own ambient, which includes a load that began before
     values = {name: value_of(refit, name) for name in noise.deviation if name != "ambient_degC"}
     surprises = [_surprises(problem, rows, values, noise) for rows in sides(problem)]
     return {name: _ratio([surprise[name] for surprise in surprises if name in surprise]) for name in values}

@@ -155,7 +155,7 @@ def rate(logs: Sequence[tuple[str, Log]], *, ambient_degC: float | None,
                 readings=Readings.of(log), two_lags=two, ambient_degC=ambient_degC, power_before_pct=power_before_pct
             ).fit()
             if fit.model is None or (fit.model.ambient_degC or 0.0) >= float(np.max(log.temperature_degC)):
-                continue  # no heater; or a room hotter than anything logged: what the log rests at, taken for it
+                continue  # no heater; or an ambient above all readings: the steady state of the log mistaken for it
             bic = ar1_bic(log.temperature_degC - fit.simulated_degC, fit.unknowns)
             rated.append(ModelOrderFit(bic, name, log, fit.model, fit))
     return sorted(rated, key=lambda rating: rating.bic)

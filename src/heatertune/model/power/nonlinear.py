@@ -49,7 +49,7 @@ Rows = npt.NDArray[np.intp]
 _INPUT_CURVE_READINGS = 250  # averaged, in the search
 _KNOTS = 5  # of more levels than _LEVELS, at quantiles
 _LEVELS = 8
-_APART = 0.1  # of the range of the power: nearer knots tell no slope
+_APART = 0.1  # of the range of the power: closer knots do not identify a slope
 _SPREAD = np.array([0.0, 0.4, -0.4])  # of ln lag, of the starts
 
 
@@ -148,14 +148,14 @@ def _solved(problem: PowerProblem, ramps: list[PowerProblem], z: Array) -> tuple
     return gains, given + weights @ chosen
 
 
-#: places in a vector: ln gain, ambient, first temperature, inner one above it, ln lag, ln of cooling's by warming's,
+#: indices in a vector: ln gain, ambient, first temperature, inner one above it, ln lag, ln of cooling's by warming's,
 #: dead time, lag ratio, drift, loss times the span, ceiling
 _GAIN, _AMBIENT, _START, _INNER, _LAG, COOLING, _DEAD, _RATIO, _DRIFT, LOSS, CEILING = range(11)
-#: what may bend, and where the search for it begins
+#: the kinds of nonlinearity, and the start of their search
 BEND = {COOLING: (-0.5, 0.5), LOSS: (0.3, 1.5), CEILING: (-0.02, -0.1)}
 
 _READINGS = 250  # averaged, in the search
-_STEPS = 12.0  # to a time constant, where the loss bends the answer
+_STEPS = 12.0  # to a time constant, if the loss makes the response nonlinear
 _MOST_LOSS = 20.0
 
 
@@ -311,7 +311,7 @@ _NEAR = 10.0  # BIC points
 _MISFIT = 1.3  # times the noise between neighbours, that a linear fit may leave over
 _SATURATED = 0.1  # of the largest gain: less is no gain to control with
 _ALIKE = 1.1  # ends nearer than that are one heater
-_USE = 0.75  # of the span of the readings: where the heater is used, if nobody says
+_USE = 0.75  # of the span of the readings: the operating temperature, if not stated
 
 
 class LocalHeater(NamedTuple):

@@ -39,14 +39,14 @@ __all__ = [
 
 
 Array = npt.NDArray[np.float64]
-#: log; temperatures, shape (n, m), or (1, m) where they are one and the same [°C]; linear unknowns that are given, nan
-#: where free, shape (n, columns) or (1, columns); and the law: see `Record`
+#: log; temperatures, shape (n, m), or (1, m) if they are equal [°C]; given linear unknowns, NaN
+#: if free, shape (n, columns) or (1, columns); and the law: see `Record`
 ProjectionInput = tuple[HeldPower, Array, Array, tuple[bool, float]]
 #: the same of one vector: log; temperatures, shape (m,); linear unknowns, shape (columns,); and the law: whether the
 #: gain is given as gain per time constant, and its sign, see `PowerProblem`: with another sign the sum of squares is
 #: infinite
 Record = tuple[HeldPower, Array, Array, tuple[bool, float]]
-#: basis, first lag and lag ratio of its columns, normal matrix, right side, what elimination needs, places of the free
+#: basis, first lag and lag ratio of its columns, normal matrix, right side, work array, indices of the free
 #: unknowns, and the number 1
 Space = tuple[Array, Array, Array, Array, Array, npt.NDArray[np.int64], Array]
 
@@ -323,7 +323,7 @@ def descend(
 
 _SECOND = 2  # place of the lag ratio in a vector
 _RATIO = (0.01, 0.98)  # from 0.98 on, answers differ from those of equal lags by less than a ten-thousandth
-_COARSE = 250  # readings that tell the region of the best fit
+_COARSE = 250  # readings that locate the region of the best fit
 _ROUGH, _ROUGH_READINGS = 3, 120  # every third of the grid
 #: lengths of the log: a longer time constant shows no curvature
 FAR = 5.0
@@ -455,7 +455,7 @@ class PowerProblem:
         return cost
 
     def nothing_more(self, rows: int) -> FixedUnknowns:
-        """Return what the problem itself knows, for so many rows."""
+        """Return the known linear unknowns of the problem, for so many rows."""
         return FixedUnknowns(values=np.tile(self.fixed, (rows, 1)))
 
     def _asked(self, records: Array, fixed: FixedUnknowns) -> ProjectionInput:
@@ -610,7 +610,7 @@ def _plant(z: Array, linear: Array, *, two_lags: bool) -> HeaterModel | None:
     gain, lag, dead = float(linear[GAIN]), float(np.exp(z[0])), float(z[1])
     if gain <= 0.0 or dead < 0.0:
         return None
-    # where no curvature is seen, the ambient may run off below any temperature there is
+    # without visible curvature, the ambient may diverge below absolute zero
     ambient = float(linear[AMBIENT]) if linear[AMBIENT] >= ABSOLUTE_ZERO_DEGC else None
     if not two_lags:
         return Fopdt(gain_degC_per_pct=gain, time_constant_s=lag, dead_time_s=dead, ambient_degC=ambient)

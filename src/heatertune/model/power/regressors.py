@@ -122,7 +122,7 @@ class Readings:
 #: time: middle of each reading, shape (m,) [s]; half: half the time that it is the mean of, shape (m,) [s];
 #: edges: instants from which a power is held, shape (e,) [s]; levels: the powers, shape (e,) [%]; before: the power
 #: before the first [%]; loads: instants at which they begin to act, shape (s,) [s]; restarts: instants at which the
-#: state begins anew, shape (r,) [s]
+#: state is estimated again, shape (r,) [s]
 HeldPower = tuple[Array, Array, Array, Array, float, Array, Array]
 
 #: columns of the linear part; one more for each load step, then two states for each restart

@@ -407,7 +407,7 @@ class AtEnd(NamedTuple):
     bic: float = 0.0
 
 
-#: name and value of a number → the heater with it held, None if there is none
+#: name and value of a parameter → the heater with it fixed, or None
 FitWithHeld = Callable[[str, float], AtEnd | None]
 
 

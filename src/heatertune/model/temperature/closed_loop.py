@@ -86,7 +86,7 @@ Whole = npt.NDArray[np.int64]
 
 #: a vector begins with the plant, gain and time constant by their logarithms; lag ratio: of the second lag, 0: one lag
 PLANT = ("gain_degC_per_pct", "time_constant_s", "lag_ratio", "dead_time_s")
-#: what a log has of its own in a vector, before its law's constants; from the event on the setpoint is a step higher
+#: a log's own parameters in a vector, before its law's constants; from the event on the setpoint is a step higher
 OWN = ("ambient_degC", "start_degC", "inner_start_degC", "setpoint_degC", "setpoint_step_degC", "event_s")
 #: most constants of a law
 CONSTANTS = 4

@@ -46,7 +46,7 @@ _FALL = 0.05  # of the log's span, the least fall that bounds a time constant
 _CHI2 = 3.84  # 95 % point of χ² with one degree of freedom
 _LAGS: Final = 160  # time constants tried
 _COARSER: Final = 4  # of these every so many-th, for a first look
-_FAR_OFF: Final = 1.25  # times the ends of what a cooling shows
+_FAR_OFF: Final = 1.25  # times the ends of the interval of a cooling
 _RISE_NOISE: Final = 4.0  # standard deviations by which noise may steepen the steepest rise
 
 
@@ -106,7 +106,7 @@ def saturated_heat_up(log: Log) -> ConstantPowerStretch | None:
     return _longest(log, 0, int(np.argmax(y)), lambda stretch: stretch.aim_degC[0] > highest)
 
 
-@lru_cache(maxsize=4)  # asked for by notes and by contradictions
+@lru_cache(maxsize=4)  # used by notes and by contradictions
 def free_cooling(log: Log, ambient_degC: Bounds) -> ConstantPowerStretch | None:
     """Return the longest stretch after the highest reading that is an exponential aiming at the ambient, far below."""
     y, (low, high) = log.temperature_degC, ambient_degC

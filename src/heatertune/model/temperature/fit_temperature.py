@@ -51,7 +51,7 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 
 _RANDOM, _RACERS, _FINALISTS = 1500, 12, 3
-_ROUNDING = 1e-9  # of a sum of squares, many times what the order of adding up may change
+_ROUNDING = 1e-9  # of a sum of squares, many times the effect of the order of summation
 _EVENT_INSTANTS = 24  # instants tried for a setpoint step
 #: share of the record that the first look takes
 EARLY = 0.4
@@ -197,7 +197,7 @@ def _bic(hypothesis: Hypothesis, error: Array) -> float:
 
 _LEAST = 2.0 / 3.0  # of the span, that the power has to move the model by
 _CANCELLED = 3.0  # of the span: beyond that, power and initial state cancel
-_FAR_OUT = 0.2  # of a log's span: a prediction that misses by more is none
+_FAR_OUT = 0.2  # of a log's span: a prediction with a larger error is useless
 
 
 def event_notes(best: Fit) -> Iterable[str]:

@@ -373,7 +373,7 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
         {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes", "ipopt.max_iter": 60, "ipopt.tol": 1e-6,
          "ipopt.hessian_approximation": "limited-memory",
          "ipopt.mumps_pivot_order": 0,  # AMD: the matrix is an arrow, and METIS takes as long again as all the rest
-         "no_nlp_grad": True},  # CasADi's own gradient, which nobody asks for
+         "no_nlp_grad": True},  # CasADi's own gradient, which is not needed
     )
     first = _vector(start, problem.structure)
     value = ca.Function("f", [unknowns], [cost])

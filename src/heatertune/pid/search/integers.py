@@ -51,7 +51,7 @@ Complex = npt.NDArray[np.complex128]
 
 _FREQUENCIES = 400
 _PER_DELAY = 12  # frequencies per sample of dead time, whose phase has to be followed
-_BESIDE = 2e-4  # relative; the margins' own frequencies lie beside these, so their Ms may be smaller by so much
+_BESIDE = 2e-4  # relative; the margins use other frequencies, so their Ms may be smaller by this much
 _HORIZON = 10.0  # times the slowest part of the loop
 _MOST_SAMPLES = 20_000
 
@@ -173,7 +173,7 @@ class LoopBounds:
         stable = [encloses_nothing(middle @ heater.parts, integrating=True) for heater in limited]
         if any(seen == 2 and not calm for seen, calm in zip(verdicts, stable, strict=True)):
             return math.inf
-        if not all(stable) or middle[0] <= 0.0:  # the reference tells nothing
+        if not all(stable) or middle[0] <= 0.0:  # the reference gives no bound
             return least
         costs = []
         for heater in self.heaters:

@@ -276,7 +276,7 @@ def robust_design(heaters: Open, specs: Specs, way: str, solve: Solve, first: Pi
     design, guards, before = first, list[HeaterModel](), heaters.ms(first)
     promise = Promise(way=way, limits=specs.limits)
     while (broken := heaters.broken(promise, design)) is not None:
-        if broken.heater in guards:  # the search's frequencies missed what the margins' own see
+        if broken.heater in guards:  # the search's frequencies missed a peak that the margins detect
             raise InputError(f"no design keeps {specs.text} on the heaters sampled from the fit; loosen it")
         guards.append(broken.heater)
         design = solve(tuple(guards))

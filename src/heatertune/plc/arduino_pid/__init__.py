@@ -1,1 +1,1 @@
-"""Brett Beauregard's PID_v1 for Arduino; what its source leaves to the sketch stands in DIFFERENCES.md."""
+"""Brett Beauregard's PID_v1 for Arduino; DIFFERENCES.md lists what its source leaves to the sketch."""

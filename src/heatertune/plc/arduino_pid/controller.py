@@ -82,7 +82,7 @@ FIRST_MS: Final = 100.0
 
 
 class ArduinoPidAssumptions(NamedTuple):
-    """What the library leaves to board and sketch, see DIFFERENCES.md."""
+    """The points that depend on board and sketch, see DIFFERENCES.md."""
 
     narrow: Annotated[bool, OpenPoint(
         name="double", means={"64bit": False, "32bit": True},

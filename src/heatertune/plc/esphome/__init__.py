@@ -1,1 +1,1 @@
-"""ESPHome's PID climate; what its documents leave open stands in DIFFERENCES.md."""
+"""ESPHome's PID climate; DIFFERENCES.md lists the open points of its documents."""

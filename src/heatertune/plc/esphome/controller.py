@@ -80,7 +80,7 @@ def _lag(v: Mapping[str, Number]) -> float:
 
 
 class EspHomeAssumptions(NamedTuple):
-    """What depends on the sensor, see DIFFERENCES.md."""
+    """The points that depend on the sensor, see DIFFERENCES.md."""
 
     late: Annotated[bool, calls_open_point(
         "each reading of the sensor calls the PID: one each update_interval, or each tenth one is lost")] = False

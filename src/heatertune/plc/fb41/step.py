@@ -52,7 +52,7 @@ class ContCParameters(NamedTuple):
 
 
 class ContCAssumptions(NamedTuple):
-    """What is not documented, see DIFFERENCES.md."""
+    """The undocumented points, see DIFFERENCES.md."""
 
     rectangle: Annotated[bool, OpenPoint(
         name="integral", means={"trapezoid": False, "rectangle": True},

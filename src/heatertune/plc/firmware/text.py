@@ -97,7 +97,7 @@ def several(source: str, heads: str, kinds: Sequence[str]) -> InputError:
         heads: what the text calls the heaters.
         kinds: settings of the open point `heater` that select one of them.
     """
-    ways = " or ".join(f"--switch heater={kind}" for kind in kinds) or "a text without the others"
+    ways = " or ".join(f"--assume heater={kind}" for kind in kinds) or "a text without the others"
     return InputError(f"{source}: gains of {heads}; expected those of one heater: {ways}")
 
 

@@ -22,7 +22,7 @@ __all__ = ["COLD", "IecPidAssumptions", "IecPidConstants", "IecPidInputs", "IecP
 
 
 class IecPidAssumptions(NamedTuple):
-    """What the standard leaves open, see DIFFERENCES.md."""
+    """The open points of the standard, see DIFFERENCES.md."""
 
     time_unit: Annotated[int, OpenPoint(
         name="time_unit", means={"s": SECONDS, "ten_ms": TENS_OF_MS, "ns": NANOSECONDS},

@@ -85,7 +85,7 @@ def consistent(words: Words) -> None:
 
 
 def oddities(words: Words) -> tuple[str, ...]:
-    """Return what is odd about a block's words, one sentence each."""
+    """Return warnings about a block's parameters, one sentence each."""
     v = words.values
     checks = [
         (v["KP"] == 0.0, "KP is 0: nothing acts."),

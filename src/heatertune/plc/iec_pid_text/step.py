@@ -19,7 +19,7 @@ __all__ = ["COLD", "StandardPidAssumptions", "StandardPidBlock", "StandardPidSta
 
 
 class StandardPidAssumptions(NamedTuple):
-    """What the standard leaves open, see DIFFERENCES.md."""
+    """The open points of the standard, see DIFFERENCES.md."""
 
     time_unit: Annotated[int, TIME_UNIT] = SECONDS
 

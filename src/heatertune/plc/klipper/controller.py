@@ -85,7 +85,7 @@ HEATER: Final = heater_open_point(
 
 
 class KlipperAssumptions(NamedTuple):
-    """In what the sources differ, see DIFFERENCES.md."""
+    """The points in which the sources differ, see DIFFERENCES.md."""
 
     source: Annotated[int, OpenPoint(
         name="firmware", means={"klipper": KLIPPER, "kalico": KALICO, "older": OLDER},
@@ -337,7 +337,7 @@ def _config(words: Words, certificate: Certificate) -> str:
     section, name = heater_of(certificate.switches)
     missing = (f"; put your heater's name in the place of {PLACEHOLDER}, which Klipper refuses"
                if name == PLACEHOLDER else "")
-    whose = ("your [extruder], [heater_bed] or [heater_generic ...]; design with --switch heater=extruder, heater_bed "
+    whose = ("your [extruder], [heater_bed] or [heater_generic ...]; design with --assume heater=extruder, heater_bed "
              "or heater_generic, and the files name it" if section == PLACEHOLDER else f"your [{section}]")
     pwm = PWM_S if certificate.actuator is None else certificate.actuator.pwm_period_s
     lines = [

@@ -1,1 +1,1 @@
-"""Marlin's PID of a hot end; what depends on the firmware's build stands in DIFFERENCES.md."""
+"""Marlin's PID of a hot end; DIFFERENCES.md lists what depends on the firmware's build."""

@@ -83,7 +83,7 @@ HEATER: Final = heater_open_point(
 
 
 class MarlinAssumptions(NamedTuple):
-    """What depends on the build, see DIFFERENCES.md."""
+    """The points that depend on the build, see DIFFERENCES.md."""
 
     avr: Annotated[bool, OpenPoint(
         name="timer", means={"1000hz": False, "977hz": True},
@@ -272,7 +272,7 @@ _CODE: Final = "marlin_pid.gcode"
 _BUILT_WITH: Final = {"hotend": "PIDTEMP, of a single hot end; no lists per hot end", "bed": "PIDTEMPBED"}
 _OF: Final = {UNKNOWN: "", "hotend": " of a hot end", "bed": " of the bed"}
 _WHICH: Final = ("gains of which heater? take the lines of yours without the sign of a comment, or design with "
-                 "--switch heater=hotend or heater=bed")
+                 "--assume heater=hotend or heater=bed")
 
 
 def _export(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
@@ -339,7 +339,7 @@ Marlin = controller_of(FirmwarePid(
     can=(
         "P, PI, PD and PID in single precision, D on the reading and filtered (PID_K1)",
         "full power below the window PID_FUNCTIONAL_RANGE around the setpoint, none above",
-        "exported as lines of Configuration.h and as G-code: M301, or M304 of a bed (`--switch heater=bed`)",
+        "exported as lines of Configuration.h and as G-code: M301, or M304 of a bed (`--assume heater=bed`)",
     ),
     cannot=(
         "127 steps of power; the setpoint is whole degrees",

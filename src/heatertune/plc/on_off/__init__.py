@@ -1,1 +1,1 @@
-"""The two-level control that the one-bit PLC of Hryniewicz and Chmiel runs; see DIFFERENCES.md."""
+"""Two-level control on the one-bit PLC of Hryniewicz and Chmiel; see DIFFERENCES.md."""

@@ -1,1 +1,1 @@
-"""Panel instruments that hold a proportional band, Ti and Td: one law, a table of makes; see DIFFERENCES.md."""
+"""Panel instruments with proportional band, Ti and Td: one control law, a table of makes; see DIFFERENCES.md."""

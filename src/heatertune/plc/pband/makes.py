@@ -112,7 +112,7 @@ _OMRON: Final = Make(
         Entry("ORBAND", "least", "2D19H", 0, 500, 1, "%", "minimum output on/off band", 0),
         Entry("P", "band", "2A00H", 1, 9999, 1, "°C", "proportional band"),
         Entry("I", "ti", "2A01H", 0, 9999, 0, "s", "integral time, 0: none; the register counts the unit"),
-        Entry("D", "td", "2A02H", 0, 9999, 0, "s", "derivative time, 0: none; likewise"),
+        Entry("D", "td", "2A02H", 0, 9999, 0, "s", "derivative time, 0: none; in the same unit"),
         Entry("OL-H", "high", "2A05H", 1, 1000, 1, "%", "MV upper limit"),
         Entry("OL-L", "fixed", "2A06H", 0, 0, 1, "%", "MV lower limit", 0),
     ),

@@ -26,7 +26,7 @@ _MOST: Final = 127.0  # [%]
 
 
 class PbandAssumptions(NamedTuple):
-    """What the manuals leave open, see DIFFERENCES.md."""
+    """The open points of the manuals, see DIFFERENCES.md."""
 
     anti_windup: Annotated[int, OpenPoint(
         name="anti_windup", means={"held": HOLD, "tracking": WITHIN, "outside_band": OUTSIDE},

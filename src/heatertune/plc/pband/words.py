@@ -241,7 +241,7 @@ def block_of(make: Make, words: Words, assume: PbandAssumptions) -> PbandBlock:
 
 
 def oddities(make: Make, words: Words) -> tuple[str, ...]:
-    """Return what is odd about the words of an instrument, one sentence each."""
+    """Return warnings about an instrument's parameters, one sentence each."""
     values = words.values
     tn, _ = _times(make, values)
     found = [f"{by.name} is 0: there is no integral part." for by in make.entries

@@ -1,1 +1,1 @@
-"""PID_Compact of the S7-1200/1500; what its manual leaves open stands in DIFFERENCES.md."""
+"""PID_Compact of the S7-1200/1500; DIFFERENCES.md lists the open points of its manual."""

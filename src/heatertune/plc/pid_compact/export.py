@@ -446,7 +446,7 @@ def _head(tags: BlockTags, words: Words, certificate: Certificate) -> tuple[str,
 
 
 def _by_hand(tags: BlockTags, words: Words, certificate: Certificate) -> list[str]:
-    """Return what remains to be done by hand, numbered."""
+    """Return the remaining manual steps, numbered."""
     actuator = certificate.actuator
     why = made_by(tags, words, actuator)
     interval = words.sample_time_s if actuator is None else tick_s(tags, words, actuator)

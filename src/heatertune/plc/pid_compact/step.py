@@ -48,7 +48,7 @@ LIKE_A_STEP: Final = 4
 
 
 class PidCompactAssumptions(NamedTuple):
-    """What the manual leaves open, see DIFFERENCES.md."""
+    """The open points of the manual, see DIFFERENCES.md."""
 
     anti_windup: Annotated[int, OpenPoint(
         name="anti_windup", means={"stopped": STOPPED, "late": LATE, "limited": LIMITED, "clamped": CLAMPED},

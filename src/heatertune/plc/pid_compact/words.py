@@ -205,7 +205,7 @@ def interval_s(values: Mapping[str, Number]) -> float:
 
 
 def oddities(words: Words) -> tuple[str, ...]:
-    """Return what is odd about a block's words, one sentence each."""
+    """Return warnings about a block's parameters, one sentence each."""
     v = words.values
     checks = [
         (v["Gain"] == 0.0, "Gain is 0: nothing acts."),

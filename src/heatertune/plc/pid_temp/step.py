@@ -59,7 +59,7 @@ BOTH: Final = 2
 
 
 class CoolingAssumptions(NamedTuple):
-    """What the manual leaves open, see DIFFERENCES.md: `Assumptions`, and what is cooling's own."""
+    """The open points of the manual, see DIFFERENCES.md: `Assumptions`, and those of cooling."""
 
     anti_windup: Annotated[int, _OPEN["anti_windup"]] = 0
     integral: Annotated[int, _OPEN["integral"]] = 0

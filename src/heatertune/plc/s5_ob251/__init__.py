@@ -1,1 +1,1 @@
-"""The PID controller OB251 of the SIMATIC S5-115U; what the manual leaves open stands in DIFFERENCES.md."""
+"""The PID controller OB251 of the SIMATIC S5-115U; DIFFERENCES.md lists the open points of its manual."""

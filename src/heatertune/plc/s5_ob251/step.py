@@ -65,7 +65,7 @@ class Ob251Parameters(NamedTuple):
 
 
 class Ob251Assumptions(NamedTuple):
-    """What the manual leaves open, see DIFFERENCES.md."""
+    """The open points of the manual, see DIFFERENCES.md."""
 
     sum_is_limited: Annotated[bool, OpenPoint(
         name="sum", means={"unlimited": False, "limited": True},

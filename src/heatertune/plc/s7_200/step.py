@@ -17,7 +17,7 @@ __all__ = ["S7200ManualAssumptions", "step"]
 
 
 class S7200ManualAssumptions(NamedTuple):
-    """What the manual leaves open, see DIFFERENCES.md."""
+    """The open points of the manual, see DIFFERENCES.md."""
 
     next_cycle: Annotated[bool, WIDTH_APPLIES] = False
 

@@ -1,1 +1,1 @@
-"""The paper's PID/PWM program as printed, its faults included; what it leaves open stands in DIFFERENCES.md."""
+"""The paper's PID/PWM program as printed, its faults included; DIFFERENCES.md lists its open points."""

@@ -31,7 +31,7 @@ _FIRST_BYTE, _FIRST_BIT = bit("SM0.1")  # the first scan
 
 
 class S7200PaperAssumptions(NamedTuple):
-    """What paper and manual leave open, see DIFFERENCES.md."""
+    """The open points of paper and manual, see DIFFERENCES.md."""
 
     next_cycle: Annotated[bool, WIDTH_APPLIES] = False
     wrap: Annotated[bool, OpenPoint(

@@ -1,1 +1,1 @@
-"""The PID instruction of an S7-200 (CPU 22x) and its loop table; what is open stands in DIFFERENCES.md."""
+"""The PID instruction of an S7-200 (CPU 22x) and its loop table; DIFFERENCES.md lists its open points."""

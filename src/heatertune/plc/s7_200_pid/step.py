@@ -22,7 +22,7 @@ _SETPOINT: Final = cell(SETPOINT, 4).start
 
 
 class S7200PidAssumptions(NamedTuple):
-    """What the manual leaves open, see DIFFERENCES.md."""
+    """The open points of the manual, see DIFFERENCES.md."""
 
     next_cycle: Annotated[bool, WIDTH_APPLIES] = False
 

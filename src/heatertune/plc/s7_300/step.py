@@ -35,7 +35,7 @@ class PidTipParameters(NamedTuple):
 
 
 class PidTipAssumptions(NamedTuple):
-    """What the document leaves open, see DIFFERENCES.md."""
+    """The open points of the document, see DIFFERENCES.md."""
 
     truncates: Annotated[bool, OpenPoint(
         name="conversion", means={"rnd": False, "trunc": True},

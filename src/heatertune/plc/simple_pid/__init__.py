@@ -1,1 +1,1 @@
-"""The Python package simple-pid; what it leaves to its caller stands in DIFFERENCES.md."""
+"""The Python package simple-pid; DIFFERENCES.md lists what depends on its caller."""

@@ -70,7 +70,7 @@ def _oddities(v: Mapping[str, Number]) -> Iterator[str]:
 
 
 class SimplePidAssumptions(NamedTuple):
-    """What depends on the computer, see DIFFERENCES.md."""
+    """The points that depend on the computer, see DIFFERENCES.md."""
 
     late: Annotated[bool, calls_open_point(
         "the loop calls on time, or each tenth time after twice the interval, which it measures")] = False

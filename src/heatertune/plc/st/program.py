@@ -386,7 +386,7 @@ def head_of(
 def by_hand(
     clock: ProgramClock, certificate: Certificate, *, of_clock: Sequence[str] = (), of_start: Sequence[str] = ()
 ) -> list[str]:
-    """Return what remains to be done by hand, numbered.
+    """Return the remaining manual steps, numbered.
 
     Args:
         clock: of the program.

@@ -1,1 +1,1 @@
-"""WEG's PID block in the SCA06 Ladder; what its manual leaves open stands in DIFFERENCES.md."""
+"""WEG's PID block in the SCA06 Ladder; DIFFERENCES.md lists the open points of its manual."""

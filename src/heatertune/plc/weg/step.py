@@ -36,7 +36,7 @@ BLOCK: Final = 2
 
 
 class WegAssumptions(NamedTuple):
-    """What the manual leaves open, see DIFFERENCES.md."""
+    """The open points of the manual, see DIFFERENCES.md."""
 
     anti_windup: Annotated[int, OpenPoint(
         name="anti_windup", means={"clamp": CLAMP, "freeze": FREEZE, "none": SUM_ON},

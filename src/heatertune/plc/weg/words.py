@@ -97,7 +97,7 @@ def consistent(words: Words) -> None:
 
 
 def oddities(words: Words) -> tuple[str, ...]:
-    """Return what is odd about a block's words, one sentence each."""
+    """Return warnings about a block's parameters, one sentence each."""
     v = words.values
     checks = [
         (v["Kp"] == 0.0 and v["Type"] == ACADEMIC, "Kp is 0: in the academic form nothing acts."),
