@@ -32,7 +32,7 @@ SCRIPT = """
 import json
 from heatertune.batch.fleets import RESULT
 from heatertune.model.values import Fopdt
-from heatertune.pid.loop.robustness import margins
+from heatertune.pid.sampled_loop import margins
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Acceptance, Actuator, Scenario, prove_models

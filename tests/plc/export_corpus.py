@@ -20,7 +20,7 @@ from heatertune.supervision.text import program_check
 
 PWM = Actuator(pwm_period_s=2.0, resolution_s=0.1, minimum_on_s=0.2)
 #: remarks with the signs that end or begin a comment somewhere, and letters outside ASCII
-REMARKS = ("name of two\nL     1;\r\nlines", "setpoint of 45 °C ≤ 50 °C", "specification *) x := 1; (* by name", "*/ end // begin /* \" ' $ # ;")
+REMARKS = ("name of two\nL     4711;\r\nlines", "setpoint of 45 °C ≤ 50 °C", "specification *) x := 1; (* by name", "*/ end // begin /* \" ' $ # ;")
 _HEAD = ("monitor of 45 °C", *REMARKS)
 _NUMBERS = OFF._replace(low=5, high=900, jump=50, still=9, full=20, growths=2, slow_blocks=2, slow_scale=64, slow_gain=3, slow_rest=-900)
 

@@ -86,10 +86,11 @@ class ArduinoPidAssumptions(NamedTuple):
 
     narrow: Annotated[bool, OpenPoint(
         name="double", means={"64bit": False, "32bit": True},
-        reason="what double is on the board: double precision (ARM, ESP32), or single precision (AVR)",
+        reason="precision of double on the board: double (ARM, ESP32) or single (AVR)",
     )] = False
     late: Annotated[bool, calls_open_point(
-        "Compute() waits for at least SampleTime: it comes on time, or each tenth time after twice SampleTime")] = False
+        "Compute() waits for at least SampleTime: it is called on time, or every tenth call comes after twice "
+        "SampleTime")] = False
 
 
 def _parameters(values: Mapping[str, float], assume: ArduinoPidAssumptions) -> ParallelParameters:

@@ -83,7 +83,7 @@ class EspHomeAssumptions(NamedTuple):
     """The points that depend on the sensor, see DIFFERENCES.md."""
 
     late: Annotated[bool, calls_open_point(
-        "each reading of the sensor calls the PID: one each update_interval, or each tenth one is lost")] = False
+        "each sensor reading calls the PID: one per update_interval, or every tenth reading is lost")] = False
 
 
 def _parameters(values: Mapping[str, float], assume: EspHomeAssumptions) -> ParallelParameters:
@@ -193,13 +193,13 @@ class _YamlReader:
     def read(self) -> ReadBack:
         """Return the words, with the schema's defaults where nothing is written."""
         if "kp" not in self._seen:
-            raise InputError(f"{self._source}: kp is not there; expected control_parameters of ESPHome's PID climate")
+            raise InputError(f"{self._source}: kp is missing; expected control_parameters of ESPHome's PID climate")
         missing = [name for name in _USUAL if name not in self._seen]
         for name in missing:
             self._collected.put(name, _USUAL[name], 0, str(_USUAL[name]))
         if self._interval is not None:
             self._collected.put("update_interval", self._interval, 0, str(self._interval))
-        told = (f"{name} is not there: {_USUAL[name]:g}, ESPHome's default" for name in missing)
+        told = (f"{name} is not set: {_USUAL[name]:g}, ESPHome's default" for name in missing)
         return ReadBack(self._collected.values(), tuple(told))
 
 
@@ -223,7 +223,7 @@ _THROUGH: Final = re.compile(r"^ +heat_output: heater_level$", re.MULTILINE)
 def _settings(text: str) -> TextSettings:
     setpoint, period, boost = _SETPOINT.search(text), _PERIOD.search(text), _EXPORTED_BOOST.search(text)
     if setpoint is None or period is None:
-        raise InputError("default_target_temperature or period is not there")
+        raise InputError("default_target_temperature or period is missing")
     if (boost is None) == (_THROUGH.search(text) is not None):
         raise InputError("the boost is not between climate and slow_pwm")
     distances = None if boost is None else Boost(

@@ -78,10 +78,10 @@ def setpoint_of(words: Words, certificate: Certificate) -> str:
 
 
 def heater_open_point(kinds: Sequence[str], reason: str) -> OpenPoint:
-    """Return the open point of whose gains these are; what the firmware calls its heaters are the settings."""
+    """Return the open point of the heater that the gains belong to; the settings are the firmware's names."""
     means = {name: number for number, name in enumerate((UNKNOWN, *kinds))}
     return OpenPoint(name="heater", means=means, summary=tuple(kinds), shows=never,
-                     reason=f"whose gains these are: {reason}")
+                     reason=f"heater that the gains belong to: {reason}")
 
 
 def calls_open_point(reason: str) -> OpenPoint:

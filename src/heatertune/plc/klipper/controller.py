@@ -81,7 +81,7 @@ _REPORTS_OLDER: Final = 14
 
 HEATER: Final = heater_open_point(
     ("extruder", "heater_bed", "heater_generic"),
-    "the section of printer.cfg; while it is unknown the files name no heater of yours")
+    "the section of printer.cfg; if it is unknown, the exported files name no heater")
 
 
 class KlipperAssumptions(NamedTuple):
@@ -89,8 +89,9 @@ class KlipperAssumptions(NamedTuple):
 
     source: Annotated[int, OpenPoint(
         name="firmware", means={"klipper": KLIPPER, "kalico": KALICO, "older": OLDER},
-        reason="which source runs: a change that is not sent is below 5 % of max_power (klipper) or of full power "
-            "(kalico, older); a command is sent again after 2.4 s (klipper, kalico) or 4.2 s (older)",
+        reason="version of the source: a change is not sent if it is below 5 % of max_power (klipper) or of "
+               "full power (kalico, older); a command is repeated after 2.4 s (klipper, kalico) or 4.2 s "
+               "(older)",
     )] = KLIPPER
     heater: Annotated[int, HEATER] = 0
 
@@ -289,7 +290,7 @@ def _with_usual(collected: WordCollector, there: set[str]) -> dict[str, int | fl
 
 
 def _told(there: set[str]) -> tuple[str, ...]:
-    return tuple(f"{name}, which is not there: {value:.{PLACES}f} as in the firmware" for name, value in USUAL.items()
+    return tuple(f"{name}, which is not set: {value:.{PLACES}f} as in the firmware" for name, value in USUAL.items()
                  if name not in there)
 
 
@@ -307,7 +308,7 @@ _TARGET: Final = re.compile(r"^SET_HEATER_TEMPERATURE HEATER=\w+ TARGET=(\S+)", 
 def _section_exported(text: str) -> TextSettings:
     period = _PERIOD.search(text)
     if period is None:
-        raise InputError("pwm_cycle_time is not there")
+        raise InputError("pwm_cycle_time is missing")
     return TextSettings(from_text(text, None, _CONFIG).values, period_s=float(period[1]))
 
 
@@ -315,7 +316,7 @@ def _trial_exported(text: str) -> TextSettings:
     """Return the gains that are tried, and at which setpoint, where one was proven."""
     tried, target = _TRIED.search(text), _TARGET.search(text)
     if tried is None:
-        raise InputError("SET_HEATER_PID is not there")
+        raise InputError("SET_HEATER_PID is missing")
     gains = {field.name: float(value) for field, value in zip(GAINS, tried.groups(), strict=True)}
     return TextSettings(gains, setpoint_degC=None if target is None else float(target[1]))
 

@@ -78,8 +78,8 @@ _STEPS: Final = 127.0
 
 
 HEATER: Final = heater_open_point(
-    ("hotend", "bed"), "M301 and DEFAULT_Kp of a hot end, or M304 and DEFAULT_bedKp of a bed; while it is unknown the "
-                       "files have both as comments")
+    ("hotend", "bed"), "M301 and DEFAULT_Kp of a hot end, or M304 and DEFAULT_bedKp of a bed; if it is unknown, the "
+                       "exported files contain both as comments")
 
 
 class MarlinAssumptions(NamedTuple):
@@ -87,13 +87,13 @@ class MarlinAssumptions(NamedTuple):
 
     avr: Annotated[bool, OpenPoint(
         name="timer", means={"1000hz": False, "977hz": True},
-        reason="frequency of the temperature timer, by which I and D are scaled: 1000 Hz, or 976.5625 Hz of an AVR of "
-            "16 MHz",
+        reason="frequency of the temperature timer, which scales I and D: 1000 Hz, or 976.5625 Hz on a 16 MHz "
+               "AVR",
     )] = False
     inside: Annotated[bool, OpenPoint(
         name="history", means={"all": False, "inside": True},
-        reason="the reading before, of which D takes the change: that of every update (2.0, and again since March "
-            "2024), or of the last one within the window, 0 at power-on (2.1.0 to 2.1.2)",
+        reason="previous reading for the D part: that of every update (2.0, and again since March 2024), or the"
+               " last one inside the window, 0 at power-on (2.1.0 to 2.1.2)",
     )] = False
     heater: Annotated[int, HEATER] = 0
 
@@ -189,7 +189,7 @@ def from_text(text: str, sample_time_s: float | None, source: str, heater: str =
     for name in USUAL.keys() - seen:
         usual = USUAL[name] if name != "ADC_LOOPS" else _loops(sample_time_s)
         collected.put(name, usual, 0, str(usual))
-        over.append(f"{name} is not there: {usual:g}, as usual")
+        over.append(f"{name} is not set: {usual:g}, the default")
     return ReadBack(collected.values(), tuple(sorted(over)))
 
 

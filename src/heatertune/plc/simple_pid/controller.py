@@ -73,7 +73,7 @@ class SimplePidAssumptions(NamedTuple):
     """The points that depend on the computer, see DIFFERENCES.md."""
 
     late: Annotated[bool, calls_open_point(
-        "the loop calls on time, or each tenth time after twice the interval, which it measures")] = False
+        "calls come on time, or every tenth call comes after twice the interval, which the loop measures")] = False
 
 
 def _parameters(values: Mapping[str, float], assume: SimplePidAssumptions) -> ParallelParameters:
