@@ -49,7 +49,7 @@ def test_a_crash_is_no_verdict_and_no_bad_input(monkeypatch, capsys):
     def crash(settings):
         raise KeyError("x")
 
-    monkeypatch.setattr(targets, "_run", crash)
+    monkeypatch.setattr(targets, "_run_targets", crash)
     monkeypatch.delenv("HEATERTUNE_DEBUG", raising=False)
     assert main(["targets"]) == 70  # EX_SOFTWARE of sysexits.h
     told = capsys.readouterr().err

@@ -9,8 +9,8 @@ from dataclasses import replace
 
 from heatertune import Fopdt, Scenario, model_by_hand, simulate, virtual_plc
 from heatertune.live import as511_server as as511
-from heatertune.live.block_memory import SimulatorStatus
 from heatertune.live.controller_block import SERVED, block_for
+from heatertune.live.simulator_status import SimulatorStatus
 from heatertune.plc import controller_for
 from tests.live.conftest import CLIENTS, CONDITIONS, stepped, words_of
 

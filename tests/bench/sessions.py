@@ -27,11 +27,11 @@ from heatertune import virtual_plc
 from heatertune.cli import main as command
 from heatertune.errors import LinkError
 from heatertune.live import plc_state, recorder
-from heatertune.live.block_memory import OWN, OWN_LENGTH, SimulatorStatus
 from heatertune.live.client.connection import address_of
 from heatertune.live.controller_block import places_of
 from heatertune.live.plc import fault_of
 from heatertune.live.serve import read_folder
+from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
 from heatertune.live.write import writer
 from heatertune.live.write.apply import WriteRequest, apply_write
 from heatertune.live.write.plc_block import LinkSettings

@@ -86,7 +86,7 @@ def test_the_range_of_a_module_in_degrees_is_that_modules_alone():
     said = DesignProvenance(target="s7-300", input="thermocouple", range_degC=(0.0, 2764.8), conditions=Conditions(setpoint_degC=60.0))
 
     def taken(target, **sensor):
-        return in_force(Namespace(target=target, faithful=False, **sensor), said, "pid.json")
+        return in_force(Namespace(target=target, as_printed=False, **sensor), said, "pid.json")
 
     recipe, notes = taken("s7-300")
     assert (scaling_of(recipe).high_degC, recipe.input) == (2764.8, "thermocouple")

@@ -11,7 +11,7 @@ import pytest
 
 from heatertune import Fopdt, Scaling, model_by_hand, virtual_plc
 from heatertune.cli import main
-from heatertune.live.block_memory import OWN, OWN_LENGTH, SimulatorStatus
+from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.proof.words_file import WORDS_SCHEMA

@@ -16,7 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.live.conftest import DB, FAILED, LENGTH, client
 
-from heatertune.live.block_memory import OWN, OWN_LENGTH, BlockMemory, Refusal, SimulatorStatus
+from heatertune.live.block_memory import BlockMemory, Refusal
+from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
 
 _REQUEST = bytes.fromhex("0300001f02f080320100000001000e00000401120a10020062001e84000000")  # S7: read 98 bytes of DB 30
 

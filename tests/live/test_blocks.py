@@ -18,9 +18,9 @@ from tests.live.conftest import CLIENTS, CONDITIONS, FAILED, Modbus, client, wor
 
 from heatertune import InputError, Scaling, Scenario
 from heatertune import simulate as simulate_words
-from heatertune.live.block_memory import DEAD_MAN, OWN, OWN_LENGTH
 from heatertune.live.client.connection import address_of, connect
 from heatertune.live.controller_block import SERVED, block_for, places_of
+from heatertune.live.simulator_status import DEAD_MAN, OWN, OWN_LENGTH
 from heatertune.plc import Certificate, controller_for
 from heatertune.plc.core import ControllerState
 from heatertune.plc.ramp import Boost, Ramp

@@ -10,9 +10,10 @@ from tests.conftest import tried
 from tests.live.conftest import DB, LENGTH, PROTOCOLS
 
 from heatertune.errors import DocumentError, InputError, LinkDown, LinkError, PlcRefused, ReplyLost, UnknownName
-from heatertune.live.block_memory import OWN, OWN_LENGTH, Signal, SimulatorStatus
+from heatertune.live.block_memory import Signal
 from heatertune.live.client.connection import address_of, connect
 from heatertune.live.controller_block import places_in, places_of
+from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
 
 NETWORKS = PROTOCOLS[:3]
 

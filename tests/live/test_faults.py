@@ -7,8 +7,9 @@ from threading import Thread
 import pytest
 from tests.live.conftest import DB, FAILED, LENGTH, PROTOCOLS, S7, client
 
-from heatertune.live.block_memory import DEAD_MAN, FAULTY, OWN, RUNS, Access, Refusal
+from heatertune.live.block_memory import Access, Refusal
 from heatertune.live.plc import ScheduledFault, fault_of, heater_events
+from heatertune.live.simulator_status import DEAD_MAN, FAULTY, OWN, RUNS
 from heatertune.proof.kernel import LOAD, MAINS
 
 _MANUAL = 32  # STEU: no Z, not automatic

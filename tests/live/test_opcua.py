@@ -13,8 +13,8 @@ import pytest
 from tests.live.conftest import DB, LENGTH, PROTOCOLS, words_of
 
 from heatertune.errors import LinkDown, PlcRefused, ReplyLost
-from heatertune.live.block_memory import OWN, OWN_LENGTH, SimulatorStatus
 from heatertune.live.client.connection import address_of, connect
+from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
 
 ua = pytest.importorskip("asyncua.ua", reason="asyncua is not installed")
 sync = pytest.importorskip("asyncua.sync")

@@ -23,11 +23,12 @@ from tests.live.test_served import _quiet
 from heatertune import InputError, read_log
 from heatertune.cli import main
 from heatertune.errors import LinkDown, OutOfRange, PlcRefused
-from heatertune.live.block_memory import OWN, Signal
+from heatertune.live.block_memory import Signal
 from heatertune.live.client.connection import address_of
 from heatertune.live.controller_block import Counter, Places, places_of
 from heatertune.live.poller import Poller
 from heatertune.live.recorder import RecordingSetup, record
+from heatertune.live.simulator_status import OWN
 from heatertune.log.cells import TORN, read_sheet
 
 #: those that can be read within a scan of the fast ones here

@@ -13,8 +13,8 @@ from tests.live.conftest import CONDITIONS, DB, LENGTH, PROTOCOLS, client, stepp
 
 from heatertune import InputError, Scenario
 from heatertune import simulate as simulate_words
-from heatertune.live.block_memory import OWN, OWN_LENGTH, SimulatorStatus
 from heatertune.live.plc import FAULTS
+from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
 from heatertune.plc import controller_for
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.open_points import settings_to_prove

@@ -1,10 +1,9 @@
 """A further firmware controller is a row, its law and its text: what the rows share does the rest."""
 
 import pytest
-from heatertune.pid.timer import Timer
 
 from heatertune.errors import NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.values import PidDesign, Timer, structure_of
 from heatertune.plc import Certificate, Scaling, controller_for
 from heatertune.plc.exported import TextSettings
 from heatertune.plc.firmware.make import FirmwarePid, controller_of, gain_fields, texts_of

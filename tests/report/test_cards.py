@@ -15,9 +15,9 @@ from scipy.signal import lfilter
 from heatertune import chain
 from heatertune.log.values import Log
 from heatertune.model.values import Fopdt, model_by_hand
-from heatertune.pid.values import Margins, PidDesign, reaction
+from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Scaling, Words
-from heatertune.report.cards import card, thinned
+from heatertune.report.cards import card, reaction, thinned
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 DESIGN = PidDesign(

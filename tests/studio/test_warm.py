@@ -6,8 +6,7 @@ from collections import Counter
 
 import pytest
 
-from heatertune import compiled
-from heatertune.compiled import decide, worth_compiling
+from heatertune.compiled import decide, dispatch, worth_compiling
 from heatertune.errors import InputError
 from heatertune.proof import loop
 from heatertune.studio import warm_up
@@ -18,7 +17,7 @@ MOST = 10**15
 
 @pytest.fixture(autouse=True)
 def undecided(monkeypatch):
-    monkeypatch.setattr(compiled, "_decided", [None])
+    monkeypatch.setattr(dispatch, "_decided", [None])
 
 
 def beside(monkeypatch, program):
@@ -44,8 +43,8 @@ def test_where_the_compiler_fails_each_loop_is_compiled_where_it_pays(monkeypatc
     beside(monkeypatch, "print('told'); raise KeyboardInterrupt")
     asyncio.run(warm_up.warm())
     assert capfd.readouterr() == ("", ""), "what it says is no news to the user"
-    monkeypatch.setattr(compiled, "_scans_asked", Counter())
-    monkeypatch.setattr(compiled, "_PLAIN_SCANS", 50_000)
+    monkeypatch.setattr(dispatch, "_scans_asked", Counter())
+    monkeypatch.setattr(dispatch, "_PLAIN_SCANS", 50_000)
     assert [worth_compiling(scans) for scans in (49_000, 1_001)] == [False, True]
 
 
@@ -55,7 +54,7 @@ def test_where_no_program_can_be_started_nothing_is_decided(monkeypatch):
 
     monkeypatch.setattr(asyncio, "create_subprocess_exec", refuse)
     asyncio.run(warm_up.warm())
-    assert compiled._decided == [None]
+    assert dispatch._decided == [None]
 
 
 def test_without_a_folder_to_keep_it_in_no_compiler_is_started(monkeypatch):
@@ -63,7 +62,7 @@ def test_without_a_folder_to_keep_it_in_no_compiler_is_started(monkeypatch):
     monkeypatch.setattr(warm_up, "folder", lambda: None)
     asyncio.run(warm_up.warm())
     assert seen == []
-    assert compiled._decided == [None]
+    assert dispatch._decided == [None]
 
 
 def test_a_studio_that_ends_ends_the_compiler(monkeypatch):

@@ -51,7 +51,7 @@ def known_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | No
         UnknownName: no such controller.
     """
     if settings.controller is None:
-        for name in ("words", "setpoint", "switch"):
+        for name in ("words", "setpoint", "assume"):
             if getattr(settings, name):
                 raise InputError(f"--{name} needs --controller: it tells what that controller holds")
         return None

@@ -14,8 +14,9 @@ from threading import Thread
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.live.block_memory import OWN, Access, Refusal
+from heatertune.live.block_memory import Access, Refusal
 from heatertune.live.plc import VirtualPlc
+from heatertune.live.simulator_status import OWN
 
 __all__ = ["OWN_DB", "As511Server"]
 

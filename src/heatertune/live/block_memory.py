@@ -18,6 +18,7 @@ from threading import Condition
 from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.live.simulator_status import HEARTBEAT, OWN, OWN_LENGTH, RELEASED, SHOWN, STATUS_BYTES, STATUS_MARK
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState
@@ -26,9 +27,8 @@ from heatertune.plc.single_precision import single
 from heatertune.plc.words import FORMATS, WordField
 
 __all__ = [
-    "ALL", "BLOCKS", "DEAD_MAN", "FAULTY", "GUARDED", "MODBUS", "OWN", "OWN_CELLS", "OWN_LENGTH", "RUNS", "STRUCTS",
-    "WORDS", "Access", "BlockMemory", "CellAddress", "Laid", "Layout", "Refusal", "RegisterRange", "Signal",
-    "SimulatorStatus", "bytes_of", "field_of", "members", "registers", "to_word_format",
+        "ALL", "BLOCKS", "MODBUS", "STRUCTS", "WORDS", "Access", "BlockMemory", "CellAddress", "Laid", "Layout",
+    "Refusal", "RegisterRange", "Signal", "bytes_of", "field_of", "members", "registers", "to_word_format",
 ]
 
 
@@ -113,46 +113,6 @@ def bytes_of(field: WordField, value: float) -> bytes:
     return struct.pack(STRUCTS[field.format], to_word_format(field, value))
 
 
-#: number of the simulator's own block, which no real PLC has
-OWN: Final = 1000
-
-#: what stands in that block, in turn, high byte first, as `Told` has it; clients write `released` and `heartbeat`
-_FORMATS: Final = {
-    "intervals": "I", "scans": "I", "released": "I", "heartbeat": "H", "status": "H", "temperature_degC": "d",
-    "power_pct": "d", "setpoint": "d", "reading": "d", "mark": "4s", "shown": "I", "interval_s": "d"}
-_TOLD: Final = struct.Struct(">" + "".join(_FORMATS.values()))
-OWN_LENGTH: Final = _TOLD.size
-
-
-def _cells() -> dict[str, tuple[int, str]]:
-    found, start = dict[str, tuple[int, str]](), 0
-    for name, code in _FORMATS.items():
-        found[name] = start, f">{code}"
-        start += struct.calcsize(f">{code}")
-    return found
-
-
-#: name → its first byte in that block, and its format as `struct` has it
-OWN_CELLS: Final[Mapping[str, tuple[int, str]]] = _cells()
-
-
-def _part(name: str) -> slice:
-    start, code = OWN_CELLS[name]
-    return slice(start, start + struct.calcsize(code))
-
-
-_RELEASED: Final = _part("released")
-_HEARTBEAT: Final = _part("heartbeat")
-_SHOWN: Final = _part("shown")
-#: bits of `status`: the CPU is in RUN, the dead man has acted, a fault of the timetable is there, a dead man watches
-RUNS: Final = 1
-DEAD_MAN: Final = 2
-FAULTY: Final = 4
-GUARDED: Final = 8
-#: what makes a block the simulator's own, and not a machine's that has the same number
-_MARK: Final = b"HTVP"
-
-
 class Access(Enum):
     """Why a block cannot be read or written."""
 
@@ -167,33 +127,6 @@ class Refusal(Exception):
     def __init__(self, why: Access) -> None:
         self.why = why
         super().__init__(why.value)
-
-
-class SimulatorStatus:
-    """What the simulator's own block says, by name.
-
-    Attributes:
-        intervals: of the plant's time that are over, each as long as the time between two scans.
-        scans: that the CPU ran in them; it runs none in STOP.
-        released: up to how many intervals may pass, with `--step`.
-        heartbeat: as the host wrote it last.
-        status: `RUNS`, `DEAD_MAN`, `FAULTY` and `GUARDED`.
-        temperature_degC: that the sensor sees, noise included [°C].
-        power_pct: asked for [%].
-        setpoint, reading: in the controller's units.
-        marked: whether this is a simulator's block at all.
-        shown: the interval, counted from 1, whose scan the controller's block shows; 0: none yet.
-        interval_s: how long an interval is [s].
-    """
-
-    __slots__ = ("heartbeat", "interval_s", "intervals", "marked", "power_pct", "reading", "released", "scans",
-                 "setpoint", "shown", "status", "temperature_degC")
-
-    def __init__(self, content: bytes) -> None:
-        """Take the bytes of the block."""
-        (self.intervals, self.scans, self.released, self.heartbeat, self.status, self.temperature_degC, self.power_pct,
-         self.setpoint, self.reading, mark, self.shown, self.interval_s) = _TOLD.unpack(content)
-        self.marked = mark == _MARK
 
 
 class BlockMemory:
@@ -278,7 +211,7 @@ class BlockMemory:
         """
         with self.changed:
             if scan_of is not None:
-                self._blocks[OWN][_SHOWN] = (scan_of & 0xFFFFFFFF).to_bytes(4, "big")
+                self._blocks[OWN][SHOWN] = (scan_of & 0xFFFFFFFF).to_bytes(4, "big")
             if before == after:
                 return
             block = self._blocks[self.main]
@@ -297,8 +230,8 @@ class BlockMemory:
         """
         with self.changed:
             own = self._blocks[OWN]
-            kept = [(part, own[part]) for part in (_RELEASED, _HEARTBEAT, _SHOWN)]
-            own[:] = _TOLD.pack(intervals & 0xFFFFFFFF, scans & 0xFFFFFFFF, 0, 0, status, *seen, _MARK, 0,
+            kept = [(part, own[part]) for part in (RELEASED, HEARTBEAT, SHOWN)]
+            own[:] = STATUS_BYTES.pack(intervals & 0xFFFFFFFF, scans & 0xFFFFFFFF, 0, 0, status, *seen, STATUS_MARK, 0,
                                 self._interval_s)
             for part, content in kept:
                 own[part] = content
@@ -306,12 +239,12 @@ class BlockMemory:
     @property
     def released(self) -> int:
         """Up to how many intervals clients let pass."""
-        return int.from_bytes(self._blocks[OWN][_RELEASED], "big")
+        return int.from_bytes(self._blocks[OWN][RELEASED], "big")
 
     @property
     def heartbeat(self) -> bytes:
         """As a client wrote it last."""
-        return bytes(self._blocks[OWN][_HEARTBEAT])
+        return bytes(self._blocks[OWN][HEARTBEAT])
 
 
 #: protocols of a PLC whose block is a data block; Modbus has it word by word, as gateways give it

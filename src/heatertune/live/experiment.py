@@ -22,13 +22,13 @@ from threading import Thread
 from typing import Final
 
 from heatertune.errors import HeatertuneError, InputError, LinkDown, LinkError, PlcRefused
-from heatertune.live.block_memory import GUARDED, OWN, OWN_CELLS, RUNS
 from heatertune.live.client.connection import Address, Client, address_of, connect, told_by
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for, places_of
 from heatertune.live.plc_state import PlcState, WayBack, late_left_s, utc_now
 from heatertune.live.poller import Snapshot, StillSensor
 from heatertune.live.recorder import RecordingSetup, RecordingState, record
 from heatertune.live.schedule import RATE_ROWS, AbortLimits, Aims, RelaySchedule, Steps
+from heatertune.live.simulator_status import GUARDED, OWN, OWN_CELLS, RUNS
 from heatertune.live.write.plc_block import block_image
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.plc import Words, controller_for

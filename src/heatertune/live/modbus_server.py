@@ -15,8 +15,9 @@ from pymodbus.constants import ExcCodes
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
-from heatertune.live.block_memory import OWN, Access, Refusal, RegisterRange
+from heatertune.live.block_memory import Access, Refusal, RegisterRange
 from heatertune.live.plc import VirtualPlc
+from heatertune.live.simulator_status import OWN
 from heatertune.live.thread_server import AsideServer
 
 __all__ = ["FIRST", "UNIT", "ModbusServer"]

@@ -32,9 +32,10 @@ from asyncua import Server, ua
 from asyncua.server.address_space import AttributeService
 
 from heatertune.errors import OutOfRange
-from heatertune.live.block_memory import OWN, OWN_CELLS, STRUCTS, Access, BlockMemory, Refusal, Signal
+from heatertune.live.block_memory import STRUCTS, Access, BlockMemory, Refusal, Signal
 from heatertune.live.controller_block import ServedBlock
 from heatertune.live.plc import VirtualPlc
+from heatertune.live.simulator_status import OWN, OWN_CELLS
 from heatertune.live.thread_server import AsideServer
 
 __all__ = ["NodeVariable", "OpcuaServer", "cells_of", "range_of"]

@@ -17,9 +17,10 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 
 from heatertune.errors import InputError, LinkDown
-from heatertune.live.block_memory import OWN, OWN_CELLS, Signal
+from heatertune.live.block_memory import Signal
 from heatertune.live.client.connection import Address, Client, connect, told_by
 from heatertune.live.controller_block import Places
+from heatertune.live.simulator_status import OWN, OWN_CELLS
 from heatertune.model.values import HeaterModel
 
 __all__ = ["Poller", "Snapshot", "StillSensor", "reading_problem"]

@@ -18,10 +18,10 @@ from typing import Any, Final, Self
 
 from heatertune.codec import data_folder
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.live.block_memory import OWN, SimulatorStatus
 from heatertune.live.client.connection import LIBRARIES, demand_library
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
 from heatertune.live.plc import LINK, Pace, ScheduledFault, VirtualPlant, VirtualPlc, fault_of, plan_for
+from heatertune.live.simulator_status import OWN, SimulatorStatus
 from heatertune.model.values import FittedModel
 from heatertune.pid.document import read_design
 from heatertune.plc import Words, controller_for

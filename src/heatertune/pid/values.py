@@ -11,8 +11,6 @@ Every series form has an ideal form. The inverse needs TN ≥ 4·TV: only then a
 converted: the conversions hold below the corner frequency of the filter.
 
 The sampling intervals that a controller's timer can make.
-
-What a controller does to the power when the error steps, the loop being open.
 """
 
 from __future__ import annotations
@@ -22,16 +20,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from heatertune.errors import InputError, OutOfRange
 from heatertune.show import NotebookDisplay
 from heatertune.units import check
 
 __all__ = [
     "Margins", "PidDesign", "Promise", "Settings", "Timer", "ideal_to_parallel", "ideal_to_series", "other_forms",
-    "reaction", "series_to_ideal", "step_parts", "structure_of",
+    "series_to_ideal", "step_parts", "structure_of",
 ]
 
 
@@ -205,24 +200,3 @@ def step_parts(integral_time_s: float, derivative_time_s: float, sample_time_s: 
 def structure_of(integral_time_s: float, derivative_time_s: float) -> str:
     """Return the letters of the parts that act: "p", "pi", "pd" or "pid"."""
     return "p" + ("i" if math.isfinite(integral_time_s) else "") + ("d" if derivative_time_s > 0.0 else "")
-
-
-Array = npt.NDArray[np.float64]
-
-_CONTINUOUS = 200  # points without a sampling interval
-
-
-def reaction(design: PidDesign) -> tuple[Array, Array]:
-    """Return instants [s] and the change of power [%] after the error has stepped by 1 °C, without limits.
-
-    The sampled law of `PidDesign`: K·(1 + (n + 1)·TA/TN + D_n), D_n = f·D_{n−1} + (1 − f)·TV/TA·(e_n − e_{n−1}).
-    It runs for two TN, after which the I part is twice the P part, or for 20 samples without one. A continuous design
-    is drawn in 200 steps, without its filter. Both are of shape (n,).
-    """
-    tn = design.integral_time_s
-    ta = design.sample_time_s or (tn if math.isfinite(tn) else 1.0) / (_CONTINUOUS / 2)
-    n = np.arange(max(20, math.ceil(2.0 * tn / ta)) if math.isfinite(tn) else 20)
-    integral = (n + 1.0) * ta / tn
-    kept = design.derivative_filter
-    derivative = (1.0 - kept) * design.derivative_time_s / ta * np.power(kept, n)
-    return np.asarray(n * ta, dtype=np.float64), design.gain_pct_per_degC * (1.0 + integral + derivative)

@@ -11,12 +11,13 @@ from functools import singledispatch
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from heatertune.codec import plain
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
-from heatertune.pid.values import PidDesign, reaction
+from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.inputs import describe_range
 from heatertune.plc.keyed_entry import typed_table, typed_words
@@ -29,10 +30,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Panel", "card", "draw_figure", "panels", "thinned"]
+__all__ = ["Panel", "card", "draw_figure", "panels", "reaction", "thinned"]
 
+
+Array = npt.NDArray[np.float64]
 
 _POINTS: Final = 600  # the width of a card
+_CONTINUOUS: Final = 200  # points without a sampling interval
 
 
 class Panel(NamedTuple):
@@ -70,6 +74,22 @@ def thinned(*columns: Any) -> list[Any]:
     n = len(columns[0])
     kept = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(int))
     return [np.asarray(column)[kept] for column in columns]
+
+
+def reaction(design: PidDesign) -> tuple[Array, Array]:
+    """Return instants [s] and the change of power [%] after the error has stepped by 1 °C, without limits.
+
+    The sampled law of `PidDesign`: K·(1 + (n + 1)·TA/TN + D_n), D_n = f·D_{n−1} + (1 − f)·TV/TA·(e_n − e_{n−1}).
+    It runs for two TN, after which the I part is twice the P part, or for 20 samples without one. A continuous design
+    is drawn in 200 steps, without its filter. Both are of shape (n,).
+    """
+    tn = design.integral_time_s
+    ta = design.sample_time_s or (tn if math.isfinite(tn) else 1.0) / (_CONTINUOUS / 2)
+    n = np.arange(max(20, math.ceil(2.0 * tn / ta)) if math.isfinite(tn) else 20)
+    integral = (n + 1.0) * ta / tn
+    kept = design.derivative_filter
+    derivative = (1.0 - kept) * design.derivative_time_s / ta * np.power(kept, n)
+    return np.asarray(n * ta, dtype=np.float64), design.gain_pct_per_degC * (1.0 + integral + derivative)
 
 
 @panels.register

@@ -16,8 +16,8 @@ from typing import Any, Final, NamedTuple, TypeVar
 import serial
 
 from heatertune.errors import LinkDown, PlcRefused, ReplyLost
-from heatertune.live.block_memory import OWN
 from heatertune.live.client.connection import Address, RequestConnection
+from heatertune.live.simulator_status import OWN
 
 __all__ = ["As511Client", "open_client"]
 

@@ -28,7 +28,7 @@ from typing import Any, Final, Protocol, Self, TypeVar
 from urllib.parse import urlsplit
 
 from heatertune.errors import InputError, LinkDown, PlcRefused, ReplyLost, UnknownName
-from heatertune.live.block_memory import OWN, OWN_LENGTH, SimulatorStatus
+from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
 
 __all__ = [
     "EXAMPLES", "LIBRARIES", "Address", "Client", "RequestConnection", "address_of", "close_by_reset", "connect",

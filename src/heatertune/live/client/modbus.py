@@ -10,8 +10,8 @@ from pymodbus.client import ModbusTcpClient
 from pymodbus.pdu import ExceptionResponse
 
 from heatertune.errors import LinkDown
-from heatertune.live.block_memory import OWN
 from heatertune.live.client.connection import Address, RequestConnection, close_by_reset
+from heatertune.live.simulator_status import OWN
 
 __all__ = ["ModbusClient", "open_client"]
 

@@ -18,8 +18,8 @@ from typing import Any, Final, TypeVar
 from asyncua import Client, ua
 
 from heatertune.errors import LinkDown, ReplyLost
-from heatertune.live.block_memory import OWN
 from heatertune.live.client.connection import Address, RequestConnection, close_by_reset
+from heatertune.live.simulator_status import OWN
 
 __all__ = ["OpcuaClient", "open_client"]
 

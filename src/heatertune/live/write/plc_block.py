@@ -12,9 +12,10 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
-from heatertune.live.block_memory import RUNS, Signal, SimulatorStatus, bytes_of, field_of
+from heatertune.live.block_memory import Signal, bytes_of, field_of
 from heatertune.live.client.connection import Address, Client, connect, told_by
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
+from heatertune.live.simulator_status import RUNS, SimulatorStatus
 from heatertune.plc import Controller, Words, controller_for
 from heatertune.plc.ramp import Number
 
