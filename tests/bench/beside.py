@@ -21,8 +21,8 @@ import threading
 import time
 from pathlib import Path
 
-from heatertune import compiled
 from heatertune.chain import precompile
+from heatertune.compiled import dispatch
 
 _LEFT_S = 5.0  # in which the second process has to be gone after the first one
 
@@ -71,7 +71,7 @@ class Round:
         self.cache, self.out = place / "cache", place / "out"
         shutil.copytree(kept, self.cache)
         os.environ["HEATERTUNE_CACHE"] = str(self.cache)
-        loops = {compiled._place(loop) for _, loop in precompile._loops(target)}
+        loops = {dispatch._place(loop) for _, loop in precompile._loops(target)}
         self.loops = [path for folder in loops for path in folder.rglob("*.nb?")]
 
     def forget(self):

@@ -35,8 +35,8 @@ from typing import Any, Final
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
 
-from heatertune import compiled
 from heatertune.cli import main, parser
+from heatertune.compiled import dispatch
 from tests.bench import messy
 from tests.bench.documents import write_all
 
@@ -144,8 +144,8 @@ def doors(clock: Clock) -> Iterator[None]:
             return verb(*given, **named)
         return entered
 
-    kept.append((compiled, "_PLAIN_SCANS", compiled._PLAIN_SCANS))
-    compiled._PLAIN_SCANS = 10**12  # a compiler that is left half-way ends the process
+    kept.append((dispatch, "_PLAIN_SCANS", dispatch._PLAIN_SCANS))
+    dispatch._PLAIN_SCANS = 10**12  # a compiler that is left half-way ends the process
     for module, verb, original in kept[:-1]:
         setattr(module, verb, door(original, f"{module.__name__}:{verb}" in _SHUT))
     try:

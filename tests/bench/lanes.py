@@ -20,7 +20,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
 
-from heatertune import compiled
+from heatertune.compiled import dispatch
 from heatertune.errors import HeatertuneError
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid.values import PidDesign
@@ -189,7 +189,7 @@ def main(arguments=None):
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("rooms", nargs="*", help="default: WEG and OB251; of the attack, all that run side by side")
     settings = parser.parse_args(arguments)
-    compiled.decide(True)
+    dispatch.decide(True)
     if settings.attack:
         return min(attack(settings.attack, settings.rooms or ROOMS, settings.seed), 1)
     timed(settings.rooms or ["weg", "s5-ob251"])

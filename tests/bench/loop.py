@@ -23,7 +23,6 @@ from typing import NamedTuple
 import numpy as np
 import yardsticks
 
-from heatertune import compiled
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
@@ -239,7 +238,7 @@ def main():
     parser.add_argument("--samples", type=int, default=10_000)
     parser.add_argument("rooms", nargs="*", default=["weg", "s5-ob251"])
     settings = parser.parse_args()
-    compiled._PLAIN_SCANS = -1
+    dispatch._PLAIN_SCANS = -1
     choice._MOST = choice._MOST_KEPT = 0  # as where machine code is kept: all samples that fit run side by side
     with tempfile.TemporaryDirectory() as folder:
         others = rivals(yardsticks.Compiled(folder), settings.slow)

@@ -147,7 +147,7 @@ def loops():
     import loop  # noqa: PLC0415 - needs simple-pid and a C compiler
     import yardsticks  # noqa: PLC0415
 
-    loop.compiled._PLAIN_SCANS = -1
+    loop.dispatch._PLAIN_SCANS = -1
     with tempfile.TemporaryDirectory() as folder:
         rivals = {name: ns for name, (_, ns) in loop.rivals(yardsticks.Compiled(folder), slow=True).items()}
     own = {name: (each.ns(), each.ns(measures=True), each.plain_ns())

@@ -15,7 +15,7 @@ import sys
 
 import numpy as np
 
-from heatertune import compiled
+from heatertune.compiled import dispatch
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.machine import TextProgram
 from heatertune.plc.cpu.iec.tape import KEEP, Tape
@@ -118,7 +118,7 @@ def main():
     asked.add_argument("programs", nargs="?", type=int, default=50)
     asked.add_argument("--seed", type=int, default=0)
     given = asked.parse_args()
-    compiled.decide(True)
+    dispatch.decide(True)
     ran = stopped = wrong = 0
     for seed in range(given.seed, given.seed + given.programs):
         chance = random.Random(seed)
