@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 import yardsticks
 
+from heatertune.compiled import dispatch
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
