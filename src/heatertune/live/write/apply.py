@@ -141,7 +141,7 @@ class WritePlan:
 
 
 def peer_of(wanted: WriteRequest) -> Peer:
-    """Return the PLC of an address, not connected to yet; errors as `heatertune.live.write.plc_block.standing`."""
+    """Return the PLC of an address, not connected to yet; errors as `heatertune.live.write.plc_block.block_image`."""
     words = wanted.proven_words.words
     there = block_image(words, wanted.address, wanted.proven_words.view.stated_settings)
     return Peer(wanted.address, there, words.sample_time_s, wanted.link)

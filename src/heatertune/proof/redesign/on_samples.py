@@ -44,7 +44,7 @@ def closed_on_samples(
         stage: as `closed_on_runs`.
 
     Raises:
-        HeatertuneError: as `closed_on_runs`; as `heatertune.proof.monte_carlo.run.sampled`.
+        HeatertuneError: as `closed_on_runs`; as `heatertune.proof.monte_carlo.run.run_samples`.
     """
     drawn = request.sample_settings
     found = closed_on_runs(fitted, request, ways_on=ways_on, progress=progress, stage=stage)
