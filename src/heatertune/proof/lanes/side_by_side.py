@@ -1,6 +1,6 @@
 """The closed loop of `heatertune.proof.kernel` for 32 heaters of one lag side by side, the same bit for bit.
 
-All that a loop keeps stands in rows of one flat array (`heatertune.proof.lanes.rows`), and each part of a scan is a plain
+The state of each loop is a row of one flat array (`heatertune.proof.lanes.rows`), and each part of a scan is a plain
 `for` over the loops without a call or a jump, of which a compiler makes vector instructions; the text of controller,
 switch, heater and meter is that of the kernel. Scans, PWM periods and the PLC's supply are common to all. Edges come to
 the heaters at instants of their own: passes go on until none is due. What is rare (disturbances, the time at rest, a
