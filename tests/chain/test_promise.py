@@ -111,7 +111,7 @@ def test_a_promise_tighter_than_the_candidates_limit_is_searched_on_to_the_best_
 @pytest.mark.long
 def test_words_that_cannot_keep_it_are_refused_with_what_would_help(design):
     asked = replace(design, promise=Promise(way="p95", limits={"ms": 0.99}))
-    with pytest.raises(NotRepresentable, match=r"Ms of the words .* \(95 % of them\) would be 1\.\d+, allowed <= 0\.99"):
+    with pytest.raises(NotRepresentable, match=r"Ms of the rounded parameters .* \(95 % of them\) would be 1\.\d+, allowed <= 0\.99"):
         choose_words(asked, "s5-ob251", FITTED)
     told = choose_words(asked, "s5-ob251", FITTED, way="rounded")
     assert "Rounding breaks the limits" in told.search.notes[-1]
@@ -120,17 +120,17 @@ def test_words_that_cannot_keep_it_are_refused_with_what_would_help(design):
 @pytest.mark.long
 def test_a_controller_without_whole_numbers_is_held_to_it_as_well(design):
     assert choose_words(design, "weg", FITTED).search.notes[-1].startswith("Of the 200 heaters")
-    with pytest.raises(NotRepresentable, match="drawn"):
+    with pytest.raises(NotRepresentable, match="sampled from the fit"):
         choose_words(replace(design, promise=Promise(way="worst", limits={"ms": 1.5})), "weg", FITTED)
 
 
 @pytest.mark.long
 def test_without_intervals_nothing_can_be_told_and_without_a_promise_nothing_is(design):
     blind = choose_words(design, "s5-ob251", model_by_hand(SLOW))
-    assert "cannot be told" in blind.search.notes[-1]
+    assert "could not be checked" in blind.search.notes[-1]
     plain = choose_words(replace(design, promise=None), "s5-ob251", FITTED)
     assert plain.search.promise is None
-    assert not any("keep the limits with the words" in note for note in plain.search.notes)
+    assert not any("keep the limits with the rounded" in note for note in plain.search.notes)
 
 
 @pytest.mark.long

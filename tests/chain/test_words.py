@@ -158,4 +158,4 @@ def test_the_interval_found_by_the_words_is_no_worse_than_the_usual_one():
     costs = [choose_words(design, "s5-ob251", fitted).search.realised.iae_load for design in (usual, found)]
     assert costs[1] <= costs[0]
     assert found.sample_time_s in np.round(np.array([0.5, 0.7, 1.0, 1.4, 2.0]) * usual.sample_time_s, 1)
-    assert any("chosen by the words" in note for note in found.notes)
+    assert any("after rounding" in note for note in found.notes)

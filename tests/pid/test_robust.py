@@ -89,7 +89,7 @@ def test_of_a_sampled_loop_the_limit_is_kept_on_as_many_heaters_as_asked():
     assert found["worst"][1] == pytest.approx(1.6, rel=0.01)
     assert found["none"][2] < found["p95"][2] < found["worst"][2]
     more = 100.0 * (found["worst"][2] / found["none"][2] - 1.0)
-    assert any("the limits hold on all of them" in note and f"That costs {more:.1f} %" in note for note in found["worst"][3])
+    assert any("the limits hold on all of them" in note and f"This costs {more:.1f} %" in note for note in found["worst"][3])
 
 
 @pytest.mark.long
@@ -117,7 +117,7 @@ def test_a_structure_without_integral_action_is_guarded_too():
     assert kept.gain_pct_per_degC == pytest.approx(min(alone), rel=0.004)
     assert plain.gain_pct_per_degC > 1.3 * kept.gain_pct_per_degC
     more = 100.0 * (plain.gain_pct_per_degC / kept.gain_pct_per_degC - 1.0)
-    assert any(f"That costs {more:.1f} %" in note for note in kept.notes)
+    assert any(f"This costs {more:.1f} %" in note for note in kept.notes)
 
 
 @pytest.mark.long
@@ -127,7 +127,7 @@ def test_where_the_log_leaves_next_to_nothing_open_robustness_costs_as_little():
     plain, kept = (tune(narrow, sample_time_s=8.0, robust=way) for way in ("none", "worst"))
     assert kept.integral_time_s == pytest.approx(plain.integral_time_s, rel=0.01)
     assert 1.0 - 4 * 1.3e-4 < kept.gain_pct_per_degC / plain.gain_pct_per_degC <= 1.0
-    assert any("That costs 0.0 %" in note for note in kept.notes)
+    assert any("This costs 0.0 %" in note for note in kept.notes)
 
 
 def test_what_cannot_be_is_refused():

@@ -56,7 +56,7 @@ def test_s7_200_is_given_a_gain_that_its_constants_hold():
     words = controller_for("s7-200").encode(design, scaling)
     # constants are words of 15 bits; the largest of them is not half of what they hold
     assert max(words.whole["KP"], words.whole["KI"]) > 16383
-    assert any("K stands at the largest" in note for note in design.notes) == (words.whole["SCALE"] == 1)
+    assert any("K is at the largest value" in note for note in design.notes) == (words.whole["SCALE"] == 1)
 
 
 @pytest.mark.parametrize(("heater", "ta", "which"), [
@@ -68,4 +68,4 @@ def test_an_interval_at_the_timers_stop_is_told(heater, ta, which):
     design = tune(model_by_hand(heater), target="s7-200-pid")
     assert design.sample_time_s == ta
     assert any(f"TA = {ta:g} s is the {which} interval of the timer; TRdom/10 would be" in note for note in design.notes)
-    assert not any("that the timer makes" in note for note in tune(model_by_hand(SMALL), target="s7-200-pid").notes)
+    assert not any("interval of the timer" in note for note in tune(model_by_hand(SMALL), target="s7-200-pid").notes)
