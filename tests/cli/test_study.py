@@ -133,7 +133,7 @@ def test_a_killed_study_is_resumed_to_the_same_bytes_and_its_rows_are_those_of_t
     done = {part: part.stat().st_mtime_ns for part in parts}
     assert 2 <= len(done) < 10
     path.write_text(STUDY.replace("0.1\n", "0.2\n"))
-    assert "with other case; give what that run was given" in run("study", path, "-o", out, "--resume")[2]
+    assert "parts of a run with different case; repeat the options of that run" in run("study", path, "-o", out, "--resume")[2]
     assert {part: part.stat().st_mtime_ns for part in done} == done
     path.write_text(STUDY)
     subprocess.run([*command, out, "--resume"], cwd=ROOT, check=True)
