@@ -50,7 +50,7 @@ def test_the_first_layer_has_what_must_be_given_and_says_what_each_option_is(nam
     assert flags_of(command, [True]) <= set(FIRST_OPTIONS[name]) <= flags_of(command)
     said = printed(run, capsys, name, "-h")
     for flag in FIRST_OPTIONS[name]:
-        assert re.search(rf"^  (-\w [\w|]+, )?{flag}\b.*\s{{2,}}\S", said, re.MULTILINE), flag
+        assert re.search(rf"^  (-\w( [\w|]+)?, )?{flag}\b.*\s{{2,}}\S", said, re.MULTILINE), flag
 
 
 @pytest.mark.parametrize("name", _COMMANDS)
