@@ -79,8 +79,7 @@ def test_a_drawn_heater_with_the_proofs_story_is_the_sample_that_verify_replays(
     assert any(off), "the story takes the PLC's supply away"
     kept = np.array([True, *(not each for each in off)])
     np.testing.assert_array_equal(np.array([each.power_pct for each in told])[kept], trace.power_asked_pct[kept])
-    # the proof's steps end where it begins to measure, the plant's do not: the same arithmetic, but for rounding
-    np.testing.assert_allclose([each.temperature_degC for each in told], trace.temperature_degC, rtol=1e-13, atol=0.0)
+    np.testing.assert_array_equal([each.temperature_degC for each in told], trace.temperature_degC)
 
 
 def test_both_protocols_serve_one_memory(served):

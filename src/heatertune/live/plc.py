@@ -31,6 +31,7 @@ from heatertune.model.values import FittedModel
 from heatertune.plc import Words, controller_for
 from heatertune.plc.core import StepFunctions
 from heatertune.plc.pwm import Actuator
+from heatertune.proof.criteria import LoopLimits, phases_measured
 from heatertune.proof.heaters import holding_heaters
 from heatertune.proof.kernel import LOAD, MAINS, LoopBatch, TraceArrays
 from heatertune.proof.loop import (
@@ -43,10 +44,12 @@ from heatertune.proof.loop import (
     pulses_of,
     ring_size,
     run_plainly,
+    scans_of,
 )
 from heatertune.proof.meter import no_meter
 from heatertune.proof.monte_carlo.draw import BLOCK, block_of
 from heatertune.proof.monte_carlo.run import drawing_for
+from heatertune.proof.phase_statistics import rests_of
 from heatertune.proof.prove_words import actuator_for, course_for, setpoints_for
 from heatertune.proof.scenario import Mains, PlcPower, Scenario, SetpointRampEvent, delay_heater, events_of
 from heatertune.settings import Conditions
@@ -294,10 +297,14 @@ def plan_for(
     _demand_served(scenario, faults)
     check_words(controller, words, scenario)
     loop = in_loop(controller, words, scenario.setpoints_degC, switches)
+    actuator = actuator_of(loop, actuator_for(conditions, words))
+    # the proof's steps end where a rest begins: a served heater takes the same ones, to the last bit
+    end_s = (scans_of(loop, scenario) - 1) * loop.scan_s
+    marks = rests_of(phases_measured(scenario, LoopLimits(), end_s, actuator.pwm_period_s)) if story else []
     return VirtualPlant(
-        loop=loop, row=[float(number) for number in row], events=_events(scenario, row, factors, faults),
+        loop=loop, row=[float(number) for number in row], events=_events(scenario, row, factors, faults, marks),
         noise=SensorNoise(block, scenario.noise_degC) if scenario.noise_degC > 0.0 else [0.0], scenario=scenario,
-        actuator=actuator_of(loop, actuator_for(conditions, words)), faults=tuple(faults))
+        actuator=actuator, faults=tuple(faults))
 
 
 def _next_block(generator: np.random.Generator, _number: int) -> list[float]:
@@ -312,10 +319,12 @@ def _demand_served(scenario: Scenario, faults: Sequence[ScheduledFault]) -> None
 
 
 def _events(
-    scenario: Scenario, row: Sequence[float], factors: Any, faults: Sequence[ScheduledFault]
+    scenario: Scenario, row: Sequence[float], factors: Any, faults: Sequence[ScheduledFault],
+    marks: Sequence[tuple[float, int]],
 ) -> tuple[list[float], list[int], list[float]]:
-    """Return the events of a scenario, sizes drawn, with those of the faults among them."""
-    own = zip(*(column[0].tolist() for column in events_of(scenario, [row[3]], np.array([factors]))), strict=True)
+    """Return the events of a scenario, sizes drawn, and its marks, with those of the faults among them."""
+    columns = events_of(scenario, [row[3]], np.array([factors]), marks)
+    own = zip(*(column[0].tolist() for column in columns), strict=True)
     merged = sorted([*own, *heater_events(faults, row[0], row[3])])
     times, kinds, values = (list(column) for column in zip(*merged, strict=True))
     assert math.isinf(times[-1])
