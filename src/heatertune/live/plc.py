@@ -298,9 +298,7 @@ def plan_for(
     check_words(controller, words, scenario)
     loop = in_loop(controller, words, scenario.setpoints_degC, switches)
     actuator = actuator_of(loop, actuator_for(conditions, words))
-    # the proof's steps end where a rest begins: a served heater takes the same ones, to the last bit
-    end_s = (scans_of(loop, scenario) - 1) * loop.scan_s
-    marks = rests_of(phases_measured(scenario, LoopLimits(), end_s, actuator.pwm_period_s)) if story else []
+    marks = _rests(loop, scenario, actuator.pwm_period_s)
     return VirtualPlant(
         loop=loop, row=[float(number) for number in row], events=_events(scenario, row, factors, faults, marks),
         noise=SensorNoise(block, scenario.noise_degC) if scenario.noise_degC > 0.0 else [0.0], scenario=scenario,
@@ -316,6 +314,14 @@ def _demand_served(scenario: Scenario, faults: Sequence[ScheduledFault]) -> None
         raise InputError("simulate does not run profiles: leave out --profile, or --story")
     if touch_mains(faults) and any(isinstance(event, Mains | PlcPower) for event in scenario.disturbances):
         raise InputError("the test sequence switches the mains itself: leave out --story, or such faults")
+
+
+def _rests(loop: LoopController, scenario: Scenario, period_s: float) -> list[tuple[float, int]]:
+    """Return when the rests of the test sequence begin: the proof's steps end there, so that a served heater's must."""
+    if not scenario.disturbances:
+        return []
+    end_s = (scans_of(loop, scenario) - 1) * loop.scan_s
+    return rests_of(phases_measured(scenario, LoopLimits(), end_s, period_s))
 
 
 def _events(

@@ -67,7 +67,6 @@ from heatertune.model.statistics import (
     interval,
     student_t,
 )
-from heatertune.model.statistics import RATIO as PER_LAG
 from heatertune.model.values import Candidate, FittedModel, Fopdt, OneLog, Residuals
 from heatertune.units import NOMENCLATURE
 
@@ -236,7 +235,7 @@ _MEASURES: dict[str, Measure] = {
     "gain_degC_per_pct": lambda z: np.exp(z[:, POWER]),
     "time_constant_s": lambda z: np.exp(z[:, LAG]),
     "dead_time_s": lambda z: z[:, DEAD],
-    PER_LAG: lambda z: np.exp(z[:, POWER] - z[:, LAG]),
+    RATIO: lambda z: np.exp(z[:, POWER] - z[:, LAG]),
     "ambient_degC": lambda z: z[:, FIRST_AMBIENT],
 }
 
@@ -267,7 +266,7 @@ def _ends_joint(problem: JointProblem) -> dict[str, tuple[float, float]]:
         "gain_degC_per_pct": (math.exp(low[POWER]), math.exp(high[POWER])),
         "time_constant_s": (math.exp(low[LAG]), math.exp(high[LAG])),
         "dead_time_s": (float(low[DEAD]), float(high[DEAD])),
-        PER_LAG: (math.exp(low[POWER] - high[LAG]), math.exp(high[POWER] - low[LAG])),
+        RATIO: (math.exp(low[POWER] - high[LAG]), math.exp(high[POWER] - low[LAG])),
         "ambient_degC": (float(low[-1]), float(high[-1])),
     }
 
@@ -352,14 +351,14 @@ def joint_held_at(problem: JointProblem, fit: JointFit, name: str, value: float)
     """Return one heater for all logs with one number held: dead time [s], or gain per time constant."""
     thin = problem.average(READINGS)
     vector = _held(thin, thin.refine(fit.vector[None, :]).vector, name, np.array([value])).parameters[0].copy()
-    if name == PER_LAG:
+    if name == RATIO:
         vector[POWER] += vector[LAG]
     return problem.at(vector)
 
 
 def _held(problem: JointProblem, best: Array, name: str, values: Array) -> Minima:
     """Return the fits and least weighted sums of squares with the named number held at each value."""
-    per_lag = name == PER_LAG
+    per_lag = name == RATIO
     place = {"time_constant_s": LAG, "dead_time_s": DEAD, "ambient_degC": FIRST_AMBIENT}.get(name, POWER)
     starts = np.tile(best, (len(values), 1))
     starts[:, place] = values if place in (DEAD, FIRST_AMBIENT) else np.log(values)

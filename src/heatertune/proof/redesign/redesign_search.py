@@ -459,8 +459,7 @@ class RedesignSearch:
             wound = tuple(self.wound)
             if wound and not self.dear and (found := self.unwound(wound) or self.calmed(wound)) is not None:
                 return found
-            overshoots = frozenset(self.first.proof.broken_criteria) <= OF_WINDUP
-            if overshoots and not (wound or self.dear) and (found := self.unwound(())) is not None:
+            if self._windup_alone and not (wound or self.dear) and (found := self.unwound(())) is not None:
                 return found
         if self.dear:
             best = min(self.dear, key=more)
@@ -493,14 +492,22 @@ class RedesignSearch:
                 yield mended
 
     @property
+    def _windup_alone(self) -> bool:
+        """Whether the first design breaks only criteria that a windup breaks."""
+        return OF_WINDUP.issuperset(self.first.proof.broken_criteria)
+
+    @property
     def _boost_open(self) -> bool:
         """Whether there may be a boost."""
         return self.request.boost == "auto" and self.request.setpoint_ramp in (None, "none")
 
     def unwound(self, wound: Sequence[tuple[DesignChange, DesignResult]]) -> DesignResult | None:
-        """Return a boost, with other gains, that passes where all else winds up, as `wound` does; None: none does.
+        """Return the first design with a boost and other gains that passes; None: none does.
 
-        It takes the heater back before much is wound up; a slower I part has less to wind up until then.
+        The boost heats the heater up again before the I part winds up much; a slower I part winds up less until then.
+
+        Args:
+            wound: the designs that keep every limit but wind up; empty: none keeps every limit.
         """
         if not (self._boost_open and self.by_optimum and controller_for(self.request.target).has_boost):
             return None
@@ -570,7 +577,7 @@ class RedesignSearch:
         Bursts are tried without, and gains where they come last; a led setpoint without, too, as it may need no help.
         """
         helped = DesignChange() if self.best is None else self.best.frame
-        if frame.bursts_s or (frame == DesignChange() and OF_WINDUP.issuperset(self.first.proof.broken_criteria)):
+        if frame.bursts_s or (frame == DesignChange() and self._windup_alone):
             yield frame
         elif frame.has_ramp or frame.has_boost:
             yield from dict.fromkeys(before.with_(frame) for before in (DesignChange(), self.calmer, helped))
