@@ -140,7 +140,7 @@ def test_words_are_written_read_back_watched_and_put_back(plant, protocol, capsy
     saved = here.record.with_suffix(".before.bin").read_bytes()
     assert words_in(bytes(2) + saved) == words_in(image) == before
     assert here.rollback() == 0
-    assert f"--yes {here.digest_before}" in " ".join(capsys.readouterr().out.split())
+    assert f"--confirm {here.digest_before}" in " ".join(capsys.readouterr().out.split())
     assert here.rollback("--apply", "--yes", here.digest_before) == 0
     assert here.words == before
     assert here.rollback() == 0
