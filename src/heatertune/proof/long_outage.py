@@ -63,6 +63,7 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.units import written
 
 __all__ = [
+    "BRIEF",
     "JUDGED",
     "OF_RANGE",
     "OVERSHOOTS",
@@ -246,16 +247,18 @@ _RESTARTED: Final = names_of(beyond_degC, phases=("restart",))
 _HEATED: Final = names_of(beyond_degC, phases=("heat-up", "restart"))
 _CHANGED: Final = names_of(beyond_degC, phases=("change",))
 _RETURN, _GROWTH = "reheat_time", "return_growth"
-_LONGER, _RISING, _BRIEF, _WARM, _PART = "winds-up", "stays-at-limit", "briefly-open", "warm-restart", "part-change"
+_LONGER, _RISING, _WARM, _PART = "winds-up", "stays-at-limit", "warm-restart", "part-change"
+#: a shorter open circuit than that of the test sequence
+BRIEF: Final = "briefly-open"
 _LOW: Final = "low-outage"
 _HEAT_UP: Final = "low-heat-up"
 #: limits broken there are of the test sequence's kind, and other gains may help
-_MENDED: Final = frozenset({_LOW, _HEAT_UP, _BRIEF, _WARM, _PART})
+_MENDED: Final = frozenset({_LOW, _HEAT_UP, BRIEF, _WARM, _PART})
 #: findings that concern the lower end of the range of setpoints
 OF_RANGE: Final = frozenset({_LOW, _HEAT_UP, _PART})
 #: name of the finding → criteria that select the hardest run
 OVERSHOOTS: Final = {
-    _LONGER: _REHEATED, _RISING: _REHEATED, _LOW: _REHEATED, _HEAT_UP: _HEATED, _BRIEF: _REHEATED, _WARM: _RESTARTED,
+    _LONGER: _REHEATED, _RISING: _REHEATED, _LOW: _REHEATED, _HEAT_UP: _HEATED, BRIEF: _REHEATED, _WARM: _RESTARTED,
     _PART: _CHANGED}
 #: name of the finding → criteria that count
 JUDGED: Final = {
@@ -398,7 +401,7 @@ def _opened(
         yield _at_lower_setpoints(scenario, number, lengths_s)
     if brief_s and scenario.rests_s:
         told = f"After {_minutes(brief_s)} with an open circuit"
-        yield LongOutage(_BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
+        yield LongOutage(BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
 
 
 def heat_up(scenario: Scenario) -> Scenario:

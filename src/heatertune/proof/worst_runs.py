@@ -11,7 +11,7 @@ from heatertune.model.values import FittedModel
 from heatertune.plc import Words
 from heatertune.proof.acceptance import Run
 from heatertune.proof.criteria import Criterion
-from heatertune.proof.long_outage import JUDGED, wound
+from heatertune.proof.long_outage import BRIEF, JUDGED, wound
 from heatertune.proof.proof import Proof, RunResult
 from heatertune.proof.prove_words import prove
 from heatertune.settings import Conditions
@@ -69,6 +69,10 @@ class RunScreen:
             kept = hardest.get(name, ())
             hardest[name] = (*kept, *(run for run in proof.nights[name] if run not in kept))
         return replace(self, nights={name: hardest[name] for name in sorted(hardest)})
+
+    def with_shorter_outages(self) -> RunScreen:
+        """Return it with shorter open circuits in its hardest run, for a search whose whole proofs are dear."""
+        return replace(self, nights={**self.nights, BRIEF: self.runs[:1]})
 
     def look(self, words: Words, conditions: Conditions, *, bound: float = math.inf) -> WorstRuns:
         """Return what words break in these runs and nights.

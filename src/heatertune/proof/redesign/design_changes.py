@@ -22,7 +22,7 @@ from heatertune.settings import TuneSettings
 
 __all__ = [
     "COARSE", "OF_WINDUP", "DesignChange", "Pwm", "calmest_pwm", "default_changes", "design_changes", "output_limits",
-    "unwinds",
+    "shorter_intervals", "unwinds",
 ]
 
 #: PWM periods that a solid-state relay takes well and a contactor does not [s]
@@ -356,3 +356,10 @@ def _intervals(switch: _SwitchChoice, words: Words, least_s: float) -> Iterator[
     for interval in intervals:
         if interval != ta:
             yield DesignChange(sample_time_s=interval)
+
+
+def shorter_intervals(words: Words) -> list[DesignChange]:
+    """Return shorter sampling intervals than that of words, the longest first, without regard to the log's."""
+    timer, ta = controller_for(words.target).timer, words.sample_time_s
+    intervals = (timer.round(factor * ta) for factor in _INTERVALS if factor < 1.0)
+    return [DesignChange(sample_time_s=interval) for interval in intervals if interval < ta]

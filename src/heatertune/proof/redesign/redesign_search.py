@@ -39,11 +39,12 @@ from heatertune.proof.redesign.design_changes import (
     default_changes,
     design_changes,
     output_limits,
+    shorter_intervals,
     unwinds,
 )
 from heatertune.proof.redesign.suggestion import Suggestion, passing_told
 from heatertune.proof.runs import judged_once
-from heatertune.proof.search_budget import SearchBudget
+from heatertune.proof.search_budget import MOST_SCANS, SearchBudget
 from heatertune.proof.setpoint_ramp import BY_RAMP
 from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.worst_runs import NOTICEABLE, RunScreen, WorstRuns
@@ -221,6 +222,7 @@ _SOONER: Final = 1 / 16  # of TA: what two levels swing by hangs on the dead tim
 _HELPS: Final = 0.9  # of the least badness so far: where a change leaves more, no gains are looked for around it
 _STEPS: Final = (0.24, 0.12, 0.06, 0.03)  # around the best place of a frame
 _MOST_PROOFS: Final = 3  # whole proofs in a frame
+_DEAR_PROOF: Final = 0.1  # of the budget of a search; one that passes takes several times what one takes that fails
 _HALVINGS: Final = 3  # of the way from the optimum to gains that pass
 
 
@@ -259,13 +261,14 @@ def closed_on_runs(
         stage: likewise.
     """
     still = request if request.as_is else replace(request, setpoint_ramp=request.setpoint_ramp or "none")
-    first = plainly(fitted, still, text=False, progress=progress, stage=stage)
+    with SearchBudget(scans=math.inf) as plain:
+        first = plainly(fitted, still, text=False, progress=progress, stage=stage)
     if request.as_is or (first.proof.verdict != "FAIL"
                          and not (first.proof.design and winds_up(first.proof.diagnostics))):
         return first
     search = RedesignSearch(
         fitted_model=fitted, request=request, first=first, progress=progress, freeing=freeing,
-        verdict_only=verdict_only)
+        verdict_only=verdict_only, has_dear_proofs=plain.used > _DEAR_PROOF * MOST_SCANS)
     mended = search.cheapest() if first.proof.design else search.sooner(ways_on=ways_on)
     if not ways_on:
         return mended or first
@@ -410,6 +413,7 @@ class RedesignSearch:
         budget: of the search for changes.
         freeing: as of `closed_on_runs`.
         verdict_only: likewise.
+        has_dear_proofs: whether the budget holds a few whole proofs only.
     """
 
     fitted_model: FittedModel
@@ -418,6 +422,7 @@ class RedesignSearch:
     progress: ProgressCallback
     freeing: bool = True
     verdict_only: bool = False
+    has_dear_proofs: bool = False
     screen: RunScreen = field(init=False)
     best: GainSearch | None = None
     place: GainPoint | None = None
@@ -434,6 +439,8 @@ class RedesignSearch:
             close=partial(closed_on_runs, ways_on=False, verdict_only=True), freeing=self.freeing)
         self.screen = RunScreen(fitted_model=self.fitted_model)
         self.watch_failed_runs(self.first.proof)
+        if self.has_dear_proofs and self.screen.runs and self._windup_alone:
+            self.screen = self.screen.with_shorter_outages()
         self.wound += [(DesignChange(), self.first)] if winds_up(self.first.proof.diagnostics) else []
 
     def watch_failed_runs(self, proof: Proof) -> None:
@@ -457,10 +464,11 @@ class RedesignSearch:
                 if more(mended) <= _DEAR:
                     return mended
             wound = tuple(self.wound)
-            if wound and not self.dear and (found := self.unwound(wound) or self.calmed(wound)) is not None:
-                return found
-            if self._windup_alone and not (wound or self.dear) and (found := self.unwound(())) is not None:
-                return found
+            if not self.dear and (wound or self._windup_alone):
+                mended = (self.unwound(wound) or (self.calmed(wound) if wound else None)
+                          or self.unwound(wound, sooner=True))
+                if mended is not None:
+                    return mended
         if self.dear:
             best = min(self.dear, key=more)
             return self._ended(self.dear[0] if more(best) > _CHEAPER * more(self.dear[0]) else best)
@@ -484,12 +492,17 @@ class RedesignSearch:
             self.first.proof, self.fitted_model.plants, asked.tune_settings, ramp_open=asked.setpoint_ramp is None,
             boost_open=self._boost_open,
             period_given=asked.switch_kind is not None or asked.conditions.pwm_period_s is not None,
-            interval_given=asked.tune_settings.sample_time_s is not None or asked.interval_by_words,
+            interval_given=self.interval_given,
             least_interval_s=min(self.fitted_model.log_interval_s, words.sample_time_s),
         ):
             mended = next(filter(None, map(self._changed, self._wholes(frame))), None)
             if mended is not None and not winds_up(mended.proof.diagnostics):
                 yield mended
+
+    @property
+    def interval_given(self) -> bool:
+        """Whether the user chose TA: it stays."""
+        return self.request.tune_settings.sample_time_s is not None or self.request.interval_by_words
 
     @property
     def _windup_alone(self) -> bool:
@@ -501,21 +514,28 @@ class RedesignSearch:
         """Whether there may be a boost."""
         return self.request.boost == "auto" and self.request.setpoint_ramp in (None, "none")
 
-    def unwound(self, wound: Sequence[tuple[DesignChange, DesignResult]]) -> DesignResult | None:
+    def unwound(
+        self, wound: Sequence[tuple[DesignChange, DesignResult]], *, sooner: bool = False
+    ) -> DesignResult | None:
         """Return the first design with a boost and other gains that passes; None: none does.
 
         The boost heats the heater up again before the I part winds up much; a slower I part winds up less until then.
 
         Args:
             wound: the designs that keep every limit but wind up; empty: none keeps every limit.
+            sooner: whether at shorter intervals than the design's, even below the log's: the boost ends by up to an
+                interval of full power too late.
         """
         if not (self._boost_open and self.by_optimum and controller_for(self.request.target).has_boost):
+            return None
+        if sooner and self.interval_given:
             return None
         why = "what passes winds up in a long open circuit" if wound else f"{redesign_cost.broken(self.first)} fails"
         self.progress(f"{why}: trying a boost with other gains")
         self.screen = self.screen.with_nights(each.proof for _, each in wound)
         helped = DesignChange() if self.best is None else self.best.frame
-        for before in dict.fromkeys((DesignChange(), replace(helped, has_ramp=False))):
+        asked = (DesignChange(), replace(helped, has_ramp=False))
+        for before in dict.fromkeys(shorter_intervals(self.first.proof.words) if sooner else asked):
             if (found := self._unwinding(before.with_(DesignChange(has_boost=True)))) is not None:
                 return found
         return None
