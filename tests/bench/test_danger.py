@@ -81,10 +81,12 @@ def test_skogestad_s_pi_has_the_published_margins(parts):
 def test_eigenvalues_encirclements_and_a_run_of_the_loop_agree():
     rng = np.random.default_rng(1)
     seen = set()
-    for _ in range(25):
+    for number in range(25):
         ta = float(rng.uniform(2.0, 30.0))
         heater = replace(PLAIN, dead=float(rng.uniform(0.0, 60.0)), lags=(120.0, float(rng.uniform(1.0, 60.0))))
         law = Law(float(rng.uniform(1.0, 12.0)), ta / 120.0, 0.0, 0.0, 0.0, ta)
+        if number % 2:  # as the derivative of IEC 61131-3
+            law = replace(law, d=10.0 / ta, slope=(0.3, 0.1, -0.1, -0.3))
         plant = _sampled(heater, ta)
         stable = truth.stable(plant, law)
         seen.add(stable)
@@ -115,6 +117,10 @@ def test_words_mean_what_the_manuals_say():
         assert truth.law_of(target, gains, 0.0, 200.0, 5.0) == Law(
             pytest.approx(1.0), pytest.approx(5.0 / 80.0), 0.0, pytest.approx(3.0), 0.0, 5.0)
     assert truth.law_of("iec-pid", {"KP": 1.0, "TR": 80.0, "TD": 0.0}, 0.0, 200.0, 5.0) == Law(1.0, 5.0 / 80.0, 0.0, 0.0, 0.0, 5.0)
+    # a ramp of 1 °C per call, and a parabola: the four-point slope of IEC 61131-3 is exact on both, one call and a half behind
+    slope = truth.law_of("iec-pid", {"KP": 1.0, "TR": 80.0, "TD": 15.0}, 0.0, 200.0, 5.0).slope
+    assert np.dot(slope, [3.0, 2.0, 1.0, 0.0]) == pytest.approx(1.0)
+    assert np.dot(slope, [9.0, 4.0, 1.0, 0.0]) == pytest.approx(2.0 * 1.5)
     band = truth.law_of("pband", {"Pb": 1000, "ti": 80, "td": 15}, 0.0, 200.0, 5.0)
     assert band == Law(1.0, 5.0 / 80.0, 0.0, 3.0, pytest.approx(1.875 / 6.875), 5.0)
 

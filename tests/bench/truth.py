@@ -25,6 +25,7 @@ class Law:
         d: what a change of the error gives, as a share of K.
         past: weight of its own past in the D part.
         interval: [s].
+        slope: weights of the latest errors, the newest first, whose sum is the change that the D part takes.
     """
 
     k: float
@@ -33,6 +34,7 @@ class Law:
     d: float
     past: float
     interval: float
+    slope: tuple[float, ...] = (1.0, -1.0)
 
     def polynomials(self):
         """Return numerator and denominator in powers of 1/z."""
@@ -40,10 +42,20 @@ class Law:
         filtered = np.array([1.0, -self.past])
         p = np.convolve(one, filtered)
         i = np.convolve([self.i_now, self.i_before], filtered)
-        d = np.convolve(one, one) * self.d * (1.0 - self.past)
+        slope = np.array(self.slope) * self.d * (1.0 - self.past)
+        d = np.convolve(one, slope)
         if self.i_now == self.i_before == 0.0:  # without an I part the pole at 1 would stay uncontrolled
-            return self.k * (filtered + self.d * (1.0 - self.past) * one), filtered
-        return self.k * (p + i + d), p
+            return self.k * _sum(filtered, slope), _longer(filtered, len(slope))
+        return self.k * _sum(p, i, d), _longer(p, len(d))
+
+
+def _sum(*polynomials):
+    return sum(_longer(each, max(map(len, polynomials))) for each in polynomials)
+
+
+def _longer(polynomial, length):
+    """Return it with zeros behind: as many coefficients of powers of 1/z as another one has."""
+    return np.pad(polynomial, (0, max(0, length - len(polynomial))))
 
 
 #: names of the three gains, and the output at full power
@@ -86,8 +98,9 @@ def law_of(target, v, low, high, interval):
 
 def _law_in_seconds(target, v, interval):
     """Return what the words of controllers do that take °C and seconds."""
-    if target == "iec-pid" and not v["TD"]:  # seconds; the four points of its derivative are no filter of the first order
-        return Law(v["KP"], interval / v["TR"] if v["TR"] else 0.0, 0.0, 0.0, 0.0, interval)
+    if target == "iec-pid":  # seconds; DERIVATIVE: (3·(x − x₋₃) + x₋₁ − x₋₂)/(10·CYCLE), IEC 61131-3, annex F
+        return Law(v["KP"], interval / v["TR"] if v["TR"] else 0.0, 0.0, v["TD"] / interval, 0.0, interval,
+                   (0.3, 0.1, -0.1, -0.3) if v["TD"] else (1.0, -1.0))
     if target in _PARALLEL:  # gains by the second, of an output whose full power is told
         names, full = _PARALLEL[target]
         kp, ki, kd = (v[name] for name in names)
@@ -274,20 +287,18 @@ def swings(rig, law, setpoint, seconds):
     eighth before it.
     """
     interval, heater = law.interval, rig.heater
-    integral = before = d = 0.0
-    readings = []
+    integral = d = 0.0
+    latest, readings = [], []
     for k in range(math.ceil(seconds / interval)):
         y = rig.run(k * interval)
         readings.append(y)
         e = setpoint - y
-        if k == 0:
-            before = e
-        d = law.past * d + (1.0 - law.past) * law.d * (e - before)
-        ahead = integral + law.k * (law.i_now * e + law.i_before * before)
+        latest = [e, *latest[:-1]] if latest else [e] * len(law.slope)
+        d = law.past * d + (1.0 - law.past) * law.d * sum(weight * each for weight, each in zip(law.slope, latest, strict=True))
+        ahead = integral + law.k * (law.i_now * e + law.i_before * latest[1])
         wanted = law.k * (e + d) + ahead
         if 0.0 <= wanted <= 100.0 or (wanted > 100.0) != (ahead > integral):
             integral = ahead
-        before = e
         rig.set(min(max(law.k * (e + d) + integral, 0.0), 100.0))
     eighth = max(4, len(readings) // 8)
     last, earlier = (float(np.ptp(part)) for part in (readings[-eighth:], readings[-2 * eighth : -eighth]))
