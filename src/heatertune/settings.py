@@ -191,7 +191,8 @@ class WordSettings:
 
     Attributes:
         words_by: how the words are found, see `heatertune.plc.word_selection.choose_words`.
-        switch_kind: the PWM period is proposed for it, see `heatertune.proof.pwm_period.with_pwm`; a given one stays.
+        switch_kind: the PWM period is proposed for it, see `heatertune.proof.design_request.with_pwm`;
+            a given one stays.
         refined: whether the gains are refined in the loop of the proof, see `heatertune.proof.refine.refine`.
         setpoint_ramp: [°C/min], "auto" or "none", see `heatertune.proof.setpoint_ramp.prove_ramped`; None: as the words
             have it; of a design, where nothing else helps.

@@ -34,10 +34,11 @@ from heatertune.plc.fb41.words import parameters_of
 from heatertune.plc.weg.controller import Weg
 from heatertune.plc.weg.step import COLD, WegState, block_of
 from heatertune.plc.weg.step import step as weg_step
-from heatertune.proof import Acceptance, Coverage, prove_models, redesign_cost, setpoint_ramp
+from heatertune.proof import Acceptance, Coverage, prove_models, setpoint_ramp
 from heatertune.proof.design_request import DesignRequest, plainly
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.prove_words import actuator_for, course_for, limits_of
+from heatertune.proof.redesign import design_changes as redesign_cost
 from heatertune.proof.redesign import find_passing_design
 from heatertune.proof.spec_file import specification_of
 from heatertune.settings import Conditions

@@ -12,18 +12,22 @@ from hypothesis import strategies as st
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.plc.cpu.one_bit import programs as p
-from heatertune.plc.cpu.one_bit.assembler import (
+from heatertune.plc.cpu.one_bit.machine import (
     MNEMONICS,
+    MOST_STEPS,
+    START,
     Names,
     OneBitInstruction,
     OneBitProgram,
+    OneBitState,
     Op,
+    Wiring,
     assemble,
     disassemble,
     from_image,
     from_words,
+    scan,
 )
-from heatertune.plc.cpu.one_bit.machine import MOST_STEPS, START, OneBitState, Wiring, scan
 from heatertune.plc.cpu.one_bit.programs import OFF, ROM, ControlUnit, clock
 
 BITS = [False, True]

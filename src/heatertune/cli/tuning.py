@@ -164,8 +164,8 @@ def _proof_asked(settings: argparse.Namespace) -> bool:
 def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> PidDesign:
     """Return the design as asked for; of the conditions of a proof it hears those that it can aim at."""
     from heatertune.plc.word_selection import tune_for_words
+    from heatertune.proof.design_request import with_pwm
     from heatertune.proof.prove_words import told_of_aim, tune_settings_for
-    from heatertune.proof.pwm_period import with_pwm
 
     by_words = common.interval_by_words(settings)
     if by_words and settings.target is None:

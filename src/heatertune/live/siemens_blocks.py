@@ -55,11 +55,10 @@ from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState
 from heatertune.plc.cpu.s7_200 import S7200State
-from heatertune.plc.cpu.s7_200.cycle import run_cycle
+from heatertune.plc.cpu.s7_200.io_and_cycle import COUNTS, run_cycle
 from heatertune.plc.cpu.s7_200.memory import V_BEGIN, V_END, cell, put_word
 from heatertune.plc.cpu.s7_200.state import own, warm_start
-from heatertune.plc.cpu.s7_200.wiring import COUNTS
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE
 from heatertune.plc.cpu.s7_300.machine import place as place_of
 from heatertune.plc.fb41.step import ContCState, call, outcome, scale_reading
 from heatertune.plc.fb41.words import FIELDS as CONT_C_FIELDS

@@ -1,11 +1,15 @@
-"""The numbers a controller holds: formats, fields, words, and what makes a design fit them, each said once."""
+"""What a controller holds: number formats, words and their fields, the scaling of the sensor, and the certificate.
+
+A design fits a controller if its timer can keep the sampling interval and every word takes its value. `Cycle` says
+which words hold the PWM period, for a controller that makes its own pulses.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, cast
+from typing import TYPE_CHECKING, Final, NamedTuple, cast
 
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
@@ -17,7 +21,7 @@ from heatertune.show import NotebookDisplay, runner
 from heatertune.units import check
 
 if TYPE_CHECKING:
-    from heatertune.plc.scan_by_scan import RunningController
+    from heatertune.plc.core import RunningController
 
 __all__ = [
     "FLOATS", "FORMATS", "Certificate", "Scaling", "WordField", "Words", "check_fields", "holds", "kept_by", "no_pid",
@@ -287,3 +291,28 @@ def round_to_word(
 def round_half_away(value: float) -> int:
     """Return the nearest whole number, halves away from zero."""
     return int(math.copysign(math.floor(abs(value) + 0.5), value))
+
+
+class Cycle(NamedTuple):
+    """How words hold the PWM period.
+
+    Attributes:
+        of: values → the period [s].
+        put: (values, a period [s]) → values with that period; raises OutOfRange where they can't hold it.
+        periods_s: that they can hold, rising [s].
+    """
+
+    of: Callable[[Mapping[str, Number]], float]
+    put: Callable[[Mapping[str, Number], float], Mapping[str, Number]]
+    periods_s: tuple[float, ...]
+
+
+def with_pwm_period(cycle: Cycle | None, words: Words, pwm_period_s: float | None) -> Words:
+    """Return words with a PWM period [s]; as they are where none is given, or none is in them.
+
+    Raises:
+        OutOfRange: one that they can't hold.
+    """
+    if cycle is None or pwm_period_s is None:
+        return words
+    return replace(words, values=cycle.put(words.values, pwm_period_s))

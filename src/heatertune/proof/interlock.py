@@ -17,8 +17,7 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.options import options_of
-from heatertune.plc.cpu.one_bit.assembler import assemble
-from heatertune.plc.cpu.one_bit.machine import START, OneBitState, Wiring, scan
+from heatertune.plc.cpu.one_bit.machine import START, OneBitState, Wiring, assemble, scan
 from heatertune.plc.cpu.one_bit.programs import HEATER, HEATER_NAMES
 from heatertune.plc.pwm import INSTANT_S
 from heatertune.settings import Conditions

@@ -28,7 +28,7 @@ from heatertune.proof.criteria import (
     meter_for,
 )
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.kernel import LoopBatch, TraceArrays, run, run_all
+from heatertune.proof.kernel import LoopBatch, SetpointProgram, TraceArrays, asked_now, run, run_all
 from heatertune.proof.meter import Meter, no_meter
 from heatertune.proof.phase_statistics import CriterionTable, rests_of, table_from
 from heatertune.proof.scenario import (
@@ -37,7 +37,6 @@ from heatertune.proof.scenario import (
     events_of,
     temperatures,
 )
-from heatertune.proof.setpoint_program import SetpointProgram, asked_now
 from heatertune.proof.trace import Trace
 
 __all__ = [

@@ -13,7 +13,7 @@ from heatertune.model.values import FitOutcome, FittedModel, HeaterModel
 from heatertune.options import merge_options
 from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Words, controller_for
-from heatertune.plc.cooler import with_cooler
+from heatertune.plc.controller import with_cooler
 from heatertune.plc.inputs import has_ends
 from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
 from heatertune.processors import ProgressCallback
@@ -224,7 +224,7 @@ def actuator_for(conditions: Conditions, words: Words) -> Actuator:
 
     Raises:
         OutOfRange, UnknownName: as `switched_by`.
-        InputError, OutOfRange: as `heatertune.plc.cooler.with_cooler`.
+        InputError, OutOfRange: as `heatertune.plc.controller.with_cooler`.
     """
     return with_cooler(_heaters_switch(conditions, words), words, conditions.cooling_gain,
                        minimum_on_s=conditions.cooling_minimum_on_s, minimum_off_s=conditions.cooling_minimum_off_s)

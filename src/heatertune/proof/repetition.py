@@ -25,9 +25,9 @@ from heatertune.pid.document import DesignProvenance, RampView, parts_of, read_d
 from heatertune.pid.document import to_document as pid_document
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Ramp, Scaling, Words, controller_for
-from heatertune.plc.cooler import with_cooling
-from heatertune.plc.cycle import with_pwm_period
+from heatertune.plc.controller import with_cooling
 from heatertune.plc.word_selection import WordChoice, choose_words
+from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
 from heatertune.proof.document import ProofView, check_document, with_digest
 from heatertune.proof.profile import read_profile

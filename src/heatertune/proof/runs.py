@@ -25,7 +25,7 @@ from heatertune.proof.acceptance import Coverage, Run
 from heatertune.proof.criteria import Criterion, LoopLimits, columns_of, meter_for
 from heatertune.proof.heaters import RATED_ONLY, limits_off_rated, mains_label
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.kernel import LoopBatch, TraceArrays
+from heatertune.proof.kernel import AS_TOLD, LoopBatch, TraceArrays
 from heatertune.proof.long_outage import LongOutage
 from heatertune.proof.loop import (
     LoopController,
@@ -44,7 +44,6 @@ from heatertune.proof.loop import (
 from heatertune.proof.phase_statistics import CriterionTable, join_tables, reorder, rests_of, table_from
 from heatertune.proof.scenario import Scenario, conditions, delay_heater, events_of
 from heatertune.proof.search_budget import count_scans
-from heatertune.proof.switch_edges import AS_TOLD
 from heatertune.proof.trace import Trace
 
 __all__ = ["AllRuns", "Runs", "judged_once", "measure_runs"]

@@ -24,7 +24,7 @@ from nicegui import background_tasks, events, ui
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.proof import Proof
 from heatertune.proof.as_left import AsLeft
-from heatertune.proof.pwm_period import with_pwm
+from heatertune.proof.design_request import with_pwm
 from heatertune.proof.verdict import NOT_PROVEN, samples_told
 from heatertune.report.html import text_of
 from heatertune.report.text import samples_rows

@@ -19,11 +19,11 @@ from heatertune.pid.sampled_loop import margins, worst
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import NAMES, Scaling, Words, controller_for
-from heatertune.plc.cooler import with_cooling
-from heatertune.plc.cycle import with_pwm_period
+from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import loop_fit
 from heatertune.plc.inputs import has_ends
 from heatertune.plc.word_selection import search_document
+from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, Trace, simulate_wish
 from heatertune.proof.design_request import made_for

@@ -20,8 +20,7 @@ from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300 import machine
 from heatertune.plc.cpu.s7_300 import source as awl
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.machine import S7300Cpu, clamp, quotient, real
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, S7300Cpu, clamp, quotient, real
 from heatertune.plc.cpu.s7_300.program import (
     PULSEGEN,
     BlockProgram,

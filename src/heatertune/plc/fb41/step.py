@@ -15,8 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, NamedTuple
 
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.machine import clamp, quotient, real
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, clamp, quotient, real
 from heatertune.plc.open_points import OpenPoint
 
 __all__ = ["ContCAssumptions", "ContCParameters", "ContCState", "call", "outcome", "restart", "scale_reading", "scan",

@@ -14,7 +14,7 @@ import re
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.one_bit.assembler import disassemble
+from heatertune.plc.cpu.one_bit.machine import disassemble
 from heatertune.plc.cpu.one_bit.programs import ON_OFF_NAMES
 from heatertune.plc.on_off.step import PROGRAM
 from heatertune.plc.on_off.words import COUNTS, FIELDS

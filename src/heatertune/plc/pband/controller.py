@@ -9,7 +9,6 @@ from typing import Any, Final
 from heatertune.pid.values import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions, count
-from heatertune.plc.cycle import Cycle
 from heatertune.plc.keyed_entry import entry_texts
 from heatertune.plc.pband.export import export_words, from_text, loaders, stem_of
 from heatertune.plc.pband.makes import MAKES, Make, field_of
@@ -27,7 +26,7 @@ from heatertune.plc.pband.words import (
     values_of,
     with_period,
 )
-from heatertune.plc.words import Words
+from heatertune.plc.words import Cycle, Words
 
 __all__ = ["INSTRUMENTS"]
 

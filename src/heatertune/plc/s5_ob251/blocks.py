@@ -16,8 +16,7 @@ from math import ceil
 from typing import Final, NamedTuple
 
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY
-from heatertune.plc.print.parts import CELLS, pulse_staircase, setpoint_ramp
-from heatertune.plc.print.statements import renamed
+from heatertune.plc.print.statements import CELLS, pulse_staircase, renamed, setpoint_ramp
 from heatertune.plc.print.stl import S5Printer
 from heatertune.plc.pwm import INSTANT_S, Actuator, Ticks, pulse_ends
 from heatertune.plc.ramp import Ramp

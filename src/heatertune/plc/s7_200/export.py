@@ -16,9 +16,9 @@ from typing import Final
 
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.cpu.s7_200.assembler import Network, block, count_ticks, program, pwm_registers, timed_interrupt
+from heatertune.plc.cpu.s7_200.io_and_cycle import COUNTS, SWITCH, clock, counts_wired, head
 from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, LoadedNumber, difference, is_program, loads, statements
-from heatertune.plc.cpu.s7_200.wiring import COUNTS, SWITCH, clock, counts_wired, head
-from heatertune.plc.print.parts import setpoint_ramp
+from heatertune.plc.print.statements import setpoint_ramp
 from heatertune.plc.print.stl import networks, ramp_begins
 from heatertune.plc.readback import ReadBack, WordCollector, whole_of, wrong
 from heatertune.plc.s7_200.words import FIELDS

@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_200.assembler import Network, block, program
+from heatertune.plc.cpu.s7_200.io_and_cycle import COUNTS, counts_wired, head
 from heatertune.plc.cpu.s7_200.readback import difference, loads, statements
-from heatertune.plc.cpu.s7_200.wiring import COUNTS, counts_wired, head
 from heatertune.plc.readback import ReadBack, WordCollector, whole_of
 from heatertune.plc.s7_200_paper.words import FIELDS
 from heatertune.plc.words import Certificate, Words

@@ -7,8 +7,7 @@ from typing import Final
 
 from heatertune.errors import NotRepresentable
 from heatertune.pid.values import PidDesign
-from heatertune.plc.cpu.s7_200.cycle import MOST, whole_cycle
-from heatertune.plc.cpu.s7_200.wiring import ms_per_count
+from heatertune.plc.cpu.s7_200.io_and_cycle import MOST, ms_per_count, whole_cycle
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import Scaling, WordField, Words
 

@@ -23,11 +23,10 @@ from heatertune.plc.cpu.s7_200.assembler import (
     real,
     timed_interrupt,
 )
-from heatertune.plc.cpu.s7_200.cycle import cycle_ms, ticks_of, whole_cycle
+from heatertune.plc.cpu.s7_200.io_and_cycle import SWITCH, clock, cycle_ms, head, ticks_of, whole_cycle
 from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, difference, is_program, loads
-from heatertune.plc.cpu.s7_200.wiring import SWITCH, clock, head
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
-from heatertune.plc.print.parts import setpoint_ramp
+from heatertune.plc.print.statements import setpoint_ramp
 from heatertune.plc.print.stl import networks, ramp_begins
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import ReadBack, WordCollector, wrong

@@ -19,8 +19,7 @@ from typing import Final, NamedTuple
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.cpu.statements import in_ascii
 from heatertune.plc.open_points import OpenPoint
-from heatertune.plc.print.parts import CELLS, setpoint_ramp
-from heatertune.plc.print.statements import renamed
+from heatertune.plc.print.statements import CELLS, renamed, setpoint_ramp
 from heatertune.plc.pwm import Actuator, pulse_ends
 from heatertune.plc.ramp import Ramp
 from heatertune.plc.single_precision import real_of, single, word_of

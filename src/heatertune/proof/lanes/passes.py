@@ -18,7 +18,7 @@ import numpy as np
 
 from heatertune.compiled.plain_functions import lane_parameters, law_loaded, law_stored, measure, step
 from heatertune.plc.pwm import Switches, on_time
-from heatertune.proof.kernel import HEAT, apply_event
+from heatertune.proof.kernel import HEAT, SetpointProgram, apply_event, asked_now, moves
 from heatertune.proof.lanes.rows import LANES, lanes_of, rows_of
 from heatertune.proof.meter import (
     PhaseStats,
@@ -32,7 +32,6 @@ from heatertune.proof.meter import (
     through,
 )
 from heatertune.proof.plant import CrossingSearch, Flow, Plant, factors
-from heatertune.proof.setpoint_program import SetpointProgram, asked_now, moves
 
 __all__ = [
     "NEVER",

@@ -22,6 +22,7 @@ from heatertune.plc.pwm import INSTANT_S, Switches
 from heatertune.proof.kernel import (
     HEAT,
     LoopBatch,
+    SetpointProgram,
     apart,
     apply_event,
     end_phase,
@@ -73,7 +74,6 @@ from heatertune.proof.lanes.rows import LANES, STEP, lanes_of
 from heatertune.proof.meter import FAULTS, LIMITED, SCANS, SWITCHINGS, Meter, Places, SteadyStateStats, close
 from heatertune.proof.meter import begin as seen_at
 from heatertune.proof.plant import advance_heater, factors, plant_from
-from heatertune.proof.setpoint_program import SetpointProgram
 
 __all__ = ["group", "loop_of", "meter_of", "run_in_lanes", "slowly", "start_loop", "started_up"]
 

@@ -57,6 +57,7 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.processors import processors, threaded_list
 from heatertune.proof.criteria import LoopLimits
+from heatertune.proof.kernel import AS_TOLD
 from heatertune.proof.lanes.choice import fits, order_by_edges, pays
 from heatertune.proof.lanes.rows import LANES, STEP
 from heatertune.proof.loop import LoopController, actuator_of, in_loop, plant_row, scans_of, trace_run
@@ -64,7 +65,6 @@ from heatertune.proof.meter import Places
 from heatertune.proof.phase_statistics import CriterionTable, join_tables, reorder
 from heatertune.proof.runs import measure_runs
 from heatertune.proof.scenario import Disturbance, Load, Mains, Scenario, TemperatureStep
-from heatertune.proof.switch_edges import AS_TOLD
 from heatertune.proof.trace import Trace
 from heatertune.units import check
 

@@ -9,11 +9,11 @@ from typing import Final
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.model.values import Candidate, FittedModel, HeaterModel
 from heatertune.processors import ProgressCallback
-from heatertune.proof import redesign_cost
 from heatertune.proof.design_request import DesignRequest, DesignResult
 from heatertune.proof.monte_carlo.quantiles import SampleProof
 from heatertune.proof.monte_carlo.run import drawing_for, with_samples
 from heatertune.proof.prove_words import prove
+from heatertune.proof.redesign import design_changes as redesign_cost
 from heatertune.proof.redesign.redesign_search import closed_on_runs
 from heatertune.proof.redesign.suggestion import known_as, passes_told
 from heatertune.proof.repetition import made_again

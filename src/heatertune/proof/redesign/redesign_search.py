@@ -23,16 +23,17 @@ from heatertune.pid.search.feasible import Problem, keeps, largest_gain, search
 from heatertune.pid.tune import assessed_sampled
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Scaling, Words, controller_for
-from heatertune.plc.cooler import with_cooling
+from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import encode, loop_fit
 from heatertune.plc.single_precision import single
 from heatertune.plc.word_selection import choose_words
 from heatertune.processors import ProgressCallback
-from heatertune.proof import Proof, redesign_cost
+from heatertune.proof import Proof
 from heatertune.proof.design_request import Candidate, DesignRequest, DesignResult, plainly
 from heatertune.proof.long_outage import briefly, sums_up, winds_up
 from heatertune.proof.nearest_specification import settings_told
 from heatertune.proof.prove_words import tune_settings_for
+from heatertune.proof.redesign import design_changes as redesign_cost
 from heatertune.proof.redesign.design_changes import (
     OF_WINDUP,
     DesignChange,

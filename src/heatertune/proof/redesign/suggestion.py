@@ -16,7 +16,6 @@ from heatertune.model.values import FittedModel
 from heatertune.plc import controller_for
 from heatertune.plc.targets import REPAIRED
 from heatertune.processors import ProgressCallback
-from heatertune.proof import redesign_cost
 from heatertune.proof.design_request import DesignRequest, DesignResult, plainly
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.long_outage import OF_RANGE, briefly, unmended, winds_up, wound
@@ -33,6 +32,7 @@ from heatertune.proof.nearest_specification import (
     within_reach,
 )
 from heatertune.proof.proof import Proof
+from heatertune.proof.redesign import design_changes as redesign_cost
 from heatertune.proof.redesign.design_changes import COARSE, calmest_pwm
 from heatertune.proof.scenario import NewSetpoint
 from heatertune.proof.search_budget import SearchBudget

@@ -7,8 +7,7 @@ from typing import Final
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300 import source as awl
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.machine import S7300Cpu
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, S7300Cpu
 from heatertune.plc.print.statements import Set
 from heatertune.plc.print.stl import S7300Printer
 from heatertune.plc.single_precision import word_of

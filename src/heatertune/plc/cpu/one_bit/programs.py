@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from heatertune.plc.cpu.one_bit.assembler import Names
+from heatertune.plc.cpu.one_bit.machine import Names
 
 __all__ = [
     "CONDITION",

@@ -16,11 +16,10 @@ from typing import Final, NamedTuple
 
 from heatertune.plc.core import count
 from heatertune.plc.cpu.s7_300 import source as awl
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, RANGES
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, RANGES
 from heatertune.plc.cpu.s7_300.source import BlockMember, values
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
-from heatertune.plc.print.parts import setpoint_ramp
-from heatertune.plc.print.statements import renamed
+from heatertune.plc.print.statements import renamed, setpoint_ramp
 from heatertune.plc.print.stl import S7300Printer
 from heatertune.plc.pwm import Actuator, pulse_ends
 from heatertune.plc.ramp import Number, Ramp
