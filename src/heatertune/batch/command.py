@@ -1,11 +1,4 @@
-"""The commands that write one table of many cases: `fleet` and `study`, and the options that `health` shares.
-
-What the commands that write one table of many cases share.
-
-`heatertune fleet`: many logs → one table of proven words.
-
-`heatertune study`: a sweep over anything → one table.
-"""
+"""The commands that write one table of many cases, `fleet` and `study`, and options shared with `health`."""
 
 from __future__ import annotations
 

@@ -1,12 +1,8 @@
-"""Cases → chunks → parts → table.
+"""Batches: cases are run in chunks, and their rows are written to one Parquet file.
 
-The finished chunks of a batch, one file each, in a folder beside the table until that is written.
-
-One run at a time writes a table: whoever comes second is refused, and a dead run's lock is nobody's.
-
-Rows → one Parquet file, streamed in row groups, written whole or not at all.
-
-What a batch is made of.
+Finished chunks are stored in a folder next to the table until the table is written, so an interrupted run continues
+where it stopped. A lock lets one run at a time write a table; the lock of a dead run is ignored. Rows are streamed in
+row groups, and the file is written whole or not at all.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The logs of many heaters → one table: each is fitted, tuned, rounded to words and proven, or says why not.
+"""`fleet`: each heater of many logs or models is fitted, tuned, rounded to words and proven; one row of a table each.
 
-One heater from its log, or its model, to proven words, as one flat row of a table.
+A heater that fails at any stage has the reason in its row.
 """
 
 from __future__ import annotations

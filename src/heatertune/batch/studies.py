@@ -1,7 +1,4 @@
-"""A study: every case of a STUDY.toml taken through the chain, one row of a table each.
-
-STUDY.toml → cases: every combination of a grid, and cases listed one by one.
-"""
+"""`study`: the cases of a STUDY.toml, a grid and single cases, each run through the chain to one row of a table."""
 
 from __future__ import annotations
 

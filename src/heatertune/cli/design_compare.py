@@ -1,9 +1,4 @@
-"""The commands for the whole chain, on one controller and on all: `design` and `compare`.
-
-`heatertune design`: the whole chain.
-
-`heatertune compare`: one design on every controller.
-"""
+"""The commands for the whole chain, on one controller and on all: `design` and `compare`."""
 
 from __future__ import annotations
 

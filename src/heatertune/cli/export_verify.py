@@ -1,13 +1,4 @@
-"""The commands from a design to its proof and its files: `export-db`, `verify`, `feed-forward` and `report`.
-
-`heatertune export-db`: pid → proven words → text.
-
-`heatertune verify`: pid → verdict.
-
-`heatertune feed-forward`: a design with a measured disturbance → what the PLC makes of it.
-
-`heatertune report`: the documents of a design → report.html, once more, and with what the plant really does.
-"""
+"""The commands from a design to its proof and its files: `export-db`, `verify`, `feed-forward` and `report`."""
 
 from __future__ import annotations
 

@@ -1,13 +1,4 @@
-"""The commands from a log to a model: `read`, `fit`, `validate` and `plan`.
-
-`heatertune fit`: log → model.
-
-`heatertune read`: a file → what is read of it as what, and the command that says so.
-
-`heatertune validate`: model and another log → whether the model holds.
-
-`heatertune plan`: what is believed → the experiment that makes it known.
-"""
+"""The commands from a log to a model: `read`, `fit`, `validate` and `plan`."""
 
 from __future__ import annotations
 

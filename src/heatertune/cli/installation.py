@@ -1,11 +1,4 @@
-"""The commands about this installation: `doctor`, `bench` and `completion`.
-
-`heatertune doctor`: says whether this installation works.
-
-`heatertune bench`: how fast this machine runs heatertune.
-
-`heatertune completion`: the script that makes a shell complete commands, options, targets and files.
-"""
+"""The commands about this installation: `doctor`, `bench` and `completion`."""
 
 from __future__ import annotations
 

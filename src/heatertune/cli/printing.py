@@ -1,7 +1,4 @@
-"""What the commands print and write: progress on stderr, the result on stdout or in a file.
-
-What a terminal shows beside text: colour, and one line that moves while something is under way.
-"""
+"""Output of the commands: progress on stderr, results on stdout or in a file, colour and a status line."""
 
 from __future__ import annotations
 

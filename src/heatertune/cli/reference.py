@@ -1,11 +1,4 @@
-"""The commands to look something up: `targets`, `terms` and `spec`.
-
-`heatertune targets`: the controllers, and what each can do.
-
-`heatertune terms`: what the symbols and words mean that the other commands print.
-
-`heatertune spec`: what words must keep, as a file.
-"""
+"""The commands for reference: `targets`, `terms` and `spec`."""
 
 from __future__ import annotations
 

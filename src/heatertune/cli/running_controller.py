@@ -1,13 +1,4 @@
-"""The commands for a controller that already runs: `decode`, `diff`, `replay` and `advise`.
-
-`heatertune decode`: the dump or listing of a running controller → what it really does.
-
-`heatertune diff`: two word sets apart.
-
-`heatertune replay`: raw inputs, scan by scan → what the controller would give.
-
-`heatertune advise`: a logged response → WEG's advice for it, proven before it is shown.
-"""
+"""The commands for a controller in operation: `decode`, `diff`, `replay` and `advise`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What `pid.json` says of the words that were proven, and the options that take its place.
-
-The options of a known controller behind a log without power.
-"""
+"""Words and conditions of a saved design (`pid.json`) as defaults of options; options of a known controller."""
 
 from __future__ import annotations
 

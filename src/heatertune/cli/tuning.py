@@ -1,9 +1,4 @@
-"""The commands from a model to a design: `tune` and `pareto`.
-
-`heatertune tune`: model → pid.
-
-`heatertune pareto`: what robustness costs.
-"""
+"""The commands from a model to a design: `tune` and `pareto`."""
 
 from __future__ import annotations
 

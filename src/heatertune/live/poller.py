@@ -1,8 +1,7 @@
-"""A running loop, looked at from outside: temperature, power and setpoint of one scan, with the time of that scan.
+"""Temperature, power and setpoint of a running loop from one scan, with the time of that scan.
 
-Whether a reading can be believed: it is a number within the sensor's range, and it moves where it has to.
-
-Every comparison here is written as what is good: a value that is no number fails it.
+Also the check whether a reading is plausible: a number within the sensor's range that moves when it should. Every
+comparison states the good case, so a value that is not a number fails it.
 """
 
 from __future__ import annotations

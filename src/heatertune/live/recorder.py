@@ -1,13 +1,10 @@
-"""A running loop → a log, row by row: what was written stays, whatever kills the program or the link.
+"""Record running loops as logs, row by row: one loop, or many into one folder.
 
-Each row is one write at the end of the file. A kill can tear the last line at most: it has no line's end, and who reads
-or continues the file knows it by that. What is no reading is a comment: a gap, a new connection, a PLC that began anew.
-Where the file is removed, moved, replaced, emptied or cut meanwhile, the log goes on in the file of its name, and a
-note says so.
+Each row is one write at the end of the file, so a killed program leaves at most one incomplete line, which readers
+recognise by its missing line end. Gaps, new connections and restarts of the PLC are comments. If the file is removed,
+moved, replaced, emptied or cut, the log continues in a new file of the same name, and a comment says so.
 
-Loops that run, by the addresses of their PLCs → their logs in a folder, and loops that name these.
-
-Many running loops at once → a folder of logs, each recorded as `heatertune.live.recorder` records one.
+A folder has one log per address; a loop list gives the loops names.
 """
 
 from __future__ import annotations

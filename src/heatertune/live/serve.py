@@ -1,7 +1,4 @@
-"""A virtual PLC with its protocols: made of a folder that `design` wrote, begun, and ended.
-
-A link that fails: what stands between clients and a protocol's server where the timetable has faults of the link.
-"""
+"""Serve a virtual PLC: create it from a folder of `design`, start and stop its protocols, disturb its links."""
 
 from __future__ import annotations
 

@@ -1,12 +1,7 @@
-"""The columns of a log: which is what, and their cells as seconds, °C and percent.
+"""The columns of a log: their roles, and their cells as seconds, °C and percent of full power.
 
-Assign a role to each column: by its name, by its numbers if it has no name, or as the user specifies.
-
-Also the conversion of a column's cells to numbers; an error names the first cell that is not a number.
-
-The column of the time → seconds.
-
-The column of the power → percent of full power.
+A role comes from the column's name, from its numbers if it has no name, or from the user. An error names the first
+cell that is not a number.
 """
 
 from __future__ import annotations

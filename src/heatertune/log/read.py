@@ -1,9 +1,6 @@
-"""File → Log.
+"""Read a log: a file, or the objects of a session (DataFrame, arrays), becomes a `Log`.
 
-Also removing repeated rows of one instant, refusing rows of different heaters, and collecting the
-findings of the reader in one value.
-
-Whatever a session has at hand → Log.
+Repeated rows of one instant are removed, rows of several heaters are refused, and all findings are collected.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The log as the other stages see it.
-
-What was taken of a file as what: one line for people, and the options that repeat the reading.
-"""
+"""The log that all other stages use, and how its file was read: a summary, and options that repeat it."""
 
 from __future__ import annotations
 

@@ -1,12 +1,8 @@
-"""The log of a loop → what is wrong with it, how badly, and how sure that is.
+"""Diagnose a control loop from its log: faults, their severity and certainty, and the words that would cure them.
 
-The logged day once more with another controller: what a linear heater lets a log say of words that never ran there.
-
-temperature = heater[power] + rest: what the fitted heater does not make of the logged power is the rest, loads, room
-and noise of that day. Under another controller the rest is the same and the heater is known: the day can be lived
-again.
-
-The words that would cure a loop: designed for the heater that its log shows, proven, and lived through its day.
+temperature = heater[power] + rest. The rest, which the fitted heater does not explain by the logged power, is that
+day's loads, room and noise. It is the same under another controller, so the logged day can be simulated with other
+words: those that are proposed are designed for the heater of the log, proven, and simulated through its day.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""The relay test: simulated in closed form, and recognised in a log.
+"""The relay test: simulated, in closed form for one lag and dead time, and recognised in a log.
 
-What a logged relay test tells: that it is one, its ultimate gain and period, and the heater behind it.
-
-A heater under a two-level controller: simulated, and in closed form for one lag and dead time.
+A recognised test gives ultimate gain and period, and the heater behind them.
 """
 
 from __future__ import annotations

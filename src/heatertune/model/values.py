@@ -1,10 +1,6 @@
-"""Heater models and what a fit found out about them.
+"""Heater models (`Fopdt`, `TwoLag`, …) with their response to power, the result of a fit, and its checks.
 
-What checks of a fit found: values only.
-
-What a heater does: its answer to power, and itself as a system of python-control.
-
-A heater that was typed in: no log, no fit, nothing that takes long to load.
+A heater can also be given by its numbers, without a log. python-control is loaded only on request.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-"""The constrained optimum of the continuous loop: PI or PID in the ideal form, exact dead time, no Padé.
+"""The constrained optimum of the continuous loop, for `--sample-time 0`: PI or PID in the ideal form, exact dead time.
 
-For each TN and TV the feasible gains are known exactly (`continuous.pieces`), which leaves a search in one or two
-unknowns: a coarse grid, a local search, the same again on finer frequencies. A fine grid over all of the reduced
+For each TN and TV the feasible gains are known exactly (`continuous_loop.pieces`), which leaves a search in one or two
+unknowns: a coarse grid, a local search, the same again on finer frequencies. A fine grid over the whole reduced
 problem then looks for a better optimum elsewhere. This is evidence at the resolution of the grid, not a proof.
-
-FittedModel → PidDesign of the continuous loop: the answer to `--sample-time 0`, with its explanation.
 """
 
 from __future__ import annotations

@@ -1,13 +1,11 @@
-"""A setpoint that moves: the program around the controller leads its setpoint word from the reading to what is asked.
+"""Setpoint ramp and boost: how the program around a controller approaches a new setpoint.
 
-OB251's manual advises it (S5-115U, order no. 4NEB 811 6130, table 11-11, footnote 1): large changes of the error are to
-be divided into small ones, as by a ramp of the setpoint. The gains, and with them what a disturbance costs, stay as
-they are.
+The ramp moves the setpoint word from the reading to the requested setpoint. OB251's manual advises it (S5-115U, order
+no. 4NEB 811 6130, table 11-11, footnote 1): large changes of the error are to be divided into small ones. Gains, and
+with them the response to disturbances, stay the same.
 
-Full power far from the setpoint, given by the program around a controller that is not enabled meanwhile.
-
-What the controller would sum up on the way, it then does not: its integral part begins at zero where the way ends,
-after an open heater circuit as in the heat-up.
+The boost applies full power far from the setpoint with the controller disabled, so that no integral is accumulated: it
+starts at zero near the setpoint, after an open heater circuit as in the heat-up.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""As left: a trace of the commissioned loop is held against what was proven of its words.
+"""As-left test: a trace of the commissioned loop compared with the proof of its words.
 
-Its figures are the proof's criteria, measured on the readings; its curve is held against the band between the lowest
-and the highest of the proven runs, which are run anew from where the trace begins. What it does not show is told.
-
-What the proven runs foretell of a trace: they are run anew from where it begins, with what it is asked for.
+Its figures are the criteria of the proof, measured on the readings. Its curve is compared with the band between the
+lowest and the highest proven run, all of them repeated from the initial state and setpoint of the trace. What the
+trace does not show is reported.
 """
 
 from __future__ import annotations

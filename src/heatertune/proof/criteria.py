@@ -1,10 +1,8 @@
-"""What a loop is judged by: every criterion and every limit is declared here, once.
+"""All criteria and limits of a loop, declared once, and their evaluation.
 
 A criterion is a row of `CRITERIA`. A limit of its own is a field of `LoopLimits` and, for users, a row of `LIMITS`.
 Specifications, documents, verdicts, the columns of a fleet, texts and the comparison with a trace read these tables.
-
-What was measured on loops → criteria: `meter_for` prepares the kernel's meter, `columns_of` holds what it found against
-the limits.
+`meter_for` prepares the kernel's meter, and `columns_of` compares its results with the limits.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""What a proof's document holds, and whether it holds together: a proof is checked, not believed.
+"""The document of a proof: its fields, and the check of its consistency.
 
-Verdicts, ok flags, the worst of each criterion and its limits follow from the values of the runs and from the limits
-that the proof was held against; a document that says otherwise was changed by hand. So was one whose digest is another.
-
-What log, pictures and comparison hold as documents, field by field as they are written.
+Verdicts, ok flags, the worst case of each criterion and its limits follow from the values of the runs and from the
+specified limits; a document that differs, or has another digest, was edited and is refused. Also the documents of log,
+pictures and comparison.
 """
 
 from __future__ import annotations

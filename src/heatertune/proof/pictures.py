@@ -1,9 +1,4 @@
-"""The series that a report draws of a proof.
-
-What a picture of a proof needs, as plain numbers: curves of the loop and of its robustness.
-
-The wish: the design as it was meant, in floating point, on the same heater and switch.
-"""
+"""The curves that a report draws of a proof: the loop, its robustness, and the ideal design on the same heater."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""The proof of a folder, repeated: what is exported and written is what passes now, not what a document claims.
+"""Repeat the proof of a folder before its words are exported or written: a document alone is not trusted.
 
-The digest of a proof tells that its file is whole. It does not tell who wrote the file: anyone can change words, limits
-and results and compute the digest again. The words, the heater and the conditions are therefore proven once more.
-
-The words that were proven, made again of a design and its recipe.
+The digest of a proof shows that its file is whole, not who wrote it: anyone can change words, limits and results and
+compute the digest again. So the words are derived again from design and provenance, and proven with the recorded
+heater and conditions.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The runs of a proof: words on every model under every setting, traced or measured, and judged.
+"""The runs of a proof: words on every model under every setting, and their criteria.
 
-Loops measured by the kernel while they run: no trace is kept, so many of them take little time.
+Runs are traced, or measured by the kernel without a trace, which is fast for many loops.
 """
 
 from __future__ import annotations

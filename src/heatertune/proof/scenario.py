@@ -1,8 +1,6 @@
-"""What a loop has to live through: heat-up, then disturbances, and a sensor that is not quiet.
+"""A scenario: heat-up, then disturbances, setpoint changes and power failures at given instants, with sensor noise.
 
-What may happen to a loop, each at its instant: disturbances, other setpoints, power that fails.
-
-What happens to many loops, as the kernel is told it: each disturbance at its instant, the earliest first.
+Also the events of many scenarios as arrays for the kernel, the earliest first.
 """
 
 from __future__ import annotations

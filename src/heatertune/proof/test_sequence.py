@@ -1,9 +1,7 @@
-"""What words have to live through: all that goes wrong with a heater in use, one thing after the other in one run.
+"""The test sequence of a proof: everything that goes wrong with a heater in use, one event after the other in one run.
 
-Each part lasts as long as the slowest of the plausible heaters needs for it and then goes on at rest, so that a later
-hunt is seen: ten of the loop's slowest periods wherever the power at rest is a new one, one after every other part.
-
-What a story is made for, and the story made.
+Each part lasts as long as the slowest plausible heater needs and then continues at rest, so that a late oscillation
+shows: ten of the loop's slowest periods where the power at rest is a new one, one period otherwise.
 """
 
 from __future__ import annotations

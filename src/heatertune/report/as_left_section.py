@@ -1,8 +1,7 @@
-"""The sections of the report on the real plant: as left, and what was written into the PLC.
+"""The report's sections on the real plant: the as-left test, and the words written into the PLC.
 
-As left: limit, proven worst and measured side by side, and the trace over what the proven runs do.
-
-Written into the PLC: when and where, words as found, proven and as left, and the response over its proven band.
+As left: limit, proven worst case and measured value side by side, and the trace in the band of the proven runs.
+Written: date and address, words as found, proven and as left, and the response in its proven band.
 """
 
 from __future__ import annotations

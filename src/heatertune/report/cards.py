@@ -1,7 +1,4 @@
-"""Cards: what a notebook shows of a value, a small table and a picture.
-
-The picture of each value of the chain, panel by panel: for a card, for a figure, or into a user's own axes.
-"""
+"""Cards that a notebook shows of a value of the chain: a small table and a picture, also as a figure."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
-"""HTML in one look: page, table, list, picture. Nothing is fetched from anywhere.
+"""HTML elements in one style (page, table, list, picture, interactive figure); nothing is loaded from the network.
 
-An interactive figure for the browser: the same lines as in print, with values under the cursor and zoom.
-
-uPlot draws it (Leon Sorokin, MIT; unmodified, in `uplot/` with its licence): 51 kB that need no network.
-Without JavaScript, and on paper, the page shows the figure's SVG.
+uPlot draws the interactive figures, with values under the cursor and zoom (Leon Sorokin, MIT; unmodified, in `uplot/`
+with its licence; 51 kB). Without JavaScript, and on paper, the page shows the figure as SVG.
 """
 
 from __future__ import annotations

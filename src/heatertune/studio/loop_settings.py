@@ -1,8 +1,6 @@
-"""The settings of the page, and the loop that they give.
+"""The settings of the page with their ranges and steps, and the loop that they give.
 
-Settings → a first look at the loop in milliseconds, the full proof, the design; pure functions, for any thread.
-
-What the user can move, with the least, the most and the step of each.
+A first view of the loop takes milliseconds; the full proof and the design follow. Pure functions, for any thread.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""A proof → what its picture shows: runs as thin lines, the walls that limits are, the parts of the story.
+"""The picture of a proof: runs as thin lines, limits as walls, the parts of the test sequence.
 
-A long line → the few points that draw it: least and most of each pixel, nothing that lies on a straight line.
+Long lines are reduced to the points that are visible: minimum and maximum of each pixel, nothing on a straight line.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
-"""The sheet that a dropped file opens on the page.
+"""The sheet for a dropped file: first rows, the role and unit of each column, assumptions; all can be changed.
 
-A dropped file as it is understood: first rows, the role and unit of each column, assumptions; all can be changed.
-
-The log's reader decides; what the user changes becomes its options, see `heatertune.log.read_log`.
-
-A dropped file as it is understood → HTML; what can be changed has `data-change`, `data-place` and `data-key`.
+`heatertune.log.read_log` decides; a change becomes one of its options. In the HTML, elements that can be changed have
+`data-change`, `data-place` and `data-key`.
 """
 
 from __future__ import annotations

@@ -1,12 +1,8 @@
-"""Plausible heaters × their whole story → the numbers of a monitor: never a false trip first, then the soonest alarm.
+"""Design a monitor for plausible heaters and their whole test sequence: no false trip, then the earliest alarm.
 
-Each limit is what loops in order need and a margin beyond. The windows are those that tell a switch that is stuck on,
-and a heater that is open, soonest. What was found is tried on heaters that no limit was made from; where one of them
-trips, the limits are made wider and others are drawn, until a whole batch passes.
-
-The least and the largest movement that a heater in order makes: planes over level and power, in whole numbers.
-
-What a loop in order shows a monitor: the numbers from which its limits are made.
+Each limit is what healthy loops need plus a margin: planes over level and power, in whole numbers, around the least
+and largest movement. The windows are those that detect a stuck switch and an open heater soonest. The result is tested
+on other healthy heaters; if one trips, limits are widened and others drawn, until a whole batch passes.
 """
 
 from __future__ import annotations

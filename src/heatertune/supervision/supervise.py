@@ -1,12 +1,10 @@
-"""Words and the heaters that a fit leaves possible → a monitor, and how soon it tells each fault, as a document.
+"""Supervision of proven words: the monitor and its detection time for each fault, or settings of printer firmware.
 
-The best that a printer's own supervision can express for a heater: never a false trip first, then the soonest one.
-
-Klipper's `[verify_heater]` (klippy/extras/verify_heater.py): below the target by more than `hysteresis` the distance is
-added up each second; at `max_error` it stops, unless the heater is on its way and gains `heating_gain` in each
-`check_gain_time`. Marlin's defines (src/module/temperature.cpp): once warm, at most `THERMAL_PROTECTION_PERIOD` seconds
-below the target by more than the hysteresis; on the way `WATCH_TEMP_INCREASE` in each `WATCH_TEMP_PERIOD`. Both stop at
-the ends of the sensor that their configuration allows.
+Klipper's `[verify_heater]` (klippy/extras/verify_heater.py): below the target by more than `hysteresis` the distance
+is summed each second; at `max_error` it stops, unless the heater gains `heating_gain` in each `check_gain_time`.
+Marlin's defines (src/module/temperature.cpp): once warm, at most `THERMAL_PROTECTION_PERIOD` seconds below the target
+by more than the hysteresis; on the way `WATCH_TEMP_INCREASE` in each `WATCH_TEMP_PERIOD`. Both stop outside their
+sensor range.
 """
 
 from __future__ import annotations

@@ -1,15 +1,8 @@
-"""The connection to a PLC: its address, and requests one at a time.
+"""The connection to a PLC: its address, and the client that all protocols share.
 
-A client of a PLC: bytes of its blocks, read and written one request at a time, and never a write twice.
-
-What clients of every protocol have in common: one request, what it ends in, and the end.
-
-What a simulated PLC says of itself to a client that asks for it.
-
-Where a PLC is, as one line says it.
-
-`s7://HOST:PORT/RACK/SLOT/dbN`, `modbus://HOST:PORT/UNIT/REGISTER`, `opc.tcp://HOST:PORT/PATH/NODE` or
-`as511://DEVICE/dbN`.
+A client reads and writes bytes of a block, one request at a time, and never repeats a write. It also asks a simulated
+PLC for its status. Addresses: `s7://HOST:PORT/RACK/SLOT/dbN`, `modbus://HOST:PORT/UNIT/REGISTER`,
+`opc.tcp://HOST:PORT/PATH/NODE` or `as511://DEVICE/dbN`.
 """
 
 from __future__ import annotations

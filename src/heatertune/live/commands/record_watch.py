@@ -1,9 +1,4 @@
-"""The commands that only read a running loop: `record` and `watch`.
-
-`heatertune record`: a running loop → a log, read only.
-
-`heatertune watch`: a running loop beside its proven band; it only looks.
-"""
+"""The commands that only read a running loop: `record` and `watch`."""
 
 from __future__ import annotations
 

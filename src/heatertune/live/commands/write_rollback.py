@@ -1,9 +1,4 @@
-"""The commands that write words into a running PLC: `write` and `rollback`.
-
-`heatertune write`: proven words into a running PLC.
-
-`heatertune rollback`: what became of a write, and the words as they were before it.
-"""
+"""The commands that write parameters into a running PLC and restore the old ones: `write` and `rollback`."""
 
 from __future__ import annotations
 

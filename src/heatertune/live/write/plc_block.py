@@ -1,6 +1,6 @@
-"""One block of one PLC over a link that may fail: what is read may be asked for again, what is written goes once.
+"""One block of a PLC over a link that may fail, and the words of a controller in it as write requests.
 
-Where the words of a controller stand in a PLC, and what is to be written there, request by request.
+Reads are repeated after a failure; a write is sent once.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What may be written: the words of a folder whose proof is whole, says PASS, and is the one that somebody has read.
+"""The checks before a write: the folder's proof is whole and says PASS, and the user confirmed it.
 
-Whether the PLC is the one that the words were proven for: what can be looked at, and what somebody has to say.
+The PLC must be the one for which the words were proven: this is checked where it can be read, otherwise declared.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-"""The record of a write: one line of JSON a step, on the disk before the step is made, and never changed after.
+"""The record of a write, and the number of writes per word.
 
-A line without its end is what a kill left, and was never acted on: readers leave it out.
-
-How often each word was written: memories that keep their words without supply wear out.
-
-One file for each PLC, a line a write, in the user's state folder: `HEATERTUNE_STATE` moves it.
+The record is one line of JSON per step, on disk before the step is made and never changed afterwards; an incomplete
+last line of a killed process is ignored. Writes are counted because non-volatile memory wears out: one file per PLC,
+one line per write, in the user's state folder, which `HEATERTUNE_STATE` moves.
 """
 
 from __future__ import annotations

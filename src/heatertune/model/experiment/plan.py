@@ -1,13 +1,7 @@
-"""The most informative experiment within given limits.
+"""The most informative experiment within given limits: a doublet (its times and powers), or a relay test.
 
-The figure of merit is the worst relative half width of a 95 % interval, over gain, time constant and
-dead time and over every heater of the prior.
-
-Also the JSON document of `heatertune plan`.
-
-The most informative doublet within given limits, optimised over its switching times and powers.
-
-Also the most informative relay test within given limits.
+The figure of merit is the worst relative half width of a 95 % interval, over gain, time constant and dead time and
+over every heater of the prior. Also the JSON document of `heatertune plan`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Candidate models of a log with power: one lag, two lags, two time constants, an integrator, and their alternatives.
+"""Candidate models of a log with power: one lag, two lags, two time constants, an integrator, and alternatives.
 
-The family of plausible heaters consists of the candidates, the ends of their intervals, and the fits of the two halves.
-
-Other readings of the same log: what passes for drift, load or initial state may be a slow answer of the heater.
+An alternative explains drift, load or initial state as a slow response of the heater. The family of plausible heaters
+consists of the candidates, the ends of their intervals, and the fits of the two halves of the log.
 """
 
 from __future__ import annotations

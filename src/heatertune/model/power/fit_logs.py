@@ -1,14 +1,9 @@
-"""Fit several logs of one heater with power: each log alone first, then one heater for all.
+"""Fit several logs of one heater with power: each log alone first, then one heater for all, and a test of agreement.
 
-Also the test whether the logs give the same heater, and its message.
-
-One heater for several logs with power: gain, lags and dead time are shared, all else is separate for each log.
-
-Ambient, drift, initial state and loads of each log are solved inside the search over the shared parameters. The weight
-of a log is given by its long-run noise, so a long, noisy log does not dominate a short, quiet one.
-
-Intervals come from profile likelihood and block bootstrap, as for one log. The residuals of each log have their own
-variance and colour; resampled blocks stay within their log.
+Gain, lags and dead time are shared; ambient, drift, initial state and loads are solved for each log inside the search.
+A log is weighted by its long-run noise, so a long, noisy log does not dominate a short, quiet one. Intervals come from
+profile likelihood and block bootstrap; residuals of each log have their own variance and colour, and resampled blocks
+stay within their log.
 """
 
 from __future__ import annotations

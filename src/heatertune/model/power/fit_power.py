@@ -1,17 +1,12 @@
-"""Fit a log with power: one lag as the working model, and all alternatives that also explain the log.
+"""Fit a log with power: one lag as the working model, all alternatives that also explain the log, and the findings.
 
-Also the agreement of the two halves of a log, and the factor by which intervals are widened until the halves agree. The
-noise of a fit predicts how far the results of the halves may deviate from that of the whole log. If a heater is
-nonlinear or an unknown effect moves the temperature, they deviate more, and the intervals of the whole log do not cover
-the next log. They are widened by the Birge ratio (R. T. Birge, "The calculation of errors by the method of least
-squares", Phys. Rev. 40 (1932) 207–227): the root mean square of the deviations, each divided by its expected value. A
-half with little information is expected to deviate a lot and so counts little.
+The noise of a fit predicts how far the two halves of the log may deviate from the whole. If they deviate more (a
+nonlinear heater, an unknown effect), intervals are widened by the Birge ratio (R. T. Birge, "The calculation of errors
+by the method of least squares", Phys. Rev. 40 (1932) 207–227): the root mean square of the deviations, each divided by
+its expected value, so a half with little information counts little.
 
-The results of a fit with power in plain words.
-
-Also the share of the temperature that the power explains, compared with loads, drift and free initial states. Loads and
-a drift can imitate a slow response of the heater. If they move the model by as much as the span of the readings,
-or counteract every step of the power, the remaining gain of the power can be several times that of the heater.
+Loads and a drift can imitate a slow response. If they move the model by as much as the span of the readings, or
+counteract every step of the power, the gain that remains for the power can be several times that of the heater.
 """
 
 from __future__ import annotations

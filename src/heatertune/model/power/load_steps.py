@@ -1,12 +1,8 @@
-"""Load steps at unknown instants: an open lid or door, another heater that switches on.
+"""The initial state, drift of the ambient, and load steps that a log needs besides its heater, chosen together.
 
-Also the initial state of a log: whether the heater was in steady state, and at which power.
-
-A test that starts in steady state has no initial state to fit. A free initial state would absorb model error at the
-first step, and the ambient with it. If the readings before the first change of power are sufficient, they decide: a
-temperature that moves at constant power is not in steady state.
-
-What a log asks for beside the heater: how it begins, a drift of the ambient, load steps; chosen together.
+Load steps (an open lid, another heater) begin at unknown instants. A test that starts in steady state has no initial
+state to fit: a free one would absorb model error at the first step, and the ambient with it. If the readings before
+the first change of power suffice, they decide: a temperature that moves at constant power is not in steady state.
 """
 
 from __future__ import annotations

@@ -1,18 +1,15 @@
 """Nonlinear heaters: gain that depends on power, loss on temperature, different heating and cooling, a ceiling.
 
-A linear fit to a nonlinear heater lies between its extremes, and the worst resulting design uses a third of the true
-gain. If another shape explains a log better, the local heaters at both its ends become candidates, so that a design
-covers both. A load that starts at an edge of the power counts as such a shape until a load explains it.
+A linear fit lies between the extremes of such a heater, and the worst resulting design uses a third of the true gain.
+If another shape explains a log better, the local heaters at both its ends become candidates, unless a load explains
+it.
 
-Gain that depends on power: the effective power is a rising piecewise linear curve through the logged levels. Its
-slopes, the gain of each range of power, enter the temperature linearly, so only lags
-and dead time are searched, as for a constant gain.
+Gain by power: the effective power is a rising piecewise linear curve through the logged levels. Its slopes enter the
+temperature linearly, so only lags and dead time are searched.
 
-Time constant or gain that depends on direction or temperature: faster cooling than heating, radiation, a ceiling.
-
-T' = (gain·power(t − dead time) − θ·(1 + loss·θ))/time constant, θ = T − ambient. The time constant is that of
-heating if the right side is positive and that of cooling otherwise. T never exceeds the ceiling, and a second lag
-follows it. In a step so short that θ hardly moves, the solution is exponential; it is exact without nonlinear loss.
+Direction and temperature: T' = (gain·power(t − dead time) − θ·(1 + loss·θ))/time constant, θ = T − ambient, with the
+time constant of heating if the right side is positive, else that of cooling. T stays below the ceiling; a second lag
+follows. The solution is exponential in steps in which θ hardly moves, and exact without nonlinear loss.
 """
 
 from __future__ import annotations

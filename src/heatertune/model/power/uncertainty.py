@@ -1,13 +1,11 @@
-"""Intervals of a fit with power: the wider of profile likelihood and block bootstrap.
+"""Intervals of a fit with power: the wider of profile likelihood and block bootstrap; and the heaters at their ends.
 
-The residuals of a heater are coloured, so a likelihood for white noise is wrong. The profile of the sum of squares is
-therefore scaled until its curvature gives the variance under first-order autoregressive noise (R. E. Chandler and
-S. Bate, "Inference for clustered data using the independence loglikelihood", Biometrika 94 (2007) 167–183). The profile
-covers skewed and open intervals; the bootstrap covers noise of any other colour.
+Residuals of a heater are coloured, so the profile of the sum of squares is scaled until its curvature gives the
+variance under first-order autoregressive noise (R. E. Chandler and S. Bate, "Inference for clustered data using the
+independence loglikelihood", Biometrika 94 (2007) 167–183). The profile covers skewed and open intervals, the bootstrap
+noise of any other colour.
 
-Also the best fit with a fixed ultimate period, the parameter that limits every loop around a heater.
-
-The heaters at the ends of what a log leaves open: one number at its end, the others fitted anew there.
+Also the best fit at a fixed ultimate period, the parameter that limits every loop around a heater.
 """
 
 from __future__ import annotations

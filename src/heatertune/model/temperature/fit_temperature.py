@@ -1,8 +1,7 @@
 """Fit logs that contain only the temperature: controller hypotheses compared on the same rows.
 
-Also the messages about what such a log does not identify, and the joint candidates of several logs of one heater.
-
-From a hypothesis to its best fit: random starts, a race, a descent, and the information criterion.
+Each hypothesis is fitted from random starts (a race, then a descent) and rated by the information criterion. Also the
+messages about what such a log does not identify, and the joint candidates of several logs of one heater.
 """
 
 from __future__ import annotations

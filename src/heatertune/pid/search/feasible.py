@@ -1,23 +1,13 @@
-"""The exact set of gains that keep a sensitivity limit, and the search based on it.
+"""The exact set of gains that keep a sensitivity limit, the search based on it, and its refinement by IPOPT.
 
-With C = K·c(jω), |1 + K·h| ≥ 1/Ms at one frequency excludes one interval of K (a quadratic in K), and so do the limits
-on Mt and Mks. The gains that remain over all frequencies and all models keep the limits if the loop is stable. A long
-dead time leaves many unstable pieces: they lie beyond a crossing of h and the negative real axis whose encirclement no
-other crossing cancels. The stable pieces need not be connected, so they are tried from the top. That leaves a search
-over TN (and TV) only, and no start value can mislead it. Feasibility is decided by the margins, on their own
-frequencies, without a tolerance.
+With C = K·c(jω), |1 + K·h| ≥ 1/Ms excludes one interval of K at each frequency, and so do the limits on Mt and Mks.
+The rest keeps the limits if the loop is stable. Stable pieces need not be connected, so they are tried from the top,
+and only TN (and TV) are searched; feasibility is decided by the margins on their own frequencies, without a tolerance.
+After a load step ∫|e| is no less than ∫e dt = TN/K: grid points are simulated in the order of this bound.
 
-After a load step ∫e dt is TN/K, and ∫|e| is no less: the points of a grid are simulated in the order of this bound,
-until it exceeds the lowest cost. The largest K that one heater allows is a bound for all heaters, so only points that
-may be optimal are evaluated on the others.
-
-The constrained optimum, formulated in CasADi and solved by IPOPT.
-
-min over ln K, ln TN, ln TV   mean over the models of Σ √(e² + ε²)·TA after a load step of 1 %, or another objective
-subject to                    |1 + L(jω)|² ≥ 1/Ms², |L|²/Mt², |C|²/Mks²   at each frequency, for each model
-
-The sampled loop with its exact dead time is simulated inside (single shooting). The start is the best
-point of the feasible-set search, which has no local minima.
+IPOPT (formulated in CasADi) starts at the best point: min over ln K, ln TN, ln TV of the mean over the models of Σ
+√(e² + ε²)·TA after a load step of 1 %, or another objective, subject to |1 + L|² ≥ 1/Ms², |L|²/Mt², |C|²/Mks² at each
+frequency and model.
 """
 
 from __future__ import annotations

@@ -1,14 +1,7 @@
-"""CONT_C's instance data block as STL source with the whole program around it, and all words as CSV with offsets.
+"""CONT_C's words as STL source with the whole program, as CSV with offsets, and as the CPU holds them; read back.
 
-The exported program around CONT_C in its CPU; CONT_C itself, which comes with STEP 7, is the proof's.
-
-CONT_C's instance data block as a running CPU holds it.
-
-DISV, the disturbance variable of CONT_C in percent of LMN, and the function that writes it.
-
-LMN = P + I + D + DISV: it is added as it is, before the limits.
-
-CONT_C's words in STL source.
+The exported program runs in the emulated CPU; CONT_C itself, part of STEP 7, uses the model of the proof. Feed-forward
+goes to DISV [% of LMN], which CONT_C adds before the limits: LMN = P + I + D + DISV.
 """
 
 from __future__ import annotations

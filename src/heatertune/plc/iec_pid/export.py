@@ -1,14 +1,8 @@
-"""Words → structured text: the block, a program that calls it, and both as a PLCopen project.
+"""Words as structured text: the block, a program that calls it, and both as a PLCopen project; and read back.
 
-No file was tried in a vendor's tool; parsers of the language and the format read them.
-
-The block's parameters in text: its call in structured text, or a list of parameters, one a line.
-
-The block as a FUNCTION_BLOCK in structured text: `step.call`, one statement per line of it; the tests run both.
-
-TIME_TO_REAL gives seconds in one system and other units in others; the quotient by T#1s is seconds in all of them.
-
-The exported program in a machine for structured text.
+The FUNCTION_BLOCK is `step.call`, one statement per line of it; tests run both. TIME_TO_REAL gives seconds in one
+system and other units in others; the quotient by T#1s is seconds in all. No file was tried in a vendor's tool;
+independent parsers of the language and of the format read them.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
-"""The two-level control as a listing, as CSV of its word, and as the memory holds it (binary and Intel HEX).
+"""The two-level control as a listing, as CSV of its word, and as a memory image (binary and Intel HEX).
 
-The memory is this project's choice, as the document prints none: the 16 lines of the program, one byte each, then
+The document prints no image, so its layout is this project's choice: the 16 lines of the program, one byte each, then
 BAND as a 16-bit number, high byte first.
-
-The memory as Intel HEX, the form in which programmers of memories save what they read.
 """
 
 from __future__ import annotations

@@ -1,9 +1,4 @@
-"""Words → a parameter sheet in the order of the instrument's menu, and a list of its registers.
-
-The words of an instrument in text: a parameter sheet, a list of registers, or a dump of them, one a line.
-
-What the parameter sheet and the list of registers set in the instrument.
-"""
+"""Words as a parameter sheet in the order of the instrument's menu, and as a list of its registers; and read back."""
 
 from __future__ import annotations
 

@@ -1,12 +1,11 @@
 """The blocks around OB251, statement by statement: FB30 in OB13, FB31 in OB21 and OB22, FB33 for a setpoint ramp.
 
-All that they remember stands in DB31: flags are shared with OB1, and those from 200 on are scratch of the standard
-function blocks. Operations have their English names (S5-100U manual EWA 4NEB 812 6120, chapter 8; TB tests a bit); a
-comparison asks whether ACCU 2 … ACCU 1, and leaves both as they are.
+All state is stored in DB31: OB1 uses the flags, too, and those from 200 on are scratch of the standard function
+blocks. The PWM behind YA is a staircase of 16-bit sums over the ticks of a period, because STEP 5 has no
+multiplication.
 
-The PWM behind YA in sums of 16 bits, as STEP 5 has no multiplication: a staircase over the ticks of a period.
-
-The whole program as one listing: OB251's data block, the blocks around it, and what is left to do by hand.
+Operations have their English names (S5-100U manual EWA 4NEB 812 6120, chapter 8; TB tests a bit). A comparison is
+ACCU 2 … ACCU 1 and leaves both unchanged.
 """
 
 from __future__ import annotations

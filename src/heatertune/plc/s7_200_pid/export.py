@@ -1,10 +1,7 @@
-"""The program around the PID instruction with its certificate in the head, and the loop table as the CPU holds it.
+"""The program around the PID instruction as a statement list, and the loop table as the CPU holds it; and read back.
 
-The loop table as the CPU holds it: 36 bytes, or 80 with the auto-tune part, REALs with their high byte first.
-
-The program around the PID instruction as statement list: loop table at VB100, AIW0 in, PWM on Q0.0 out.
-
-The loop table's words in text: the statement list that loads them, or the text of a data block.
+Loop table at VB100 (36 bytes, or 80 with the auto-tune part, REALs with their high byte first), input AIW0, PWM on
+Q0.0.
 """
 
 from __future__ import annotations

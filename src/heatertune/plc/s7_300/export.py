@@ -1,15 +1,7 @@
-"""The tip as STL source, the whole program around it included; the four words as CSV.
+"""The tip's PID as STL source with the whole program, its four words as CSV and as the CPU holds them; read back.
 
-The exported program of the tip's PID in its CPU.
-
-The tip's instance data block as a running CPU holds it.
-
-The function block's statements: `algorithm.call`, one instruction per operation.
-
-The listing of the document is lost, so this is heatertune's own; its interface and the places of the four words are the
-document's.
-
-The tip's words in STL source.
+The function block is `step.call`, one instruction per operation. The listing of the document is lost, so this one is
+heatertune's own; interface and addresses of the four words are the document's. The program runs in the emulated CPU.
 """
 
 from __future__ import annotations

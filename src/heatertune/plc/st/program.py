@@ -1,13 +1,8 @@
-"""The program around a block in structured text: calls each Ts, enabling, boost, setpoint ramp, PWM.
+"""The program around a block in structured text: calls each Ts, enabling, boost, setpoint ramp, PWM; and its header.
 
-It is called each scan and adds up the time of the scans. While the heater is off or boosts, the block is not enabled,
-and the program itself puts the power to 0 or to the most that the block may give.
-
-What TIME_TO_REAL gives of a duration: the standard leaves the unit to the implementation.
-
-A FUNCTION_BLOCK in structured text (IEC 61131-3), as its declarations and its body.
-
-What an exported program says first: what it is, under which conditions, and what remains to be done by hand.
+It runs in each scan and sums the scan times. While the heater is off or boosts, the block is disabled, and the program
+sets the power to 0 or to the block's maximum. Also the values of TIME_TO_REAL, whose unit the standard leaves to the
+implementation.
 """
 
 from __future__ import annotations

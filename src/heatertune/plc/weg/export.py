@@ -1,19 +1,12 @@
-"""Words → structured text: a program with WEG's block, one with a block of its own, and that one as a PLCopen project.
+"""Words as structured text: a program with WEG's block, and one with a block of its own, also as a PLCopen project.
 
-None of the files was tried in WPS or in another vendor's tool; parsers of the language and the format read them.
+The own FUNCTION_BLOCK is `step.call` with the default of every open point, one statement per line; tests compare both.
+TYPE, ACTION, EN and ENO are keywords, so its parameters are Form, Acting, Enable and Enabled. The help does not say
+whether WEG's block measures Ts itself, so the program calls a second instance three times in the first scan to find
+out.
 
-The exported programs in a machine for structured text; WEG's own block, which is firmware, is the proof's.
-
-What the program around WEG's own block has beside that around any: it finds out who keeps Ts.
-
-The help does not tell it: a second instance is called three times in the first scan.
-
-The block as a FUNCTION_BLOCK in structured text (IEC 61131-3), for controllers without one of their own.
-
-It is `block.call` with the default of every switch, one statement per line of it; the tests run this text and compare.
-TYPE, ACTION, EN and ENO are words of the language, so the block calls them Form, Acting, Enable and Enabled.
-
-The block's parameters in text: its call in structured text, or a list of parameters, one a line.
+The programs run in the emulator for structured text; WEG's block is firmware and uses the model of the proof. No file
+was tried in WPS or another vendor's tool; independent parsers read them. Parameters are read back from text, too.
 """
 
 from __future__ import annotations

@@ -1,12 +1,9 @@
-"""What is done for 32 loops at once; each `for` over them is one that a compiler makes vector instructions of.
+"""The passes of 32 loops at once: each `for` over the loops is compiled to vector instructions.
 
-What a loop keeps in rows, and what all loops have in common.
-
-The edges under way to 32 heaters, PWM period by period in a ring.
-
-A heater of much dead time has many edges under way, but what it may feel next are those of few periods: begun no longer
-ago than the longest dead time of the 32, and no later than the shortest one lets any be felt. So it costs little, how
-long the dead times are, and much, how far they are apart.
+Also the state of a loop in rows, the values that all loops share, and the ring of edges on their way to the heaters,
+one PWM period per slot. A heater with a long dead time has many such edges, but only those of few periods can act
+next: started no longer ago than the longest dead time of the 32, and no later than the shortest. The cost therefore
+depends on the spread of the dead times, not on their length.
 """
 
 from __future__ import annotations

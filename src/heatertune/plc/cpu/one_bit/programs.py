@@ -1,12 +1,11 @@
-"""The programs that the document prints, and the project's own two-level control of a heater.
+"""Programs of the one-bit PLC: those that the document prints, and heatertune's two-level control of a heater.
 
-The listings keep the document's words. Its address columns hold misprints (two signals at one address), so each has
-the addresses as printed and, where they cannot work, those that can; see DIFFERENCES.md.
+The listings keep the document's words. Its address columns contain misprints (two signals at one address), so each has
+the printed addresses and, where these cannot work, corrected ones; see DIFFERENCES.md.
 
-Example 1 of the document: the heater's control unit as a microprogram, figure 3, figure 4 and Table 1.
-
-Push button A switches the fan on, B the heater; C: temperature reached; D: the fan turns. The address is the state
-Q1 Q0 and the input that the state selects; the word is the next state, the fan and the heater.
+Example 1 is the control unit as a microprogram (figures 3 and 4, Table 1): button A switches the fan on, B the heater;
+C: temperature reached; D: the fan turns. The address is the state Q1 Q0 and the input selected by the state; the word
+is the next state, the fan and the heater.
 """
 
 from __future__ import annotations

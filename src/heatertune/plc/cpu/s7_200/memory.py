@@ -1,11 +1,8 @@
-"""Numbers in the memory of an S7-200, high byte first; words and double words are signed.
+"""The memory of an S7-200: addresses, and numbers (high byte first; words and double words are signed).
 
-Plain functions of numbers and bytes, which run compiled too.
-
-Addresses of an S7-200: name → place in one memory (System Manual C79000-G7076-C233-01, chapter 5).
-
-V, SM, I and Q words hold their high byte first; byte and word access to an accumulator means its low end. Behind the
-areas lies what the CPU keeps for itself and no instruction addresses.
+Source: System Manual C79000-G7076-C233-01, chapter 5. All areas share one array; byte and word access to an
+accumulator is to its low end. Behind the areas lies internal state of the CPU that no instruction addresses. Plain
+functions of numbers and bytes, which can be compiled.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """The program around a controller's block, in STL: restart, clock, broken sensor, setpoint, manual, switch.
 
-OB35 ticks; every so many ticks it calls the controller, and each tick the PWM. A broken sensor, or another interval of
-OB35 than the proof's, puts the heater off at once, and the controller begins anew afterwards, as after a restart.
+OB35 runs at the resolution of the proven PWM; it calls the PWM at each tick and the controller every so many ticks. If
+the sensor is broken, or OB35 has another interval than in the proof, the heater is off at once, and the controller
+starts afterwards as after a restart.
 
-How the heater is switched: by a PWM block of the export's own, by FB43 PULSEGEN, or behind an analog output.
-
-OB35 ticks at the resolution of the PWM that was proven; every so many ticks it calls the controller.
+The heater is switched by a PWM block of the export, by FB43 PULSEGEN, or behind an analog output.
 """
 
 from __future__ import annotations

@@ -1,11 +1,7 @@
-"""Statements, literals and declarations of an STL source; the latter as bits and bytes.
+"""STL source files of STEP 7: statements, literals, declarations with their bits and bytes, and data blocks.
 
-AWL source text of STEP 7: literals, comments, lines.
-
-Form: Programming with STEP 7, chapter 13, STL source files: blocks that are called stand before their callers, an
-instance data block after its function block; plain ASCII, CRLF. International mnemonics.
-
-A data block of the program's own: its members, where STEP 7 puts them, and its source.
+Form: Programming with STEP 7, chapter 13: called blocks stand before their callers, an instance data block after its
+function block; plain ASCII, CRLF; international mnemonics.
 """
 
 from __future__ import annotations
