@@ -38,25 +38,9 @@ from heatertune.errors import DocumentError, InputError
 from heatertune.writing import read_text
 
 __all__ = [
-    "DATA",
-    "FLAT",
-    "LEFT_OUT",
-    "EarlierDocument",
-    "Null",
-    "OrInfinite",
-    "OrUnknown",
-    "construct_from",
-    "data_folder",
-    "decode",
-    "encode",
-    "existing_path",
-    "peek_schema",
-    "plain",
-    "read_document",
-    "read_toml",
-    "register_schema",
-    "schema_of",
-    "to_json",
+    "DATA", "FLAT", "LEFT_OUT", "EarlierDocument", "Null", "OrInfinite", "OrUnknown", "construct_from", "data_folder",
+    "decode", "encode", "existing_path", "peek_schema", "plain", "read_document", "read_toml", "register_schema",
+    "schema_of", "to_json",
 ]
 
 

@@ -22,21 +22,8 @@ from pathlib import Path
 from typing import Final
 
 __all__ = [
-    "LONGEST",
-    "DocumentError",
-    "ExportRefused",
-    "HeatertuneError",
-    "InputError",
-    "LinkDown",
-    "LinkError",
-    "LogError",
-    "NotRepresentable",
-    "OutOfRange",
-    "PlcRefused",
-    "ReplyLost",
-    "UnknownName",
-    "did_you_mean",
-    "one_line",
+    "LONGEST", "DocumentError", "ExportRefused", "HeatertuneError", "InputError", "LinkDown", "LinkError", "LogError",
+    "NotRepresentable", "OutOfRange", "PlcRefused", "ReplyLost", "UnknownName", "did_you_mean", "one_line",
 ]
 
 #: characters of an error

@@ -37,9 +37,7 @@ from heatertune.proof.verdict import samples_told
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.writing import read_bytes, read_text
 
-__all__ = [
-    "HEAD", "RESULT", "SCHEMA", "ZoneSettings", "find_logs", "fleet", "lost_row", "word_columns", "zone_row",
-]
+__all__ = ["HEAD", "RESULT", "SCHEMA", "ZoneSettings", "find_logs", "fleet", "lost_row", "word_columns", "zone_row"]
 
 
 _WHAT: Final = {

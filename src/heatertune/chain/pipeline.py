@@ -51,17 +51,8 @@ from heatertune.settings import FeedForwardSettings, FitSettings, ReadSettings
 from heatertune.writing import write_files
 
 __all__ = [
-    "TYPICAL_S",
-    "ChainResult",
-    "FedForward",
-    "as_left_in",
-    "design",
-    "dossier",
-    "feed_forward",
-    "files_of",
-    "redraw",
-    "related_documents",
-    "write_report",
+    "TYPICAL_S", "ChainResult", "FedForward", "as_left_in", "design", "dossier", "feed_forward", "files_of", "redraw",
+    "related_documents", "write_report",
 ]
 
 

@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from heatertune.bench import Throughput, Times
     from heatertune.doctor import InstallationCheck
 
-__all__ = [
-    "BENCH_EXAMPLE", "COMPLETION_EXAMPLE", "DOCTOR_EXAMPLE", "add_bench", "add_completion", "add_doctor",
-]
+__all__ = ["BENCH_EXAMPLE", "COMPLETION_EXAMPLE", "DOCTOR_EXAMPLE", "add_bench", "add_completion", "add_doctor"]
 
 
 BENCH_EXAMPLE = "example: heatertune bench --target weg --samples 500"

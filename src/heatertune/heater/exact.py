@@ -25,18 +25,8 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
-    "Factors",
-    "advance",
-    "advance_step",
-    "apart",
-    "area",
-    "factors",
-    "since_step",
-    "slopes_by_lag",
-    "time_to",
-    "turning_time",
-    "turning_times",
-    "unit_step_response",
+    "Factors", "advance", "advance_step", "apart", "area", "factors", "since_step", "slopes_by_lag", "time_to",
+    "turning_time", "turning_times", "unit_step_response",
 ]
 
 Array = npt.NDArray[np.float64]

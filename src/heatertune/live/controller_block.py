@@ -24,9 +24,7 @@ from heatertune.plc.open_points import assumptions_from
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import FLOATS
 
-__all__ = [
-    "ROLES", "SERVED", "Counter", "Places", "ServedBlock", "block_for", "places_given", "places_in", "places_of",
-]
+__all__ = ["ROLES", "SERVED", "Counter", "Places", "ServedBlock", "block_for", "places_given", "places_in", "places_of"]
 
 
 class ServedBlock(Protocol):

@@ -32,9 +32,7 @@ from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.plc import Words, controller_for
 from heatertune.plc.keyed_entry import value_texts
 
-__all__ = [
-    "RETRY_S", "Experiment", "ExperimentObserver", "ExperimentResult", "ManualMode", "give_back", "restore",
-]
+__all__ = ["RETRY_S", "Experiment", "ExperimentObserver", "ExperimentResult", "ManualMode", "give_back", "restore"]
 
 
 #: so long a dead link is tried again [s]

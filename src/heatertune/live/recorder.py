@@ -30,9 +30,7 @@ from heatertune.loops.loop_values import LoopEntry, read_list
 from heatertune.units import check
 from heatertune.writing import read_bytes, settle
 
-__all__ = [
-    "RecordedLoop", "RecordingSetup", "RecordingState", "is_address", "record", "record_addresses", "record_all",
-]
+__all__ = ["RecordedLoop", "RecordingSetup", "RecordingState", "is_address", "record", "record_addresses", "record_all"]
 
 
 _UNITS: Final = {"temperature": "temperature_degC", "power": "power_pct", "setpoint": "setpoint_degC"}

@@ -25,18 +25,8 @@ from heatertune.units import count
 from heatertune.writing import read_bytes
 
 __all__ = [
-    "MARK",
-    "SWITCHED",
-    "TORN",
-    "PrinterTable",
-    "Sheet",
-    "is_number",
-    "plain_cells",
-    "printer_table",
-    "pwm_period_of",
-    "read_sheet",
-    "take_header",
-    "without_torn",
+    "MARK", "SWITCHED", "TORN", "PrinterTable", "Sheet", "is_number", "plain_cells", "printer_table", "pwm_period_of",
+    "read_sheet", "take_header", "without_torn",
 ]
 
 

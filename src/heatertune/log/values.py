@@ -15,9 +15,7 @@ from heatertune.show import NotebookDisplay
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-__all__ = [
-    "ABSOLUTE_ZERO_DEGC", "MIN_SAMPLES", "MOST_REPAIRED", "UNIT_OPTIONS", "Log", "Option", "ReadSummary",
-]
+__all__ = ["ABSOLUTE_ZERO_DEGC", "MIN_SAMPLES", "MOST_REPAIRED", "UNIT_OPTIONS", "Log", "Option", "ReadSummary"]
 
 
 #: role → option of `read_log` that states its unit

@@ -15,14 +15,7 @@ from heatertune.log.values import Log
 from heatertune.proof.phase_statistics import turning_points
 
 __all__ = [
-    "RegularLog",
-    "Swings",
-    "at_limit",
-    "average_log",
-    "course_of",
-    "found_period_s",
-    "offset_degC",
-    "swings",
+    "RegularLog", "Swings", "at_limit", "average_log", "course_of", "found_period_s", "offset_degC", "swings",
     "switchings_per_h",
 ]
 

@@ -27,9 +27,7 @@ from heatertune.model.statistics import Interval
 from heatertune.model.values import Candidate, FittedModel
 from heatertune.units import check
 
-__all__ = [
-    "DelaysKnown", "logged_range_degC", "reading_step_degC", "setpoint_of", "with_late_power", "with_pwm_hidden",
-]
+__all__ = ["DelaysKnown", "logged_range_degC", "reading_step_degC", "setpoint_of", "with_late_power", "with_pwm_hidden"]
 
 
 _EARLIER: Final = 0.5  # periods by which the heater's dead time may be longer than it looks

@@ -13,21 +13,8 @@ import numpy.typing as npt
 from heatertune.errors import OutOfRange
 
 __all__ = [
-    "PERIOD",
-    "RATIO",
-    "Interval",
-    "ar1_bic",
-    "ar1_weighted",
-    "autocorrelation",
-    "block_resamples",
-    "envelope",
-    "fit_pct",
-    "holds",
-    "hull",
-    "identified_interval",
-    "identified_parts",
-    "interval",
-    "percentile_interval",
+    "PERIOD", "RATIO", "Interval", "ar1_bic", "ar1_weighted", "autocorrelation", "block_resamples", "envelope",
+    "fit_pct", "holds", "hull", "identified_interval", "identified_parts", "interval", "percentile_interval",
     "student_t",
 ]
 

@@ -21,16 +21,8 @@ from heatertune.settings import Conditions, SensorSettings, WordSettings
 from heatertune.units import check
 
 __all__ = [
-    "SCHEMA",
-    "BoostView",
-    "DesignProvenance",
-    "PidView",
-    "RampView",
-    "from_document",
-    "parts_of",
-    "promise_document",
-    "read_design",
-    "to_document",
+    "SCHEMA", "BoostView", "DesignProvenance", "PidView", "RampView", "from_document", "parts_of", "promise_document",
+    "read_design", "to_document",
 ]
 
 

@@ -29,9 +29,7 @@ from heatertune.plc.targets import COOLING, NAMES
 from heatertune.plc.words import Certificate, Cycle, Scaling, WordField, Words, check_fields, kept_by, round_to_word
 from heatertune.units import check
 
-__all__ = [
-    "Controller", "CoolingSupport", "SetpointHandling", "controller_for", "with_cooler", "with_cooling",
-]
+__all__ = ["Controller", "CoolingSupport", "SetpointHandling", "controller_for", "with_cooler", "with_cooling"]
 
 
 class SetpointHandling(Inputs):

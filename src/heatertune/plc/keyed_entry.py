@@ -11,18 +11,8 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.words import FLOATS, Words
 
 __all__ = [
-    "FIRST",
-    "THEN",
-    "KeyedEntry",
-    "TypedTable",
-    "as_typed",
-    "bits",
-    "entry_texts",
-    "setpoint_entry",
-    "typed_table",
-    "typed_words",
-    "value_texts",
-    "word_text",
+    "FIRST", "THEN", "KeyedEntry", "TypedTable", "as_typed", "bits", "entry_texts", "setpoint_entry", "typed_table",
+    "typed_words", "value_texts", "word_text",
 ]
 
 FIRST: Final = "first (manual)"

@@ -28,17 +28,8 @@ from heatertune.processors import ProgressCallback
 from heatertune.settings import TuneSettings
 
 __all__ = [
-    "WAYS",
-    "Optimum",
-    "RealisedResult",
-    "WordChoice",
-    "WordSearch",
-    "broken_by",
-    "choose_words",
-    "demand_kept",
-    "realised_as",
-    "search_document",
-    "tune_for_words",
+    "WAYS", "Optimum", "RealisedResult", "WordChoice", "WordSearch", "broken_by", "choose_words", "demand_kept",
+    "realised_as", "search_document", "tune_for_words",
 ]
 
 

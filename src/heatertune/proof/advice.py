@@ -33,17 +33,7 @@ from heatertune.proof.spec_file import specification_of
 from heatertune.proof.verdict import NOT_PROVEN
 from heatertune.settings import Conditions
 
-__all__ = [
-    "ADVICE",
-    "SCHEMA",
-    "AcademicGains",
-    "Change",
-    "Response",
-    "Symptom",
-    "advise",
-    "apply_changes",
-    "observe",
-]
+__all__ = ["ADVICE", "SCHEMA", "AcademicGains", "Change", "Response", "Symptom", "advise", "apply_changes", "observe"]
 
 
 class Symptom(Enum):

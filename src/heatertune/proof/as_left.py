@@ -48,9 +48,7 @@ from heatertune.proof.scenario import NewSetpoint, Scenario
 from heatertune.proof.trace import Trace
 from heatertune.units import count
 
-__all__ = [
-    "AS_LEFT_SCHEMA", "AsLeft", "Foretold", "Measurement", "Outside", "as_left", "foretold", "foretold_mid_way",
-]
+__all__ = ["AS_LEFT_SCHEMA", "AsLeft", "Foretold", "Measurement", "Outside", "as_left", "foretold", "foretold_mid_way"]
 
 
 Array = npt.NDArray[np.float64]

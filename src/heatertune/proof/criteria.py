@@ -46,26 +46,9 @@ from heatertune.settings import STEP_POWER_PCT
 from heatertune.units import check
 
 __all__ = [
-    "CRITERIA",
-    "CRITERION",
-    "HEATER_REMEDIES",
-    "LIMITS",
-    "TIME_OF",
-    "Criterion",
-    "CriterionColumn",
-    "CriterionKind",
-    "CriterionView",
-    "Limit",
-    "LoopLimits",
-    "Measure",
-    "band_of",
-    "columns_of",
-    "criteria_of_words",
-    "limit_of",
-    "meter_for",
-    "names_of",
-    "phases_measured",
-    "worst_of",
+    "CRITERIA", "CRITERION", "HEATER_REMEDIES", "LIMITS", "TIME_OF", "Criterion", "CriterionColumn", "CriterionKind",
+    "CriterionView", "Limit", "LoopLimits", "Measure", "band_of", "columns_of", "criteria_of_words", "limit_of",
+    "meter_for", "names_of", "phases_measured", "worst_of",
 ]
 
 Array = npt.NDArray[np.float64]

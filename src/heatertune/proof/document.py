@@ -35,14 +35,7 @@ from heatertune.proof.verdict import (
 )
 
 __all__ = [
-    "ComparisonView",
-    "LogView",
-    "OutcomeView",
-    "PicturesView",
-    "ProofView",
-    "RunView",
-    "check_document",
-    "with_digest",
+    "ComparisonView", "LogView", "OutcomeView", "PicturesView", "ProofView", "RunView", "check_document", "with_digest",
 ]
 
 

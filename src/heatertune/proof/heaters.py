@@ -25,23 +25,9 @@ from heatertune.proof.criteria import CRITERIA, LoopLimits
 from heatertune.proof.scenario import Scenario, can_hold
 
 __all__ = [
-    "MAINS_POWERS",
-    "RATED_ONLY",
-    "RESERVE_PCT",
-    "ROOM_DEGC",
-    "MainsScenario",
-    "Supply",
-    "beyond_log",
-    "covered_degC",
-    "default_setpoint",
-    "holding_heaters",
-    "labelled_heaters",
-    "left_out",
-    "limits_off_rated",
-    "mains_label",
-    "range_is_unknown",
-    "scale_power",
-    "unreachable_findings",
+    "MAINS_POWERS", "RATED_ONLY", "RESERVE_PCT", "ROOM_DEGC", "MainsScenario", "Supply", "beyond_log", "covered_degC",
+    "default_setpoint", "holding_heaters", "labelled_heaters", "left_out", "limits_off_rated", "mains_label",
+    "range_is_unknown", "scale_power", "unreachable_findings",
 ]
 
 

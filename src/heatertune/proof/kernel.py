@@ -40,35 +40,9 @@ from heatertune.proof.meter import (
 from heatertune.proof.plant import Flow, Plant, advance_heater, factors, plant_from, turn
 
 __all__ = [
-    "AS_TOLD",
-    "HEAT",
-    "JUMP",
-    "LOAD",
-    "MAINS",
-    "PHASE",
-    "REST",
-    "Events",
-    "LoopBatch",
-    "ScanClock",
-    "SetpointProgram",
-    "TraceArrays",
-    "apart",
-    "apply_event",
-    "as_strong",
-    "asked_now",
-    "edge_at",
-    "end_phase",
-    "heat_after",
-    "measure",
-    "measure_interval",
-    "moves",
-    "period_of",
-    "run",
-    "run_all",
-    "step",
-    "switched_off",
-    "ticked_on",
-    "times_on",
+    "AS_TOLD", "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Events", "LoopBatch", "ScanClock", "SetpointProgram",
+    "TraceArrays", "apart", "apply_event", "as_strong", "asked_now", "edge_at", "end_phase", "heat_after", "measure",
+    "measure_interval", "moves", "period_of", "run", "run_all", "step", "switched_off", "ticked_on", "times_on",
 ]
 
 

@@ -63,19 +63,8 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.units import written
 
 __all__ = [
-    "JUDGED",
-    "OF_RANGE",
-    "OVERSHOOTS",
-    "LongOutage",
-    "OutageTiming",
-    "briefly",
-    "heat_up",
-    "lengthen",
-    "nights_of",
-    "sums_up",
-    "unmended",
-    "winds_up",
-    "wound",
+    "JUDGED", "OF_RANGE", "OVERSHOOTS", "LongOutage", "OutageTiming", "briefly", "heat_up", "lengthen", "nights_of",
+    "sums_up", "unmended", "winds_up", "wound",
 ]
 
 

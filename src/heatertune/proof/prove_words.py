@@ -43,15 +43,8 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions, TuneSettings
 
 __all__ = [
-    "actuator_for",
-    "course_for",
-    "default_pwm_period_s",
-    "every_setpoint",
-    "limits_of",
-    "prove",
-    "setpoints_for",
-    "told_of_aim",
-    "tune_settings_for",
+    "actuator_for", "course_for", "default_pwm_period_s", "every_setpoint", "limits_of", "prove", "setpoints_for",
+    "told_of_aim", "tune_settings_for",
 ]
 
 #: of the band of soaks: as near to the ambient a heater has to be before a profile

@@ -22,27 +22,9 @@ from heatertune.proof.kernel import JUMP, LOAD, MAINS, PHASE
 from heatertune.units import check
 
 __all__ = [
-    "LED",
-    "TO_SETPOINT",
-    "Disturbance",
-    "Load",
-    "Mains",
-    "NewSetpoint",
-    "Phase",
-    "PlcPower",
-    "Scenario",
-    "SetpointRampEvent",
-    "TemperatureStep",
-    "can_hold",
-    "conditions",
-    "delay_heater",
-    "event_name",
-    "events_of",
-    "kinds_of",
-    "paper_scenario",
-    "phases_of",
-    "scenario_for",
-    "temperatures",
+    "LED", "TO_SETPOINT", "Disturbance", "Load", "Mains", "NewSetpoint", "Phase", "PlcPower", "Scenario",
+    "SetpointRampEvent", "TemperatureStep", "can_hold", "conditions", "delay_heater", "event_name", "events_of",
+    "kinds_of", "paper_scenario", "phases_of", "scenario_for", "temperatures",
 ]
 
 

@@ -22,19 +22,8 @@ from heatertune.proof.test_sequence import TestSequence
 from heatertune.units import check
 
 __all__ = [
-    "GENERAL",
-    "NOTHING",
-    "PRESETS",
-    "STORY",
-    "Preset",
-    "SequencePart",
-    "Specification",
-    "default_limit",
-    "limits_from",
-    "preset",
-    "quantity",
-    "relaxed_limits",
-    "split",
+    "GENERAL", "NOTHING", "PRESETS", "STORY", "Preset", "SequencePart", "Specification", "default_limit", "limits_from",
+    "preset", "quantity", "relaxed_limits", "split",
 ]
 
 

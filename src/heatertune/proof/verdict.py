@@ -19,11 +19,9 @@ from heatertune.units import count
 
 __all__ = [
     "ASSUMED", "BREAKS_NONE", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "FitDiagnostics", "FitDiagnosticsView",
-    "blocking_findings", "closing_text",
-    "combined_verdict",
-    "derived_verdict", "extent", "relaxed_clause", "relaxed_of", "sample_lines", "samples_told", "switching_lines",
-    "told_by_kind",
-    "told_of", "verdict_first", "verdict_line", "verdict_of_samples",
+    "blocking_findings", "closing_text", "combined_verdict", "derived_verdict", "extent", "relaxed_clause",
+    "relaxed_of", "sample_lines", "samples_told", "switching_lines", "told_by_kind", "told_of", "verdict_first",
+    "verdict_line", "verdict_of_samples",
 ]
 
 #: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use

@@ -49,9 +49,7 @@ from heatertune.settings import Conditions, SensorSettings
 from heatertune.terms import terms_in
 from heatertune.units import count
 
-__all__ = [
-    "assumption_text", "glossary", "head", "limits", "record", "remedies", "render", "sections", "specification",
-]
+__all__ = ["assumption_text", "glossary", "head", "limits", "record", "remedies", "render", "sections", "specification"]
 
 
 _UNREAD: Final = re.compile(r"<(script|style|svg)\b.*?</\1>|<[^>]*>", re.DOTALL)

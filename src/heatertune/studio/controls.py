@@ -22,9 +22,7 @@ from heatertune.studio.charts import Options
 from heatertune.studio.loop_settings import SLIDERS, Slider, StudioSettings
 from heatertune.terms import terms_in
 
-__all__ = [
-    "MOVE", "MOVED", "NUMBER_SEEN", "Controls", "Grey", "card", "chart", "draw", "explain_label", "html",
-]
+__all__ = ["MOVE", "MOVED", "NUMBER_SEEN", "Controls", "Grey", "card", "chart", "draw", "explain_label", "html"]
 
 
 _CLIENT: Final = """<script>

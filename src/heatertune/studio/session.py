@@ -35,9 +35,7 @@ from heatertune.settings import Conditions, FitSettings
 from heatertune.studio.loop_settings import CandidateWords, DesignOutcome, LoopView, StudioSettings, settings_for
 from heatertune.studio.wording import SuggestedChange, mend_for
 
-__all__ = [
-    "MOST_PINNED", "FrontDesign", "LogSource", "PinnedDesign", "Session", "Ticket", "fit_log", "read_source",
-]
+__all__ = ["MOST_PINNED", "FrontDesign", "LogSource", "PinnedDesign", "Session", "Ticket", "fit_log", "read_source"]
 
 
 #: what a design says of the limit it was asked for

@@ -44,9 +44,7 @@ from heatertune.studio.session import FrontDesign, Session, Ticket, fit_log, rea
 from heatertune.studio.views import export_name
 from heatertune.studio.wording import fault_told, for_page
 
-__all__ = [
-    "Follower", "Work", "export_zip", "figures", "held_against", "left_chart", "left_sentence", "report_page",
-]
+__all__ = ["Follower", "Work", "export_zip", "figures", "held_against", "left_chart", "left_sentence", "report_page"]
 
 
 _EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # the earliest a zip can hold: no date

@@ -14,20 +14,8 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 __all__ = [
-    "ALARMS",
-    "RING",
-    "STATE",
-    "Numbers",
-    "alarms",
-    "cold",
-    "in_a_row",
-    "is_full",
-    "restart",
-    "scan",
-    "scan_counts",
-    "unseen",
-    "watch",
-    "window_sums",
+    "ALARMS", "RING", "STATE", "Numbers", "alarms", "cold", "in_a_row", "is_full", "restart", "scan", "scan_counts",
+    "unseen", "watch", "window_sums",
 ]
 
 #: alarm → what it says; 0 is none

@@ -36,9 +36,7 @@ from heatertune.supervision.faulty_loops import (
 from heatertune.supervision.monitor import RING, STATE, Numbers, is_full, restart, scan, scan_counts, watch, window_sums
 from heatertune.units import written
 
-__all__ = [
-    "FRESH", "Bench", "MonitorDesign", "Plane", "Tally", "design", "first_alarm", "plane_of", "tally", "windows",
-]
+__all__ = ["FRESH", "Bench", "MonitorDesign", "Plane", "Tally", "design", "first_alarm", "plane_of", "tally", "windows"]
 
 
 Table = npt.NDArray[np.int64]

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from heatertune.live.write.writer import WriteEnd
 
 __all__ = [
-    "ROLLBACK_EXAMPLE", "WRITE_EXAMPLE", "add_guard", "add_rollback", "add_write", "ended_lines", "link_of",
-    "not_read",
+    "ROLLBACK_EXAMPLE", "WRITE_EXAMPLE", "add_guard", "add_rollback", "add_write", "ended_lines", "link_of", "not_read",
 ]
 
 

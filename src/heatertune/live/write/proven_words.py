@@ -29,9 +29,7 @@ from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.proof.verdict import PROOF_SCHEMA, derived_verdict, verdict_line
 from heatertune.settings import Conditions
 
-__all__ = [
-    "LEAST_YES", "Check", "Declared", "ProvenWords", "checks", "interval_found", "read_proven", "refusal_reason",
-]
+__all__ = ["LEAST_YES", "Check", "Declared", "ProvenWords", "checks", "interval_found", "read_proven", "refusal_reason"]
 
 
 #: digits of a digest that somebody has to type

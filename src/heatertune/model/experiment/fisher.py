@@ -25,19 +25,8 @@ from heatertune.model.values import FittedModel, Fopdt, HeaterModel
 from heatertune.units import check
 
 __all__ = [
-    "QUANTITIES",
-    "ExperimentSetup",
-    "Prior",
-    "ReadingNoise",
-    "covariance",
-    "demand_room",
-    "errors",
-    "noise_of",
-    "peaks",
-    "prior_by_hand",
-    "prior_of",
-    "rests",
-    "shares",
+    "QUANTITIES", "ExperimentSetup", "Prior", "ReadingNoise", "covariance", "demand_room", "errors", "noise_of",
+    "peaks", "prior_by_hand", "prior_of", "rests", "shares",
 ]
 
 

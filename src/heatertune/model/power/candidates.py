@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from heatertune.model.power.explanation import Explanation
 
 __all__ = [
-    "Rival", "candidates_of", "family_of", "lies_inside", "open_ends", "rivals_of", "second_is_seen",
-    "widen_intervals",
+    "Rival", "candidates_of", "family_of", "lies_inside", "open_ends", "rivals_of", "second_is_seen", "widen_intervals",
 ]
 
 

@@ -20,19 +20,8 @@ from heatertune.heater.exact import Factors, factors
 from heatertune.log.values import Log
 
 __all__ = [
-    "AMBIENT",
-    "COLUMNS",
-    "DRIFT",
-    "FIRST_STATE",
-    "GAIN",
-    "GAP",
-    "SECOND_STATE",
-    "HeldPower",
-    "Readings",
-    "columns",
-    "forced_response",
-    "of_lags",
-    "of_power",
+    "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "GAP", "SECOND_STATE", "HeldPower", "Readings", "columns",
+    "forced_response", "of_lags", "of_power",
 ]
 
 

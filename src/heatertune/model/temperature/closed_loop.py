@@ -25,15 +25,7 @@ from heatertune.log.values import MIN_SAMPLES, Log
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
 __all__ = [
-    "CONSTANTS",
-    "OWN",
-    "PLANT",
-    "Bounds",
-    "Constant",
-    "ControllerLaw",
-    "Hypothesis",
-    "LogSegment",
-    "Step",
+    "CONSTANTS", "OWN", "PLANT", "Bounds", "Constant", "ControllerLaw", "Hypothesis", "LogSegment", "Step",
     "simulate_many",
 ]
 

@@ -42,8 +42,7 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "EARLY", "Fit", "ambient_note", "event_notes", "fit_all", "fit_temperature", "foretelling_remarks", "foretells",
-    "joint_note", "limit_remarks", "lost_notes", "pool_candidates", "residuals_of", "share_remarks",
-    "validation_notes",
+    "joint_note", "limit_remarks", "lost_notes", "pool_candidates", "residuals_of", "share_remarks", "validation_notes",
 ]
 
 

@@ -34,9 +34,7 @@ from heatertune.plc.readback import ReadBack
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import FORMATS, Certificate, Words
 
-__all__ = [
-    "FEED", "export_words", "from_image", "from_text", "loaders", "oddities", "setpoint_entry", "source",
-]
+__all__ = ["FEED", "export_words", "from_image", "from_text", "loaders", "oddities", "setpoint_entry", "source"]
 
 
 _FILE: Final = "fb41_cont_c.awl"

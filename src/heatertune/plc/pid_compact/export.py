@@ -27,24 +27,8 @@ from heatertune.plc.st.program import comment
 from heatertune.plc.words import Certificate, Scaling, WordField, Words
 
 __all__ = [
-    "BROKEN_HIGH",
-    "BROKEN_LOW",
-    "CALL",
-    "COLUMNS",
-    "LAW",
-    "LOAD",
-    "LOOKED_AT",
-    "ROLLBACK",
-    "InstructionLaw",
-    "assignments",
-    "call",
-    "export_words",
-    "literal",
-    "load",
-    "load_program",
-    "loaders",
-    "made_by",
-    "rollback",
+    "BROKEN_HIGH", "BROKEN_LOW", "CALL", "COLUMNS", "LAW", "LOAD", "LOOKED_AT", "ROLLBACK", "InstructionLaw",
+    "assignments", "call", "export_words", "literal", "load", "load_program", "loaders", "made_by", "rollback",
     "tick_s",
 ]
 

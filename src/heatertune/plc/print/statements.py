@@ -17,18 +17,8 @@ from heatertune.plc.cpu.iec.text import Assignment, Branches, Expression, Litera
 from heatertune.plc.ramp import Number, Ramp
 
 __all__ = [
-    "CELLS",
-    "OPPOSITE",
-    "Group",
-    "Operand",
-    "Set",
-    "Step",
-    "SumTerm",
-    "if_",
-    "pulse_staircase",
-    "renamed",
-    "setpoint_ramp",
-    "steps",
+    "CELLS", "OPPOSITE", "Group", "Operand", "Set", "Step", "SumTerm", "if_", "pulse_staircase", "renamed",
+    "setpoint_ramp", "steps",
 ]
 
 

@@ -23,26 +23,8 @@ from heatertune.plc.s5_ob251.step import FULL_SCALE, percent
 from heatertune.plc.words import Certificate, Words
 
 __all__ = [
-    "ANALOG",
-    "DB",
-    "FOUR_MA",
-    "HEAT",
-    "INPUT",
-    "MODE",
-    "OUTPUT",
-    "PERIOD_ENDS",
-    "RAMP",
-    "START",
-    "WORK",
-    "Staircase",
-    "heat",
-    "organisation_blocks",
-    "program_listing",
-    "ramp_block",
-    "retains",
-    "staircase",
-    "start_up",
-    "work",
+    "ANALOG", "DB", "FOUR_MA", "HEAT", "INPUT", "MODE", "OUTPUT", "PERIOD_ENDS", "RAMP", "START", "WORK", "Staircase",
+    "heat", "organisation_blocks", "program_listing", "ramp_block", "retains", "staircase", "start_up", "work",
 ]
 
 

@@ -12,17 +12,8 @@ from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE, NO_Z, Ob251Parameters
 from heatertune.plc.words import Scaling, WordField, Words, round_half_away
 
 __all__ = [
-    "FACTOR",
-    "FIELDS",
-    "FULL_SCALE",
-    "GAIN_WITH_D",
-    "UNREAD",
-    "check_consistency",
-    "consistent",
-    "design_of",
-    "most_gain",
-    "parameters_of",
-    "values_of",
+    "FACTOR", "FIELDS", "FULL_SCALE", "GAIN_WITH_D", "UNREAD", "check_consistency", "consistent", "design_of",
+    "most_gain", "parameters_of", "values_of",
 ]
 
 _CURVED: Final = "an analog input 460 gives {}, no straight line in °C{}; take a transmitter: --input 4-20mA"

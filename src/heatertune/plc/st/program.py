@@ -21,29 +21,9 @@ from heatertune.plc.single_precision import real_of, single, word_of
 from heatertune.plc.words import Certificate, Words
 
 __all__ = [
-    "LARGEST",
-    "MILLISECONDS",
-    "NANOSECONDS",
-    "SECONDS",
-    "TENS_OF_MS",
-    "TIME_UNIT",
-    "BlockSource",
-    "ProgramClock",
-    "ProgramLimits",
-    "Variable",
-    "by_hand",
-    "clock_for",
-    "comment",
-    "enable_condition",
-    "function_block",
-    "head_of",
-    "instance_call",
-    "literal",
-    "program",
-    "proven_setpoint",
-    "statements",
-    "time_to_real",
-    "variables",
+    "LARGEST", "MILLISECONDS", "NANOSECONDS", "SECONDS", "TENS_OF_MS", "TIME_UNIT", "BlockSource", "ProgramClock",
+    "ProgramLimits", "Variable", "by_hand", "clock_for", "comment", "enable_condition", "function_block", "head_of",
+    "instance_call", "literal", "program", "proven_setpoint", "statements", "time_to_real", "variables",
 ]
 
 

@@ -26,20 +26,8 @@ from heatertune.settings import TuneSettings
 from heatertune.units import written
 
 __all__ = [
-    "COARSE",
-    "OF_WINDUP",
-    "DesignChange",
-    "Pwm",
-    "broken",
-    "calmest_pwm",
-    "change_sentence",
-    "costs",
-    "default_changes",
-    "design_changes",
-    "gains_told",
-    "more_iae",
-    "output_limits",
-    "unwinds",
+    "COARSE", "OF_WINDUP", "DesignChange", "Pwm", "broken", "calmest_pwm", "change_sentence", "costs",
+    "default_changes", "design_changes", "gains_told", "more_iae", "output_limits", "unwinds",
 ]
 
 

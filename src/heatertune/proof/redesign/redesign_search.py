@@ -50,9 +50,7 @@ from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.worst_runs import NOTICEABLE, RunScreen, WorstRuns
 from heatertune.settings import Conditions, TuneSettings
 
-__all__ = [
-    "GainFamily", "GainPoint", "GainSearch", "RedesignSearch", "boosts", "closed_on_runs", "find_passing_design",
-]
+__all__ = ["GainFamily", "GainPoint", "GainSearch", "RedesignSearch", "boosts", "closed_on_runs", "find_passing_design"]
 
 
 #: of the distance at which the P part alone asks for full power: nearer, the I part has less time to wind up, but more

@@ -35,21 +35,8 @@ from heatertune.plc.cpu.iec.text import (
 from heatertune.plc.single_precision import divide_single, single
 
 __all__ = [
-    "KEEP",
-    "KIND",
-    "NOTHING",
-    "Firmware",
-    "Got",
-    "InstanceLayout",
-    "InstanceMemory",
-    "Place",
-    "Run",
-    "Tape",
-    "TextProgram",
-    "Value",
-    "row_of",
-    "run_tape",
-    "translate_unit",
+    "KEEP", "KIND", "NOTHING", "Firmware", "Got", "InstanceLayout", "InstanceMemory", "Place", "Run", "Tape",
+    "TextProgram", "Value", "row_of", "run_tape", "translate_unit",
 ]
 
 

@@ -15,21 +15,8 @@ from typing import Final, NamedTuple
 from heatertune.errors import InputError
 
 __all__ = [
-    "Arm",
-    "Assignment",
-    "Branches",
-    "Call",
-    "Expression",
-    "Literal",
-    "Name",
-    "Operation",
-    "ProgramUnit",
-    "Statement",
-    "Value",
-    "Variable",
-    "body_of",
-    "literal",
-    "units",
+    "Arm", "Assignment", "Branches", "Call", "Expression", "Literal", "Name", "Operation", "ProgramUnit", "Statement",
+    "Value", "Variable", "body_of", "literal", "units",
 ]
 
 #: weakest first; all of them go from left to right

@@ -22,22 +22,8 @@ from typing import Final, NamedTuple
 from heatertune.errors import InputError, OutOfRange
 
 __all__ = [
-    "MNEMONICS",
-    "MOST_STEPS",
-    "OPERAND",
-    "START",
-    "Names",
-    "OneBitInstruction",
-    "OneBitProgram",
-    "OneBitState",
-    "Op",
-    "Operand",
-    "Wiring",
-    "assemble",
-    "disassemble",
-    "from_image",
-    "from_words",
-    "scan",
+    "MNEMONICS", "MOST_STEPS", "OPERAND", "START", "Names", "OneBitInstruction", "OneBitProgram", "OneBitState", "Op",
+    "Operand", "Wiring", "assemble", "disassemble", "from_image", "from_words", "scan",
 ]
 
 

@@ -16,24 +16,9 @@ from typing import Final, NamedTuple
 from heatertune.plc.cpu.one_bit.machine import Names
 
 __all__ = [
-    "CONDITION",
-    "DELAY",
-    "DELAY_NAMES",
-    "FLIP_FLOP",
-    "FLIP_FLOP_CODED",
-    "FLIP_FLOP_NAMES",
-    "FLIP_FLOP_PRINTED",
-    "HEATER",
-    "HEATER_NAMES",
-    "HEATER_PRINTED",
-    "OFF",
-    "ON_OFF",
-    "ON_OFF_NAMES",
-    "ROM",
-    "TWO_LEVEL",
-    "TWO_LEVEL_NAMES",
-    "ControlUnit",
-    "clock",
+    "CONDITION", "DELAY", "DELAY_NAMES", "FLIP_FLOP", "FLIP_FLOP_CODED", "FLIP_FLOP_NAMES", "FLIP_FLOP_PRINTED",
+    "HEATER", "HEATER_NAMES", "HEATER_PRINTED", "OFF", "ON_OFF", "ON_OFF_NAMES", "ROM", "TWO_LEVEL", "TWO_LEVEL_NAMES",
+    "ControlUnit", "clock",
 ]
 
 

@@ -19,25 +19,9 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.words import Certificate, Scaling, WordField, Words, kept_by
 
 __all__ = [
-    "COUNTS",
-    "MOST",
-    "SWITCH",
-    "TICK_FIELDS",
-    "TIMER",
-    "WIDTH_APPLIES",
-    "TimedProgram",
-    "check_cycle",
-    "clock",
-    "counts_wired",
-    "cycle_ms",
-    "cycle_s",
-    "head",
-    "ms_per_count",
-    "run_cycle",
-    "ticks_of",
-    "timed_program",
-    "whole_cycle",
-    "wire",
+    "COUNTS", "MOST", "SWITCH", "TICK_FIELDS", "TIMER", "WIDTH_APPLIES", "TimedProgram", "check_cycle", "clock",
+    "counts_wired", "cycle_ms", "cycle_s", "head", "ms_per_count", "run_cycle", "ticks_of", "timed_program",
+    "whole_cycle", "wire",
 ]
 
 

@@ -14,29 +14,8 @@ from typing import Final, NamedTuple
 from heatertune.plc.single_precision import real_of, word_of
 
 __all__ = [
-    "ATTACHED",
-    "BEGUN",
-    "CYCLE",
-    "ENABLED",
-    "EVENTS",
-    "FAULTS",
-    "PULSED",
-    "SIZE",
-    "V_BEGIN",
-    "V_END",
-    "WHOLE",
-    "WIDTH",
-    "MemoryCell",
-    "bit",
-    "cell",
-    "constant",
-    "double",
-    "number",
-    "put_double",
-    "put_real",
-    "put_word",
-    "real",
-    "word",
+    "ATTACHED", "BEGUN", "CYCLE", "ENABLED", "EVENTS", "FAULTS", "PULSED", "SIZE", "V_BEGIN", "V_END", "WHOLE", "WIDTH",
+    "MemoryCell", "bit", "cell", "constant", "double", "number", "put_double", "put_real", "put_word", "real", "word",
     "write_number",
 ]
 

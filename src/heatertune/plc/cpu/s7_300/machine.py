@@ -39,20 +39,8 @@ from heatertune.plc.single_precision import divide_single, single
 from heatertune.plc.words import WordField
 
 __all__ = [
-    "FULL_SCALE",
-    "INPUT_S",
-    "RANGES",
-    "TICK_S",
-    "TIMER",
-    "BlockCall",
-    "Firmware",
-    "S7300Cpu",
-    "TranslatedBlock",
-    "clamp",
-    "place",
-    "quotient",
-    "read",
-    "real",
+    "FULL_SCALE", "INPUT_S", "RANGES", "TICK_S", "TIMER", "BlockCall", "Firmware", "S7300Cpu", "TranslatedBlock",
+    "clamp", "place", "quotient", "read", "real",
 ]
 
 

@@ -26,21 +26,8 @@ from heatertune.plc.single_precision import real_of, word_of
 from heatertune.plc.words import Certificate, Words
 
 __all__ = [
-    "ANALOG",
-    "DATA",
-    "LEAST",
-    "OWN",
-    "PULSEGEN",
-    "PWM_DATA",
-    "BlockProgram",
-    "PwmSource",
-    "by_hand",
-    "counts_of",
-    "like",
-    "pwm_block",
-    "pwm_members",
-    "pwm_source",
-    "whole_number",
+    "ANALOG", "DATA", "LEAST", "OWN", "PULSEGEN", "PWM_DATA", "BlockProgram", "PwmSource", "by_hand", "counts_of",
+    "like", "pwm_block", "pwm_members", "pwm_source", "whole_number",
 ]
 
 

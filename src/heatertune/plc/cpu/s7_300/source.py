@@ -19,25 +19,8 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.words import Certificate, WordField, Words
 
 __all__ = [
-    "LAST",
-    "BlockMember",
-    "MemberPlace",
-    "as_real",
-    "bits",
-    "bits_of",
-    "block",
-    "constant",
-    "head",
-    "literal",
-    "member_places",
-    "numbered_lines",
-    "operands",
-    "real",
-    "s5_time",
-    "signed_number",
-    "statements",
-    "table",
-    "text",
+    "LAST", "BlockMember", "MemberPlace", "as_real", "bits", "bits_of", "block", "constant", "head", "literal",
+    "member_places", "numbered_lines", "operands", "real", "s5_time", "signed_number", "statements", "table", "text",
 ]
 
 
