@@ -83,9 +83,7 @@ class LogError(InputError):
         super().__init__(f"{place}: {problem}{shown}{wanted}")
 
     def __reduce__(self) -> tuple[object, ...]:
-        return _rebuild_log_error, (
-            self.problem, self.file, self.line, self.column, self.value, self.expected,
-        )
+        return _rebuild_log_error, (self.problem, self.file, self.line, self.column, self.value, self.expected)
 
 
 def _rebuild_log_error(

@@ -74,8 +74,7 @@ class ReadSettings:
     tag_column: str | int | None = option(None, str, "column of the tags", flag="--tag-column", metavar=_COLUMN)
     quality_column: str | int | None = option(
         None, str, "column of the quality flags; none: ignore them", flag="--quality-column", metavar=_COLUMN)
-    skip_rows: int = option(
-        0, int, "skip the first N lines of the file", flag="--skip-rows", metavar="N", least=0.0)
+    skip_rows: int = option(0, int, "skip the first N lines of the file", flag="--skip-rows", metavar="N", least=0.0)
     run: int | None = option(
         None, int, "which of several runs in one file", flag="--run", dest="which_run", metavar="N",
         instead=("the longest", ""))
@@ -257,8 +256,7 @@ class FeedForwardSettings:
     disturbance_range: tuple[float, float] | None = option(
         None, float, "the disturbance at the lowest and highest reading of its sensor, in the log's unit",
         flag="--disturbance-range", pair=("LOW", "HIGH"), instead=("the levels logged", ""))
-    contact: bool = option(
-        False, bool, "the sensor is a contact, open at LOW and closed at HIGH", flag="--contact")
+    contact: bool = option(False, bool, "the sensor is a contact, open at LOW and closed at HIGH", flag="--contact")
 
     def __post_init__(self) -> None:
         validate_options(self)
@@ -330,8 +328,7 @@ class Conditions:
     pwm_period_s: float | None = _time(
         None, "PWM period", "--pwm-period", least=None, above=0.0, instead=("TA in parts up to 10 s", "from TA"))
     minimum_on_s: float = _time(0.0, "shortest on time", "--minimum-on", needs="pwm_period_s", instead=("0", ""))
-    minimum_off_s: float = _time(
-        0.0, "shortest off time", "--minimum-off", needs="pwm_period_s", instead=("0", ""))
+    minimum_off_s: float = _time(0.0, "shortest off time", "--minimum-off", needs="pwm_period_s", instead=("0", ""))
     pwm_rule: str | None = option(
         None, str, "block that makes the PWM", flag="--pwm-rule", choices=("pulsegen", "pid-compact", "burst"),
         needs="pwm_period_s", instead=("a plain switch", ""),
@@ -365,8 +362,7 @@ class Conditions:
         label="tolerance around the setpoint", least=0.0,
         help="tolerance around the setpoint, for settling band, offset and oscillation [°C]; as --limit tolerance",
         instead=("the specification's", ""))
-    noise_degC: float = option(
-        0.0, float, "sensor noise, standard deviation", unit="°C", flag="--noise", least=0.0)
+    noise_degC: float = option(0.0, float, "sensor noise, standard deviation", unit="°C", flag="--noise", least=0.0)
     step_power_pct: float | None = _step_power("the specification's")
     accept: tuple[str, ...] = option(
         (), tuple, "accept a finding that makes the verdict NOT PROVEN; stated in the certificate; may be repeated",

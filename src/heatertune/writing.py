@@ -100,9 +100,7 @@ _HERE: Final = -100  # AT_FDCWD
 _EXCHANGE: Final = 2  # RENAME_EXCHANGE
 
 
-def write_files(
-    directory: str | Path, files: Mapping[str, str | bytes], gone: Collection[str] = ()
-) -> list[Path]:
+def write_files(directory: str | Path, files: Mapping[str, str | bytes], gone: Collection[str] = ()) -> list[Path]:
     """Write all files or none; return their paths.
 
     Args:

@@ -441,9 +441,7 @@ def _one_by_one(batch: CaseBatch, chunk: Chunk, workers: Workers, task: Task) ->
             for k in range(first, first + len(chunk.cases))]
 
 
-def _task(
-    do: Callable[[Any, Any], Row], shared: Any, program: str, cases: list[Any]
-) -> list[Row]:
+def _task(do: Callable[[Any, Any], Row], shared: Any, program: str, cases: list[Any]) -> list[Row]:
     """Do a chunk; this runs on the worker.
 
     Raises:

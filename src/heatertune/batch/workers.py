@@ -60,9 +60,7 @@ def on_dask(address: str) -> Workers:
     return workers
 
 
-def _all(
-    distributed: Any, client: Any, chunks: Iterator[Chunk], do: Task
-) -> Iterator[tuple[Chunk, list[Row] | None]]:
+def _all(distributed: Any, client: Any, chunks: Iterator[Chunk], do: Task) -> Iterator[tuple[Chunk, list[Row] | None]]:
     """Run all chunks; one whose workers died runs again alone, for it may only have stood beside the guilty one."""
     under_way: dict[Any, Chunk] = {}
     suspects: list[Chunk] = []

@@ -232,8 +232,7 @@ def _exported_again(settings: argparse.Namespace) -> dict[str, Any] | None:
         return None
     from heatertune.proof.repetition import repeat_proof
 
-    again = repeat_proof(
-        settings.pid, accept=common.conditions(settings).accept, progress=printing.Progress(settings))
+    again = repeat_proof(settings.pid, accept=common.conditions(settings).accept, progress=printing.Progress(settings))
     certified = certificate(again.proof, force=settings.force)
     files = dict(plc.controller_for(again.words.target).export(again.words, certified))
     exported = {"files": sorted(files), "verdict": certified.verdict, "forced": certified.forced}

@@ -136,9 +136,7 @@ class BlockMemory:
         length: of the controller's block as clients see it [bytes].
     """
 
-    def __init__(
-        self, main: int, content: bytes, interval_s: float, also: Mapping[int, int] | None = None
-    ) -> None:
+    def __init__(self, main: int, content: bytes, interval_s: float, also: Mapping[int, int] | None = None) -> None:
         """Lay out the blocks.
 
         Args:
@@ -428,9 +426,7 @@ class Laid:
         """Return the cold state."""
         return self._running.state
 
-    def scan(
-        self, cells: bytearray, state: Any, setpoint: Number, reading: Number
-    ) -> tuple[Any, float, Number, int]:
+    def scan(self, cells: bytearray, state: Any, setpoint: Number, reading: Number) -> tuple[Any, float, Number, int]:
         """Run one scan; see `heatertune.live.controller_block.ServedBlock`."""
         if self._anew == ALL:
             cells[:] = self._image

@@ -62,9 +62,7 @@ class ServedBlock(Protocol):
     def begin(self) -> Any:
         """Return the state before the first scan, which nobody else changes."""
 
-    def scan(
-        self, cells: bytearray, state: Any, setpoint: Number, reading: Number
-    ) -> tuple[Any, float, Number, int]:
+    def scan(self, cells: bytearray, state: Any, setpoint: Number, reading: Number) -> tuple[Any, float, Number, int]:
         """Run one scan on the block; what it writes goes into `cells`. Total for every bit pattern.
 
         Args:

@@ -10,14 +10,13 @@ import math
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from types import TracebackType
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from heatertune.errors import InputError, LinkDown
 from heatertune.live.block_memory import Signal
-from heatertune.live.client.connection import Address, Client, connect, told_by
+from heatertune.live.client.connection import Address, Client, ClosesOnExit, connect, told_by
 from heatertune.live.controller_block import Places
 from heatertune.live.simulator_status import OWN, OWN_CELLS
 from heatertune.model.values import HeaterModel
@@ -148,7 +147,7 @@ class Snapshot(NamedTuple):
     restarted: bool = False
 
 
-class Poller:
+class Poller(ClosesOnExit):
     """A connection that looks; `with` closes it. The time goes on over connections that are lost.
 
     Attributes:
@@ -268,11 +267,3 @@ class Poller:
     def close(self) -> None:
         """Close the connection."""
         self._client.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet, is_number
 from heatertune.log.quantities import (
@@ -36,7 +36,7 @@ from heatertune.log.quantities import (
 )
 
 __all__ = [
-    "ASSUMED", "NO_COLUMN", "TIME_UNITS", "Array", "Columns", "Power", "cell_error", "choose_column", "find_columns",
+    "ASSUMED", "NO_COLUMN", "TIME_UNITS", "Columns", "Power", "cell_error", "choose_column", "find_columns",
     "forwards", "likely_time_unit", "numbers", "power_of", "seconds", "with_dates", "with_names",
 ]
 
@@ -194,7 +194,6 @@ def _grows(sheet: Sheet, i: int) -> bool:
     return bool(np.all(steps >= 0.0) and np.count_nonzero(steps > 0.0) > 0.9 * len(steps))
 
 
-Array = npt.NDArray[np.float64]
 _BEYOND: Final = 1e30  # no instant and no reading; units can still be converted without overflow
 
 

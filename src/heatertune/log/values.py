@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.show import NotebookDisplay
 
@@ -111,8 +112,6 @@ ABSOLUTE_ZERO_DEGC = -273.15
 
 #: Fewer readings than this cannot carry the five unknowns of a heater model.
 MIN_SAMPLES = 20
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

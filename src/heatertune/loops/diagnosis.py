@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from heatertune import cache
+from heatertune.arrays import Array
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.log.values import Log
 from heatertune.loops.loop_values import Cause, LoopEntry, LoopFault
@@ -45,8 +45,6 @@ from heatertune.units import written
 
 __all__ = ["Cure", "Day", "Diagnosis", "cure_words", "day", "diagnose", "ideal", "times_worse"]
 
-
-Array = npt.NDArray[np.float64]
 
 #: (reading [°C], setpoint [°C]) → power until the next scan [%]
 Controller = Callable[[float, float], float]

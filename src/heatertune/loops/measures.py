@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.proof.phase_statistics import turning_points
 
@@ -19,7 +19,6 @@ __all__ = [
     "switchings_per_h",
 ]
 
-Array = npt.NDArray[np.float64]
 
 _ROWS: Final = 6000
 _OF_FIT: Final = 1500  # rows: more tell no more of a heater, but take time

@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.loops.measures import average_log, found_period_s
 from heatertune.model.statistics import ar1_bic
@@ -30,8 +30,6 @@ __all__ = [
     "with_duty", "without_loads",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _ROWS: Final = 3000  # of the power's course
 _READINGS: Final = 400  # averages that are explained

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
 __all__ = ["COMBINATIONS", "FIELDS", "crossover_rad_s", "match_fopdt", "ultimate_period_s"]
@@ -63,8 +63,6 @@ _CUT_DEG: Final = 120.0
 _OCTAVES: Final = 0.5
 _POINTS: Final = 60
 _LEAST: Final = 1e-4  # share of a step below which no step gains
-
-Array = npt.NDArray[np.float64]
 
 
 def crossover_rad_s(model: HeaterModel) -> float:

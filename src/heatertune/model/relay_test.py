@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.heater.exact import advance_step, factors, turning_time
 from heatertune.log.values import Log
@@ -221,7 +222,6 @@ def _reach(model: HeaterModel, relay: TwoLevelRelay) -> tuple[float, float]:
     return up, down
 
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 _PERIODS = 2  # least number of whole ones
@@ -397,10 +397,7 @@ def estimate(record: RelayRecord, *, ambient_degC: float | None = None) -> Relay
     further = max(0.0, period_s[0] / ultimate_s - 1.0)
     on_s, off_s = record.times()
     gain, source = _static_gain(record)
-    oscillation = oscillating_fopdt(
-        relay, on_s=on_s, off_s=off_s, highest_degC=highest, lowest_degC=lowest,
-        gain=gain,
-    )
+    oscillation = oscillating_fopdt(relay, on_s=on_s, off_s=off_s, highest_degC=highest, lowest_degC=lowest, gain=gain)
     if oscillation is None and (gain is not None or _lopsided(on_s, off_s)):
         source = f"{source}, but no FOPDT swings like this"
     return RelayEstimate(

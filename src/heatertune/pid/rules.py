@@ -213,9 +213,7 @@ def _chien_hrones_reswick(aim: str) -> dict[str, Formula]:
     in_lags = aim.startswith("setpoint")
 
     def formula(gain: float, integral: float, derivative: float) -> Formula:
-        return on_one_lag(
-            lambda k, T, L: (gain * T / (k * L), integral * (T if in_lags else L), derivative * L)
-        )
+        return on_one_lag(lambda k, T, L: (gain * T / (k * L), integral * (T if in_lags else L), derivative * L))
 
     return {"p": formula(p, math.inf, 0.0), "pi": formula(pi, pi_tn, 0.0), "pid": formula(pid, pid_tn, tv)}
 

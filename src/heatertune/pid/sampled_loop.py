@@ -20,8 +20,8 @@ from functools import lru_cache
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array, Complex
 from heatertune.compiled import compile_function, worth_compiling
 from heatertune.heater.exact import apart
 from heatertune.model.values import HeaterModel, TwoLag
@@ -35,8 +35,6 @@ __all__ = [
 ]
 
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 _Numbers = TypeVar("_Numbers", Array, Complex)
 
 _KEPT = 64  # of each; a response takes up to 72 kB

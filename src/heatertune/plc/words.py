@@ -121,8 +121,7 @@ class WordField:
 
     def cut(self, value: float) -> float:
         """Return the largest number of its decimals that is no more than a positive one."""
-        return value if self.places is None else (
-            math.floor(round(value * 10.0**self.places, 6)) / 10.0**self.places)
+        return value if self.places is None else (math.floor(round(value * 10.0**self.places, 6)) / 10.0**self.places)
 
     def takes(self, value: object) -> bool:
         """Return whether the word can have a value: in its format, its range and its decimals."""

@@ -14,8 +14,8 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.log.values import Log
 from heatertune.model.outliers import undisturbed_part
@@ -84,8 +84,6 @@ def apply_changes(gains: AcademicGains, changes: tuple[Change, ...]) -> Academic
         gains = gains._replace(**{change.gain: getattr(gains, change.gain) * (100 + change.percent) / 100.0})
     return gains
 
-
-Array = npt.NDArray[np.float64]
 
 _HIGH_PCT: Final = 5.0  # overshoot that is high, as well as beyond the tolerance [% of the step]
 _NO_PCT: Final = 2.0  # overshoot that is none [% of the step]

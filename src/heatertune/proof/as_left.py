@@ -15,6 +15,7 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import OrInfinite, register_schema
 from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import InputError
@@ -50,8 +51,6 @@ from heatertune.units import count
 
 __all__ = ["AS_LEFT_SCHEMA", "AsLeft", "Foretold", "Measurement", "Outside", "as_left", "foretold", "foretold_mid_way"]
 
-
-Array = npt.NDArray[np.float64]
 
 _OF_PERIOD: Final = 8  # instants in a PWM period
 _MOST: Final = 20_000  # instants of a run

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import LEFT_OUT, OrInfinite, construct_from, encode
 from heatertune.errors import UnknownName
 from heatertune.pid.values import Margins
@@ -51,7 +51,6 @@ __all__ = [
     "meter_for", "names_of", "phases_measured", "worst_of",
 ]
 
-Array = npt.NDArray[np.float64]
 
 _SETTLES_WITHIN: Final = 0.5  # of a soak
 _PERIODS_AT_REST: Final = 3  # PWM periods that the time at rest spans at least

@@ -373,9 +373,7 @@ def run_all(  # noqa: PLR0913 - as `run`
     return counted
 
 
-def _next(
-    plant: Plant, events: Events, happened: int, edges: Places, arrived: int, switched: int
-) -> tuple[float, int]:
+def _next(plant: Plant, events: Events, happened: int, edges: Places, arrived: int, switched: int) -> tuple[float, int]:
     """Return instant and kind of what happens next; at one instant jumps and loads come before the switch."""
     due, kind = events.time[happened], events.kind[happened]
     if arrived < switched:

@@ -247,8 +247,7 @@ OVERSHOOTS: Final = {
     _LONGER: _REHEATED, _RISING: _REHEATED, _LOW: _REHEATED, _HEAT_UP: _HEATED, _BRIEF: _REHEATED, _WARM: _RESTARTED,
     _PART: _CHANGED}
 #: name of the finding → criteria that count
-JUDGED: Final = {
-    **OVERSHOOTS, _LONGER: (*_REHEATED, _RETURN, _GROWTH), _RISING: (*_REHEATED, _RETURN)}
+JUDGED: Final = {**OVERSHOOTS, _LONGER: (*_REHEATED, _RETURN, _GROWTH), _RISING: (*_REHEATED, _RETURN)}
 _KEPT_AT_HIGHEST: Final = "the limit is kept at the highest setpoint"
 _TIMES: Final = 4.0  # as long as in the test sequence
 #: of the time to return after the test sequence's open circuit: tolerance for a heater that was not quite cold then
@@ -416,9 +415,7 @@ def _longer(scenario: Scenario, number: int, proven_s: float) -> LongOutage:
                  f"; the limit is kept after {proven_s / 3600.0:.2g} h")
 
 
-def _rising(
-    scenario: Scenario, number: int, lows_degC: Sequence[float], models: Sequence[HeaterModel]
-) -> LongOutage:
+def _rising(scenario: Scenario, number: int, lows_degC: Sequence[float], models: Sequence[HeaterModel]) -> LongOutage:
     """Return two open circuits for each lower setpoint, closed there; the setpoint rises as the reading arrives.
 
     The I part is then at its maximum: full power with almost no error.
@@ -444,9 +441,7 @@ def _rising(
         "an open circuit"), most=_SLACK)
 
 
-def _at_lower_setpoints(
-    scenario: Scenario, number: int, lengths_s: Mapping[float, Sequence[float]]
-) -> LongOutage:
+def _at_lower_setpoints(scenario: Scenario, number: int, lengths_s: Mapping[float, Sequence[float]]) -> LongOutage:
     """Construct the open circuits of the test sequence again, and those of other lengths, at every lower setpoint.
 
     The controller integrates until it requests full power. The less power the setpoint needs, the more of the I part
@@ -494,9 +489,7 @@ def _cold_at_lower_setpoints(
                       f"; {_KEPT_AT_HIGHEST}")
 
 
-def _each(
-    scenario: Scenario, number: int, lengths_s: Sequence[float], befores: Sequence[Disturbance] = ()
-) -> Scenario:
+def _each(scenario: Scenario, number: int, lengths_s: Sequence[float], befores: Sequence[Disturbance] = ()) -> Scenario:
     """Return the heat-up and then, of each length, what begins with an event of a story and ends with the next one.
 
     Args:

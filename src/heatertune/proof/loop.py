@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, cast
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.compiled import bound, compile_function, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
@@ -45,7 +45,6 @@ __all__ = [
     "simulate", "trace_run",
 ]
 
-Array = npt.NDArray[np.float64]
 
 MOST_SCANS: Final = 10_000_000
 _ENDS_DEGC: Final = (100.0, 150.0, 200.0, 300.0, 400.0, 600.0, 850.0, 1000.0, 1300.0)  # of usual sensors
@@ -126,8 +125,7 @@ def simulate(  # noqa: PLR0913 - what a run is made of
     trace = trace if math.isinf(cut_s) else run_from_cold(cut_s)
     trips = CRITERION["interlock_trips"].criterion(
         float(math.isfinite(cut_s)), interlock=interlock.name, limit_degC=f"{interlock.limit_degC:g}")
-    return replace(trace, interlock=interlock, cut_s=cut_s,
-                   criteria=() if limits is None else (*trace.criteria, trips))
+    return replace(trace, interlock=interlock, cut_s=cut_s, criteria=() if limits is None else (*trace.criteria, trips))
 
 
 def check_words(controller: Controller, words: Words, scenario: Scenario) -> None:

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.proof.kernel import REST
 from heatertune.proof.meter import (
     ABSOLUTE,
@@ -37,8 +38,6 @@ __all__ = [
     "offset_degC", "reorder", "reserve_pct", "rests_of", "ripple_degC", "saturated_pct", "settling_s", "swing_degC",
     "switchings_per_h", "table_from", "turning_points",
 ]
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

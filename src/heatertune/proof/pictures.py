@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import construct_from, encode
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.document import BoostView
@@ -27,8 +28,6 @@ from heatertune.proof.trace import Trace
 
 __all__ = ["curve_series", "pictures", "robustness", "simulate_wish", "trace_series"]
 
-
-Array = npt.NDArray[np.float64]
 
 _POINTS: Final = 1600
 _AT_REST: Final = 0.05  # of the points that as long a time has elsewhere

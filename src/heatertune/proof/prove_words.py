@@ -284,9 +284,7 @@ def _interlock(conditions: Conditions, words: Words) -> Interlock | None:
     return Interlock(name=conditions.interlock, limit_degC=limit, fan_stops_s=conditions.fan_stops_s)
 
 
-def _remarks(
-    words: Words, fitted: FittedModel, asked: Conditions, setpoints_degC: Sequence[float]
-) -> Iterator[str]:
+def _remarks(words: Words, fitted: FittedModel, asked: Conditions, setpoints_degC: Sequence[float]) -> Iterator[str]:
     """Return what stands on the verdict's line beside the findings of the fit."""
     if fitted.outcome is FitOutcome.BY_HAND:
         yield "the model was entered by its numbers"

@@ -13,8 +13,8 @@ from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.plc.controller import Controller
@@ -47,9 +47,6 @@ from heatertune.proof.search_budget import count_scans
 from heatertune.proof.trace import Trace
 
 __all__ = ["AllRuns", "Runs", "judged_once", "measure_runs"]
-
-
-Array = npt.NDArray[np.float64]
 
 
 def measure_runs(  # noqa: PLR0913 - what differs from loop to loop stands in arrays of its own
@@ -319,8 +316,7 @@ class Runs:
         back = dict(zip(once, np.argsort(np.concatenate([part.places for part in parts])), strict=True))
         columns = columns_of(reorder(join_tables(measured), np.array([back[key] for key in keys])), self.limits)
         labels = [self.label(run) for run in runs]
-        return [self._held(criteria)
-                for criteria in zip(*(column.criteria(labels) for column in columns), strict=True)]
+        return [self._held(criteria) for criteria in zip(*(column.criteria(labels) for column in columns), strict=True)]
 
     def _shown(self, run: int) -> frozenset[tuple[str, str]]:
         """Return what a run shows of its setting: runs of one heater that show the same are the same, bit for bit."""
@@ -384,9 +380,7 @@ def _at_mains(actuator: Actuator, mains_power: float | None) -> Actuator:
     return replace(actuator, cooling_gain=actuator.cooling_gain / mains_power)
 
 
-def _check(
-    controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario
-) -> None:
+def _check(controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario) -> None:
     """Raise what `simulate` would, with the model's label; the words are the same on each."""
     for number, (name, model) in enumerate(models):
         try:

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
@@ -465,9 +466,6 @@ def scenario_for(
     step = max((setpoint_degC - conditions(plain, model)[0] for model in models), key=abs)
     fall = -_TEMPERATURE_STEP_SHARE * step if temperature_step_degC is None else temperature_step_degC
     return replace(plain, disturbances=(TemperatureStep(time_s=stretch * _PAPER_STEP_S, temperature_degC=fall),))
-
-
-Array = npt.NDArray[np.float64]
 
 
 def events_of(

@@ -328,8 +328,7 @@ class _SequenceBuilder:
                                  setpoint_degC=leg.to_degC,
                    duration_s=leg.duration_s) for leg in legs]
         ends = [*(event.time_s for event in led[1:]), self.loop.instant(led[-1].time_s + led[-1].duration_s)]
-        rests = [min(self._judged_s(leg), end - event.time_s)
-                 for leg, event, end in zip(legs, led, ends, strict=True)]
+        rests = [min(self._judged_s(leg), end - event.time_s) for leg, event, end in zip(legs, led, ends, strict=True)]
         return replace(scenario, duration_s=ends[-1], rests_s=(*scenario.rests_s, 0.0, *rests),
                        disturbances=(*scenario.disturbances, PlcPower(time_s=off_s, on=False), *led))
 

@@ -8,8 +8,8 @@ from functools import singledispatch
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import plain
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Panel", "card", "draw_figure", "panels", "reaction", "thinned"]
 
-
-Array = npt.NDArray[np.float64]
 
 _POINTS: Final = 600  # the width of a card
 _CONTINUOUS: Final = 200  # points without a sampling interval
@@ -283,5 +281,4 @@ def _trace(value: Trace) -> str:
         ("scans", str(len(value.time_s)), ""), ("switchings of the heater", str(len(value.edge_time_s)), ""),
     ]
     who = "ideal controller" if value.words is None else value.words.target
-    return _card(f"closed loop of {who}", table(["", "", "unit"], rows, numeric=(1,)),
-                 _picture(value))
+    return _card(f"closed loop of {who}", table(["", "", "unit"], rows, numeric=(1,)), _picture(value))

@@ -141,9 +141,7 @@ def picture(drawn: Any, caption: str, *, moves: bool = True) -> str:
     )
 
 
-def table(
-    heads: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: Sequence[int] = (), source: str = ""
-) -> str:
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: Sequence[int] = (), source: str = "") -> str:
     """Return a table; the columns in `numeric` are right-aligned, the source is below."""
     caption = f"<caption>Source: {text_of(source)}</caption>" if source else ""
     kinds = [' class="n"' if i in numeric else "" for i in range(len(heads))]

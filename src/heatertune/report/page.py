@@ -62,8 +62,7 @@ def glossary(body: str) -> str:
         body: HTML of the page.
     """
     found = terms_in(html.unescape(_UNREAD.sub(" ", body)))
-    lines = "".join(
-        f"<dt>{text_of(', '.join(term.names[:2]))}</dt><dd>{text_of(term.meaning)}</dd>" for term in found)
+    lines = "".join(f"<dt>{text_of(', '.join(term.names[:2]))}</dt><dd>{text_of(term.meaning)}</dd>" for term in found)
     return f'<h2>Terms</h2><dl class="terms">{lines}</dl>' if found else ""
 
 

@@ -163,9 +163,7 @@ def model_brief(model: Document, out: str | None = None) -> str:
     return _with_notes(_notes(model), table(rows, right=(1,)).splitlines(), labelled_lines(parts, 14), _written(out))
 
 
-def tune_brief(
-    design: Document, proof: Document | None, nearest: Sequence[str] = (), out: str | None = None
-) -> str:
+def tune_brief(design: Document, proof: Document | None, nearest: Sequence[str] = (), out: str | None = None) -> str:
     """Return a design on one screen, with the proof of its words where there is one; `nearest` as in `design_brief`."""
     margins = (f"Ms {figure(design.get('ms'), 3)}, gain margin {figure(design.get('gain_margin'), 3)}, phase margin "
                f"{figure(design.get('phase_margin_deg'), 3)}°, the worst of all plausible heaters")

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.heater.exact import since_step
 from heatertune.log.values import Log
 from heatertune.model.values import FittedModel, HeaterModel
@@ -22,7 +22,6 @@ from heatertune.studio.session import PinnedDesign
 
 __all__ = ["Options", "heater_chart", "key_of", "live_charts", "log_chart", "loop_chart", "zooms"]
 
-Array = npt.NDArray[np.float64]
 Options = dict[str, Any]
 
 _POINTED: Final = 500  # instants of the nominal run at which a crosshair stands
@@ -250,9 +249,7 @@ def _named(line: dict[str, Any], look: str, lower: int = 0) -> dict[str, Any]:
     return line | {"endLabel": letters}
 
 
-def _line(
-    name: str, time: Array, values: Array, look: str, *, kind: Any = None, color: str = ""
-) -> dict[str, Any]:
+def _line(name: str, time: Array, values: Array, look: str, *, kind: Any = None, color: str = "") -> dict[str, Any]:
     """Return a line."""
     style = LOOK[look]
     color, dashes = color or style["color"], [int(length) for length in _DASHES.get(look, "").split()]

@@ -36,7 +36,7 @@ from heatertune.units import check
 
 __all__ = [
     "DRAWN", "SLIDERS", "CandidateWords", "DesignOutcome", "LoopView", "Slider", "StudioSettings", "find_design",
-    "first_look", "full_proof", "on_drawn_heaters", "optimum", "settings_for", "sliders_for",
+    "first_look", "full_proof", "on_drawn_heaters", "optimum", "settings_for",
 ]
 
 
@@ -164,26 +164,6 @@ def settings_for(fitted: FittedModel, start: StudioSettings) -> StudioSettings:
     high = max(2.0, math.ceil(_ABOVE * max(places) / _SENSOR_STEP)) * _SENSOR_STEP
     low = min(0.0, math.floor(min(places) / _SENSOR_STEP) * _SENSOR_STEP)
     return replace(start, sample_time_s=None, pwm_period_s=None, setpoint_degC=None, low_degC=low, high_degC=high)
-
-
-def sliders_for(fitted: FittedModel) -> tuple[Slider, ...]:
-    """Return the sliders with ends that suit a heater: times up to a third of it, setpoints all its models can hold."""
-    models = [model for _, model in labelled_heaters(fitted)]
-    slowest = max(sum(model.lags_s) + model.dead_time_s for model in models)
-    ambients = [float(model.ambient_degC or 0.0) for model in models]
-    spans = [sorted((ambient, ambient + 100.0 * model.gain_degC_per_pct))
-             for ambient, model in zip(ambients, models, strict=True)]
-    coldest, hottest = max(low for low, _ in spans), min(high for _, high in spans)
-    ends = {
-        "sample_time_s": (0.1, max(1.0, math.ceil(slowest / 3.0))),
-        "pwm_period_s": (0.1, max(10.0, math.ceil(slowest / 3.0))),
-        "setpoint_degC": (math.ceil(coldest) + 1.0, math.floor(hottest) - 1.0),
-    }
-    return tuple(
-        slider if slider.field not in ends
-        else replace(slider, low=ends[slider.field][0], high=max(ends[slider.field][1], ends[slider.field][0] + 1.0))
-        for slider in SLIDERS
-    )
 
 
 #: heaters that are drawn at a time

@@ -18,6 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.compiled import bound
 from heatertune.compiled.plain_functions import measure
 from heatertune.errors import OutOfRange
@@ -73,8 +74,6 @@ FAULTS: Final = (
     FaultKind(name="dead time 4 times as long", later=4.0, cold=True),
 )
 
-
-Array = npt.NDArray[np.float64]
 
 _CORNERS: Final = 32  # of gain, lags, dead time, ambient and noise
 _RESERVE_PCT: Final = 5.0

@@ -152,9 +152,7 @@ def _tallied(numbers: Numbers, state: Any, readings: Any, powers: Any, settled: 
         last = reading
 
 
-def _windows(
-    numbers: Numbers, state: Any, readings: Any, powers: Any, blocks: int, largest: bool, out: Any,
-) -> int:
+def _windows(numbers: Numbers, state: Any, readings: Any, powers: Any, blocks: int, largest: bool, out: Any) -> int:
     restart(state)
     off, rows = False, 0
     for k in range(len(readings)):

@@ -19,8 +19,8 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import encode
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
@@ -64,8 +64,6 @@ __all__ = [
     "printer_rule", "supervise",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 TARGETS: Final = ("klipper", "marlin")
 _MARGIN: Final = 1.3
@@ -253,8 +251,7 @@ def _ran(rule: Rule, record: _Record) -> tuple[int, float]:
 
 def _record(card: Card, one: Ran, target: Array, first: int, scan_s: float) -> _Record:
     seen = np.asarray(card.low_degC + card.step_degC * one.counts, dtype=np.float64)
-    return _Record(reading_degC=seen, target=np.where(one.power < 0, 0.0, target),
-                   first=first, scan_s=scan_s)
+    return _Record(reading_degC=seen, target=np.where(one.power < 0, 0.0, target), first=first, scan_s=scan_s)
 
 
 def _story(bench: Bench, member: Any) -> _Record:

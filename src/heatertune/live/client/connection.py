@@ -24,8 +24,8 @@ from heatertune.errors import InputError, LinkDown, PlcRefused, ReplyLost, Unkno
 from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
 
 __all__ = [
-    "EXAMPLES", "LIBRARIES", "Address", "Client", "RequestConnection", "address_of", "close_by_reset", "connect",
-    "demand_library", "told_by",
+    "EXAMPLES", "LIBRARIES", "Address", "Client", "ClosesOnExit", "RequestConnection", "address_of", "close_by_reset",
+    "connect", "demand_library", "told_by",
 ]
 
 
@@ -189,7 +189,23 @@ def close_by_reset(connection: Any) -> None:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER)
 
 
-class RequestConnection:
+class ClosesOnExit:
+    """A context manager that ends by `close`."""
+
+    def close(self) -> None:
+        """Close it."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class RequestConnection(ClosesOnExit):
     """A connection that is closed at the first request without an answer."""
 
     def __init__(self, address: Address) -> None:
@@ -226,14 +242,6 @@ class RequestConnection:
 
     def _close(self) -> None:
         raise NotImplementedError
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 #: protocol → the module that it needs, and the extra that brings it

@@ -15,12 +15,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from heatertune.codec import plain
 from heatertune.errors import DocumentError, InputError
-from heatertune.live.client.connection import Address
+from heatertune.live.client.connection import Address, ClosesOnExit
 from heatertune.live.plc_state import state_folder
 from heatertune.writing import read_bytes, settle
 
@@ -72,7 +71,7 @@ class RecordBroken(InputError):
     """Raised when a record that was begun cannot be gone on with."""
 
 
-class WriteRecord:
+class WriteRecord(ClosesOnExit):
     """A record that is being written."""
 
     def __init__(self, path: Path, *, torn: bool = False) -> None:
@@ -112,14 +111,6 @@ class WriteRecord:
     def close(self) -> None:
         """Close the file."""
         os.close(self._number)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def read_lines(path: str | Path) -> Lines:

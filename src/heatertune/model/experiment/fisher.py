@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.response import Schedule, peak_rise, rows_of, sensitivities
 from heatertune.model.values import FittedModel, Fopdt, HeaterModel
@@ -29,8 +30,6 @@ __all__ = [
     "peaks", "prior_by_hand", "prior_of", "rests", "shares",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _SINGULAR = 1e-9  # of the largest scaled column: the part of a column that the others do not explain
 

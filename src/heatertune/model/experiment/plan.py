@@ -13,9 +13,9 @@ from itertools import product
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import differential_evolution
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.experiment.fisher import (
     QUANTITIES,
@@ -37,8 +37,6 @@ __all__ = [
     "plan_relay", "propose", "to_document", "within_limit",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _READINGS = 150  # in the search; reported figures use all readings
 _STEP_AT = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # of the duration

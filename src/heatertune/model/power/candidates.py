@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.model.findings import Finding
 from heatertune.model.power.feedback import follows_temperature, is_feedback
@@ -33,8 +34,6 @@ __all__ = [
     "Rival", "candidates_of", "family_of", "lies_inside", "open_ends", "rivals_of", "second_is_seen", "widen_intervals",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _SURE = 0.4  # of the cross-validation error: drift and loads must reduce it to this in an open loop
 _NEAR = 10.0  # BIC points
@@ -290,9 +289,6 @@ def open_ends(orders: Sequence[tuple[str, Mapping[str, Interval | None]]]) -> It
         open_ = [lags for lags, ci95 in orders if (end := ci95.get(name)) is not None and end.high is None]
         if open_:
             yield Finding(name=finding, message=f"With {open_[0]}, the {what} within the log.")
-
-
-
 
 
 class _CandidateTrial(NamedTuple):

@@ -18,6 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError
 from heatertune.log.values import MIN_SAMPLES, Log
 from heatertune.model.diagnostics import Remark
@@ -34,8 +35,6 @@ __all__ = [
     "jumps", "opened_at_s", "part", "refuse_opened",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _BINARY = 0.98  # share of the readings at one of two values
 _FEWEST = 10  # switchings

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.model.diagnostics import Remark, fast_remarks, findings_of, poor_remarks
 from heatertune.model.least_squares import Minima, ResidualFunction, minimise
 from heatertune.model.power.candidates import lies_inside, open_ends, second_is_seen, widen_intervals
@@ -70,8 +71,6 @@ __all__ = [
     "disagreements", "fit_logs", "joint_held_at", "joint_intervals",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 #: indices in a vector: ln gain (or ln gain per lag), ln first lag, dead time, ratio of the second lag; then, as
 #: an additional unknown, the first log's ambient
@@ -432,7 +431,6 @@ def _end(value: float | None) -> str:
     return "open" if value is None else f"{value:.3g}"
 
 
-
 _NEAR = 10.0  # BIC points
 
 _LAW = "power logged"
@@ -448,9 +446,7 @@ class _Joint(NamedTuple):
     shifted: bool = False
 
 
-def fit_logs(
-    logs: Sequence[Explanation], *, open_start: bool, seed: int, least_dead_time_s: float
-) -> FittedModel:
+def fit_logs(logs: Sequence[Explanation], *, open_start: bool, seed: int, least_dead_time_s: float) -> FittedModel:
     """Return the common FOPDT of several logs with power.
 
     Shared: gain, time constant, dead time. Each log has its own ambient, initial state, drift, loads and noise. An

@@ -19,6 +19,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.model.diagnostics import DROP_PCT, Remark, fast_remarks, findings_of, level_remarks, poor_remarks
 from heatertune.model.outliers import sensor_step
@@ -64,8 +65,6 @@ __all__ = [
     "values_at_ends", "values_of", "weigh_fit", "widening_notes",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _LEAST: Final = 2.0 / 3.0  # of the span, that the power has to move the model by
 _DRIFT: Final = 1.0 / 3.0  # of the span, that a drift may move it by
@@ -211,9 +210,7 @@ def notes_of(
     )
 
 
-def log_notes(
-    log: Log, problem: PowerProblem, fit: PowerFit, outliers: npt.NDArray[np.intp]
-) -> tuple[str, ...]:
+def log_notes(log: Log, problem: PowerProblem, fit: PowerFit, outliers: npt.NDArray[np.intp]) -> tuple[str, ...]:
     """Return notes on changes of the readings, and on assumptions and effects besides the heater.
 
     `outliers`: places of the readings that were put where their neighbours are, shape (k,).

@@ -12,8 +12,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.model.outliers import replace_outliers, sensor_step
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN, Readings
@@ -106,8 +106,6 @@ def _slope(readings: Readings) -> _Slope | None:
     scatter = max(float(np.sqrt(left @ left / (n - 2))), rounding)
     return _Slope(slope, scatter / np.sqrt(squares), scatter, float(np.ptp(time)))
 
-
-Array = npt.NDArray[np.float64]
 
 _MOST = 3
 _GAIN = 20.0  # BIC points a load step has to be worth: its instant is chosen among many

@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.compiled import compile_function
 from heatertune.heater.exact import advance_step, factors
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC
@@ -40,7 +41,6 @@ __all__ = [
 ]
 
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 _INPUT_CURVE_READINGS = 250  # averaged, in the search
@@ -201,9 +201,7 @@ def _advance(x: float, y: float, u: float, t: float, plant: Array) -> tuple[floa
     return x, y
 
 
-def _simulate(
-    time: Array, edges: Array, levels: Array, before: float, plants: Array, plant: Array, out: Array
-) -> None:
+def _simulate(time: Array, edges: Array, levels: Array, before: float, plants: Array, plant: Array, out: Array) -> None:
     """Fill out (n, m); a row of plants is as `_answers` makes it, plant (7,) is working space."""
     for row in range(plants.shape[0]):
         gain, ambient, y, x, warming, cooling, dead, second, drift, loss, ceiling = plants[row]

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.heater.exact import Factors, factors
 from heatertune.log.values import Log
 
@@ -24,8 +25,6 @@ __all__ = [
     "forced_response", "of_lags", "of_power",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 GAP = 2.5  # sampling intervals: a wider step of the time is a gap, over which nothing is averaged
 
@@ -108,10 +107,10 @@ class Readings:
         return np.flatnonzero((np.arange(n) - begun) % count == 0)
 
 
-#: time: middle of each reading, shape (m,) [s]; half: half the time that it is the mean of, shape (m,) [s];
-#: edges: instants from which a power is held, shape (e,) [s]; levels: the powers, shape (e,) [%]; before: the power
-#: before the first [%]; loads: instants at which they begin to act, shape (s,) [s]; restarts: instants at which the
-#: state is estimated again, shape (r,) [s]
+#: time: middle of each reading, shape (m) [s]; half: half the time that it is the mean of, shape (m) [s];
+#: edges: instants from which a power is held, shape (e) [s]; levels: the powers, shape (e) [%]; before: the power
+#: before the first [%]; loads: instants at which they begin to act, shape (s) [s]; restarts: instants at which the
+#: state is estimated again, shape (r) [s]
 HeldPower = tuple[Array, Array, Array, Array, float, Array, Array]
 
 #: columns of the linear part; one more for each load step, then two states for each restart

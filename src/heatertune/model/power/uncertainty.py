@@ -18,6 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.model.power.load_steps import bic_of
 from heatertune.model.power.open_loop import FAR, FixedUnknowns, PowerFit, PowerProblem
@@ -45,8 +46,6 @@ __all__ = [
     "noise_of", "periods_of", "reaches", "sensitivities", "told_apart", "value_of",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _LAGS: Final = 40  # on the grid, over all that the search allows
 _RATIOS: Final = (0.01, 0.03, 0.1, 0.25, 0.5, 0.98)
@@ -361,9 +360,7 @@ def held_squares(problem: PowerProblem, fit: PowerFit, name: str, values: Array)
     return _held(problem, fit, name, values)[-1]
 
 
-def _held(
-    problem: PowerProblem, fit: PowerFit, name: str, values: Array
-) -> tuple[Array, FixedUnknowns | None, Array]:
+def _held(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> tuple[Array, FixedUnknowns | None, Array]:
     """Return vectors, known unknowns and lowest sums of squares with the parameter fixed at each value."""
     if name == PERIOD:
         vectors, cost = fits_of_period(problem, values)

@@ -19,6 +19,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.model.diagnostics import Remark
 from heatertune.model.power.open_loop import PowerProblem
@@ -32,8 +33,6 @@ __all__ = [
     "steady_swing",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _FEWEST = 8  # readings of a stretch
 _STARTS, _ENDS = 20, 40  # of stretches tried, spread over the readings

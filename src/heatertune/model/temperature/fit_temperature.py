@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.model.diagnostics import DROP_PCT, Remark, findings_of, poor_remarks
 from heatertune.model.least_squares import ResidualFunction, minimise
@@ -45,8 +46,6 @@ __all__ = [
     "joint_note", "limit_remarks", "lost_notes", "pool_candidates", "residuals_of", "share_remarks", "validation_notes",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _RANDOM, _RACERS, _FINALISTS = 1500, 12, 3
 _ROUNDING = 1e-9  # of a sum of squares, many times the effect of the order of summation
@@ -345,7 +344,6 @@ def pool_candidates(fitted: FittedModel, others: Sequence[FittedModel]) -> Fitte
     known = [limits for limits in ranges if limits is not None]
     whole = (min(low for low, _ in known), max(high for _, high in known)) if known else None
     return replace(fitted, candidates=fitted.candidates + added, notes=(*fitted.notes, note), logged_range_degC=whole)
-
 
 
 _NO_POWER = Remark("no-power", (

@@ -22,6 +22,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array, Complex
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
 from heatertune.pid.sampled_loop import (
@@ -40,9 +41,6 @@ from heatertune.pid.values import PidDesign, step_parts, structure_of
 
 __all__ = ["Problem", "keeps", "largest_gain", "polish", "search"]
 
-
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 _PIECES: Final = 4  # stable pieces tried, from the top
 _TN_RATIO, _TV_RATIO = 1.27, 1.6  # of neighbours in the first grid
@@ -420,9 +418,7 @@ def _cost(ca: Any, plant: SampledPlant, samples: int, problem: Problem, settings
     return ca.sum2(size(load))
 
 
-def _errors(
-    ca: Any, plant: SampledPlant, samples: int, past: float, setpoint: float, load: float, given: Any
-) -> Any:
+def _errors(ca: Any, plant: SampledPlant, samples: int, past: float, setpoint: float, load: float, given: Any) -> Any:
     """Return the control errors after steps of setpoint [°C] and load [%] with settings, shape (1, samples)."""
     modes, taps = len(plant.poles), plant.delay + 1
     state = ca.SX.sym("state", modes + taps + 3)

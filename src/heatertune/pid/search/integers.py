@@ -19,8 +19,8 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array, Complex
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
@@ -37,9 +37,6 @@ from heatertune.pid.values import PidDesign
 
 __all__ = ["IntegerOptimum", "Integers", "LoopBounds", "Vector", "best_integers", "bounds_of", "norms"]
 
-
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 _FREQUENCIES = 400
 _PER_DELAY = 12  # frequencies per sample of dead time, whose phase has to be followed

@@ -295,8 +295,7 @@ def _export(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
 
 def _defaults(texts: Mapping[str, str], heater: str) -> list[str]:
     """Return the gains as lines of Configuration.h: of the heater, or as comments of both while it is unknown."""
-    of = {kind: [f"#define DEFAULT_{kind}{field.name} {texts[field.name]}" for field in GAINS]
-          for kind in ("", "bed")}
+    of = {kind: [f"#define DEFAULT_{kind}{field.name} {texts[field.name]}" for field in GAINS] for kind in ("", "bed")}
     if heater != UNKNOWN:
         return [f"// Configuration.h, with {_BUILT_WITH[heater]}", *of["bed" if heater == "bed" else ""]]
     return [f"// {_WHICH}", "// of a single hot end (PIDTEMP):", *(f"// {line}" for line in of[""]),

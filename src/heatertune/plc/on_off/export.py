@@ -58,9 +58,7 @@ def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, in
 
 def intel_hex(image: bytes, *, start: int = 0) -> str:
     """Return bytes as Intel HEX (Hexadecimal Object File Format Specification, revision A, 1988), 8-bit records."""
-    records = [
-        _record(start + k, 0, image[k : k + _RECORD]) for k in range(0, len(image), _RECORD)
-    ]
+    records = [_record(start + k, 0, image[k : k + _RECORD]) for k in range(0, len(image), _RECORD)]
     return "\n".join([*records, _record(0, 1, b"")]) + "\n"
 
 

@@ -371,9 +371,7 @@ def _start_up(certificate: Certificate) -> str:
     return "start-up: OB21 and OB22 clear DW18 to DW48, whatever they have kept; the rest begins anew"
 
 
-def _by_hand(
-    words: Words, certificate: Certificate, stairs: Staircase | None, interval_s: float
-) -> Iterator[str]:
+def _by_hand(words: Words, certificate: Certificate, stairs: Staircase | None, interval_s: float) -> Iterator[str]:
     """Return what no listing does."""
     scale, count = words.scaling, words.scaling.span_degC / FULL_SCALE
     module = (f"range card for 4 to 20 mA, {FOUR_MA} to 2560 units; below 3.6 mA the heater is off"

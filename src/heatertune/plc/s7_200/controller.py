@@ -37,8 +37,7 @@ class S7200(Controller, name="s7-200"):
     scans_per_period = 1
     integers = ("KP", "KI", "KD")
     has_ramp = True
-    core = StepFunctions(
-        step=step, measure=count, flags=_FLAGS, own=own, cold_start=cold_start, warm_start=warm_start)
+    core = StepFunctions(step=step, measure=count, flags=_FLAGS, own=own, cold_start=cold_start, warm_start=warm_start)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(check_cycle)
     interval_s, export = staticmethod(cycle_s), staticmethod(export_words)
     most_gain, text = staticmethod(most_gain), staticmethod(from_text)

@@ -55,9 +55,7 @@ def cycle_s(values: Mapping[str, Number]) -> float:
     return values["CYCLE"] / 1000.0
 
 
-def paper_words(
-    *, gain: int, ki: int = 0, t: int = 1, cycle_ms: int = 2000, scaling: Scaling | None = None
-) -> Words:
+def paper_words(*, gain: int, ki: int = 0, t: int = 1, cycle_ms: int = 2000, scaling: Scaling | None = None) -> Words:
     """Return the constants of a run of the paper.
 
     The paper gives the gain (20, 60) and no more: the rest are assumptions.

@@ -59,8 +59,7 @@ _INPUTS: Final = {"EN": "BOOL", "SetPoint": "REAL", "ManualSetPoint": "REAL", "S
 def loaders(files: Mapping[str, str | bytes], assume: WegAssumptions) -> dict[str,
                                                                               Callable[[], ExportedProgram | None]]:
     """Return what loads each file; the block of our own stands for the default assumptions alone."""
-    loads: dict[str, Callable[[], ExportedProgram | None]] = {
-        _CALL: lambda: _called(str(files[_CALL]), assume)}
+    loads: dict[str, Callable[[], ExportedProgram | None]] = {_CALL: lambda: _called(str(files[_CALL]), assume)}
     if assume == WegAssumptions():
         loads |= {_EXPORTED_BLOCK: lambda: ExportedProgram(TextProgram(units(str(files[_EXPORTED_BLOCK])), {})),
                   _PROJECT: lambda: check_project(str(files[_PROJECT]), str(files[_EXPORTED_BLOCK]), _EXPORTED_BLOCK)}
@@ -76,9 +75,7 @@ def _called(text: str, assume: WegAssumptions) -> ExportedProgram:
 
 def _firmware(assume: WegAssumptions, due: Callable[[], bool]) -> Firmware:
     """Return WEG's block under the assumptions; `due` tells whether Ts is over, where it keeps Ts itself."""
-    def run_when_due(
-        r: list[Any], w: list[Any], f: list[Any], a: int, b: int, c: int
-    ) -> None:
+    def run_when_due(r: list[Any], w: list[Any], f: list[Any], a: int, b: int, c: int) -> None:
         if not w[b] or due():
             fb_pid(r, w, f, a, b, c)
 
@@ -87,9 +84,7 @@ def _firmware(assume: WegAssumptions, due: Callable[[], bool]) -> Firmware:
                     keeps=(*COLD, *(int(setting) for setting in assume)))
 
 
-def fb_pid(
-    r: Any, w: Any, _f: Any, a: int, b: int, _c: int
-) -> None:
+def fb_pid(r: Any, w: Any, _f: Any, a: int, b: int, _c: int) -> None:
     """Run WEG's block on the rows: variables in the order of `_firmware`, then its state and the assumptions."""
     assume = WegAssumptions(
         int(w[b + 8]), w[b + 9] != 0, w[b + 10] != 0, w[b + 11] != 0, w[b + 12] != 0, w[b + 13] != 0, w[b + 14] != 0,
@@ -291,9 +286,7 @@ def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[
 
 
 def _values(words: Words) -> list[tuple[str, str]]:
-    return [
-        (f.name, literal(words.values[f.name]) if f.format == "REAL" else str(words.whole[f.name])) for f in FIELDS
-    ]
+    return [(f.name, literal(words.values[f.name]) if f.format == "REAL" else str(words.whole[f.name])) for f in FIELDS]
 
 
 def _wires(words: Words) -> list[tuple[str, str]]:

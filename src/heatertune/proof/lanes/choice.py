@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.compiled import bound, compile_function, worth_a_second
 from heatertune.plc.core import as_it_is, started_as_it_is
 from heatertune.plc.pwm import INSTANT_S, Actuator
@@ -26,7 +27,6 @@ from heatertune.proof.scenario import Scenario
 
 __all__ = ["fits", "order_by_edges", "pays", "run_side_by_side"]
 
-Array = npt.NDArray[np.float64]
 
 #: scans from which on it pays to compile the loop once more: one after the other they take as long; and to load it
 _MOST: Final = 100_000_000

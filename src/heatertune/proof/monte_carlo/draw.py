@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.compiled import compile_function, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.heater.elementary import logarithm
@@ -43,7 +44,6 @@ __all__ = [
 ]
 
 
-Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 
 _ROUNDS: Final = 10
@@ -65,8 +65,7 @@ def words(counter: tuple[Any, Any, Any, Any], key: tuple[Any, Any]) -> tuple[Any
     low, high = key
     for _ in range(_ROUNDS):
         first, second = _FIRST * a, _SECOND * c
-        a, b, c, d = (
-            (second >> 32 & _WORD) ^ b ^ low, second & _WORD, (first >> 32 & _WORD) ^ d ^ high, first & _WORD)
+        a, b, c, d = ((second >> 32 & _WORD) ^ b ^ low, second & _WORD, (first >> 32 & _WORD) ^ d ^ high, first & _WORD)
         low, high = low + _LOW & _WORD, high + _HIGH & _WORD
     return a, b, c, d
 

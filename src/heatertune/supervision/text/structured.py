@@ -57,8 +57,7 @@ def written(statements: Statements, head: list[str], *, low_degC: float, step_de
         f"{''.join(map(_printed, statements.each_call))}"
         f"  IF In_Block >= {statements.block} THEN\n{_indented(''.join(map(_printed, statements.each_block)))}"
         "  END_IF;\nEND_IF;\n")
-    return (comment(*head, *_by_hand())
-            + function_block(BlockSource(_NAME, declarations, body)))
+    return (comment(*head, *_by_hand()) + function_block(BlockSource(_NAME, declarations, body)))
 
 
 def _by_hand() -> list[str]:

@@ -541,9 +541,7 @@ def _of_firmware(block: Firmware) -> InstanceLayout:
     named = [(name, row_of(type_), places[name.upper()][1][row_of(type_)]) for name, type_ in block.variables.items()]
     put = {name: (row, place) for name, row, place in named}
 
-    def run(
-        r: list[Any], w: list[Any], f: list[Any], a: int, b: int, c: int
-    ) -> None:
+    def run(r: list[Any], w: list[Any], f: list[Any], a: int, b: int, c: int) -> None:
         rows, first = (r, w), (a, b)
         for name, value in f[c]({name: rows[row][first[row] + place] for name, row, place in named}).items():
             row, place = put[name]

@@ -20,8 +20,7 @@ __all__ = [
 ]
 
 #: weakest first; all of them go from left to right
-_INFIX: Final = (
-    ("OR",), ("AND",), ("=", "<>"), ("<", ">", "<=", ">="), ("+", "-"), ("*", "/", "MOD"))
+_INFIX: Final = (("OR",), ("AND",), ("=", "<>"), ("<", ">", "<=", ">="), ("+", "-"), ("*", "/", "MOD"))
 _FUNCTIONS: Final = ("ABS", "TRUNC", "DINT_TO_REAL", "UINT_TO_REAL", "TIME_TO_REAL")
 _SECTIONS: Final = ("VAR_INPUT", "VAR_OUTPUT", "VAR")
 _KINDS: Final = ("FUNCTION_BLOCK", "PROGRAM")

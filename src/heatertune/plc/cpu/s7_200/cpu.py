@@ -42,7 +42,6 @@ __all__ = [
 ]
 
 
-_WORD: Final = 1 << 16
 
 
 def to_signed(value: int, bits: int) -> int:

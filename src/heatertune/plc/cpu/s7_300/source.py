@@ -20,7 +20,7 @@ from heatertune.plc.words import Certificate, WordField, Words
 
 __all__ = [
     "LAST", "BlockMember", "MemberPlace", "as_real", "bits", "bits_of", "block", "constant", "head", "literal",
-    "member_places", "numbered_lines", "operands", "real", "s5_time", "signed_number", "statements", "table", "text",
+    "member_places", "numbered_lines", "operands", "real", "signed_number", "statements", "table", "text",
 ]
 
 
@@ -42,13 +42,6 @@ def literal(format_: str, value: Number) -> str:
     if format_ == "TIME":
         return f"T#{int(value)}MS"
     return real(value)
-
-
-def s5_time(seconds: float) -> str | None:
-    """Return an S5TIME literal, None for a time that its three digits at 10 ms, 100 ms or 1 s cannot hold."""
-    ms = round(1000 * seconds)
-    fits = any(ms % step == 0 and 0 < ms <= 999 * step for step in (10, 100, 1000))
-    return f"S5T#{ms}MS" if fits else None
 
 
 def head(title: str, words: Words, certificate: Certificate, *facts: str) -> list[str]:
@@ -74,9 +67,7 @@ def table(fields: Iterable[WordField], words: Words) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(["address", "name", "format", "value", "comment"])
-    writer.writerows(
-        [f.address, f.name, f.format, literal(f.format, words.values[f.name]), f.comment] for f in fields
-    )
+    writer.writerows([f.address, f.name, f.format, literal(f.format, words.values[f.name]), f.comment] for f in fields)
     return out.getvalue()
 
 
