@@ -124,8 +124,7 @@ class ValidateSettings:
         None, float, "last instant of the log to use", unit="s", flag="--until",
         help="last instant to use [s]; default: up to a jump")
     least_fit_pct: float = option(
-        80.0, float, "fit that every model must reach", unit="%", flag="--least-fit", most=100.0,
-        instead=("80", ""))
+        80.0, float, "fit that every model must reach", unit="%", flag="--least-fit", most=100.0, instead=("80", ""))
 
     def __post_init__(self) -> None:
         validate_options(self)
@@ -204,8 +203,7 @@ class WordSettings:
         help="how words are rounded: optimum, the best whole numbers the controller can hold; rounded, each separately "
              "(default: optimum if the design is an optimum, else rounded)")
     refined: bool = option(
-        False, bool, "refine K and TN in the simulated loop (limits, anti-windup, PWM)",
-        flag="--refine")
+        False, bool, "refine K and TN in the simulated loop (limits, anti-windup, PWM)", flag="--refine")
     setpoint_ramp: float | str | None = option(
         None, float, "rate of the setpoint ramp", unit="°C/min", flag="--setpoint-ramp",
         metavar="auto|none|°C/MIN", or_text=("auto", "none"), above=0.0,

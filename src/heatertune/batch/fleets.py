@@ -198,8 +198,7 @@ SCHEMA: Final = "heatertune/fleet/1"
 #: files of a folder that are taken for logs
 _ENDINGS: Final = (".csv", ".tsv", ".txt", ".log", ".dat")
 _COLUMNS: Final = (
-    TableColumn(name="name", kind="text",
-                description="file of the log, without the common part of the paths"),
+    TableColumn(name="name", kind="text", description="file of the log, without the common part of the paths"),
     *HEAD, *RESULT,
 )
 

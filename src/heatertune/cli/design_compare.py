@@ -107,8 +107,7 @@ def _designed(settings: argparse.Namespace, second: Worker) -> int:
     log = chain.read_log(settings.log, common.reading(settings), errata=True)
     printing.tell_taken(settings, [log], progress)
     result = chain.design(
-        log, asked, out=settings.out, fitted_with=beside, force=settings.force,
-        progress=progress, begun=second)
+        log, asked, out=settings.out, fitted_with=beside, force=settings.force, progress=progress, begun=second)
     effect, feed = result.fitted_model.disturbance, plc.controller_for(asked.target).feed
     fed = "" if effect is None or not effect.acts or feed is None else (
         f"feed it forward: heatertune feed-forward {settings.out}")

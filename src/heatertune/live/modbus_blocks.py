@@ -37,8 +37,7 @@ WEG_SETPOINT, WEG_READING, WEG_POWER, WEG_MODE = (WEG_PLACES[name] for name in (
                                                                                 "SelectSetPoint"))
 WEG_LAYOUT: Final = Layout(
     description="interface of the block PID", speaks=MODBUS, length=WEG_PLACES["Output"].part.stop,
-    setpoint=WEG_SETPOINT,
-    reading=WEG_READING, power=WEG_POWER, mode=WEG_MODE, manual_is=1,
+    setpoint=WEG_SETPOINT, reading=WEG_READING, power=WEG_POWER, mode=WEG_MODE, manual_is=1,
     hand=WEG_PLACES["ManualSetPoint"], words={field.name: WEG_PLACES[field.name] for field in WEG_FIELDS},
     inputs={name: WEG_PLACES[name] for name in ("EN", "SetPoint", "ManualSetPoint", "SelectSetPoint", "Feedback")},
     first={WEG_PLACES["EN"]: 1}, anew=ALL)
@@ -74,8 +73,7 @@ IEC_PID_SETPOINT, IEC_PID_READING, IEC_PID_POWER, IEC_PID_MODE = (IEC_PID_PLACES
 IEC_PID_LAYOUT: Final = Layout(
     description="%MD0 to %MD11", speaks=MODBUS, registers=_RUNS, length=2 * sum(run.size for run in _RUNS),
     setpoint=IEC_PID_SETPOINT, reading=IEC_PID_READING, power=IEC_PID_POWER, mode=IEC_PID_MODE,
-    hand=IEC_PID_PLACES["X0"],
-    words={field.name: IEC_PID_PLACES[field.name] for field in IEC_PID_FIELDS},
+    hand=IEC_PID_PLACES["X0"], words={field.name: IEC_PID_PLACES[field.name] for field in IEC_PID_FIELDS},
     inputs={name: IEC_PID_PLACES[name] for name in ("RUN", "AUTO", "SP", "PV", "X0")}, first={IEC_PID_PLACES["RUN"]: 1},
     anew=ALL)
 

@@ -79,8 +79,7 @@ PID_TIP_LAYOUT: Final = Layout(
     inputs={"mode_req": PID_TIP_MODE, "SP": PID_TIP_SETPOINT, "PV": PID_TIP_READING, "OUT": PID_TIP_POWER},
     state={
         "output": PID_TIP_POWER, "overflow": CellAddress(8, "BOOL", 0), "bias": CellAddress(26, "REAL"),
-        "reading": CellAddress(30, "REAL"),
-        "started": CellAddress(34, "BOOL", 0),
+        "reading": CellAddress(30, "REAL"), "started": CellAddress(34, "BOOL", 0),
     },
     anew=WORDS)  # OB100 loads the four words
 
@@ -406,9 +405,8 @@ CONT_C_LAYOUT: Final = Layout(
     },
     state={
         "output": CONT_C_POWER, "derivative": CellAddress(88, "REAL"), "before": CellAddress(100, "REAL"),
-        "integral": CellAddress(104, "REAL"),
-        "integral_rest": CellAddress(108, "REAL"), "feedback_rest": CellAddress(112, "REAL"),
-        "feedback": CellAddress(116, "REAL"),
+        "integral": CellAddress(104, "REAL"), "integral_rest": CellAddress(108, "REAL"),
+        "feedback_rest": CellAddress(112, "REAL"), "feedback": CellAddress(116, "REAL"),
         "limited": CellAddress(120, "REAL"), "at_upper": CellAddress(124, "BOOL", 0),
         "at_lower": CellAddress(124, "BOOL", 1),
     },

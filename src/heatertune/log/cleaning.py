@@ -112,8 +112,7 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs
     ends = np.zeros_like(lost)
     kept = np.flatnonzero(~(lost | spikes))
     ends[kept[_wild_ends(raw[kept], time[kept])]] = True
-    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"),
-             (stuck, _FAR_VALUE),
+    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"), (stuck, _FAR_VALUE),
              (spikes, "with a spike"), (ends, "at an end of the log, far from all others,"))
     for mask, what in kinds:
         if np.any(mask):

@@ -102,9 +102,8 @@ class ReadSummary:
         return {
             "line": self.line, "rows": self.rows, "interval_s": self.interval_s,
             "columns": {role: {"name": name, "written": written} for role, (name, written) in self.columns.items()},
-            "rows_read": self.rows_read, "left_out": self.left_out, "repeats": self.repeats,
-            "repaired": self.repaired, "repaired_share": self.repaired_share, "unused": list(self.unused),
-            "reading": dict(self.reading),
+            "rows_read": self.rows_read, "left_out": self.left_out, "repeats": self.repeats, "repaired": self.repaired,
+            "repaired_share": self.repaired_share, "unused": list(self.unused), "reading": dict(self.reading),
         }
 
 
@@ -220,12 +219,10 @@ class Log(NotebookDisplay):
             return None if column is None else column[keep]
 
         return Log(
-            name=self.name, source=self.source, time_s=self.time_s[keep],
-            temperature_degC=self.temperature_degC[keep], power_pct=cut(self.power_pct),
-            setpoint_degC=cut(self.setpoint_degC), disturbance=cut(self.disturbance), repairs=self.repairs,
-            warnings=self.warnings,
-            same_heater=self.same_heater, taken=self.taken, rests_at_degC=self.rests_at_degC,
-            pwm_period_s=self.pwm_period_s, power_late_s=self.power_late_s,
+            name=self.name, source=self.source, time_s=self.time_s[keep], temperature_degC=self.temperature_degC[keep],
+            power_pct=cut(self.power_pct), setpoint_degC=cut(self.setpoint_degC), disturbance=cut(self.disturbance),
+            repairs=self.repairs, warnings=self.warnings, same_heater=self.same_heater, taken=self.taken,
+            rests_at_degC=self.rests_at_degC, pwm_period_s=self.pwm_period_s, power_late_s=self.power_late_s,
         )
 
 

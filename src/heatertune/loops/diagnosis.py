@@ -292,10 +292,8 @@ def diagnose(log: Log, loop: LoopEntry, before: FittedModel | None = None) -> Di
     swung = swings(course, [*course.changes_s, *(load.instant_s for load in loads)], dead)
     result = Diagnosis(
         course=course, loads=loads, fitted_model=fitted, why_not=why_not, possible=possible, replayed_day=lived,
-        worse=worse,
-        swings=swung, switchings_per_h=switchings_per_h(log, period), pwm_period_s=period,
-        longer_period_s=_longer(loop, fitted, course, period), switch_ticks=cleared and cleared.ticks,
-        faults=())
+        worse=worse, swings=swung, switchings_per_h=switchings_per_h(log, period), pwm_period_s=period,
+        longer_period_s=_longer(loop, fitted, course, period), switch_ticks=cleared and cleared.ticks, faults=())
     return replace(result, faults=tuple(_still(log)) or tuple(_found(result, loop, before)))
 
 

@@ -132,8 +132,7 @@ def course_of(log: Log, pwm_period_s: float | None, changes_at_least_degC: float
     return RegularLog(
         time_s=time, temperature_degC=averages, setpoint_degC=setpoint,
         power_pct=None if log.power_pct is None else mean(log.power_pct),
-        changes_s=(float(time[0]), *time[moved].tolist()), least_degC=least,
-        turn_degC=turn)
+        changes_s=(float(time[0]), *time[moved].tolist()), least_degC=least, turn_degC=turn)
 
 
 def _noise(rows: Array, apart: int) -> float:

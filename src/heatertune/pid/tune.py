@@ -66,8 +66,7 @@ def tune(
     asked = merge_options(TuneSettings, settings, changed)
     if cools(fitted):
         design = tune(mirror_heater(fitted), asked, timer=timer, derivative_filter=derivative_filter,
-                      most_gain=most_gain,
-                      resolution_degC=resolution_degC, progress=progress)
+                      most_gain=most_gain, resolution_degC=resolution_degC, progress=progress)
         return replace(design, gain_pct_per_degC=-design.gain_pct_per_degC)
     method, structure, robust, closed_loop_s = asked.method, asked.structure, asked.robust, asked.closed_loop_s
     _refuse_nonsense(asked)

@@ -235,9 +235,8 @@ def advise(
     return {
         "schema": SCHEMA, "target": recipe.target, "log": None if log is None else log.name,
         "symptom": seen.symptom.name, "symptom_text": seen.symptom.value,
-        "response": {name: value for name, value in asdict(seen).items() if name != "symptom"},
-        "aim": aim, "cases": cases, "best": _best(cases, aim),
-        "notes": settings_told(before, "the design as it is"),
+        "response": {name: value for name, value in asdict(seen).items() if name != "symptom"}, "aim": aim,
+        "cases": cases, "best": _best(cases, aim), "notes": settings_told(before, "the design as it is"),
     }
 
 

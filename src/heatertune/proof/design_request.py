@@ -167,10 +167,8 @@ def plainly(
 def _recipe(request: DesignRequest, proof: Proof, conditions: Conditions) -> DesignProvenance:
     scaling, conditions = proof.words.scaling, recorded_conditions(conditions)
     return DesignProvenance(
-        target=request.target, range_degC=scaling.sensor_degC, input=scaling.input,
-        words_by=request.words_by,
-        refined=request.refined, setpoint_ramp=proof.setpoint_ramp,
-        boost=proof.boost, conditions=conditions,
+        target=request.target, range_degC=scaling.sensor_degC, input=scaling.input, words_by=request.words_by,
+        refined=request.refined, setpoint_ramp=proof.setpoint_ramp, boost=proof.boost, conditions=conditions,
         files=files_of(conditions))
 
 

@@ -215,9 +215,8 @@ def difference(a: Side, b: Side) -> dict[str, Any]:
     return {
         "schema": DIFF_SCHEMA, "a": _told(a), "b": _told(b),
         "same": not around and not [word for word in words if not word["written"]],
-        "terms": [term._asdict() | {"change_pct": _change_pct(term)} for term in terms],
-        "around": around, "words": words,
-        "odd_in_a_alone": [sentence for sentence in _odd(a) if sentence not in odd[1]],
+        "terms": [term._asdict() | {"change_pct": _change_pct(term)} for term in terms], "around": around,
+        "words": words, "odd_in_a_alone": [sentence for sentence in _odd(a) if sentence not in odd[1]],
         "odd_in_b_alone": [sentence for sentence in _odd(b) if sentence not in odd[0]],
         "proofs": [_covers(one, two) for one, two in ((a, b), (b, a)) if one.proof is not None],
         "conditions": None if a.proof is None or b.proof is None else _conditions(a.proof, b.proof),

@@ -326,8 +326,7 @@ def program_of(controller: LoopController, scenario: Scenario) -> SetpointProgra
     if len(asked) != len(scenario.setpoints_degC):
         raise ValueError(f"{len(asked)} setpoints for {len(scenario.setpoints_degC)} phases")
     return SetpointProgram(asked, np.array(scenario.supplied, dtype=np.int64), controller.ramp_step,
-                           controller.ramp_calls,
-                   controller.ramp_hold)
+                           controller.ramp_calls, controller.ramp_hold)
 
 
 def pulses_of(seconds: float, actuator: Actuator) -> int:

@@ -209,8 +209,7 @@ def pictures(
         nominal=SeriesView(**trace_series(nominal, proof.runs[0].label)),
         worst=SeriesView(**trace_series(proof.worst, proof.runs[proof.worst_run].label)),
         others=tuple(construct_from(OtherRunView, SeriesView(**run)) for run in others),
-        ideal=SeriesView(**trace_series(wish, "wished")),
-        curves=tuple(CurveView(**run) for run in robust["curves"])))
+        ideal=SeriesView(**trace_series(wish, "wished")), curves=tuple(CurveView(**run) for run in robust["curves"])))
     return document
 
 

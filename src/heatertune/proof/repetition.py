@@ -138,8 +138,7 @@ _RELATIVE: Final = 1e-6
 _ABSOLUTE: Final = 1e-9
 #: parts of a proof that have to be the same when it is repeated; the verdict follows from them
 _REPEATED: Final = ("scenario", "actuator", "limits", "specification", "stated_settings", "interlock", "findings",
-                    "assumed",
-                    "faults", "criteria", "runs", "samples")
+                    "assumed", "faults", "criteria", "runs", "samples")
 #: lists of sentences: a design adds what it changed to those of its proof
 _SENTENCES: Final = ("remarks", "not_tested")
 

@@ -325,8 +325,7 @@ class _SequenceBuilder:
         off_s, legs = scenario.duration_s, self._legs(profile)
         on_s = self.loop.instant(off_s + self.scans(self._longest_s(cold for _ in self.models)) * self.loop.scan_s)
         led = [SetpointRampEvent(time_s=self.loop.instant(on_s + leg.begin_s), from_degC=leg.from_degC,
-                                 setpoint_degC=leg.to_degC,
-                   duration_s=leg.duration_s) for leg in legs]
+                                 setpoint_degC=leg.to_degC, duration_s=leg.duration_s) for leg in legs]
         ends = [*(event.time_s for event in led[1:]), self.loop.instant(led[-1].time_s + led[-1].duration_s)]
         rests = [min(self._judged_s(leg), end - event.time_s) for leg, event, end in zip(legs, led, ends, strict=True)]
         return replace(scenario, duration_s=ends[-1], rests_s=(*scenario.rests_s, 0.0, *rests),

@@ -168,8 +168,7 @@ def words_of(document: Mapping[str, Any], target: str, path: str | Path) -> Word
     view = decode(WordsView, {name: document.get(name) for name in around}, path)
     ramp = view.setpoint_ramp
     words = Words(
-        target=target, values=document["words"], sample_time_s=view.sample_time_s,
-        scaling=view.scaling,
+        target=target, values=document["words"], sample_time_s=view.sample_time_s, scaling=view.scaling,
         ramp=None if ramp is None else Ramp(step=ramp.step, calls=ramp.calls, hold=ramp.hold),
         boost=None if view.boost is None else construct_from(Boost, view.boost),
     )

@@ -267,8 +267,7 @@ def _proof(value: Proof) -> str:
     counted = f"<p>{len(value.runs)} runs on {models} heater models; each criterion is the worst of all runs.</p>"
     return _card(
         f"proof of {value.words.target}: {value.verdict}", counted,
-        table(["criterion", "worst", "limit", "unit", ""], rows, numeric=(1,)),
-        _picture(value), bullets(value.faults),
+        table(["criterion", "worst", "limit", "unit", ""], rows, numeric=(1,)), _picture(value), bullets(value.faults),
     )
 
 

@@ -74,11 +74,10 @@ def _line(line: Line2D, ax: Axes) -> dict[str, Any]:
             x = np.array([min(float(xs.min()) for xs in shown), max(float(xs.max()) for xs in shown)])
     label = str(line.get_label())
     return {
-        "label": "" if label.startswith("_child") else label,
-        "color": line.get_color(), "width": line.get_linewidth(),
+        "label": "" if label.startswith("_child") else label, "color": line.get_color(), "width": line.get_linewidth(),
         "dash": [float(n) for n in getattr(line, "_unscaled_dash_pattern", (0, None))[1] or ()],
-        "step": line.get_drawstyle() == "steps-post",
-        "x": [round(float(v), 4) for v in x], "y": [None if not np.isfinite(v) else round(float(v), 4) for v in y],
+        "step": line.get_drawstyle() == "steps-post", "x": [round(float(v), 4) for v in x],
+        "y": [None if not np.isfinite(v) else round(float(v), 4) for v in y],
     }
 
 

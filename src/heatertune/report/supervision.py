@@ -37,9 +37,8 @@ def supervision_html(document: Mapping[str, Any]) -> str:
     if document["built_in"]:
         body += [f"<h2>What {text_of(document['target'])} itself can see</h2>", _table(document["built_in"])]
     numbers = [(name, str(value)) for name, value in document["numbers"].items()]
-    body += ["<h2>What it does not detect</h2>", bullets(list(_not_seen(document))),
-             "<h2>Its rules</h2>", bullets(document["rules"]), "<h2>Its numbers</h2>",
-             table(("number", "value"), numbers, numeric=(1,)),
+    body += ["<h2>What it does not detect</h2>", bullets(list(_not_seen(document))), "<h2>Its rules</h2>",
+             bullets(document["rules"]), "<h2>Its numbers</h2>", table(("number", "value"), numbers, numeric=(1,)),
              "<h2>Its program</h2>", f"<p>{text_of(_program(document))}</p>"]
     title = f"Supervision of {document['target']} at {document['setpoint_degC']:g} °C"
     return page(title, "\n".join(body), foot=warning)

@@ -255,8 +255,7 @@ def _line(name: str, time: Array, values: Array, look: str, *, kind: Any = None,
     color, dashes = color or style["color"], [int(length) for length in _DASHES.get(look, "").split()]
     return {
         "type": "line", "name": name, "showSymbol": False, "silent": True, "z": 3,
-        "data": np.column_stack([np.round(time, 2), np.round(values, 3)]).tolist(),
-        "itemStyle": {"color": color},
+        "data": np.column_stack([np.round(time, 2), np.round(values, 3)]).tolist(), "itemStyle": {"color": color},
         "lineStyle": {"color": color, "width": style["linewidth"], "type": kind or dashes or "solid"},
     }
 

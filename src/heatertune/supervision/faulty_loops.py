@@ -215,12 +215,10 @@ class HeaterFamily:
         low = self.setpoint_degC - _LOW_SHARE * (self.setpoint_degC - row[4])
         low = low if self.low_degC is None else max(self.low_degC, row[4] + 1.0)
         parts: list[tuple[Any, dict[str, Any], float]] = [
-            (None, {}, way + settles),
-            (Load, {"power_pct": -most}, settles), (Load, {"power_pct": most}, settles),
+            (None, {}, way + settles), (Load, {"power_pct": -most}, settles), (Load, {"power_pct": most}, settles),
             (NewSetpoint, {"setpoint_degC": low}, settles),
-            (NewSetpoint, {"setpoint_degC": self.setpoint_degC}, settles),
-            (Mains, {"share": weak}, settles), (Mains, {"share": _HIGH_MAINS}, settles),
-            (Mains, {"share": 1.0}, settles),
+            (NewSetpoint, {"setpoint_degC": self.setpoint_degC}, settles), (Mains, {"share": weak}, settles),
+            (Mains, {"share": _HIGH_MAINS}, settles), (Mains, {"share": 1.0}, settles),
             (PlcPower, {"on": False}, _SHORT_OFF * self.slowest_s), (PlcPower, {"on": True}, settles),
             (PlcPower, {"on": False}, _LONG_OFF * self.slowest_s * (0.5 + 0.5 * abs(float(even[1])))),
             (PlcPower, {"on": True}, way + settles),

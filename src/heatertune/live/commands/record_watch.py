@@ -65,8 +65,7 @@ def _run_record(settings: argparse.Namespace) -> int:
 
     address = address_of(settings.address)
     how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append,
-                         timeout_s=settings.timeout,
-                    pwm_period_s=_pwm_period_s(settings.design))
+                         timeout_s=settings.timeout, pwm_period_s=_pwm_period_s(settings.design))
     places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
     shown_notes: list[str] = []
     with asked_to_end() as asked:

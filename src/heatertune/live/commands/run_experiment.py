@@ -186,8 +186,7 @@ def _document(settings: argparse.Namespace, ended: ExperimentResult) -> dict[str
     return {
         "schema": "heatertune/experiment/2", "address": settings.address, "log": settings.out, "ended": ended.reason,
         "message": ended.message, "restored": ended.restored, "power_pct": ended.power_pct,
-        "rows": ended.recording.rows if ended.recording else 0,
-        "gaps": ended.recording.gaps if ended.recording else 0,
+        "rows": ended.recording.rows if ended.recording else 0, "gaps": ended.recording.gaps if ended.recording else 0,
         "model": None if fitted is None else {name: getattr(fitted.model, field) for name, field in _FIELDS.items()},
     }
 

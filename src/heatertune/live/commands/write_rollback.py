@@ -100,9 +100,8 @@ def _run_write(settings: argparse.Namespace) -> int:
     address, link = address_of(settings.address), link_of(settings)
     progress = printing.Progress(settings)
     wanted = WriteRequest(proven_words=read_proven(settings.directory, progress), address=address, declared=said,
-                          link=link,
-                    most_writes=settings.max_writes, watch=not settings.no_watch,
-                    record=None if settings.record is None else Path(settings.record))
+                          link=link, most_writes=settings.max_writes, watch=not settings.no_watch,
+                          record=None if settings.record is None else Path(settings.record))
     document = {"schema": PLAN_SCHEMA, "directory": settings.directory, "address": address.text,
                 "digest": wanted.proven_words.view.digest, "yes": wanted.proven_words.yes, "applied": settings.apply}
     if settings.apply:

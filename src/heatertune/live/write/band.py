@@ -152,9 +152,8 @@ class Band:
         judged = overshoots["%"] + overshoots["% of rise"] + overshoots["% of change"] * (off <= _SMALL * whole)
         overshoot = max(judged, default=0.0) / 100.0
         return cls(
-            setpoint_degC=setpoint_degC, off_degC=temperature_degC - setpoint_degC,
-            carried_degC=carried_degC, overshoot=overshoot,
-            beyond_degC=overshoot * max(0.0, whole - off) if mid_way else 0.0,
+            setpoint_degC=setpoint_degC, off_degC=temperature_degC - setpoint_degC, carried_degC=carried_degC,
+            overshoot=overshoot, beyond_degC=overshoot * max(0.0, whole - off) if mid_way else 0.0,
             settles_s=max(settles, default=math.inf), rest_degC=band_degC(proven) + _unread_degC(proven))
 
     def at(self, since_s: float) -> tuple[float, float]:

@@ -160,8 +160,7 @@ def _made(prior: Prior, setup: ExperimentSetup, duration: float, at: Array, powe
 def _drawn(setup: ExperimentSetup, duration: float, at: Array, power: Array) -> Schedule:
     """Return the schedule of powers at shares of the duration, and back to the base power at its end."""
     return Schedule(
-        base_pct=setup.base_pct, time_s=np.append(at * duration, duration),
-        power_pct=np.append(power, setup.base_pct),
+        base_pct=setup.base_pct, time_s=np.append(at * duration, duration), power_pct=np.append(power, setup.base_pct),
     )
 
 

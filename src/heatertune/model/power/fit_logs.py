@@ -121,8 +121,7 @@ class JointProblem:
         high = np.max([part.high for part in parts], axis=0)
         return cls(
             parts=tuple(parts), weights=np.array([1.0 / _noise(p, f) for p, f in zip(parts, fits, strict=True)]),
-            low=np.array([min(gains) - math.log(_FAR), *low]),
-            high=np.array([max(gains) + math.log(_FAR), *high]),
+            low=np.array([min(gains) - math.log(_FAR), *low]), high=np.array([max(gains) + math.log(_FAR), *high]),
         )
 
     @property
@@ -618,9 +617,8 @@ def _alone(log: Explanation, weight: WeighedFit, best: _Joint, place: int) -> On
     ends = widen_intervals(weight.inside, [values_of(rival.model) for rival in weight.rivals])
     return OneLog(
         name=log.log.name, fit_pct=fit_pct(log.clean_temperature, simulated),
-        alone_fit_pct=fit_pct(log.clean_temperature, log.simulated_degC),
-        ambient_degC=float(fit.linear[AMBIENT]), drift_degC_per_s=float(fit.linear[DRIFT]),
-        noise_degC=float(np.std(log.clean_temperature - simulated)),
+        alone_fit_pct=fit_pct(log.clean_temperature, log.simulated_degC), ambient_degC=float(fit.linear[AMBIENT]),
+        drift_degC_per_s=float(fit.linear[DRIFT]), noise_degC=float(np.std(log.clean_temperature - simulated)),
         values={name: value for name, value in values_of(model).items() if name in ends and name != "ambient_degC"},
         ci95={name: limits for name, limits in ends.items() if name != "ambient_degC"},
     )

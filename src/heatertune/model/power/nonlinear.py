@@ -239,10 +239,9 @@ def fit_bent_heater(problem: PowerProblem, near: PowerFit, bend: int) -> BentHea
     margin = 1e-3 * (high - low)[bend]
     return BentHeater(
         gain_degC_per_pct=gain, ambient_degC=float(best[_AMBIENT]), dead_time_s=float(best[_DEAD]),
-        lags_s=(lag, lag * math.exp(best[COOLING])), ratio=float(best[_RATIO]),
-        loss_per_degC=float(best[LOSS]) / span, ceiling_degC=highest + float(best[CEILING]) * span,
-        simulated_degC=_answers(problem, best[None, :])[0], unknowns=int(np.count_nonzero(high > low)),
-        on_bound=not low[bend] + margin < best[bend] < high[bend] - margin,
+        lags_s=(lag, lag * math.exp(best[COOLING])), ratio=float(best[_RATIO]), loss_per_degC=float(best[LOSS]) / span,
+        ceiling_degC=highest + float(best[CEILING]) * span, simulated_degC=_answers(problem, best[None, :])[0],
+        unknowns=int(np.count_nonzero(high > low)), on_bound=not low[bend] + margin < best[bend] < high[bend] - margin,
     )
 
 

@@ -78,10 +78,8 @@ class Readings:
         own = np.where(sizes > 1, (time[ends] - time[starts]) / np.maximum(sizes - 1, 1), 2.0 * self.half_s[starts])
         edges, levels = self._merged()
         return replace(
-            self, edge_s=edges, level_pct=levels,
-            time_s=np.add.reduceat(weight * time, starts) / total,
-            half_s=0.5 * own * sizes,
-            temperature_degC=np.add.reduceat(weight * self.temperature_degC, starts) / total,
+            self, edge_s=edges, level_pct=levels, time_s=np.add.reduceat(weight * time, starts) / total,
+            half_s=0.5 * own * sizes, temperature_degC=np.add.reduceat(weight * self.temperature_degC, starts) / total,
             averaged=self.averaged * count,
         )
 

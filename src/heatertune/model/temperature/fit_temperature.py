@@ -179,10 +179,8 @@ def _fit(hypothesis: Hypothesis, z: Array, hold_out_rmse_degC: float) -> Fit:
     # a log's level is no merit of a model, so each log is taken about its own mean
     about_means = np.concatenate([part - part.mean() for part in hypothesis.parts(measured)])
     return Fit(
-        hypothesis=hypothesis, vector=z, simulated_degC=simulated,
-        fit_pct=fit_pct(about_means, about_means - error),
-        rmse_degC=float(np.sqrt(np.mean(error**2))),
-        bic=_bic(hypothesis, error), hold_out_rmse_degC=hold_out_rmse_degC,
+        hypothesis=hypothesis, vector=z, simulated_degC=simulated, fit_pct=fit_pct(about_means, about_means - error),
+        rmse_degC=float(np.sqrt(np.mean(error**2))), bic=_bic(hypothesis, error), hold_out_rmse_degC=hold_out_rmse_degC,
     )
 
 
@@ -410,8 +408,7 @@ def fit_temperature(
         candidates=tuple(_candidate(fit, ranked[0].bic) for fit in kept),
         hypotheses=tuple(_candidate(fit, ranked[0].bic) for fit in ranked),
         fit_pct=best.fit_pct,
-        notes=(*notes, *_notes(best, ranked, ranges, ci95, ambient_degC),
-               *(remark.sentence for remark in doubts)),
+        notes=(*notes, *_notes(best, ranked, ranges, ci95, ambient_degC), *(remark.sentence for remark in doubts)),
         residuals=Residuals(
             time_s=first.time_s, measured_degC=first.temperature_degC, simulated_degC=simulated,
             autocorrelation=autocorrelation(first.temperature_degC - simulated),

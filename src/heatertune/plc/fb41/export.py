@@ -73,8 +73,7 @@ class ExportedContC(ExportedS7):
         if values != self._held:
             self._held, self._parameters = values, parameters_of(_values(words))
         inputs = {"COM_RST": words["COM_RST"], "MAN_ON": words["MAN_ON"],
-                  "PV_PER": signed_number(words.get("PV_PER", 0), 16),
-                  "SP_INT": as_real(words.get("SP_INT", 0))}
+                  "PV_PER": signed_number(words.get("PV_PER", 0), 16), "SP_INT": as_real(words.get("SP_INT", 0))}
         self._state, _, lmn, _ = scan((self._parameters, self._assume), self._state, inputs)
         self.force(lmn)
 

@@ -35,10 +35,8 @@ CYCLE_FIELD: Final = WordField(name="CYCLE", address="CYCLE", format="TIME", low
                                comment="interval of the calls, ms")
 
 FIELDS: Final[tuple[WordField, ...]] = (
-    KP_FIELD, TR_FIELD, TD_FIELD,
-    real_field("XMIN", 0.0, 100.0, "lower limit of XOUT, %"),
-    real_field("XMAX", 0.0, 100.0, "upper limit of XOUT, %"),
-    CYCLE_FIELD,
+    KP_FIELD, TR_FIELD, TD_FIELD, real_field("XMIN", 0.0, 100.0, "lower limit of XOUT, %"),
+    real_field("XMAX", 0.0, 100.0, "upper limit of XOUT, %"), CYCLE_FIELD,
 )
 
 

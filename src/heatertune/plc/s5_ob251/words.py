@@ -65,8 +65,7 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
         wider = f"a sensor range of {scaling.span_degC * limit / max(abs(gain), 1):.3g} °C or a smaller K would fit"
         raise NotRepresentable("word K", gain, f"1…{limit} in size", wider)
     return {
-        "K": gain, "R": FACTOR, "TI": ti, "TD": td, "W": 0, "STEU": AUTO | NO_Z, "YH": 0, "BGOG": FULL_SCALE,
-        "BGUG": 0,
+        "K": gain, "R": FACTOR, "TI": ti, "TD": td, "W": 0, "STEU": AUTO | NO_Z, "YH": 0, "BGOG": FULL_SCALE, "BGUG": 0,
     }
 
 

@@ -100,8 +100,7 @@ LAWS: Final[tuple[PaperLaw, ...]] = (
     PaperLaw(
         name="truncated velocity PI",
         constants=(
-            _GAIN, _TN, _FIRST,
-            Constant(name="quantum_pct", low=1e-4, high=1.0, logarithmic=True),
+            _GAIN, _TN, _FIRST, Constant(name="quantum_pct", low=1e-4, high=1.0, logarithmic=True),
         ),
         form=4,
     ),

@@ -310,9 +310,8 @@ def _source(words: Words, certificate: Certificate, switch: PwmSource) -> str:
     low, span = words.scaling.low_degC, words.scaling.span_degC
     pulsegen = ["FB 43 PULSEGEN must be in the program: Standard Library, PID Control Blocks"]
     head = awl.head(
-        "PID of S7-300/400 application tip No. 2: the document's equations, heatertune's statements",
-        words, certificate,
-        f"setpoint SP = {FULL_SCALE}/{span:g} * (degC {0.0 - low:+g}), {whole_number(words)}",
+        "PID of S7-300/400 application tip No. 2: the document's equations, heatertune's statements", words,
+        certificate, f"setpoint SP = {FULL_SCALE}/{span:g} * (degC {0.0 - low:+g}), {whole_number(words)}",
         *by_hand(words, certificate, switch, *(pulsegen if switch.by == PULSEGEN else [])),
     )
     program = _program(words, certificate, switch)
@@ -351,8 +350,7 @@ def _data_block(words: Words) -> list[str]:
     return [
         f"DATA_BLOCK DB {_NUMBER}", "TITLE =instance of the heater's PID", "VERSION : 0.1", f"FB {_NUMBER}", "BEGIN",
         "  mode_req := FALSE ;", "  PV := 0 ;", "  SP := 0 ;", "  OUT := 0 ;", "  OVERFLOW := FALSE ;", *values,
-        f"  BIAS := {awl.real(0.0)} ;", f"  PV_LAST := {awl.real(0.0)} ;", "  STARTED := FALSE ;",
-        "END_DATA_BLOCK", "",
+        f"  BIAS := {awl.real(0.0)} ;", f"  PV_LAST := {awl.real(0.0)} ;", "  STARTED := FALSE ;", "END_DATA_BLOCK", "",
     ]
 
 

@@ -237,8 +237,7 @@ SOURCE: Final = BlockSource("HT_WEG_PID", _DECLARATIONS, _BODY)
 
 
 _WIRES = (
-    ("ManualSetPoint", "HandPower"), ("SelectSetPoint", "ByHand"),
-    ("Feedback", "HeaterTemperature"),
+    ("ManualSetPoint", "HandPower"), ("SelectSetPoint", "ByHand"), ("Feedback", "HeaterTemperature"),
 )
 
 #: input of WEG's block → input of the exported one, where the language reserves the name

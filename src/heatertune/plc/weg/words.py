@@ -58,10 +58,9 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, Number]:  # noqa
     return {
         "Kp": round_to_word(_FIELD["Kp"], abs(design.gain_pct_per_degC), "a K nearer to 1 %/°C would fit"),
         "Ki": round_to_word(_FIELD["Ki"], 0.0 if math.isinf(tn) else 1.0 / tn, "a TN nearer to 1 s would fit"),
-        "Kd": round_to_word(_FIELD["Kd"], design.derivative_time_s, "a TV nearer to 1 s would fit"),
-        "TauSetPoint": 0.0, "MinimumOutput": 0.0, "MaximumOutput": 100.0,
-        "Type": ACADEMIC, "Action": REVERSE if design.gain_pct_per_degC < 0.0 else DIRECT,
-        "Ts": round(1000.0 * design.sample_time_s),
+        "Kd": round_to_word(_FIELD["Kd"], design.derivative_time_s, "a TV nearer to 1 s would fit"), "TauSetPoint": 0.0,
+        "MinimumOutput": 0.0, "MaximumOutput": 100.0, "Type": ACADEMIC,
+        "Action": REVERSE if design.gain_pct_per_degC < 0.0 else DIRECT, "Ts": round(1000.0 * design.sample_time_s),
     }
 
 

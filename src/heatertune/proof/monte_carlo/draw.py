@@ -363,8 +363,7 @@ def measure(drawing: SampleRequest, limits: LoopLimits, count: int, *, seed: int
         places, (noise, late) = part.places, drawing.scans_of([seeds[place] for place in part.places], scans)
         cooling = drawing.cooling_of([seeds[place] for place in part.places])
         return join_tables([measure_runs(controller, rows[places], drawing.scenario, drawing.actuator, limits, noise,
-                                         late,
-                               sizes[places], cooling=cooling, side_by_side=part.side_by_side)
+                                         late, sizes[places], cooling=cooling, side_by_side=part.side_by_side)
                        for controller in differing.values()])
 
     # of settings that no run tells apart, one is run for all

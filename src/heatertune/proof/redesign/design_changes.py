@@ -188,8 +188,7 @@ class DesignChange:
         """
         ta = self.sample_time_s
         tuned = replace(request.tune_settings, structure=self.structure or request.tune_settings.structure,
-                        ms=self.ms or request.tune_settings.ms,
-                        sample_time_s=ta or request.tune_settings.sample_time_s)
+                        ms=self.ms or request.tune_settings.ms, sample_time_s=ta or request.tune_settings.sample_time_s)
         conditions = first.conditions if ta is None else request.conditions
         period = self.pwm_at(ta or first.ideal.sample_time_s, tick_s)
         if period is not None:

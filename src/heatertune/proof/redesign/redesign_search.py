@@ -291,8 +291,7 @@ class GainSearch:
         self.request = asked = self.search.request_within(self.frame)
         self.family = GainFamily.of(
             self.search.first.ideal, self.search.fitted_model, tune_settings_for(asked.tune_settings, asked.conditions),
-            asked.target,
-            asked.scaling or Scaling())
+            asked.target, asked.scaling or Scaling())
 
     def cheapest(self) -> DesignResult | None:
         """Return the cheapest that passes; None where none does, or where the frame helps too little to look on."""

@@ -87,9 +87,8 @@ def _block(statements: Statements, real: bool) -> Iterator[str]:
         f"FUNCTION_BLOCK FB {_NUMBER}", "TITLE =monitor of the heater; it does not replace a thermal cut-out",
         "VERSION : 0.1", "VAR_INPUT", "  PV : INT ;  // analog value", f"  OUT : {kind[0]} ;  // {kind[1]}", "END_VAR",
         "VAR_OUTPUT", *_declared(OUTPUTS), "END_VAR", "VAR", *_declared({**INPUTS, **statements.cells}), "END_VAR",
-        "BEGIN", "NETWORK", "TITLE =reading and power in whole percent",
-        "      L     #PV;", "      ITD   ;", "      T     #READING;",
-        *(_PERCENT_OF_REAL if real else _PERCENT_OF_INT).splitlines())
+        "BEGIN", "NETWORK", "TITLE =reading and power in whole percent", "      L     #PV;", "      ITD   ;",
+        "      T     #READING;", *(_PERCENT_OF_REAL if real else _PERCENT_OF_INT).splitlines())
     for group in statements.each_call:
         yield from ("NETWORK", f"TITLE ={group.title}", *printer.print_group(group))
     yield from ("NETWORK", "TITLE =is a block over?", printer.next("L", "#IN_BLOCK"),

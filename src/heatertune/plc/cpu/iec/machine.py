@@ -92,8 +92,7 @@ def run_tape(
         return None
     try:
         compile_function(loop)(r, w, *puts[0], *puts[1], got[0], _places(read[0], place), got[1],
-                               _places(read[1], place),
-                       tape.scans)
+                               _places(read[1], place), tape.scans)
     except ArithmeticError:
         return None
     reals[:], wholes[:] = r.tolist(), w.tolist()

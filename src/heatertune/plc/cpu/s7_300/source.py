@@ -48,10 +48,8 @@ def head(title: str, words: Words, certificate: Certificate, *facts: str) -> lis
     """Return the comment lines at the beginning of a source."""
     s = words.scaling
     lines = [
-        title,
-        f"sensor {s.low_degC:g}..{s.high_degC:g} degC = 0..27648 at the analog input; 0..27648 = 0..100 % power",
-        *facts, *certificate.head,
-        "STL source, international mnemonics; not tried in STEP 7",
+        title, f"sensor {s.low_degC:g}..{s.high_degC:g} degC = 0..27648 at the analog input; 0..27648 = 0..100 % power",
+        *facts, *certificate.head, "STL source, international mnemonics; not tried in STEP 7",
     ]
     return [f"// {line}" for line in lines]
 
