@@ -109,8 +109,7 @@ def add_fleet(commands: Any) -> None:
     common.add_proof_options(command)
     common.add_log_options(command)
     common.add_tuning_options(command)
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_fleet)
+    printing.add_output_options(command, _run_fleet)
 
 
 def _run_fleet(settings: argparse.Namespace) -> int:
@@ -150,8 +149,7 @@ def add_study(commands: Any) -> None:
     )
     command.add_argument("study", metavar="STUDY.toml", help="the definition of the sweep")
     add_table_options(command)
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_study)
+    printing.add_output_options(command, _run_study)
 
 
 def _run_study(settings: argparse.Namespace) -> int:

@@ -36,8 +36,7 @@ def add_compare(commands: Any) -> None:
     command.add_argument("-o", "--out", metavar="DIR", help="folder for compare.html and data/compare.json")
     common.add_condition_options(command, "range_degC")
     common.add_model_options(command)
-    printing.add_output_options(command, brief=True)
-    command.set_defaults(run=_run_compare)
+    printing.add_output_options(command, _run_compare, brief=True)
 
 
 def _run_compare(settings: argparse.Namespace) -> int:
@@ -85,8 +84,7 @@ def add_design(commands: Any) -> None:
     common.add_log_options(command)
     common.add_tuning_options(command)
     options.add(command.add_argument_group("many heaters"), SampleSettings, but=("replay",))
-    printing.add_output_options(command, brief=True)
-    command.set_defaults(run=_run_design)
+    printing.add_output_options(command, _run_design, brief=True)
 
 
 def _run_design(settings: argparse.Namespace) -> int:

@@ -36,8 +36,7 @@ def add_bench(commands: Any) -> None:
     command.add_argument("--samples", type=int, default=1000, metavar="N",
                          help="how many samples of 3,000 s are run on one processor and on all (default 1000)")
     command.add_argument("--rounds", type=int, default=7, metavar="N", help="how many runs of each (default 7)")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_bench)
+    printing.add_output_options(command, _run_bench)
 
 
 def _run_bench(settings: argparse.Namespace) -> int:
@@ -132,8 +131,7 @@ def add_doctor(commands: Any) -> None:
         description="Check Python, the packages, IPOPT, both caches, the extras and the paper's tables, with a remedy "
                     "for each fault. Exit status 1 if something that heatertune needs is broken.",
     )
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_doctor)
+    printing.add_output_options(command, _run_doctor)
 
 
 def _run_doctor(settings: argparse.Namespace) -> int:

@@ -46,8 +46,7 @@ def add_pareto(commands: Any) -> None:
     group.add_argument("--sample-time", default="0", metavar="S",
                        help="sampling interval TA [s]; 0: continuous (default); auto: TRdom/10 half way")
     options.add(group, TuneSettings, "objective", "weight", "mt", "mks")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_pareto)
+    printing.add_output_options(command, _run_pareto)
 
 
 def _run_pareto(settings: argparse.Namespace) -> int:
@@ -104,8 +103,7 @@ def add_tune(commands: Any) -> None:
     common.add_tuning_options(command)
     command.add_argument("--second-opinion", action="store_true",
                          help="also compute Ms with python-control (takes seconds to load)")
-    printing.add_output_options(command, brief=True)
-    command.set_defaults(run=_run_tune)
+    printing.add_output_options(command, _run_tune, brief=True)
 
 
 def _run_tune(settings: argparse.Namespace) -> int:

@@ -57,8 +57,7 @@ def add_experiment(commands: Any) -> None:
                          help="the controller is in manual already, and returns to manual at the same value")
     command.add_argument("--restore", action="store_true",
                          help="with ADDRESS alone: restore what the PLC held before an interrupted experiment")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_experiment)
+    printing.add_output_options(command, _run_experiment)
 
 
 def _run_experiment(settings: argparse.Namespace) -> int:

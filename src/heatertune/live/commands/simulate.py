@@ -51,8 +51,7 @@ def add_simulate(commands: Any) -> None:
                         help="scans in manual without a heartbeat before it returns to automatic (default: never)")
     group = command.add_argument_group("conditions, if other than those of the design")
     options.add(group, Conditions, "setpoint_degC", "noise_degC", "switches", default=argparse.SUPPRESS)
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_simulate)
+    printing.add_output_options(command, _run_simulate)
 
 
 def _run_simulate(settings: argparse.Namespace) -> int:

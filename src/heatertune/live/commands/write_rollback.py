@@ -56,8 +56,7 @@ def add_write(commands: Any) -> None:
                            "watching")
     command.add_argument("--no-watch", action="store_true", help="do not watch the response")
     command.add_argument("--record", metavar="FILE", help="the record (default: DIR/write_TIME.jsonl)")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_write)
+    printing.add_output_options(command, _run_write)
 
 
 def add_guard(command: argparse.ArgumentParser, of_what: str) -> None:
@@ -194,8 +193,7 @@ def add_rollback(commands: Any) -> None:
     add_guard(command, "what is restored, as shown without --apply")
     command.add_argument("--unproven", action="store_true",
                          help="restore parameters without a proof (default: they are proven first)")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_rollback)
+    printing.add_output_options(command, _run_rollback)
 
 
 def _run_rollback(settings: argparse.Namespace) -> int:
