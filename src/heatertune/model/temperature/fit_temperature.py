@@ -293,9 +293,8 @@ def validation_notes(best: Fit, ranked: Sequence[Fit]) -> Iterable[str]:
     step = "; the setpoint step could not be foreseen" if any(s.event for s in hypothesis.segments) else ""
     verdict = "passes" if foretells(best) else "fails"
     yield (
-        f"The hold-out in time {verdict}: fitted up to {ends}, the model misses the later "
-        f"readings by {best.hold_out_rmse_degC:.2f} °C RMS, their own mean by {constant_rmse(hypothesis, early):.2f} °C"
-        f"{step}."
+        f"The hold-out in time {verdict}: fitted up to {ends}, the model misses the later readings by "
+        f"{best.hold_out_rmse_degC:.2f} °C RMS, their own mean by {constant_rmse(hypothesis, early):.2f} °C{step}."
     )
     tried = [fit for fit in ranked if fit.cross_rmse_degC is not None]
     first = min(tried, key=lambda fit: fit.cross_rmse_degC or np.inf, default=best)

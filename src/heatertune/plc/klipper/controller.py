@@ -89,9 +89,8 @@ class KlipperAssumptions(NamedTuple):
 
     source: Annotated[int, OpenPoint(
         name="firmware", means={"klipper": KLIPPER, "kalico": KALICO, "older": OLDER},
-        reason="version of the source: a change is not sent if it is below 5 % of max_power (klipper) or of "
-               "full power (kalico, older); a command is repeated after 2.4 s (klipper, kalico) or 4.2 s "
-               "(older)",
+        reason="version of the source: a change is not sent if it is below 5 % of max_power (klipper) or of full power "
+               "(kalico, older); a command is repeated after 2.4 s (klipper, kalico) or 4.2 s (older)",
     )] = KLIPPER
     heater: Annotated[int, HEATER] = 0
 

@@ -87,8 +87,7 @@ class MarlinAssumptions(NamedTuple):
 
     avr: Annotated[bool, OpenPoint(
         name="timer", means={"1000hz": False, "977hz": True},
-        reason="frequency of the temperature timer, which scales I and D: 1000 Hz, or 976.5625 Hz on a 16 MHz "
-               "AVR",
+        reason="frequency of the temperature timer, which scales I and D: 1000 Hz, or 976.5625 Hz on a 16 MHz AVR",
     )] = False
     inside: Annotated[bool, OpenPoint(
         name="history", means={"all": False, "inside": True},

@@ -244,8 +244,7 @@ def oddities(make: Make, words: Words) -> tuple[str, ...]:
             found.append(f"{entry.name} is {display_text(entry, values)} bands: beyond it there is no derivative part.")
         if entry.role == "cutback" and not _one_band(make, entry, words):
             found.append(f"{entry.name} is {display_text(entry, values)} °C, not the proportional band: what it does "
-                         f"then is "
-                         "not published, and not proven.")
+                         f"then is not published, and not proven.")
     return tuple(found)
 
 
