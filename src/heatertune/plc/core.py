@@ -207,7 +207,7 @@ class RunningController:
         return self._held_pct
 
     def _follow(self, asked: Number, reading: Number) -> Number:
-        """Return the setpoint word at this scan, as `heatertune.plc.ramp.course` has it."""
+        """Return the setpoint word at this scan."""
         if self._ramp is None:
             return asked
         word = self._followed if self._calls else reading

@@ -11,7 +11,6 @@ starts at zero near the setpoint, after an open heater circuit as in the heat-up
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -19,7 +18,7 @@ from heatertune.errors import OutOfRange
 from heatertune.plc.single_precision import is_single, single
 from heatertune.units import check
 
-__all__ = ["Boost", "Number", "Ramp", "course", "nearest", "next_setpoint"]
+__all__ = ["Boost", "Number", "Ramp", "nearest", "next_setpoint"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,23 +132,6 @@ def next_setpoint(setpoint: Number, asked: Number, ramp: Ramp, reading: Number, 
         return setpoint
     highest = _stored(reading + ramp.hold, ramp.step)
     return highest if setpoint > highest else setpoint
-
-
-def course(ramp: Ramp | None, readings: Sequence[Number], asked: Number) -> list[Number]:
-    """Return the setpoint word at each call of the controller; without a ramp it is what is asked for from the first.
-
-    Args:
-        ramp: None: none.
-        readings: at each call; after the restart the word is the first of them.
-        asked: where it goes to.
-    """
-    if ramp is None:
-        return [asked] * len(readings)
-    word, followed = readings[0], []
-    for call, reading in enumerate(readings, start=1):
-        word = next_setpoint(word, asked, ramp, reading, due=call % ramp.calls == 0)
-        followed.append(word)
-    return followed
 
 
 def nearest(per_call: float, *, whole: bool, least: float) -> Ramp:

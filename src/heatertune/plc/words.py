@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from heatertune.plc.core import RunningController
 
 __all__ = [
-    "FLOATS", "FORMATS", "Certificate", "Scaling", "WordField", "Words", "check_fields", "holds", "kept_by", "no_pid",
-    "round_half_away", "round_to_word",
+    "FLOATS", "FORMATS", "Certificate", "Cycle", "Scaling", "WordField", "Words", "check_fields", "check_limits",
+    "holds", "kept_by", "no_pid", "round_half_away", "round_to_word", "with_pwm_period",
 ]
 
 #: format of a number in a controller → smallest and largest value; what is not one of `FLOATS` is whole
@@ -247,6 +247,22 @@ def check_fields(fields: tuple[WordField, ...], words: Words) -> None:
         value = words.values.get(one.name)
         if not one.takes(value):
             raise OutOfRange(f"word {one.name}", value, one.rule)
+
+
+def check_limits(values: Mapping[str, Number], low: str, high: str, *, equal: bool = True) -> None:
+    """Refuse limits that are upside down, or that are equal where they may not be.
+
+    Args:
+        values: word name → value.
+        low: name of the word of the lower limit.
+        high: likewise of the upper one.
+        equal: whether they may be equal.
+
+    Raises:
+        OutOfRange: they are.
+    """
+    if values[low] > values[high] or (values[low] == values[high] and not equal):
+        raise OutOfRange(f"word {low}", values[low], f"{'<=' if equal else '<'} {high} = {values[high]:g}")
 
 
 def no_pid(words: Words) -> None:

@@ -27,6 +27,7 @@ from heatertune.plc.st.program import (
     clock_for,
     comment,
     enable_condition,
+    entered_setpoint,
     function_block,
     head_of,
     instance_call,
@@ -188,10 +189,8 @@ def _call(words: Words) -> str:
     return f"{instance_call('HeaterPid', wires)}HeaterPower := HeaterPid.XOUT;\n"
 
 
-def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:
-    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
-    value = literal(proven_setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC), COUNTS))
-    return f"HeaterSetPoint = {value} °C"
+#: the setpoint as a person enters it, see `heatertune.plc.controller.Controller`
+setpoint_entry: Final = partial(entered_setpoint, COUNTS)
 
 
 def loaders(

@@ -22,8 +22,9 @@ from heatertune.plc.words import Certificate, Words
 
 __all__ = [
     "LARGEST", "MILLISECONDS", "NANOSECONDS", "SECONDS", "TENS_OF_MS", "TIME_UNIT", "BlockSource", "ProgramClock",
-    "ProgramLimits", "Variable", "by_hand", "clock_for", "comment", "enable_condition", "function_block", "head_of",
-    "instance_call", "literal", "program", "proven_setpoint", "statements", "time_to_real", "variables",
+    "ProgramLimits", "Variable", "by_hand", "clock_for", "comment", "enable_condition", "entered_setpoint",
+    "function_block", "head_of", "instance_call", "literal", "program", "proven_setpoint", "statements", "time_to_real",
+    "variables",
 ]
 
 
@@ -257,6 +258,12 @@ def proven_setpoint(words: Words, certificate: Certificate, counts: int) -> floa
     s = words.scaling
     proven = s.low_degC if certificate.setpoint_degC is None else certificate.setpoint_degC
     return single(s.low_degC + s.span_degC * count(Sensor(s.low_degC, s.span_degC, counts), proven) / counts)
+
+
+def entered_setpoint(counts: int, words: Words, setpoint_degC: float, _units: int) -> str:
+    """Return the setpoint of a proof [°C] as a person enters it into the program."""
+    proven = proven_setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC), counts)
+    return f"HeaterSetPoint = {literal(proven)} °C"
 
 
 def _ms(words: Words) -> int:

@@ -12,6 +12,7 @@ was tried in WPS or another vendor's tool; independent parsers read them. Parame
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Final
 
 from heatertune.plc.cpu.iec.machine import Firmware, TextProgram
@@ -29,6 +30,7 @@ from heatertune.plc.st.program import (
     clock_for,
     comment,
     enable_condition,
+    entered_setpoint,
     function_block,
     head_of,
     instance_call,
@@ -304,10 +306,8 @@ def _block_call(words: Words) -> str:
     return f"{call}HeaterPower := HeaterPid.Output;\n"
 
 
-def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:
-    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
-    value = literal(proven_setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC), COUNTS))
-    return f"HeaterSetPoint = {value} °C"
+#: the setpoint as a person enters it, see `heatertune.plc.controller.Controller`
+setpoint_entry: Final = partial(entered_setpoint, COUNTS)
 
 
 _BLOCK: Final = ExpectedBlock(

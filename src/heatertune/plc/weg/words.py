@@ -9,7 +9,7 @@ from typing import Final
 from heatertune.errors import OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.ramp import Number
-from heatertune.plc.words import FORMATS, Scaling, WordField, Words, round_to_word
+from heatertune.plc.words import FORMATS, Scaling, WordField, Words, check_limits, round_to_word
 
 __all__ = [
     "ACADEMIC", "COUNTS", "DIRECT", "FIELDS", "PARALLEL", "REVERSE", "consistent", "design_of", "interval_s",
@@ -90,9 +90,7 @@ def consistent(words: Words) -> None:
     Raises:
         OutOfRange: limits that are upside down.
     """
-    v = words.values
-    if v["MinimumOutput"] > v["MaximumOutput"]:
-        raise OutOfRange("word MinimumOutput", v["MinimumOutput"], f"<= MaximumOutput = {v['MaximumOutput']:g}")
+    check_limits(words.values, "MinimumOutput", "MaximumOutput")
 
 
 def oddities(words: Words) -> tuple[str, ...]:
