@@ -38,11 +38,14 @@ from heatertune.errors import DocumentError, InputError
 from heatertune.writing import read_text
 
 __all__ = [
-    "DATA", "FLAT", "LEFT_OUT", "EarlierDocument", "Null", "OrInfinite", "OrUnknown", "construct_from", "data_folder",
-    "decode", "encode", "existing_path", "peek_schema", "plain", "read_document", "read_toml", "register_schema",
-    "schema_of", "to_json",
+    "DATA", "FLAT", "LEFT_OUT", "Document", "EarlierDocument", "Null", "OrInfinite", "OrUnknown", "construct_from",
+    "data_folder", "decode", "encode", "existing_path", "peek_schema", "plain", "read_document", "read_toml",
+    "register_schema", "schema_of", "to_json",
 ]
 
+
+#: a JSON document of a stage, or an object in one, as it was read or is to be written
+Document = Mapping[str, Any]
 
 #: folder in which the documents of a design lie, beside what one reads and types
 DATA: Final = "data"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from heatertune.codec import data_folder, existing_path, peek_schema, read_document
+from heatertune.codec import Document, data_folder, existing_path, peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused, InputError
 from heatertune.pid.document import SCHEMA as DESIGN_SCHEMA
 from heatertune.pid.document import read_design
@@ -74,7 +74,7 @@ class Side:
     source: str
     kind: str
     words: Words
-    proof: Mapping[str, Any] | None = None
+    proof: Document | None = None
     taken_over: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     is_changed: bool = False
@@ -131,7 +131,7 @@ def _is_json(file: Path) -> bool:
     return content_of(existing_path(file)).lstrip().startswith(b"{")
 
 
-def _proof_beside(file: Path, document: Mapping[str, Any]) -> tuple[Mapping[str, Any] | None, tuple[str, ...]]:
+def _proof_beside(file: Path, document: Document) -> tuple[Document | None, tuple[str, ...]]:
     beside = file.with_name("proof.json")
     if not beside.exists():
         return None, ()

@@ -15,7 +15,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from heatertune.codec import LEFT_OUT, EarlierDocument, OrInfinite, decode, encode, plain, register_schema
+from heatertune.codec import LEFT_OUT, Document, EarlierDocument, OrInfinite, decode, encode, plain, register_schema
 from heatertune.errors import DocumentError
 from heatertune.pid.document import BoostView, RampView
 from heatertune.plc import Scaling
@@ -462,18 +462,18 @@ class ProofView:
         return max((part.limit_s for part in parts if part.kind in kind.phases), default=0.0)
 
 
-def with_digest(proof: Mapping[str, Any]) -> dict[str, Any]:
+def with_digest(proof: Document) -> dict[str, Any]:
     """Return a proof's document with the digest of all the rest as its last field."""
     rest = {name: value for name, value in proof.items() if name != "digest"}
     return rest | {"digest": _digest(rest)}
 
 
-def _digest(document: Mapping[str, Any]) -> str:
+def _digest(document: Document) -> str:
     text = json.dumps(plain(document), sort_keys=True, ensure_ascii=True, separators=(",", ":"))
     return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
 
 
-def check_document(proof: Mapping[str, Any], where: str | Path) -> dict[str, Any]:
+def check_document(proof: Document, where: str | Path) -> dict[str, Any]:
     """Return a proof's document, which is whole and follows from its values.
 
     Raises:

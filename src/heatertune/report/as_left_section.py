@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from heatertune.codec import Document
 from heatertune.plc import controller_for
 from heatertune.plc.keyed_entry import KeyedEntry, value_texts
 from heatertune.proof.words_file import words_of
@@ -29,8 +30,6 @@ __all__ = [
     "written_brief",
 ]
 
-
-Document = Mapping[str, Any]
 
 _KINDS: Final = {"write": "Write", "rollback": "Rollback"}
 _NOT_KNOWN: Final = "not known"

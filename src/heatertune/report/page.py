@@ -12,10 +12,10 @@ import html
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 from heatertune import __version__
-from heatertune.codec import decode
+from heatertune.codec import Document, decode
 from heatertune.model.findings import remedy_of
 from heatertune.options import options_of
 from heatertune.plc import OpenPoint, Scaling, controller_for
@@ -66,7 +66,6 @@ def glossary(body: str) -> str:
     return f'<h2>Terms</h2><dl class="terms">{lines}</dl>' if found else ""
 
 
-Document = Mapping[str, Any]
 Documents = Mapping[str, Document]
 
 

@@ -9,8 +9,9 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
+from heatertune.codec import Document
 from heatertune.model.findings import KINDS, remedy_of
 from heatertune.plc.keyed_entry import KeyedEntry
 from heatertune.plc.targets import REPAIRED
@@ -58,7 +59,6 @@ from heatertune.units import count
 
 __all__ = ["design_brief", "model_brief", "tune_brief", "verify_brief"]
 
-Document = Mapping[str, Any]
 
 #: criteria that are shown, broken ones that are named in a verdict's line, and lines of doubts and of values that fail
 _WORST: Final = 5

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.codec import data_folder, decode, read_document
+from heatertune.codec import Document, data_folder, decode, read_document
 from heatertune.errors import ExportRefused, HeatertuneError, InputError, OutOfRange
 from heatertune.live.write.plc_block import BlockImage, BlockSnapshot, runs
 from heatertune.model.values import FittedModel
@@ -53,7 +53,7 @@ class ProvenWords:
 
     directory: str
     words: Words
-    proof: Mapping[str, Any]
+    proof: Document
     view: ProofView
     fitted_model: FittedModel
     conditions: Conditions
