@@ -472,7 +472,7 @@ class _Summary:
 
     def __init__(self) -> None:
         self._outcomes: Counter[str] = Counter()
-        self._examples: dict[str, list[dict[str, Any]]] = {}
+        self._examples: dict[str, list[Row]] = {}
 
     def watch(self, rows: Iterator[Row]) -> Iterator[Row]:
         for row in rows:

@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.show import NotebookDisplay
@@ -73,12 +72,12 @@ def ideal_to_parallel(gain: float, integral_time_s: float, derivative_time_s: fl
     return gain, gain / integral_time_s, gain * derivative_time_s
 
 
-def other_forms(gain: float, integral_time_s: float, derivative_time_s: float) -> dict[str, Any]:
+def other_forms(gain: float, integral_time_s: float, derivative_time_s: float) -> dict[str, dict[str, float] | None]:
     """Return the same controller in JSON form, as "series" (None if it does not exist) and "parallel".
 
     "kp" [%/°C], "ki" [%/(°C·s)], "kd" [%·s/°C]; the series names are those of the ideal form.
     """
-    forms: dict[str, Any] = {
+    forms: dict[str, dict[str, float] | None] = {
         "series": None,
         "parallel": dict(
             zip(("kp", "ki", "kd"), ideal_to_parallel(gain, integral_time_s, derivative_time_s), strict=True)

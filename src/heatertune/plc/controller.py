@@ -26,7 +26,17 @@ from heatertune.plc.ramp import Number, Ramp, nearest
 from heatertune.plc.readback import ReadBack
 from heatertune.plc.single_precision import single
 from heatertune.plc.targets import COOLING, NAMES
-from heatertune.plc.words import Certificate, Cycle, Scaling, WordField, Words, check_fields, kept_by, round_to_word
+from heatertune.plc.words import (
+    Certificate,
+    Cycle,
+    EntryChange,
+    Scaling,
+    WordField,
+    Words,
+    check_fields,
+    kept_by,
+    round_to_word,
+)
 from heatertune.units import check
 
 __all__ = ["Controller", "CoolingSupport", "SetpointHandling", "controller_for", "with_cooler", "with_cooling"]
@@ -238,7 +248,7 @@ class Controller(SetpointHandling, ABC):
     own_pwm: ClassVar[tuple[str | None, float]] = (None, 10.0)
     direct: ClassVar[staticmethod[[Words, Any], tuple[StepFunctions, ControllerState]] | None] = None
     feed: ClassVar[FeedForwardHooks | None] = None
-    keyed_entries: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, Mapping[str, Any]]] | None] = None
+    keyed_entries: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, EntryChange]] | None] = None
     setpoint_entry: ClassVar[staticmethod[[Words, float, Any], str] | None] = None
     cooling: ClassVar[CoolingSupport | None] = None
     scan_all: ClassVar[staticmethod[[Any, Any, Mapping[str, Any]], tuple[Any, float, Any, int]] | None] = None

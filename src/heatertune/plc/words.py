@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, NamedTuple, cast
+from typing import TYPE_CHECKING, Final, NamedTuple, TypedDict, cast
 
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from heatertune.plc.core import RunningController
 
 __all__ = [
-    "FLOATS", "FORMATS", "Certificate", "Cycle", "Scaling", "WordField", "Words", "check_fields", "check_limits",
-    "holds", "kept_by", "no_pid", "round_half_away", "round_to_word", "with_pwm_period",
+    "FLOATS", "FORMATS", "Certificate", "Cycle", "EntryChange", "Scaling", "WordField", "Words", "check_fields",
+    "check_limits", "holds", "kept_by", "no_pid", "round_half_away", "round_to_word", "with_pwm_period",
 ]
 
 #: format of a number in a controller → smallest and largest value; what is not one of `FLOATS` is whole
@@ -306,6 +306,17 @@ def round_to_word(
 def round_half_away(value: float) -> int:
     """Return the nearest whole number, halves away from zero."""
     return int(math.copysign(math.floor(abs(value) + 0.5), value))
+
+
+class EntryChange(TypedDict, total=False):
+    """What is typed otherwise than it stands in a word, see `heatertune.plc.keyed_entry.KeyedEntry`."""
+
+    format: str
+    first: Number
+    then: Number
+    meaning: str
+    first_text: str
+    then_text: str
 
 
 class Cycle(NamedTuple):

@@ -39,7 +39,7 @@ from heatertune.plc.st.program import (
     variables,
 )
 from heatertune.plc.st.readback import ExpectedBlock, words_in
-from heatertune.plc.words import Certificate, WordField, Words
+from heatertune.plc.words import Certificate, EntryChange, WordField, Words
 
 __all__ = [
     "PROJECT", "SOURCE", "TEXT", "UNITS", "constants", "entries", "export_words", "from_text", "loaders",
@@ -171,7 +171,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     }
 
 
-def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
+def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, EntryChange]:
     """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.TypedWord`."""
     return entry_texts(dict(constants(words, FIELDS)))
 

@@ -52,7 +52,7 @@ from heatertune.plc.s5_ob251.step import (
     percent,
 )
 from heatertune.plc.s5_ob251.words import FACTOR, FIELDS, GAIN_WITH_D, parameters_of
-from heatertune.plc.words import Certificate, Words
+from heatertune.plc.words import Certificate, EntryChange, Words
 from heatertune.units import written
 
 __all__ = [
@@ -148,7 +148,7 @@ _FROM: Final = f"DW 0 of DB{WORK}"
 _SMALL: Final = 200  # units of YH: a tenth of the power, see COMMISSIONING.md
 
 
-def keyed_entries(words: Words, setpoint_degC: float | None, units: Number | None) -> Mapping[str, Mapping[str, Any]]:
+def keyed_entries(words: Words, setpoint_degC: float | None, units: Number | None) -> Mapping[str, EntryChange]:
     """Return what is typed otherwise than it stands in the words, see `heatertune.plc.keyed_entry.TypedWord`.
 
     Args:
@@ -179,7 +179,7 @@ def _derivative_time(words: Words) -> str:
     return f"TV = {written(words.sample_time_s * v['TD'] * 1024 / v['R'])} s" if v["R"] else f"TV = {v['TD']} TA/R"
 
 
-def _setpoint(words: Words, setpoint_degC: float | None, units: Number | None) -> dict[str, Any]:
+def _setpoint(words: Words, setpoint_degC: float | None, units: Number | None) -> EntryChange:
     """Return W with the factor for others; a ramp leads it to what the program asks for."""
     scale = words.scaling
     factor = f"whole part of ({FULL_SCALE}/{scale.span_degC:g})·({scale.formula})"

@@ -43,7 +43,7 @@ from heatertune.plc.st.program import (
 from heatertune.plc.st.readback import ExpectedBlock, words_in
 from heatertune.plc.weg.step import BLOCK, COLD, WegAssumptions, WegInputs, WegState, call, made_of
 from heatertune.plc.weg.words import COUNTS, FIELDS, REVERSE
-from heatertune.plc.words import Certificate, Words
+from heatertune.plc.words import Certificate, EntryChange, Words
 
 __all__ = [
     "KEEPS", "PROBE", "PROBED", "RENAMED", "SOURCE", "entries", "export_words", "from_text", "loaders",
@@ -281,7 +281,7 @@ def _who_keeps_ts(known: str | None) -> str:
             "BlockKeepsTs then shows it; a ladder of your own has to know")
 
 
-def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
+def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, EntryChange]:
     """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.TypedWord`."""
     return entry_texts(dict(_values(words)))
 
