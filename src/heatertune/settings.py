@@ -185,7 +185,7 @@ class TuneSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WordSettings:
-    """How a design becomes words, see `heatertune.proof.redesign.Asked`.
+    """How a design becomes words, see `heatertune.proof.redesign.DesignRequest`.
 
     Attributes:
         words_by: how the words are found, see `heatertune.plc.word_selection.choose_words`.
@@ -294,7 +294,7 @@ class SampleSettings:
 
     @property
     def spread(self) -> dict[str, float]:
-        """What is drawn how wide, as `heatertune.proof.Spread` names it."""
+        """What is drawn how wide, as `heatertune.proof.monte_carlo.draw.SampleSpread` names it."""
         return {name: getattr(self, name) for name in ("mains_pct", "ambient_degC", "disturbance_pct", "jitter_s")}
 
     def __post_init__(self) -> None:

@@ -244,7 +244,7 @@ def record(
     Args:
         address: of the PLC, which is only read.
         path: of the log.
-        places: where the PLC shows what; see `heatertune.live.poller.Looking`.
+        places: where the PLC shows what; see `heatertune.live.poller.Poller`.
         settings: how; None: each scan, without an end.
         shown: called after each look.
         ended: asked after each look whether it is enough.
@@ -253,7 +253,7 @@ def record(
         What was recorded; the file is whole, also where this raises.
 
     Raises:
-        InputError: as `heatertune.live.poller.Looking`; a file that is there or cannot be written.
+        InputError: as `heatertune.live.poller.Poller`; a file that is there or cannot be written.
         LinkError: nobody is there at the beginning; later ones are waited for.
         OutOfRange: a time that is none.
     """

@@ -208,7 +208,7 @@ class Controller(SetpointHandling, ABC):
             same, its parameters and cold state; None: the core itself compiles, or none does.
         feed: the input that a measured disturbance is written to; None: there is none.
         typed: (words, setpoint of the proof [°C], the same in units; None without a proof) → word → what of its
-            `heatertune.plc.keyed_entry.TypedWord` is other than the words and their fields say; None: nothing.
+            `heatertune.plc.keyed_entry.KeyedEntry` is other than the words and their fields say; None: nothing.
         setpoint_entry: (words, setpoint of the proof [°C], the same in units) → the setpoint as a person enters
             it, with its unit; None: in °C where the controller's setpoint is a REAL, else its word.
         cooling: what is known of the cooler beside the heater; None: the controller has no output for one.

@@ -118,7 +118,7 @@ class BlockImage:
         return None if told is None or any(field.name not in found for field in self.controller.fields) else told(found)
 
     def signal(self, content: bytes, role: str) -> float:
-        """Return a signal of the block, see `heatertune.live.controller_block.ServedBlock.signals`."""
+        """Return a signal of the block, see `heatertune.live.controller_block.ServedBlock`."""
         return self._of(content, self.block.signals[role])
 
     def _of(self, content: bytes, signal: Signal) -> float:

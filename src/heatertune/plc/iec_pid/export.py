@@ -172,7 +172,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
 
 
 def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, EntryChange]:
-    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.TypedWord`."""
+    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.KeyedEntry`."""
     return entry_texts(dict(constants(words, FIELDS)))
 
 

@@ -149,7 +149,7 @@ _SMALL: Final = 200  # units of YH: a tenth of the power, see COMMISSIONING.md
 
 
 def keyed_entries(words: Words, setpoint_degC: float | None, units: Number | None) -> Mapping[str, EntryChange]:
-    """Return what is typed otherwise than it stands in the words, see `heatertune.plc.keyed_entry.TypedWord`.
+    """Return what is typed otherwise than it stands in the words, see `heatertune.plc.keyed_entry.KeyedEntry`.
 
     Args:
         words: of OB251.

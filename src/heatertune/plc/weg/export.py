@@ -282,7 +282,7 @@ def _who_keeps_ts(known: str | None) -> str:
 
 
 def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, EntryChange]:
-    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.TypedWord`."""
+    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.KeyedEntry`."""
     return entry_texts(dict(_values(words)))
 
 

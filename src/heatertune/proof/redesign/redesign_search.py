@@ -33,12 +33,15 @@ from heatertune.proof.design_request import Candidate, DesignRequest, DesignResu
 from heatertune.proof.long_outage import briefly, sums_up, winds_up
 from heatertune.proof.nearest_specification import settings_told
 from heatertune.proof.prove_words import tune_settings_for
-from heatertune.proof.redesign import design_changes as redesign_cost
 from heatertune.proof.redesign.design_changes import (
     OF_WINDUP,
     DesignChange,
+    broken,
+    change_sentence,
     default_changes,
     design_changes,
+    gains_told,
+    more_iae,
     output_limits,
     unwinds,
 )
@@ -448,7 +451,7 @@ class RedesignSearch:
         What helps without passing stays for what follows. A search that is not done within its budget ends with the
         best so far, and says so.
         """
-        more = partial(redesign_cost.more_iae, self.first)
+        more = partial(more_iae, self.first)
         with self.budget:
             for mended in () if sums_up(self.first.proof.diagnostics) else self._mended():
                 self.dear.append(mended)
@@ -509,7 +512,7 @@ class RedesignSearch:
         """
         if not (self._boost_open and self.by_optimum and controller_for(self.request.target).has_boost):
             return None
-        why = "what passes winds up in a long open circuit" if wound else f"{redesign_cost.broken(self.first)} fails"
+        why = "what passes winds up in a long open circuit" if wound else f"{broken(self.first)} fails"
         self.progress(f"{why}: trying a boost with other gains")
         self.screen = self.screen.with_nights(each.proof for _, each in wound)
         helped = DesignChange() if self.best is None else self.best.frame
@@ -583,7 +586,7 @@ class RedesignSearch:
             yield helped.with_(frame)
 
     def _changed(self, whole: DesignChange) -> DesignResult | None:
-        self.progress(f"{redesign_cost.broken(self.first)} fails: trying {self.summary(whole) or 'other gains'}")
+        self.progress(f"{broken(self.first)} fails: trying {self.summary(whole) or 'other gains'}")
         return self.within(whole)
 
     def summary(self, frame: DesignChange) -> str:
@@ -597,13 +600,12 @@ class RedesignSearch:
             return
         hanging = settings_told(self.first.proof, "the optimum")
         yield from hanging
-        if not hanging and redesign_cost.more_iae(self.first,
-                                                  mended) > _DEAR and (told := self._cheaper_setting(mended)):
+        if not hanging and more_iae(self.first, mended) > _DEAR and (told := self._cheaper_setting(mended)):
             yield f"It {told}."
 
     def _cheaper_setting(self, mended: DesignResult) -> str:
         """Return what is told of a setting of an open point with which a cheaper design passes; "" where none does."""
-        more = partial(redesign_cost.more_iae, self.first)
+        more = partial(more_iae, self.first)
         wound = min((found for _, found in self.wound), key=more, default=None)
         with SearchBudget():
             for found in filter(None, (self.first, wound)):
@@ -665,14 +667,14 @@ class RedesignSearch:
             self.watch_failed_runs(tried.proof)
             return None
         held = "" if (hold := tried.proof.hold_degC) is None else f"a holdback of {hold:.3g} °C"
-        gains = redesign_cost.gains_told(self.first.ideal, made[0]) if tried.proof.design else ""
+        gains = gains_told(self.first.ideal, made[0]) if tried.proof.design else ""
         what = " and ".join(filter(None, (gains, self.summary(frame), held))) + ("" if boost is None else f" ({boost})")
         heard = tried.proof.diagnostics
         proof = replace(tried.proof, diagnostics=replace(heard, remarks=(*heard.remarks, f"with {what}")))
         refined = self.request.refined and by is self.first.choice
         recipe = replace(tried.recipe, power_most_pct=frame.power_most_pct, refined=refined)
         mended = replace(tried, proof=proof, recipe=recipe,
-                         notes=(redesign_cost.change_sentence(self.first, tried, what), *tried.notes))
+                         notes=(change_sentence(self.first, tried, what), *tried.notes))
         if winds_up(heard):
             self.wound.append((frame, mended))
         if not briefly(heard):

@@ -108,7 +108,7 @@ def _instance() -> list[str]:
 
 
 class S7300Text:
-    """The source in its CPU, see `heatertune.supervision.text.program_check.Text`."""
+    """The source in its CPU, see `heatertune.supervision.text.program_check.LoadedText`."""
 
     def __init__(self, source: str, *, real: bool) -> None:
         """Load it; raise InputError where it has what the CPU does not know."""

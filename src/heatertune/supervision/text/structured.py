@@ -91,7 +91,7 @@ def _indented(lines: str) -> str:
 
 
 class StructuredText:
-    """The block in a machine for structured text, see `heatertune.supervision.text.program_check.Text`."""
+    """The block in a machine for structured text, see `heatertune.supervision.text.program_check.LoadedText`."""
 
     def __init__(self, text: str, *, low_degC: float, step_degC: float) -> None:
         """Load it; raise InputError where it has what the machine does not know."""
