@@ -1,13 +1,11 @@
-"""Frozen dataclasses ↔ JSON: one reader and one writer for every document, with the path of the field in each error.
+"""JSON documents: frozen dataclasses are written and read by one codec, with the path of the field in each error.
 
-A document's shape is a dataclass: its fields in the order in which they are written, a default where a document may do
-without. Values become JSON as `encode` says; `decode` gives them back, checked, or says which field is wrong and why:
+A document has the shape of a dataclass: fields in the order in which they are written, a default where a field is
+optional. `encode` writes values as JSON; `decode` reads and checks them, or names the field and its fault:
 
     model.json: candidates[1].fit_pct: expected a number, got "x"
 
-What JSON cannot say is said by the field's type: `OrInfinite` and `OrUnknown` are floats that null stands for.
-
-JSON documents between stages.
+The type of a field says what JSON cannot: `OrInfinite` and `OrUnknown` are floats that null stands for.
 """
 
 from __future__ import annotations
@@ -40,27 +38,14 @@ from heatertune.errors import DocumentError, InputError
 from heatertune.writing import read_text
 
 __all__ = [
-    "DATA",
-    "FLAT",
-    "LEFT_OUT",
-    "EarlierDocument",
-    "Null",
-    "OrInfinite",
-    "OrUnknown",
-    "construct_from",
-    "data_folder",
-    "decode",
-    "encode",
-    "existing_path",
-    "peek_schema",
-    "plain",
-    "read_document",
-    "read_toml",
-    "register_schema",
-    "schema_of",
-    "to_json",
+    "DATA", "FLAT", "LEFT_OUT", "Document", "EarlierDocument", "Null", "OrInfinite", "OrUnknown", "construct_from",
+    "data_folder", "decode", "encode", "existing_path", "peek_schema", "plain", "read_document", "read_toml",
+    "register_schema", "schema_of", "to_json",
 ]
 
+
+#: a JSON document of a stage, or an object in one, as it was read or is to be written
+Document = Mapping[str, Any]
 
 #: folder in which the documents of a design lie, beside what one reads and types
 DATA: Final = "data"

@@ -46,8 +46,7 @@ class InstallationCheck:
 
 def examine() -> tuple[InstallationCheck, ...]:
     """Return all findings; nothing that is broken makes this fail."""
-    return (_python(), *_packages(), _ipopt(), _tables(), _machine_code(), _results(), _compiled(),
-            *_extras())
+    return (_python(), *_packages(), _ipopt(), _tables(), _machine_code(), _results(), _compiled(), *_extras())
 
 
 def works(findings: Sequence[InstallationCheck]) -> bool:

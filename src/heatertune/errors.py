@@ -22,21 +22,8 @@ from pathlib import Path
 from typing import Final
 
 __all__ = [
-    "LONGEST",
-    "DocumentError",
-    "ExportRefused",
-    "HeatertuneError",
-    "InputError",
-    "LinkDown",
-    "LinkError",
-    "LogError",
-    "NotRepresentable",
-    "OutOfRange",
-    "PlcRefused",
-    "ReplyLost",
-    "UnknownName",
-    "did_you_mean",
-    "one_line",
+    "LONGEST", "DocumentError", "ExportRefused", "HeatertuneError", "InputError", "LinkDown", "LinkError", "LogError",
+    "NotRepresentable", "OutOfRange", "PlcRefused", "ReplyLost", "UnknownName", "did_you_mean", "one_line",
 ]
 
 #: characters of an error
@@ -96,9 +83,7 @@ class LogError(InputError):
         super().__init__(f"{place}: {problem}{shown}{wanted}")
 
     def __reduce__(self) -> tuple[object, ...]:
-        return _rebuild_log_error, (
-            self.problem, self.file, self.line, self.column, self.value, self.expected,
-        )
+        return _rebuild_log_error, (self.problem, self.file, self.line, self.column, self.value, self.expected)
 
 
 def _rebuild_log_error(

@@ -74,8 +74,7 @@ class ReadSettings:
     tag_column: str | int | None = option(None, str, "column of the tags", flag="--tag-column", metavar=_COLUMN)
     quality_column: str | int | None = option(
         None, str, "column of the quality flags; none: ignore them", flag="--quality-column", metavar=_COLUMN)
-    skip_rows: int = option(
-        0, int, "skip the first N lines of the file", flag="--skip-rows", metavar="N", least=0.0)
+    skip_rows: int = option(0, int, "skip the first N lines of the file", flag="--skip-rows", metavar="N", least=0.0)
     run: int | None = option(
         None, int, "which of several runs in one file", flag="--run", dest="which_run", metavar="N",
         instead=("the longest", ""))
@@ -125,8 +124,7 @@ class ValidateSettings:
         None, float, "last instant of the log to use", unit="s", flag="--until",
         help="last instant to use [s]; default: up to a jump")
     least_fit_pct: float = option(
-        80.0, float, "fit that every model must reach", unit="%", flag="--least-fit", most=100.0,
-        instead=("80", ""))
+        80.0, float, "fit that every model must reach", unit="%", flag="--least-fit", most=100.0, instead=("80", ""))
 
     def __post_init__(self) -> None:
         validate_options(self)
@@ -187,11 +185,12 @@ class TuneSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WordSettings:
-    """How a design becomes words, see `heatertune.proof.redesign.Asked`.
+    """How a design becomes words, see `heatertune.proof.redesign.DesignRequest`.
 
     Attributes:
         words_by: how the words are found, see `heatertune.plc.word_selection.choose_words`.
-        switch_kind: the PWM period is proposed for it, see `heatertune.proof.pwm_period.with_pwm`; a given one stays.
+        switch_kind: the PWM period is proposed for it, see `heatertune.proof.design_request.with_pwm`;
+            a given one stays.
         refined: whether the gains are refined in the loop of the proof, see `heatertune.proof.refine.refine`.
         setpoint_ramp: [°C/min], "auto" or "none", see `heatertune.proof.setpoint_ramp.prove_ramped`; None: as the words
             have it; of a design, where nothing else helps.
@@ -204,8 +203,7 @@ class WordSettings:
         help="how words are rounded: optimum, the best whole numbers the controller can hold; rounded, each separately "
              "(default: optimum if the design is an optimum, else rounded)")
     refined: bool = option(
-        False, bool, "refine K and TN in the simulated loop (limits, anti-windup, PWM)",
-        flag="--refine")
+        False, bool, "refine K and TN in the simulated loop (limits, anti-windup, PWM)", flag="--refine")
     setpoint_ramp: float | str | None = option(
         None, float, "rate of the setpoint ramp", unit="°C/min", flag="--setpoint-ramp",
         metavar="auto|none|°C/MIN", or_text=("auto", "none"), above=0.0,
@@ -256,8 +254,7 @@ class FeedForwardSettings:
     disturbance_range: tuple[float, float] | None = option(
         None, float, "the disturbance at the lowest and highest reading of its sensor, in the log's unit",
         flag="--disturbance-range", pair=("LOW", "HIGH"), instead=("the levels logged", ""))
-    contact: bool = option(
-        False, bool, "the sensor is a contact, open at LOW and closed at HIGH", flag="--contact")
+    contact: bool = option(False, bool, "the sensor is a contact, open at LOW and closed at HIGH", flag="--contact")
 
     def __post_init__(self) -> None:
         validate_options(self)
@@ -297,7 +294,7 @@ class SampleSettings:
 
     @property
     def spread(self) -> dict[str, float]:
-        """What is drawn how wide, as `heatertune.proof.Spread` names it."""
+        """What is drawn how wide, as `heatertune.proof.monte_carlo.draw.SampleSpread` names it."""
         return {name: getattr(self, name) for name in ("mains_pct", "ambient_degC", "disturbance_pct", "jitter_s")}
 
     def __post_init__(self) -> None:
@@ -329,8 +326,7 @@ class Conditions:
     pwm_period_s: float | None = _time(
         None, "PWM period", "--pwm-period", least=None, above=0.0, instead=("TA in parts up to 10 s", "from TA"))
     minimum_on_s: float = _time(0.0, "shortest on time", "--minimum-on", needs="pwm_period_s", instead=("0", ""))
-    minimum_off_s: float = _time(
-        0.0, "shortest off time", "--minimum-off", needs="pwm_period_s", instead=("0", ""))
+    minimum_off_s: float = _time(0.0, "shortest off time", "--minimum-off", needs="pwm_period_s", instead=("0", ""))
     pwm_rule: str | None = option(
         None, str, "block that makes the PWM", flag="--pwm-rule", choices=("pulsegen", "pid-compact", "burst"),
         needs="pwm_period_s", instead=("a plain switch", ""),
@@ -364,8 +360,7 @@ class Conditions:
         label="tolerance around the setpoint", least=0.0,
         help="tolerance around the setpoint, for settling band, offset and oscillation [°C]; as --limit tolerance",
         instead=("the specification's", ""))
-    noise_degC: float = option(
-        0.0, float, "sensor noise, standard deviation", unit="°C", flag="--noise", least=0.0)
+    noise_degC: float = option(0.0, float, "sensor noise, standard deviation", unit="°C", flag="--noise", least=0.0)
     step_power_pct: float | None = _step_power("the specification's")
     accept: tuple[str, ...] = option(
         (), tuple, "accept a finding that makes the verdict NOT PROVEN; stated in the certificate; may be repeated",

@@ -1,11 +1,7 @@
-"""What a value shows of itself: in a notebook the last line of a cell is enough.
+"""Display of values in notebooks (IPython's protocol: Jupyter, VS Code, marimo), and the hook that runs words.
 
-The six values of the chain take `NotebookDisplay` as a base, so every front end that follows IPython's protocol
-(Jupyter, VS
-Code, marimo) finds `_repr_html_` on them, whichever was imported first. Pictures and sentences belong to the report,
-the last stage: the package hands it in from above, so that no stage knows one that sorts after it.
-
-Who makes words run: the package hands it in from above, as in `heatertune.show`, for words know no controller.
+The values of the chain inherit `NotebookDisplay`. Pictures and sentences belong to the report, the last stage, and
+words do not import controllers; the package sets both as hooks, so that no stage imports a later one.
 """
 
 from __future__ import annotations

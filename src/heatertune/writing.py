@@ -1,12 +1,10 @@
-"""Files that are written whole or not at all, and sets of files that change together or not at all.
+"""Files that are written whole or not at all, and sets of files that change together.
 
-One file is written beside, then renamed. Of several, their whole folder, with the folders in it that they name, is made
-anew beside the old one, with links to what else lies there, and the two are exchanged by one call of the system: a kill
-at any moment leaves the old set or the new. Where that cannot be (a system without the call, other folders within the
-folder, the folder one works in, a disk without links) the files are renamed one after the other, and back again where
-one cannot be: only a kill just then mixes them.
-
-Files that a user names: read whole, or refused without waiting.
+One file is written under another name, then renamed. For several, a new copy of their folder is made, with links to
+its other contents, and exchanged with the old one by one system call: a kill at any moment leaves the old set or the
+new. Where this is impossible (no such call, subfolders, the current directory, a disk without links), files are
+renamed one by one, and back again on failure: only a kill at that moment mixes them. Also the bounded reading of a
+user's files.
 """
 
 from __future__ import annotations
@@ -102,9 +100,7 @@ _HERE: Final = -100  # AT_FDCWD
 _EXCHANGE: Final = 2  # RENAME_EXCHANGE
 
 
-def write_files(
-    directory: str | Path, files: Mapping[str, str | bytes], gone: Collection[str] = ()
-) -> list[Path]:
+def write_files(directory: str | Path, files: Mapping[str, str | bytes], gone: Collection[str] = ()) -> list[Path]:
     """Write all files or none; return their paths.
 
     Args:

@@ -30,13 +30,12 @@ from heatertune.plc import Scaling, controller_for
 from heatertune.plc.core import StepFunctions
 from heatertune.plc.open_points import settings_of
 from heatertune.proof import Actuator, LoopLimits, SampleRequest, SampleSpread, Scenario, TemperatureStep
-from heatertune.proof.kernel import LOAD, LoopBatch, TraceArrays
+from heatertune.proof.kernel import LOAD, LoopBatch, SetpointProgram, TraceArrays
 from heatertune.proof.lanes import choice
 from heatertune.proof.lanes.choice import order_by_edges, run_side_by_side
 from heatertune.proof.loop import LoopController, in_loop, pulses_of, ring_size, run_compiled, run_plainly
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter, no_meter
 from heatertune.proof.monte_carlo.draw import measure
-from heatertune.proof.setpoint_program import SetpointProgram
 
 CASE = yardsticks.Case()
 PWM = Actuator(pwm_period_s=yardsticks.PERIOD_S, resolution_s=yardsticks.RESOLUTION_S)

@@ -34,11 +34,12 @@ from heatertune.plc.fb41.words import parameters_of
 from heatertune.plc.weg.controller import Weg
 from heatertune.plc.weg.step import COLD, WegState, block_of
 from heatertune.plc.weg.step import step as weg_step
-from heatertune.proof import Acceptance, Coverage, prove_models, redesign_cost, setpoint_ramp
+from heatertune.proof import Acceptance, Coverage, prove_models, setpoint_ramp
 from heatertune.proof.design_request import DesignRequest, plainly
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.prove_words import actuator_for, course_for, limits_of
 from heatertune.proof.redesign import find_passing_design
+from heatertune.proof.redesign.design_changes import more_iae
 from heatertune.proof.spec_file import specification_of
 from heatertune.settings import Conditions
 from tests.bench.passes import _STEPS, case
@@ -113,7 +114,7 @@ def tried(one, target):
     same_ta = found.choice.words.sample_time_s == plain.choice.words.sample_time_s
     free = replace(found.choice.words, ramp=None, values=found.choice.words.values | {_FULL[target]: 100.0})
     ways = [(plain.choice.words, found.conditions if same_ta else plain.conditions, 0.0),
-            (free, found.conditions, redesign_cost.more_iae(plain, found))]
+            (free, found.conditions, more_iae(plain, found))]
     passing = {}
     for words, conditions, more in ways:
         for share in (*SHARES, *([COLD_UNTIL_P] if target == "weg" else [])):
@@ -125,7 +126,7 @@ def tried(one, target):
                 passing[share, more] = settles(proof)
     broken = ",".join(each.name for each in plain.proof.criteria if not each.ok)
     took = found.proof.diagnostics.remarks[-1] if found.proof.verdict == "PASS" else found.proof.verdict
-    return took, found.proof.verdict, settles(found.proof), redesign_cost.more_iae(plain, found), passing, broken
+    return took, found.proof.verdict, settles(found.proof), more_iae(plain, found), passing, broken
 
 
 def main():

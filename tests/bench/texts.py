@@ -17,8 +17,7 @@ import numpy as np
 
 from heatertune.compiled import dispatch
 from heatertune.errors import InputError
-from heatertune.plc.cpu.iec.machine import TextProgram
-from heatertune.plc.cpu.iec.tape import KEEP, Tape
+from heatertune.plc.cpu.iec.machine import KEEP, Tape, TextProgram
 from heatertune.plc.cpu.iec.text import units
 
 REALS, WHOLES, BOOLS = ("x", "y", "z"), ("n", "m", "k"), ("p", "q")

@@ -9,22 +9,27 @@ from itertools import product
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.golden import one_bit_programs as p
+from tests.golden.one_bit_programs import OFF, ROM, ControlUnit, clock
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.plc.cpu.one_bit import programs as p
-from heatertune.plc.cpu.one_bit.assembler import (
+from heatertune.plc.cpu.one_bit import programs
+from heatertune.plc.cpu.one_bit.machine import (
     MNEMONICS,
+    MOST_STEPS,
+    START,
     Names,
     OneBitInstruction,
     OneBitProgram,
+    OneBitState,
     Op,
+    Wiring,
     assemble,
     disassemble,
     from_image,
     from_words,
+    scan,
 )
-from heatertune.plc.cpu.one_bit.machine import MOST_STEPS, START, OneBitState, Wiring, scan
-from heatertune.plc.cpu.one_bit.programs import OFF, ROM, ControlUnit, clock
 
 BITS = [False, True]
 
@@ -82,7 +87,7 @@ def test_every_instruction_has_the_printed_code():
 
 @pytest.mark.parametrize(("text", "names", "bits", "codes"), [
     (p.FLIP_FLOP_CODED, p.FLIP_FLOP_PRINTED, 4, FLIP_FLOP_CODES),
-    (p.HEATER, p.HEATER_PRINTED, 5, HEATER_CODES),
+    (programs.HEATER, p.HEATER_PRINTED, 5, HEATER_CODES),
 ], ids=["flip-flop", "heater"])
 def test_the_listings_give_the_printed_code_words_and_back(text, names, bits, codes):
     program = assemble(text, names, operand_bits=bits)
@@ -100,8 +105,8 @@ def test_the_flip_flops_other_listing_differs_in_one_code_word_alone():
 
 
 @pytest.mark.parametrize(("text", "names", "bits"), [
-    (p.FLIP_FLOP, p.FLIP_FLOP_NAMES, 4), (p.HEATER, p.HEATER_NAMES, 5), (p.DELAY, p.DELAY_NAMES, 4),
-    (p.TWO_LEVEL, p.TWO_LEVEL_NAMES, 4), (p.ON_OFF, p.ON_OFF_NAMES, 4),
+    (p.FLIP_FLOP, p.FLIP_FLOP_NAMES, 4), (programs.HEATER, programs.HEATER_NAMES, 5), (p.DELAY, p.DELAY_NAMES, 4),
+    (p.TWO_LEVEL, p.TWO_LEVEL_NAMES, 4), (programs.ON_OFF, programs.ON_OFF_NAMES, 4),
 ], ids=["flip-flop", "heater", "delay", "two-level", "on-off"])
 def test_disassembling_gives_the_listing_and_its_image_the_program(text, names, bits):
     program = assemble(text, names, operand_bits=bits)
@@ -111,7 +116,7 @@ def test_disassembling_gives_the_listing_and_its_image_the_program(text, names, 
 
 
 def test_a_name_two_signals_share_is_not_made_up():
-    told = disassemble(assemble(p.HEATER, p.HEATER_PRINTED, operand_bits=5), p.HEATER_PRINTED)
+    told = disassemble(assemble(programs.HEATER, p.HEATER_PRINTED, operand_bits=5), p.HEATER_PRINTED)
     assert "0. Test 5\n" in told
     assert "2. Test H\n" in told
 
@@ -174,7 +179,7 @@ HEATER_INPUTS = ("R", "D", "C", "A", "B")
 @pytest.mark.parametrize(("f", "h"), list(product(BITS, repeat=2)))
 def test_the_heater_program_does_what_its_text_says(f, h, inputs):
     i = dict(zip(HEATER_INPUTS, inputs, strict=True))
-    after = _run(p.HEATER, p.HEATER_NAMES, i, outputs=f << 5 | h << 6)
+    after = _run(programs.HEATER, programs.HEATER_NAMES, i, outputs=f << 5 | h << 6)
     # heater on: no fan, or temperature reached → heater and fan off; then A → fan, B → heater; R → all off
     stopped = h and (not i["D"] or i["C"])
     fan, heater = (f and not stopped) or i["A"], (h and not stopped) or i["B"]
@@ -186,11 +191,11 @@ def test_the_heater_program_cannot_be_an_interlock_for_a_request_on_b():
     # B is a push button: releasing it switches nothing off, and holding it beats sensor and fan at the end of the scan
     running = {"R": False, "D": True, "C": False, "A": False, "B": False}
     on = 1 << 5 | 1 << 6
-    assert _run(p.HEATER, p.HEATER_NAMES, running, outputs=on).is_on(6)
-    assert _run(p.HEATER, p.HEATER_NAMES, running | {"C": True, "B": True}, outputs=on).is_on(6)
-    assert _run(p.HEATER, p.HEATER_NAMES, running | {"D": False, "B": True}, outputs=on).is_on(6)
+    assert _run(programs.HEATER, programs.HEATER_NAMES, running, outputs=on).is_on(6)
+    assert _run(programs.HEATER, programs.HEATER_NAMES, running | {"C": True, "B": True}, outputs=on).is_on(6)
+    assert _run(programs.HEATER, programs.HEATER_NAMES, running | {"D": False, "B": True}, outputs=on).is_on(6)
     # and it does not ask for the fan first, as state 2 of figure 3 does
-    assert _run(p.HEATER, p.HEATER_NAMES, running | {"D": False, "B": True}).outputs == 1 << 6
+    assert _run(programs.HEATER, programs.HEATER_NAMES, running | {"D": False, "B": True}).outputs == 1 << 6
 
 
 #: figure 3, written from its text: (state, input that is looked at) → (next where it is 0, where it is 1)

@@ -13,12 +13,12 @@ import pytest
 from tests.golden.s5_machine import Machine
 from tests.golden.test_fb41 import _stub
 from tests.plc.st_machine import Program
+from tests.witness.setpoint_course import course
 
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.cpu.s7_200 import assemble
 from heatertune.plc.fb41.step import scale_reading
-from heatertune.plc.ramp import course
 
 PASS = Certificate(verdict="PASS")
 #: where the setpoint asked for goes in a run: (calls, share of the range); up, down, up before it has arrived, and to rest

@@ -14,10 +14,11 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
-from heatertune.plc.cpu.s7_200 import COLD, assemble, cycle, run
+from heatertune.plc.cpu.s7_200 import COLD, assemble, run
+from heatertune.plc.cpu.s7_200 import io_and_cycle as cycle
 from heatertune.plc.cpu.s7_200.assembler import block_number
 from heatertune.plc.cpu.s7_200.cpu import add_integers, carry_out, divide_integers, high_word, multiply_integers
-from heatertune.plc.cpu.s7_200.cycle import run_cycle, timed_program
+from heatertune.plc.cpu.s7_200.io_and_cycle import run_cycle, timed_program
 from heatertune.plc.cpu.s7_200.state import own
 from heatertune.plc.s7_200.export import COUNTDOWN, repaired_program
 from heatertune.plc.s7_200_paper import step

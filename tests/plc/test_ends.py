@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import pytest
 from tests.golden import printed
+from tests.golden.one_bit_programs import HEATER_PRINTED, TWO_LEVEL_NAMES
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
-from heatertune.plc.cpu.one_bit.assembler import assemble as single_bit
 from heatertune.plc.cpu.one_bit.machine import START, Wiring, scan
-from heatertune.plc.cpu.one_bit.programs import HEATER_NAMES, HEATER_PRINTED, ON_OFF_NAMES, TWO_LEVEL_NAMES
+from heatertune.plc.cpu.one_bit.machine import assemble as single_bit
+from heatertune.plc.cpu.one_bit.programs import HEATER_NAMES, ON_OFF_NAMES
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run
 from heatertune.plc.cpu.s7_200.cpu import divide_integers
 from heatertune.plc.cpu.s7_200.memory import SIZE, cell

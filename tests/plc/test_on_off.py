@@ -123,7 +123,7 @@ def test_the_files_hold_program_and_word():
 
 
 def test_the_listing_assembles_to_the_program():
-    from heatertune.plc.cpu.one_bit.assembler import assemble  # noqa: PLC0415 - beside its only use
+    from heatertune.plc.cpu.one_bit.machine import assemble  # noqa: PLC0415 - beside its only use
     from heatertune.plc.cpu.one_bit.programs import ON_OFF_NAMES  # noqa: PLC0415
 
     assert assemble(ROOM.export(_words(), PASS)["on_off_listing.txt"], ON_OFF_NAMES, operand_bits=4) == PROGRAM

@@ -10,7 +10,7 @@ from heatertune.errors import InputError, NotRepresentable
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Scaling, controller_for
-from heatertune.plc.cooler import with_cooling
+from heatertune.plc.controller import with_cooling
 from heatertune.plc.cpu.iec.machine import Firmware
 from heatertune.plc.dump_reader import read_machine
 from heatertune.plc.pid_compact.export import FirmwareInstruction, load, load_program

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from tests.plc.printed_machines import MACHINES, OnStructuredText
 
-from heatertune.plc.print.parts import CELLS, pulse_staircase, setpoint_ramp
-from heatertune.plc.print.statements import Group, if_
+from heatertune.plc.print.statements import CELLS, Group, if_, pulse_staircase, setpoint_ramp
 from heatertune.plc.pwm import Actuator, on_time, pulse_ends
 from heatertune.plc.ramp import Ramp, next_setpoint
 from heatertune.plc.single_precision import single

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.witness.setpoint_course import course
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Ramp, Scaling, controller_for
-from heatertune.plc.ramp import course, nearest, next_setpoint
+from heatertune.plc.ramp import nearest, next_setpoint
 
 DESIGN = PidDesign(gain_pct_per_degC=3.0, integral_time_s=300.0, derivative_time_s=0.0, sample_time_s=4.0, structure="pi",
                    method="")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from heatertune.plc.weg.advice import ADVICE, AcademicGains, Symptom, apply_changes
+from heatertune.proof.advice import ADVICE, AcademicGains, Symptom, apply_changes
 
 GAINS = AcademicGains(kp=10.0, ki=0.5, kd=4.0)
 

@@ -15,17 +15,17 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
-from heatertune.plc.cooler import with_cooling
+from heatertune.plc.controller import with_cooling
 from heatertune.plc.pwm import pid_compact
 from heatertune.proof import LoopLimits, SampleRequest, SampleSpread, replay, simulate
 from heatertune.proof.criteria import columns_of
+from heatertune.proof.kernel import heat_after, period_of, switched_off, times_on
 from heatertune.proof.loop import in_loop, noise_of, plant_row, scans_of
 from heatertune.proof.monte_carlo.draw import measure
 from heatertune.proof.prove_words import actuator_for, course_for, prove
 from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.proof.runs import measure_runs
 from heatertune.proof.scenario import Load, Mains, NewSetpoint, PlcPower, Scenario, TemperatureStep
-from heatertune.proof.switch_edges import heat_after, period_of, switched_off, times_on
 from heatertune.proof.text_comparison import ComparisonResult, compare_text
 from heatertune.settings import Conditions, TuneSettings
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from heatertune.errors import OutOfRange
-from heatertune.plc.weg.advice import Symptom
-from heatertune.proof.advice import observe
+from heatertune.proof.advice import Symptom, observe
 
 TIME = np.arange(0.0, 1200.0, 2.0)
 

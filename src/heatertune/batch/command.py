@@ -1,11 +1,4 @@
-"""The commands that write one table of many cases: `fleet` and `study`, and the options that `health` shares.
-
-What the commands that write one table of many cases share.
-
-`heatertune fleet`: many logs → one table of proven words.
-
-`heatertune study`: a sweep over anything → one table.
-"""
+"""The commands that write one table of many cases, `fleet` and `study`, and options shared with `health`."""
 
 from __future__ import annotations
 
@@ -116,8 +109,7 @@ def add_fleet(commands: Any) -> None:
     common.add_proof_options(command)
     common.add_log_options(command)
     common.add_tuning_options(command)
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_fleet)
+    printing.add_output_options(command, _run_fleet)
 
 
 def _run_fleet(settings: argparse.Namespace) -> int:
@@ -157,8 +149,7 @@ def add_study(commands: Any) -> None:
     )
     command.add_argument("study", metavar="STUDY.toml", help="the definition of the sweep")
     add_table_options(command)
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_study)
+    printing.add_output_options(command, _run_study)
 
 
 def _run_study(settings: argparse.Namespace) -> int:

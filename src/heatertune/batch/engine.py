@@ -1,12 +1,8 @@
-"""Cases → chunks → parts → table.
+"""Batches: cases are run in chunks, and their rows are written to one Parquet file.
 
-The finished chunks of a batch, one file each, in a folder beside the table until that is written.
-
-One run at a time writes a table: whoever comes second is refused, and a dead run's lock is nobody's.
-
-Rows → one Parquet file, streamed in row groups, written whole or not at all.
-
-What a batch is made of.
+Finished chunks are stored in a folder next to the table until the table is written, so an interrupted run continues
+where it stopped. A lock lets one run at a time write a table; the lock of a dead run is ignored. Rows are streamed in
+row groups, and the file is written whole or not at all.
 """
 
 from __future__ import annotations
@@ -52,7 +48,7 @@ def silent(done: int, total: int) -> None:
     """Tell nobody."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class TableColumn:
     """One column of the table.
 
@@ -445,9 +441,7 @@ def _one_by_one(batch: CaseBatch, chunk: Chunk, workers: Workers, task: Task) ->
             for k in range(first, first + len(chunk.cases))]
 
 
-def _task(
-    do: Callable[[Any, Any], Row], shared: Any, program: str, cases: list[Any]
-) -> list[Row]:
+def _task(do: Callable[[Any, Any], Row], shared: Any, program: str, cases: list[Any]) -> list[Row]:
     """Do a chunk; this runs on the worker.
 
     Raises:
@@ -478,7 +472,7 @@ class _Summary:
 
     def __init__(self) -> None:
         self._outcomes: Counter[str] = Counter()
-        self._examples: dict[str, list[dict[str, Any]]] = {}
+        self._examples: dict[str, list[Row]] = {}
 
     def watch(self, rows: Iterator[Row]) -> Iterator[Row]:
         for row in rows:

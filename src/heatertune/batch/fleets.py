@@ -1,6 +1,6 @@
-"""The logs of many heaters → one table: each is fitted, tuned, rounded to words and proven, or says why not.
+"""`fleet`: each heater of many logs or models is fitted, tuned, rounded to words and proven; one row of a table each.
 
-One heater from its log, or its model, to proven words, as one flat row of a table.
+A heater that fails at any stage has the reason in its row.
 """
 
 from __future__ import annotations
@@ -37,9 +37,7 @@ from heatertune.proof.verdict import samples_told
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.writing import read_bytes, read_text
 
-__all__ = [
-    "HEAD", "RESULT", "SCHEMA", "ZoneSettings", "find_logs", "fleet", "lost_row", "word_columns", "zone_row",
-]
+__all__ = ["HEAD", "RESULT", "SCHEMA", "ZoneSettings", "find_logs", "fleet", "lost_row", "word_columns", "zone_row"]
 
 
 _WHAT: Final = {
@@ -54,43 +52,42 @@ _DESIGN: Final = {
 
 #: the columns every row begins with
 HEAD: Final = (
-    TableColumn(name="outcome", kind="text",
-                description="PASS, FAIL or NOT PROVEN; or the stage that failed: no log, no fit, no design, no words, "
+    TableColumn("outcome", "text",
+                "PASS, FAIL or NOT PROVEN; or the stage that failed: no log, no fit, no design, no words, "
                             "no proof; crashed: program error"),
-    TableColumn(name="reason", kind="text", description="limits that the proof did not keep, or why a stage failed"),
+    TableColumn("reason", "text", "limits that the proof did not keep, or why a stage failed"),
 )
 
 #: the columns of what was found
 RESULT: Final = (
-    TableColumn(name="log_taken", kind="text", description="columns of the log and their meaning"),
-    TableColumn(name="fit_outcome", kind="text", description="outcome of the fit"),
-    *(TableColumn(name=f"{name}{end}", kind="float", description=f"{what}{of}") for name, what in _WHAT.items() for end,
+    TableColumn("log_taken", "text", "columns of the log and their meaning"),
+    TableColumn("fit_outcome", "text", "outcome of the fit"),
+    *(TableColumn(f"{name}{end}", "float", f"{what}{of}") for name, what in _WHAT.items() for end,
       of in (
         ("", " of the working model"), ("_ci95_low", ", low end of its 95 % interval"),
         ("_ci95_high", ", high end of its 95 % interval"))),
-    TableColumn(name="fit_pct", kind="float", description="fit of the working model to the log [%]"),
-    TableColumn(name="models", kind="int", description="candidate models used for tuning and proof"),
-    *(TableColumn(name=name, kind="float", description=f"{what} of the design") for name, what in _DESIGN.items()),
-    TableColumn(name="structure", kind="text", description="controller structure"),
-    TableColumn(name="method", kind="text", description="design method"),
-    TableColumn(name="words", kind="text", description="the parameters for the PLC, as JSON"),
-    TableColumn(name="remarks", kind="text",
-                description="other remarks of the verdict line: changes made to pass, or changes that would pass"),
-    TableColumn(name="ramp_degC_per_min", kind="float", description="setpoint ramp [°C/min]; empty: none"),
-    TableColumn(name="hold_degC", kind="float",
-                description="its holdback: largest distance of the setpoint from the reading [°C]; empty: unlimited"),
-    TableColumn(name="boost_within_degC", kind="float",
-                description="boost: full power until this distance from the setpoint [°C]; empty: none"),
-    TableColumn(name="boost_again_degC", kind="float", description="boost: full power again beyond this distance [°C]"),
-    TableColumn(name="setpoint_degC", kind="float", description="setpoint of the proof [°C]"),
-    TableColumn(name="pwm_period_s", kind="float",
-                description="PWM period of the proof [s]; set this one if you gave none"),
-    TableColumn(name="runs", kind="int", description="closed-loop runs of the proof"),
-    *(TableColumn(name=kind.column, kind="float", description=f"{kind.name.replace('_', ' ')}, the worst over all runs")
+    TableColumn("fit_pct", "float", "fit of the working model to the log [%]"),
+    TableColumn("models", "int", "candidate models used for tuning and proof"),
+    *(TableColumn(name, "float", f"{what} of the design") for name, what in _DESIGN.items()),
+    TableColumn("structure", "text", "controller structure"),
+    TableColumn("method", "text", "design method"),
+    TableColumn("words", "text", "the parameters for the PLC, as JSON"),
+    TableColumn("remarks", "text",
+                "other remarks of the verdict line: changes made to pass, or changes that would pass"),
+    TableColumn("ramp_degC_per_min", "float", "setpoint ramp [°C/min]; empty: none"),
+    TableColumn("hold_degC", "float",
+                "its holdback: largest distance of the setpoint from the reading [°C]; empty: unlimited"),
+    TableColumn("boost_within_degC", "float",
+                "boost: full power until this distance from the setpoint [°C]; empty: none"),
+    TableColumn("boost_again_degC", "float", "boost: full power again beyond this distance [°C]"),
+    TableColumn("setpoint_degC", "float", "setpoint of the proof [°C]"),
+    TableColumn("pwm_period_s", "float", "PWM period of the proof [s]; set this one if you gave none"),
+    TableColumn("runs", "int", "closed-loop runs of the proof"),
+    *(TableColumn(kind.column, "float", f"{kind.name.replace('_', ' ')}, the worst over all runs")
       for kind in CRITERIA if kind.column),
-    TableColumn(name="samples", kind="int", description="sampled heaters of the proof"),
-    TableColumn(name="samples_passing_pct", kind="float", description="percentage of them that keep every limit [%]"),
-    TableColumn(name="samples_worst_seed", kind="int", description="seed of the worst sample, for verify --replay"),
+    TableColumn("samples", "int", "sampled heaters of the proof"),
+    TableColumn("samples_passing_pct", "float", "percentage of them that keep every limit [%]"),
+    TableColumn("samples_worst_seed", "int", "seed of the worst sample, for verify --replay"),
 )
 
 
@@ -106,8 +103,7 @@ def word_columns(targets: Iterable[str]) -> tuple[TableColumn, ...]:
             before = columns.get(word.name)
             whole = word.format not in FLOATS and (before is None or before.kind == "int")
             what = f"word {word.name} of {target}" if before is None else f"{before.description}, {target}"
-            columns[word.name] = TableColumn(name=f"word_{word.name}", kind="int" if whole else "float",
-                                              description=what)
+            columns[word.name] = TableColumn(f"word_{word.name}", "int" if whole else "float", what)
     return tuple(columns.values())
 
 
@@ -199,11 +195,7 @@ SCHEMA: Final = "heatertune/fleet/1"
 
 #: files of a folder that are taken for logs
 _ENDINGS: Final = (".csv", ".tsv", ".txt", ".log", ".dat")
-_COLUMNS: Final = (
-    TableColumn(name="name", kind="text",
-                description="file of the log, without the common part of the paths"),
-    *HEAD, *RESULT,
-)
+_COLUMNS: Final = (TableColumn("name", "text", "file of the log, without the common part of the paths"), *HEAD, *RESULT)
 
 
 class Zone(NamedTuple):

@@ -1,7 +1,4 @@
-"""A study: every case of a STUDY.toml taken through the chain, one row of a table each.
-
-STUDY.toml → cases: every combination of a grid, and cases listed one by one.
-"""
+"""`study`: the cases of a STUDY.toml, a grid and single cases, each run through the chain to one row of a table."""
 
 from __future__ import annotations
 
@@ -321,10 +318,10 @@ def _files(path: Path, cases: Study) -> dict[str, Any]:
 def _columns(cases: Study) -> tuple[TableColumn, ...]:
     kinds = {str: "text", float: "float", int: "int", bool: "bool", dict: "text"}
     return (
-        TableColumn(name="case", kind="int", description="number of the case, from 1"),
-        TableColumn(name="name", kind="text", description="settings that distinguish the case"),
-        *(TableColumn(name=f"case_{key}", kind=kinds[KEYS[key].kind],
-                      description=f"as requested: {KEYS[key].quantity_with_unit}")
+        TableColumn("case", "int", "number of the case, from 1"),
+        TableColumn("name", "text", "settings that distinguish the case"),
+        *(TableColumn(f"case_{key}", kinds[KEYS[key].kind],
+                      f"as requested: {KEYS[key].quantity_with_unit}")
           for key in cases.keys),
         *HEAD, *RESULT, *word_columns(cases.settings_of("target")),
     )

@@ -1,8 +1,6 @@
-"""Who computes the chunks of a batch: a pool of processes, or a Dask cluster.
+"""The workers that compute the chunks of a batch: processes on this machine, or a Dask cluster of the user's.
 
-A pool of processes on this machine; a process that dies takes no case with it.
-
-The workers of a Dask cluster; the cluster itself is the user's.
+If a process of the pool dies, its cases are run again.
 """
 
 from __future__ import annotations
@@ -62,9 +60,7 @@ def on_dask(address: str) -> Workers:
     return workers
 
 
-def _all(
-    distributed: Any, client: Any, chunks: Iterator[Chunk], do: Task
-) -> Iterator[tuple[Chunk, list[Row] | None]]:
+def _all(distributed: Any, client: Any, chunks: Iterator[Chunk], do: Task) -> Iterator[tuple[Chunk, list[Row] | None]]:
     """Run all chunks; one whose workers died runs again alone, for it may only have stood beside the guilty one."""
     under_way: dict[Any, Chunk] = {}
     suspects: list[Chunk] = []

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.codec import construct_from, data_folder, decode, encode, plain, read_document, schema_of
+from heatertune.codec import Document, construct_from, data_folder, decode, encode, plain, read_document, schema_of
 from heatertune.errors import DocumentError
 from heatertune.log.values import Log
 from heatertune.model.document import ModelView
@@ -35,7 +35,7 @@ def log_document(log: Log) -> dict[str, Any]:
 
 
 def words_document(
-    words: Words, proof: Proof, files: Mapping[str, str | bytes], search: Mapping[str, Any] | None = None
+    words: Words, proof: Proof, files: Mapping[str, str | bytes], search: Document | None = None
 ) -> dict[str, Any]:
     """Return the JSON document of the controller parameters, in the order of entry, and how they were found."""
     target, setpoint = controller_for(words.target), proof.scenario.setpoint_degC
@@ -48,7 +48,7 @@ def words_document(
     return document
 
 
-def without_curves(documents: Mapping[str, Mapping[str, Any]], nearest: Sequence[str] = ()) -> dict[str, Any]:
+def without_curves(documents: Mapping[str, Document], nearest: Sequence[str] = ()) -> dict[str, Any]:
     """Return a design without curves: verdict, setpoint, specification, parameters, criteria and files first.
 
     Args:

@@ -23,7 +23,7 @@ from heatertune.pid import sampled_loop as robustness
 from heatertune.pid.sampled_loop import iae_load as load_iae
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
-from heatertune.plc.scan_by_scan import RunningController
+from heatertune.plc.core import RunningController
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Actuator, Interlock, Scenario, Trace
 from heatertune.proof import simulate as simulate_loop

@@ -16,7 +16,7 @@ from heatertune import cache
 from heatertune.chain.documents import log_document, read_documents, words_document
 from heatertune.chain.precompile import Worker, work_alongside
 from heatertune.chain.stages import export, fit
-from heatertune.codec import DATA, data_folder, decode, encode, plain, read_document, to_json
+from heatertune.codec import DATA, Document, data_folder, decode, encode, plain, read_document, to_json
 from heatertune.commissioned import RECORD_SCHEMA, AsLeftSettings, RecordSettings
 from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
@@ -51,22 +51,13 @@ from heatertune.settings import FeedForwardSettings, FitSettings, ReadSettings
 from heatertune.writing import write_files
 
 __all__ = [
-    "TYPICAL_S",
-    "ChainResult",
-    "FedForward",
-    "as_left_in",
-    "design",
-    "dossier",
-    "feed_forward",
-    "files_of",
-    "redraw",
-    "related_documents",
-    "write_report",
+    "TYPICAL_S", "ChainResult", "FedForward", "as_left_in", "design", "dossier", "feed_forward", "files_of", "redraw",
+    "related_documents", "write_report",
 ]
 
 
 def as_left_in(
-    directory: str | Path, documents: Mapping[str, Mapping[str, Any]], log: Log,
+    directory: str | Path, documents: Mapping[str, Document], log: Log,
     settings: AsLeftSettings | None = None, progress: ProgressCallback = str,
 ) -> AsLeft:
     """Compare a trace with the proof of a design.
@@ -88,7 +79,7 @@ def as_left_in(
     return as_left(log, words, from_document(documents["model"]), proof, settings, progress=progress)
 
 
-def related_documents(directory: str | Path, proof: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def related_documents(directory: str | Path, proof: Document) -> dict[str, dict[str, Any]]:
     """Return the additional documents of a design: "as_left" and "written" of this proof, and "record".
 
     Raises:
@@ -106,7 +97,7 @@ def related_documents(directory: str | Path, proof: Mapping[str, Any]) -> dict[s
     return found
 
 
-def files_of(directory: str | Path, documents: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+def files_of(directory: str | Path, documents: Mapping[str, Document]) -> dict[str, str]:
     """Return the additional files of a design, name → content."""
     folder = data_folder(directory).relative_to(directory)
     return {str(folder / f"{name}.json"): to_json(documents[name]) for name in ("as_left", "written", "record")
@@ -209,7 +200,7 @@ class ChainResult:
     fitted_model: FittedModel
     outcome: DesignResult
     files: Mapping[str, str | bytes]
-    documents: Mapping[str, Mapping[str, Any]]
+    documents: Mapping[str, Document]
 
 
 def _told(stage: str) -> str:
@@ -299,7 +290,7 @@ def write_report(
 
 def dossier(
     log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
-    search: Mapping[str, Any] | None = None, recipe: DesignProvenance | None = None,
+    search: Document | None = None, recipe: DesignProvenance | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Return the documents of all stages in JSON form: a report made from them equals one made later from the files.
 
@@ -319,7 +310,7 @@ def dossier(
 
 def _without_comparison(
     log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
-    search: Mapping[str, Any] | None, recipe: DesignProvenance | None, second: Worker,
+    search: Document | None, recipe: DesignProvenance | None, second: Worker,
 ) -> dict[str, dict[str, Any]]:
     """Return the documents without the comparison, whose pictures are still being drawn."""
     documents = _found(log, fitted) | {
@@ -388,7 +379,7 @@ def redraw(
 
 
 def _write(
-    documents: Mapping[str, Mapping[str, Any]], files: Mapping[str, str | bytes], out: str | Path,
+    documents: Mapping[str, Document], files: Mapping[str, str | bytes], out: str | Path,
     second: Worker | None = None,
 ) -> list[Path]:
     written = {f"{name}.json": to_json(document) for name, document in documents.items()}
@@ -397,7 +388,7 @@ def _write(
     return write_files(out, {**files, "report.html": _page(documents, drawn), **moved}, gone=written)
 
 
-def _page(documents: Mapping[str, Mapping[str, Any]], drawn: Mapping[str, str] | None = None) -> str:
+def _page(documents: Mapping[str, Document], drawn: Mapping[str, str] | None = None) -> str:
     from heatertune.report import render
 
     return render(documents, drawn)

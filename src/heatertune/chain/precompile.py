@@ -24,6 +24,7 @@ from time import monotonic
 from typing import IO, Any, Final, NamedTuple
 
 from heatertune.cache import folder
+from heatertune.codec import Document
 from heatertune.compiled import is_kept, machine_code, made_beside
 from heatertune.processors import processors
 
@@ -32,7 +33,7 @@ __all__ = ["Worker", "work_alongside"]
 _PATIENCE_S: Final = 60.0  # after a longer wait, a process compiles by itself
 _PATIENCE_FOR_PICTURES_S: Final = 10.0  # likewise
 
-_Documents = Mapping[str, Mapping[str, Any]]
+_Documents = Mapping[str, Document]
 
 
 class _Asked(NamedTuple):

@@ -106,9 +106,8 @@ def fit_known(
     tried = controllers(words, known)
     given = merge_options(FitSettings, settings, changed)
     inputs = _columns(log) | asdict(given) | {
-        "setpoint_degC": setpoint_degC,
-        "target": words.target, "words": dict(words.values), "sample_time_s": words.sample_time_s,
-        "range": repr(words.scaling),
+        "setpoint_degC": setpoint_degC, "target": words.target, "words": dict(words.values),
+        "sample_time_s": words.sample_time_s, "range": repr(words.scaling),
         "switches": [dict(controller.switches) for controller in tried],
     }
 

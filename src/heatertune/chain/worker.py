@@ -14,6 +14,7 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import IO, Any, Final
 
+from heatertune.codec import Document
 from heatertune.compiled import decide
 from heatertune.errors import HeatertuneError
 from heatertune.model.values import Fopdt
@@ -84,7 +85,7 @@ def _work(asked: SimpleQueue[Any], drawn: set[int], compiles: bool) -> None:
         _draw_first()
     from heatertune.report import sections
 
-    documents: Mapping[str, Mapping[str, Any]]
+    documents: Mapping[str, Document]
     while True:
         request, documents, name = asked.get()
         if request not in drawn:

@@ -70,8 +70,7 @@ def _welcome() -> str:
     examples = {name: command(name).example.removeprefix("example: ") for name in _FIRST}
     told = [f"  {examples[name]}\n      {what}" for name, what in _FIRST.items()]
     return "\n".join([
-        _PURPOSE, "", *told, "",
-        "heatertune --help lists all commands, heatertune COMMAND --help its options."])
+        _PURPOSE, "", *told, "", "heatertune --help lists all commands, heatertune COMMAND --help its options."])
 
 
 def parser(only: str | None = None) -> argparse.ArgumentParser:

@@ -1,7 +1,4 @@
-"""What the commands share: groups of options, and what they mean to the stages.
-
-Arguments → options, complaints in one line.
-"""
+"""What the commands share: groups of options, their conversion to values, and one-line errors for bad arguments."""
 
 from __future__ import annotations
 

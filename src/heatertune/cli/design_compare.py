@@ -1,9 +1,4 @@
-"""The commands for the whole chain, on one controller and on all: `design` and `compare`.
-
-`heatertune design`: the whole chain.
-
-`heatertune compare`: one design on every controller.
-"""
+"""The commands for the whole chain, on one controller and on all: `design` and `compare`."""
 
 from __future__ import annotations
 
@@ -41,8 +36,7 @@ def add_compare(commands: Any) -> None:
     command.add_argument("-o", "--out", metavar="DIR", help="folder for compare.html and data/compare.json")
     common.add_condition_options(command, "range_degC")
     common.add_model_options(command)
-    printing.add_output_options(command, brief=True)
-    command.set_defaults(run=_run_compare)
+    printing.add_output_options(command, _run_compare, brief=True)
 
 
 def _run_compare(settings: argparse.Namespace) -> int:
@@ -90,8 +84,7 @@ def add_design(commands: Any) -> None:
     common.add_log_options(command)
     common.add_tuning_options(command)
     options.add(command.add_argument_group("many heaters"), SampleSettings, but=("replay",))
-    printing.add_output_options(command, brief=True)
-    command.set_defaults(run=_run_design)
+    printing.add_output_options(command, _run_design, brief=True)
 
 
 def _run_design(settings: argparse.Namespace) -> int:
@@ -112,8 +105,7 @@ def _designed(settings: argparse.Namespace, second: Worker) -> int:
     log = chain.read_log(settings.log, common.reading(settings), errata=True)
     printing.tell_taken(settings, [log], progress)
     result = chain.design(
-        log, asked, out=settings.out, fitted_with=beside, force=settings.force,
-        progress=progress, begun=second)
+        log, asked, out=settings.out, fitted_with=beside, force=settings.force, progress=progress, begun=second)
     effect, feed = result.fitted_model.disturbance, plc.controller_for(asked.target).feed
     fed = "" if effect is None or not effect.acts or feed is None else (
         f"feed it forward: heatertune feed-forward {settings.out}")

@@ -1,13 +1,4 @@
-"""The commands from a design to its proof and its files: `export-db`, `verify`, `feed-forward` and `report`.
-
-`heatertune export-db`: pid → proven words → text.
-
-`heatertune verify`: pid → verdict.
-
-`heatertune feed-forward`: a design with a measured disturbance → what the PLC makes of it.
-
-`heatertune report`: the documents of a design → report.html, once more, and with what the plant really does.
-"""
+"""The commands from a design to its proof and its files: `export-db`, `verify`, `feed-forward` and `report`."""
 
 from __future__ import annotations
 
@@ -49,8 +40,7 @@ def add_verify(commands: Any) -> None:
     common.add_proof_options(command)
     common.add_model_options(command)
     options.add(command.add_argument_group("many heaters"), SampleSettings)
-    printing.add_output_options(command, brief=True)
-    command.set_defaults(run=_run_verify)
+    printing.add_output_options(command, _run_verify, brief=True)
 
 
 def _run_verify(settings: argparse.Namespace) -> int:
@@ -104,8 +94,7 @@ def add_feed_forward(commands: Any) -> None:
     command.add_argument("-o", "--out", metavar="DIR", help="folder for the results (default: the same)")
     options.add(command, FeedForwardSettings)
     command.add_argument("--force", action="store_true", help="write the program even if a verdict is not PASS")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_feed_forward)
+    printing.add_output_options(command, _run_feed_forward)
 
 
 def _run_feed_forward(settings: argparse.Namespace) -> int:
@@ -144,8 +133,7 @@ def add_report(commands: Any) -> None:
         "--record", action="extend", nargs="+", metavar="RECORD",
         help="records of heatertune write with these parameters: as found, as left and the watched response, in order "
              "of time; they replace earlier ones")
-    printing.add_output_options(command, brief=True)
-    command.set_defaults(run=_run_report)
+    printing.add_output_options(command, _run_report, brief=True)
 
 
 def _run_report(settings: argparse.Namespace) -> int:
@@ -202,8 +190,7 @@ def add_export_db(commands: Any) -> None:
                          help="export even if the verdict is not PASS; the files say so")
     common.add_proof_options(command)
     common.add_model_options(command)
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_export_db)
+    printing.add_output_options(command, _run_export_db)
 
 
 def _run_export_db(settings: argparse.Namespace) -> int:
@@ -241,8 +228,7 @@ def _exported_again(settings: argparse.Namespace) -> dict[str, Any] | None:
         return None
     from heatertune.proof.repetition import repeat_proof
 
-    again = repeat_proof(
-        settings.pid, accept=common.conditions(settings).accept, progress=printing.Progress(settings))
+    again = repeat_proof(settings.pid, accept=common.conditions(settings).accept, progress=printing.Progress(settings))
     certified = certificate(again.proof, force=settings.force)
     files = dict(plc.controller_for(again.words.target).export(again.words, certified))
     exported = {"files": sorted(files), "verdict": certified.verdict, "forced": certified.forced}

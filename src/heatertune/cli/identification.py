@@ -1,13 +1,4 @@
-"""The commands from a log to a model: `read`, `fit`, `validate` and `plan`.
-
-`heatertune fit`: log → model.
-
-`heatertune read`: a file → what is read of it as what, and the command that says so.
-
-`heatertune validate`: model and another log → whether the model holds.
-
-`heatertune plan`: what is believed → the experiment that makes it known.
-"""
+"""The commands from a log to a model: `read`, `fit`, `validate` and `plan`."""
 
 from __future__ import annotations
 
@@ -51,8 +42,7 @@ def add_read(commands: Any) -> None:
     )
     command.add_argument("log", metavar="LOG", help="a CSV file, or the built-in table3 / table4")
     common.add_reading_options(command)
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_read)
+    printing.add_output_options(command, _run_read)
 
 
 def _run_read(settings: argparse.Namespace) -> int:
@@ -117,8 +107,7 @@ def add_validate(commands: Any) -> None:
     common.add_reading_options(command)
     options.add(command.add_argument_group("this log"), ValidateSettings, "ambient_degC", "power_before_pct")
     add_known_options(command)
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_validate)
+    printing.add_output_options(command, _run_validate)
 
 
 def _run_validate(settings: argparse.Namespace) -> int:
@@ -173,8 +162,7 @@ def add_plan(commands: Any) -> None:
                        help="correlation of the noise between two readings, 0 to 1")
     group.add_argument("--resolution", type=float, metavar="°C", help="resolution of the sensor [°C]")
     group.add_argument("--log-interval", type=float, metavar="S", help="interval between readings [s] (default: 1)")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_plan)
+    printing.add_output_options(command, _run_plan)
 
 
 def _add_prior_options(command: argparse.ArgumentParser) -> None:
@@ -280,8 +268,7 @@ def add_fit(commands: Any) -> None:
                          help="print the table of controller hypotheses; for one log, all of them")
     common.add_log_options(command)
     add_known_options(command)
-    printing.add_output_options(command, brief=True)
-    command.set_defaults(run=_run_fit)
+    printing.add_output_options(command, _run_fit, brief=True)
 
 
 def _run_fit(settings: argparse.Namespace) -> int:

@@ -1,11 +1,4 @@
-"""The commands about this installation: `doctor`, `bench` and `completion`.
-
-`heatertune doctor`: says whether this installation works.
-
-`heatertune bench`: how fast this machine runs heatertune.
-
-`heatertune completion`: the script that makes a shell complete commands, options, targets and files.
-"""
+"""The commands about this installation: `doctor`, `bench` and `completion`."""
 
 from __future__ import annotations
 
@@ -23,9 +16,7 @@ if TYPE_CHECKING:
     from heatertune.bench import Throughput, Times
     from heatertune.doctor import InstallationCheck
 
-__all__ = [
-    "BENCH_EXAMPLE", "COMPLETION_EXAMPLE", "DOCTOR_EXAMPLE", "add_bench", "add_completion", "add_doctor",
-]
+__all__ = ["BENCH_EXAMPLE", "COMPLETION_EXAMPLE", "DOCTOR_EXAMPLE", "add_bench", "add_completion", "add_doctor"]
 
 
 BENCH_EXAMPLE = "example: heatertune bench --target weg --samples 500"
@@ -45,8 +36,7 @@ def add_bench(commands: Any) -> None:
     command.add_argument("--samples", type=int, default=1000, metavar="N",
                          help="how many samples of 3,000 s are run on one processor and on all (default 1000)")
     command.add_argument("--rounds", type=int, default=7, metavar="N", help="how many runs of each (default 7)")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_bench)
+    printing.add_output_options(command, _run_bench)
 
 
 def _run_bench(settings: argparse.Namespace) -> int:
@@ -141,8 +131,7 @@ def add_doctor(commands: Any) -> None:
         description="Check Python, the packages, IPOPT, both caches, the extras and the paper's tables, with a remedy "
                     "for each fault. Exit status 1 if something that heatertune needs is broken.",
     )
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_doctor)
+    printing.add_output_options(command, _run_doctor)
 
 
 def _run_doctor(settings: argparse.Namespace) -> int:

@@ -1,7 +1,4 @@
-"""What the commands print and write: progress on stderr, the result on stdout or in a file.
-
-What a terminal shows beside text: colour, and one line that moves while something is under way.
-"""
+"""Output of the commands: progress on stderr, results on stdout or in a file, colour and a status line."""
 
 from __future__ import annotations
 
@@ -186,8 +183,11 @@ def time_left(number: int, total: int, elapsed_s: float, typical_s: Sequence[flo
     return min(max(pace, _PACES[0]), _PACES[1]) * sum(typical_s[number - 1:])
 
 
-def add_output_options(command: argparse.ArgumentParser, *, brief: bool = False) -> None:
-    """Add --json and --quiet; where the command has a short form, --verbose."""
+def add_output_options(
+    command: argparse.ArgumentParser, run: Callable[[argparse.Namespace], int], *, brief: bool = False
+) -> None:
+    """Add --json and --quiet, with a short form also --verbose, and set the function that runs the command."""
+    command.set_defaults(run=run)
     group = command.add_argument_group("output")
     group.add_argument("--json", action="store_true", help="print JSON on stdout instead of the table; "
                        "--json=full: with every curve in it")

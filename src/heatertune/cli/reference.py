@@ -1,11 +1,4 @@
-"""The commands to look something up: `targets`, `terms` and `spec`.
-
-`heatertune targets`: the controllers, and what each can do.
-
-`heatertune terms`: what the symbols and words mean that the other commands print.
-
-`heatertune spec`: what words must keep, as a file.
-"""
+"""The commands for reference: `targets`, `terms` and `spec`."""
 
 from __future__ import annotations
 
@@ -41,8 +34,7 @@ def add_terms(commands: Any) -> None:
         description="Explain the symbols and terms that heatertune prints.",
     )
     command.add_argument("term", nargs="*", metavar="TERM", help="a symbol or term (default: all)")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_terms)
+    printing.add_output_options(command, _run_terms)
 
 
 def _run_terms(settings: argparse.Namespace) -> int:
@@ -75,8 +67,7 @@ def add_spec(commands: Any) -> None:
     options.add(command, Conditions, "limit", "profile")
     command.add_argument("-o", "--out", metavar="FILE.toml", help="write the specification to this file")
     command.add_argument("--list", action="store_true", help="list the presets")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_spec)
+    printing.add_output_options(command, _run_spec)
 
 
 def _run_spec(settings: argparse.Namespace) -> int:
@@ -106,8 +97,7 @@ def add_targets(commands: Any) -> None:
         "targets", help="the controllers, their ranges, and what their manuals leave open", epilog=TARGETS_EXAMPLE,
         description="List the controllers, grouped by hardware.",
     )
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_targets)
+    printing.add_output_options(command, _run_targets)
 
 
 def _run_targets(settings: argparse.Namespace) -> int:

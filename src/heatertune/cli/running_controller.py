@@ -1,13 +1,4 @@
-"""The commands for a controller that already runs: `decode`, `diff`, `replay` and `advise`.
-
-`heatertune decode`: the dump or listing of a running controller → what it really does.
-
-`heatertune diff`: two word sets apart.
-
-`heatertune replay`: raw inputs, scan by scan → what the controller would give.
-
-`heatertune advise`: a logged response → WEG's advice for it, proven before it is shown.
-"""
+"""The commands for a controller in operation: `decode`, `diff`, `replay` and `advise`."""
 
 from __future__ import annotations
 
@@ -55,8 +46,7 @@ def add_diff(commands: Any) -> None:
     options.add(command, Conditions, "switches", default=argparse.SUPPRESS,
                 help="heater=SETTING: whose gains are read of a printer's text that has several heaters (default: as "
                      "in the other)")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_diff)
+    printing.add_output_options(command, _run_diff)
 
 
 def _run_diff(settings: argparse.Namespace) -> int:
@@ -89,8 +79,7 @@ def add_replay(commands: Any) -> None:
     command.add_argument("--words", required=True, metavar="FILE", help="words.json as written by export-db")
     options.add(
         command, Conditions, "switches", help="setting of an open point (see: heatertune targets); may be repeated")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_replay)
+    printing.add_output_options(command, _run_replay)
 
 
 def _run_replay(settings: argparse.Namespace) -> int:
@@ -133,8 +122,7 @@ def add_advise(commands: Any) -> None:
     command.add_argument("--pid", required=True, metavar="FILE", help="pid.json as written by tune, with its model")
     common.add_proof_options(command, target="weg")
     common.add_reading_options(command)
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_advise)
+    printing.add_output_options(command, _run_advise)
 
 
 def _run_advise(settings: argparse.Namespace) -> int:
@@ -176,8 +164,7 @@ def add_decode(commands: Any) -> None:
     command.add_argument("--model", metavar="FILE", help="model.json to prove the controller on")
     common.add_proof_options(command)
     common.add_model_options(command)
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_decode)
+    printing.add_output_options(command, _run_decode)
 
 
 def _run_decode(settings: argparse.Namespace) -> int:

@@ -1,7 +1,4 @@
-"""What `pid.json` says of the words that were proven, and the options that take its place.
-
-The options of a known controller behind a log without power.
-"""
+"""Words and conditions of a saved design (`pid.json`) as defaults of options; options of a known controller."""
 
 from __future__ import annotations
 
@@ -212,9 +209,8 @@ def _of(kept: DesignProvenance, target: str, where: str, sensor: Mapping[str, An
     if degrees and not has and not sensor:
         raise InputError(f"{where} is for --input {kept.input} of {kept.target}, which {target} has not: say a --range")
     theirs = replace(
-        kept, target=target, input=kept.input if has else None,
-        words_by="auto", refined=False, power_most_pct=None, setpoint_ramp=None, boost=None,
-        conditions=replace(kept.conditions, switches={}))
+        kept, target=target, input=kept.input if has else None, words_by="auto", refined=False, power_most_pct=None,
+        setpoint_ramp=None, boost=None, conditions=replace(kept.conditions, switches={}))
     left = [part for part in _parts(kept) if part not in _parts(theirs)]
     return theirs, [f"Of {where} not taken, as it is of {kept.target}: {', '.join(left)}."] if left else []
 

@@ -1,9 +1,4 @@
-"""The commands from a model to a design: `tune` and `pareto`.
-
-`heatertune tune`: model → pid.
-
-`heatertune pareto`: what robustness costs.
-"""
+"""The commands from a model to a design: `tune` and `pareto`."""
 
 from __future__ import annotations
 
@@ -51,8 +46,7 @@ def add_pareto(commands: Any) -> None:
     group.add_argument("--sample-time", default="0", metavar="S",
                        help="sampling interval TA [s]; 0: continuous (default); auto: TRdom/10 half way")
     options.add(group, TuneSettings, "objective", "weight", "mt", "mks")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_pareto)
+    printing.add_output_options(command, _run_pareto)
 
 
 def _run_pareto(settings: argparse.Namespace) -> int:
@@ -109,8 +103,7 @@ def add_tune(commands: Any) -> None:
     common.add_tuning_options(command)
     command.add_argument("--second-opinion", action="store_true",
                          help="also compute Ms with python-control (takes seconds to load)")
-    printing.add_output_options(command, brief=True)
-    command.set_defaults(run=_run_tune)
+    printing.add_output_options(command, _run_tune, brief=True)
 
 
 def _run_tune(settings: argparse.Namespace) -> int:
@@ -164,8 +157,8 @@ def _proof_asked(settings: argparse.Namespace) -> bool:
 def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> PidDesign:
     """Return the design as asked for; of the conditions of a proof it hears those that it can aim at."""
     from heatertune.plc.word_selection import tune_for_words
+    from heatertune.proof.design_request import with_pwm
     from heatertune.proof.prove_words import told_of_aim, tune_settings_for
-    from heatertune.proof.pwm_period import with_pwm
 
     by_words = common.interval_by_words(settings)
     if by_words and settings.target is None:

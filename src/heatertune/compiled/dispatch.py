@@ -201,9 +201,7 @@ class _MachineCode:
         made: how many times it was compiled.
     """
 
-    def __init__(
-        self, function: Callable[..., Any], place: Path | None, *, calls: bool, ending: str = _ENDING
-    ) -> None:
+    def __init__(self, function: Callable[..., Any], place: Path | None, *, calls: bool, ending: str = _ENDING) -> None:
         """Take a function, the folder where it is kept, whether its calls stay calls, and how its files end."""
         self._function, self._place, self._calls, self._entering = function, place, calls, Lock()
         self._ending: Final = ending

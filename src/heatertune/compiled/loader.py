@@ -242,8 +242,7 @@ class _Taking:
                      f"{name}.ndim == {dimensions} and {name}.flags.num & {mask} == {marks}")
         if dimensions:
             self._lines += [f"{', '.join(shape)}, = {name}.shape", f"{', '.join(strides)}, = {name}.strides"]
-        self._numbers += ["0", "0", f"{name}.size", str(of.itemsize),
-                          f"{_ADDRESS.format(name)} or 0", *shape, *strides]
+        self._numbers += ["0", "0", f"{name}.size", str(of.itemsize), f"{_ADDRESS.format(name)} or 0", *shape, *strides]
 
     def _demand(self, what: str) -> None:
         self._lines.append(f"if not ({what}): return MISSED")

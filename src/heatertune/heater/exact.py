@@ -24,22 +24,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
+
 __all__ = [
-    "Factors",
-    "advance",
-    "advance_step",
-    "apart",
-    "area",
-    "factors",
-    "since_step",
-    "slopes_by_lag",
-    "time_to",
-    "turning_time",
-    "turning_times",
-    "unit_step_response",
+    "Factors", "advance", "advance_step", "apart", "area", "factors", "since_step", "slopes_by_lag", "time_to",
+    "turning_time", "turning_times", "unit_step_response",
 ]
 
-Array = npt.NDArray[np.float64]
 Numbers = float | Array
 
 _SERIES = 0.1  # below, a difference of exponentials has lost a digit, and nine terms of its series give all

@@ -1,10 +1,7 @@
-"""The memory of a virtual PLC, and the layout of a controller's block in it.
+"""The memory of a virtual PLC: its blocks as bytes, shared by the scan and by every protocol that serves them.
 
-A controller's block whose cells stand at known places: one scan on them, by the controller's own step.
-
-The memory of a virtual PLC: its blocks as bytes, shared by the scan and by every protocol that serves them.
-
-One word of a block as bytes, as somebody at a programming unit writes it, or as a client reads it.
+Also the layout of a controller's block (`Layout`), one scan of a controller on the cells of its block (`Laid`), and
+the conversion of a word to bytes and back.
 """
 
 from __future__ import annotations
@@ -139,9 +136,7 @@ class BlockMemory:
         length: of the controller's block as clients see it [bytes].
     """
 
-    def __init__(
-        self, main: int, content: bytes, interval_s: float, also: Mapping[int, int] | None = None
-    ) -> None:
+    def __init__(self, main: int, content: bytes, interval_s: float, also: Mapping[int, int] | None = None) -> None:
         """Lay out the blocks.
 
         Args:
@@ -431,9 +426,7 @@ class Laid:
         """Return the cold state."""
         return self._running.state
 
-    def scan(
-        self, cells: bytearray, state: Any, setpoint: Number, reading: Number
-    ) -> tuple[Any, float, Number, int]:
+    def scan(self, cells: bytearray, state: Any, setpoint: Number, reading: Number) -> tuple[Any, float, Number, int]:
         """Run one scan; see `heatertune.live.controller_block.ServedBlock`."""
         if self._anew == ALL:
             cells[:] = self._image

@@ -1,13 +1,9 @@
-"""A controller's block in a PLC: what a virtual PLC serves of it, and where it shows temperature, power and setpoint.
+"""The block of each controller in a virtual PLC, and the cells of temperature, power and setpoint in a real one.
 
-Where a PLC shows temperature, power and setpoint: as the controller's own block has them, or as a small file says.
-
-The file is TOML: tables `temperature` [°C], `power` [%], `setpoint` [°C] and `counter` (of scans), all but the first
-left out where there is none, and `block`, where the address does not say it. Each table has `byte` (or `register`) and
-`format`; `raw` are two numbers as they stand there and `range` what they mean; of a counter, `interval_s` is the time
-between two scans.
-
-What a virtual PLC serves of each controller: its block as bytes, and one scan on these bytes.
+The cells are those of the controller's own block, or those of a TOML file: tables `temperature` [°C], `power` [%],
+`setpoint` [°C] and `counter` (of scans), all but the first optional, and `block` if the address does not name one.
+Each table has `byte` (or `register`) and `format`; `raw` are two numbers as stored and `range` their meaning;
+`interval_s` of a counter is the time between two scans.
 """
 
 from __future__ import annotations
@@ -28,9 +24,7 @@ from heatertune.plc.open_points import assumptions_from
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import FLOATS
 
-__all__ = [
-    "ROLES", "SERVED", "Counter", "Places", "ServedBlock", "block_for", "places_given", "places_in", "places_of",
-]
+__all__ = ["ROLES", "SERVED", "Counter", "Places", "ServedBlock", "block_for", "places_given", "places_in", "places_of"]
 
 
 class ServedBlock(Protocol):
@@ -68,9 +62,7 @@ class ServedBlock(Protocol):
     def begin(self) -> Any:
         """Return the state before the first scan, which nobody else changes."""
 
-    def scan(
-        self, cells: bytearray, state: Any, setpoint: Number, reading: Number
-    ) -> tuple[Any, float, Number, int]:
+    def scan(self, cells: bytearray, state: Any, setpoint: Number, reading: Number) -> tuple[Any, float, Number, int]:
         """Run one scan on the block; what it writes goes into `cells`. Total for every bit pattern.
 
         Args:

@@ -1,12 +1,10 @@
-"""A planned experiment on a running loop: it arms only where all is as it was said, and always ends.
+"""A planned experiment on a running loop: it starts only if the loop is in the declared state, and always ends.
 
-    checked → armed (what stood there is on the disk) → running → ended: what stood there stands there again
+    checked → armed (previous mode and manual value saved on disk) → running → ended (both restored)
 
-Whatever ends it (the plan, a limit, a sensor, the link, somebody's key, somebody else's hand) is followed by the same
-way back. Where the host dies, the PLC's own dead man does it, and the next command on this PLC finds the way back in
-the user's state folder.
-
-A controller's mode and manual value, taken by a client and given back as they were.
+The plan, a limit, a sensor fault, a lost link, a key press or an intervention from elsewhere ends it, always with the
+same restoration. If the host dies, the PLC's own watchdog restores, and the next command for this PLC finds the saved
+values in the user's state folder.
 """
 
 from __future__ import annotations
@@ -34,9 +32,7 @@ from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.plc import Words, controller_for
 from heatertune.plc.keyed_entry import value_texts
 
-__all__ = [
-    "RETRY_S", "Experiment", "ExperimentObserver", "ExperimentResult", "ManualMode", "give_back", "restore",
-]
+__all__ = ["RETRY_S", "Experiment", "ExperimentObserver", "ExperimentResult", "ManualMode", "give_back", "restore"]
 
 
 #: so long a dead link is tried again [s]

@@ -1,13 +1,10 @@
-"""A running loop compared with its proven band, and the monitor of `heatertune supervise` on it.
+"""A running loop compared with its proven band, and the monitor of `heatertune supervise` on it. Read only.
 
-A running loop beside what was proven: outside of the band, swinging, or in need of another power than it was.
+Reported are readings outside the band, oscillation, and a change of the power that holds the setpoint. A load (an open
+door) also leaves the band, which describes the controller alone.
 
-It only looks. A load, an open door, leaves the band too: the band says what the controller alone does.
-
-The monitor of `heatertune supervise` on a loop that is looked at from outside: the same scans, whatever the target.
-
-It needs each scan. A tenth of them may be missed, three in a row at most: those are taken from a straight line, and
-none of them counts for a reading that stands still. After a longer gap it begins anew, as after a loss of supply.
+The monitor needs every scan. Up to a tenth of them may be missing, three in a row at most: these are interpolated, and
+do not count for a reading that stands still. After a longer gap it restarts, as after a power failure.
 """
 
 from __future__ import annotations

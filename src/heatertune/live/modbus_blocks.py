@@ -1,32 +1,6 @@
-"""The controllers that Modbus reaches in a virtual PLC: panel instruments, WEG's PID block, the PID of IEC 61131-3.
+"""The controllers that a virtual PLC serves over Modbus: panel instruments, WEG's PID block, the PID of IEC 61131-3.
 
-A panel instrument in a virtual PLC: its Modbus registers, where its make has them.
-
-The parameters stand at the addresses of the make's table, in its digits. Setpoint, reading and output stand where the
-make's manual has them, as far as it was read; else at registers that are this simulator's own:
-
-- Omron E5CC: communications manual H175, section 5-1, two-byte mode;
-- Eurotherm 3200: HA028651, section 15.5;
-- Omega, Delta: a list of registers that counts from one less (process value 4095, set point 4096, output 4113);
-- JUMO diconTOUCH: B 703571.2.0, p. 18, which tells the setpoint alone, and that a float has its low word first.
-
-What stands between reading, setpoint and output reads 0 here, so that one request reads them all.
-
-An instrument refuses a number out of its range. Here such a number stands until the next sample, which puts the one
-before back and computes with that.
-
-WEG's PID block in a virtual PLC: its interface as holding registers.
-
-The SCA06 gives its parameters and the markers of its ladder as holding registers (SCA06, Ethernet communication module,
-section 7.3); which markers a program ties the block to is the program's, and their addresses stand in a book that was
-not at hand. So the map is this simulator's own: the interface in the manual's order from register 0 on, a REAL in two
-registers, the high word first. The instance behind it nobody reaches.
-
-The repaired PID of IEC 61131-3 in a virtual PLC: located variables, as OpenPLC gives them to Modbus.
-
-OpenPLC's own documentation (Modbus addressing): %MD0 is the holding registers 2048 and 2049; the high word is first.
-A program locates them as it likes; here they stand one after the other. The instance is not located, so nobody reaches
-its memory.
+Sources of addresses, and what is this simulator's own choice, stand at each class.
 """
 
 from __future__ import annotations
@@ -63,15 +37,20 @@ WEG_SETPOINT, WEG_READING, WEG_POWER, WEG_MODE = (WEG_PLACES[name] for name in (
                                                                                 "SelectSetPoint"))
 WEG_LAYOUT: Final = Layout(
     description="interface of the block PID", speaks=MODBUS, length=WEG_PLACES["Output"].part.stop,
-    setpoint=WEG_SETPOINT,
-    reading=WEG_READING, power=WEG_POWER, mode=WEG_MODE, manual_is=1,
+    setpoint=WEG_SETPOINT, reading=WEG_READING, power=WEG_POWER, mode=WEG_MODE, manual_is=1,
     hand=WEG_PLACES["ManualSetPoint"], words={field.name: WEG_PLACES[field.name] for field in WEG_FIELDS},
     inputs={name: WEG_PLACES[name] for name in ("EN", "SetPoint", "ManualSetPoint", "SelectSetPoint", "Feedback")},
     first={WEG_PLACES["EN"]: 1}, anew=ALL)
 
 
 class WegBlock(Laid):
-    """Registers 0 to 25; see `heatertune.live.block_memory.Laid`."""
+    """The interface of WEG's PID block as registers 0 to 25; see `heatertune.live.block_memory.Laid`.
+
+    The SCA06 serves its parameters and the markers of its ladder as holding registers (SCA06, Ethernet communication
+    module, section 7.3). A program chooses the markers, whose addresses are in a manual that was not available. So this
+    map is the simulator's own: the interface in the manual's order, a REAL in two registers, the high word first. The
+    internal state of the block cannot be reached.
+    """
 
     layout = WEG_LAYOUT
 
@@ -94,14 +73,18 @@ IEC_PID_SETPOINT, IEC_PID_READING, IEC_PID_POWER, IEC_PID_MODE = (IEC_PID_PLACES
 IEC_PID_LAYOUT: Final = Layout(
     description="%MD0 to %MD11", speaks=MODBUS, registers=_RUNS, length=2 * sum(run.size for run in _RUNS),
     setpoint=IEC_PID_SETPOINT, reading=IEC_PID_READING, power=IEC_PID_POWER, mode=IEC_PID_MODE,
-    hand=IEC_PID_PLACES["X0"],
-    words={field.name: IEC_PID_PLACES[field.name] for field in IEC_PID_FIELDS},
+    hand=IEC_PID_PLACES["X0"], words={field.name: IEC_PID_PLACES[field.name] for field in IEC_PID_FIELDS},
     inputs={name: IEC_PID_PLACES[name] for name in ("RUN", "AUTO", "SP", "PV", "X0")}, first={IEC_PID_PLACES["RUN"]: 1},
     anew=ALL)
 
 
 class IecPidBlock(Laid):
-    """Registers 2048 to 2071; see `heatertune.live.block_memory.Laid`."""
+    """The repaired PID of IEC 61131-3 as located variables of OpenPLC; see `heatertune.live.block_memory.Laid`.
+
+    %MD0 is the holding registers 2048 and 2049, the high word first (OpenPLC documentation, Modbus addressing). A
+    program locates its variables freely; here they are consecutive, registers 2048 to 2071. The internal state of the
+    block is not located and cannot be reached.
+    """
 
     layout = IEC_PID_LAYOUT
 
@@ -126,7 +109,9 @@ class Process(NamedTuple):
     floats: bool = False
 
 
-#: make → its registers; an ABB Commander 300 speaks no Modbus
+#: make → its registers; an ABB Commander 300 has no Modbus. Omron E5CC: communications manual H175, section 5-1,
+#: two-byte mode; Eurotherm 3200: HA028651, section 15.5; Omega, Delta: a list that counts from one less (4095, 4096,
+#: 4113); JUMO diconTOUCH: B 703571.2.0, p. 18, which gives the setpoint alone, and the low word of a float first
 PROCESS: Final[Mapping[str, Process]] = {
     "pband": Process(reading=0, setpoint=1, output=2),  # own
     "omron-e5cc": Process(reading=0x2000, setpoint=0x2103, output=0x2004, working=0x2002),
@@ -154,7 +139,11 @@ def _wanted(make: Make, process: Process) -> dict[str, tuple[int, str]]:
 
 
 class InstrumentBlock(Laid):
-    """Registers without gaps in a block; see `heatertune.live.block_memory.Laid`."""
+    """The Modbus registers of a panel instrument, without gaps; see `heatertune.live.block_memory.Laid`.
+
+    Registers between reading, setpoint and output read 0, so that one request reads all three. A real instrument
+    refuses a number out of its range; here it is replaced by the previous one at the next sample.
+    """
 
     def __init__(self, controller: Controller, words: Words, assume: Any) -> None:
         """Take words of a make; see `heatertune.live.block_memory.Laid`."""

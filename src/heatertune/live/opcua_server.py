@@ -1,17 +1,12 @@
-"""A virtual PLC over OPC UA, without encryption: each block as one ByteString, its words and quantities beside it.
+"""A virtual PLC over OPC UA, without encryption: each block is one ByteString, and each of its words a node.
 
-A ByteString is read whole, which is one instant, and written whole or, by an index range (OPC 10000-4, section 7.27),
-in part: so a client changes its own bytes and never puts a neighbour's back. What one request reads is of one instant,
-too, however many nodes; the words of one write request are written one by one, as OPC UA promises no more.
+A ByteString is read whole, at one instant, and written whole or in part by an index range (OPC 10000-4, section 7.27),
+so that a client does not overwrite neighbouring bytes. One read request is of one instant, whatever its nodes; the
+words of one write request are written one by one, as OPC UA guarantees no more. The source timestamp is the plant's
+time since the start (at rate 100 a hundred times as fast); the server timestamp is the clock's.
 
-The source timestamp is the plant's own time, which begins when it is served: at rate 100 it runs a hundred times as
-fast. The server timestamp is the clock's.
-
-What an OPC UA client finds of a virtual PLC: each block as one ByteString, and in it each word by its name.
-
-Beside the blocks stands a device zone with the names that OPC 40082-1 (temperature control devices, section 10) and OPC
-40083 (plastics and rubber machinery, sections 22 and 23) give to a temperature, its setpoint and the power. These are
-their names, not their types: a client that asks for a conforming device finds none.
+A device zone repeats temperature, setpoint and power under the names of OPC 40082-1 (temperature control devices,
+section 10) and OPC 40083 (plastics and rubber machinery, sections 22 and 23): the names, not the types.
 """
 
 from __future__ import annotations

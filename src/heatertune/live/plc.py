@@ -1,12 +1,11 @@
-"""The virtual PLC: the proof's own loop, run plainly in one thread, with a scan that lives in served memory.
+"""The virtual PLC: the loop of the proof, run in one thread, with a scan on served memory.
 
-There is no second loop here: `heatertune.proof.loop.run_plainly` runs heater, switch, noise and events, and calls this
-controller's `measure` and `step` as it calls any. `measure` begins an interval: it waits until its time has come or
-until a client releases it. `step` is the scan: image in, the controller's own arithmetic, image out.
+`heatertune.proof.loop.run_plainly` runs heater, switch, noise and events, and calls `measure` and `step` of this
+controller as of any other. `measure` begins an interval and waits for its time, or for a client to release it. `step`
+is the scan: inputs from the image, the controller's own arithmetic, outputs to the image.
 
-Which heater a virtual PLC has behind it, and what it lives through: the proof's own, or one drawn as samples are.
-
-Faults on a timetable: what goes wrong with the heater, the sensor, the link, and what people do.
+Also the heater behind the PLC (that of the proof or a drawn one) and the timetable of faults of heater, sensor, link
+and operator.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""A running loop, looked at from outside: temperature, power and setpoint of one scan, with the time of that scan.
+"""Temperature, power and setpoint of a running loop from one scan, with the time of that scan.
 
-Whether a reading can be believed: it is a number within the sensor's range, and it moves where it has to.
-
-Every comparison here is written as what is good: a value that is no number fails it.
+Also the check whether a reading is plausible: a number within the sensor's range that moves when it should. Every
+comparison states the good case, so a value that is not a number fails it.
 """
 
 from __future__ import annotations
@@ -11,14 +10,13 @@ import math
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from types import TracebackType
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from heatertune.errors import InputError, LinkDown
 from heatertune.live.block_memory import Signal
-from heatertune.live.client.connection import Address, Client, connect, told_by
+from heatertune.live.client.connection import Address, Client, ClosesOnExit, connect, told_by
 from heatertune.live.controller_block import Places
 from heatertune.live.simulator_status import OWN, OWN_CELLS
 from heatertune.model.values import HeaterModel
@@ -149,7 +147,7 @@ class Snapshot(NamedTuple):
     restarted: bool = False
 
 
-class Poller:
+class Poller(ClosesOnExit):
     """A connection that looks; `with` closes it. The time goes on over connections that are lost.
 
     Attributes:
@@ -269,11 +267,3 @@ class Poller:
     def close(self) -> None:
         """Close the connection."""
         self._client.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

@@ -1,13 +1,10 @@
-"""A running loop → a log, row by row: what was written stays, whatever kills the program or the link.
+"""Record running loops as logs, row by row: one loop, or many into one folder.
 
-Each row is one write at the end of the file. A kill can tear the last line at most: it has no line's end, and who reads
-or continues the file knows it by that. What is no reading is a comment: a gap, a new connection, a PLC that began anew.
-Where the file is removed, moved, replaced, emptied or cut meanwhile, the log goes on in the file of its name, and a
-note says so.
+Each row is one write at the end of the file, so a killed program leaves at most one incomplete line, which readers
+recognise by its missing line end. Gaps, new connections and restarts of the PLC are comments. If the file is removed,
+moved, replaced, emptied or cut, the log continues in a new file of the same name, and a comment says so.
 
-Loops that run, by the addresses of their PLCs → their logs in a folder, and loops that name these.
-
-Many running loops at once → a folder of logs, each recorded as `heatertune.live.recorder` records one.
+A folder has one log per address; a loop list gives the loops names.
 """
 
 from __future__ import annotations
@@ -33,9 +30,7 @@ from heatertune.loops.loop_values import LoopEntry, read_list
 from heatertune.units import check
 from heatertune.writing import read_bytes, settle
 
-__all__ = [
-    "RecordedLoop", "RecordingSetup", "RecordingState", "is_address", "record", "record_addresses", "record_all",
-]
+__all__ = ["RecordedLoop", "RecordingSetup", "RecordingState", "is_address", "record", "record_addresses", "record_all"]
 
 
 _UNITS: Final = {"temperature": "temperature_degC", "power": "power_pct", "setpoint": "setpoint_degC"}
@@ -249,7 +244,7 @@ def record(
     Args:
         address: of the PLC, which is only read.
         path: of the log.
-        places: where the PLC shows what; see `heatertune.live.poller.Looking`.
+        places: where the PLC shows what; see `heatertune.live.poller.Poller`.
         settings: how; None: each scan, without an end.
         shown: called after each look.
         ended: asked after each look whether it is enough.
@@ -258,7 +253,7 @@ def record(
         What was recorded; the file is whole, also where this raises.
 
     Raises:
-        InputError: as `heatertune.live.poller.Looking`; a file that is there or cannot be written.
+        InputError: as `heatertune.live.poller.Poller`; a file that is there or cannot be written.
         LinkError: nobody is there at the beginning; later ones are waited for.
         OutOfRange: a time that is none.
     """

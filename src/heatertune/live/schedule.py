@@ -47,9 +47,7 @@ class AbortLimits:
         if self.rate_degC_per_min is not None:
             check("rate_degC_per_min", self.rate_degC_per_min, above=0.0)
 
-    def broken(
-        self, latest: Sequence[tuple[float, float]], sensor_degC: tuple[float, float]
-    ) -> tuple[str, str] | None:
+    def broken(self, latest: Sequence[tuple[float, float]], sensor_degC: tuple[float, float]) -> tuple[str, str] | None:
         """Return what the latest readings break, a word and a sentence; None: nothing.
 
         Args:

@@ -1,7 +1,4 @@
-"""A virtual PLC with its protocols: made of a folder that `design` wrote, begun, and ended.
-
-A link that fails: what stands between clients and a protocol's server where the timetable has faults of the link.
-"""
+"""Serve a virtual PLC: create it from a folder of `design`, start and stop its protocols, disturb its links."""
 
 from __future__ import annotations
 
@@ -13,12 +10,11 @@ from importlib import import_module
 from pathlib import Path
 from selectors import EVENT_READ, DefaultSelector
 from threading import Thread
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from heatertune.codec import data_folder
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.live.client.connection import LIBRARIES, demand_library
+from heatertune.live.client.connection import LIBRARIES, ClosesOnExit, demand_library
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
 from heatertune.live.plc import LINK, Pace, ScheduledFault, VirtualPlant, VirtualPlc, fault_of, plan_for
 from heatertune.live.simulator_status import OWN, SimulatorStatus
@@ -215,7 +211,7 @@ class Simulation:
         return tuple(map(fault_of, self.faults))
 
 
-class VirtualPlcServed:
+class VirtualPlcServed(ClosesOnExit):
     """A virtual PLC that answers; `with` ends it.
 
     Attributes:
@@ -312,14 +308,6 @@ class VirtualPlcServed:
             end()
         self._ends.clear()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
 
 def virtual_plc(
     source: str | Path | Words, model: FittedModel | None = None, conditions: Conditions | None = None,
@@ -380,8 +368,7 @@ def _prepared(
     timetable = settings.timetable
     if words.target not in SERVED:
         raise InputError(f"simulate serves {', '.join(SERVED)}; {words.target} is not among them")
-    plan = plan_for(words, model, conditions, sample=settings.sample, story=settings.story,
-                    faults=timetable)
+    plan = plan_for(words, model, conditions, sample=settings.sample, story=settings.story, faults=timetable)
     controller = controller_for(words.target)
     block = block_for(controller, words, plan.loop.switches)
     for fault in timetable:

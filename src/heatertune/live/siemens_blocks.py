@@ -1,34 +1,6 @@
 """The Siemens controllers in a virtual PLC: CONT_C, the PID tip, PID_Compact, OB251 and the S7-200's V memory.
 
-CONT_C's instance data block in a virtual PLC, DB41 as the export has it.
-
-Inputs and outputs stand where the sums of their types put them, and the nine statics behind them in the order in which
-public re-implementations of the block name them (sInvAlt, sIanteilAlt, sRestInt, sRestDif, sRueck, sLmn, sbArwHLmOn,
-sbArwLLmOn, sbILimOn). SP_INT, MAN_ON and MAN are what a client writes here; the exported OB35 takes them from DB101.
-
-The instance data block of the PID tip in a virtual PLC, DB100 as the export has it.
-
-The four words stand where the document has them, all else where the exported function block does: its state is whole
-in there. The exported OB35 takes the mode from DB101; here a client writes mode_req, and OUT in manual.
-
-PID_Compact and PID_Temp in a virtual PLC: a data block of the program's own, of standard access.
-
-An instance DB of these instructions is optimised: S7 with PUT and GET does not reach it, whatever is permitted. So a
-program copies what others are to see into a global DB without "optimised block access", and the CPU has to permit
-PUT/GET. Which cells that DB has is the program's; here it is this simulator's own. What the instance remembers stays
-behind it.
-
-OB251's controller data block in a virtual PLC.
-
-Words and the cells X, Z, XZ and YA stand where the manual has them. Of the other cells between DW18 and DW48 it says
-that they hold the state, not how: the layout here is this simulator's own. It holds the state to the last bit, so that
-a client who writes there changes it, as on a real CPU.
-
-V memory of an S7-200 in a virtual PLC.
-
-The program itself lives in that memory: its cells stand where it has them, its first scan types the words in, and what
-a client writes there is what the next interrupt finds. Inputs, outputs and special memory stand elsewhere: of the
-paper's program the setpoint is an analog adjustment, SMB28, and of both the pulse width SMW70.
+Where the cells of each block are, and what of that is this simulator's own choice, stands at its class.
 """
 
 from __future__ import annotations
@@ -55,11 +27,10 @@ from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState
 from heatertune.plc.cpu.s7_200 import S7200State
-from heatertune.plc.cpu.s7_200.cycle import run_cycle
+from heatertune.plc.cpu.s7_200.io_and_cycle import COUNTS, run_cycle
 from heatertune.plc.cpu.s7_200.memory import V_BEGIN, V_END, cell, put_word
 from heatertune.plc.cpu.s7_200.state import own, warm_start
-from heatertune.plc.cpu.s7_200.wiring import COUNTS
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE
 from heatertune.plc.cpu.s7_300.machine import place as place_of
 from heatertune.plc.fb41.step import ContCState, call, outcome, scale_reading
 from heatertune.plc.fb41.words import FIELDS as CONT_C_FIELDS
@@ -108,14 +79,17 @@ PID_TIP_LAYOUT: Final = Layout(
     inputs={"mode_req": PID_TIP_MODE, "SP": PID_TIP_SETPOINT, "PV": PID_TIP_READING, "OUT": PID_TIP_POWER},
     state={
         "output": PID_TIP_POWER, "overflow": CellAddress(8, "BOOL", 0), "bias": CellAddress(26, "REAL"),
-        "reading": CellAddress(30, "REAL"),
-        "started": CellAddress(34, "BOOL", 0),
+        "reading": CellAddress(30, "REAL"), "started": CellAddress(34, "BOOL", 0),
     },
     anew=WORDS)  # OB100 loads the four words
 
 
 class PidTipBlock(Laid):
-    """DB100, 36 bytes; see `heatertune.live.block_memory.Laid`."""
+    """The instance of the PID tip, DB100 of the export, 36 bytes; see `heatertune.live.block_memory.Laid`.
+
+    The four words are where the document has them, the rest where the exported function block has it, including all of
+    its state. The exported OB35 takes the mode from DB101; here a client writes mode_req, and OUT in manual.
+    """
 
     layout = PID_TIP_LAYOUT
 
@@ -142,13 +116,18 @@ def _layout(fields: Sequence[WordField]) -> Layout:
 
 
 class CompactBlock(Laid):
-    """DB1 beside a PID_Compact, 52 bytes; see `heatertune.live.block_memory.Laid`."""
+    """A global DB1 next to a PID_Compact, 52 bytes; see `heatertune.live.block_memory.Laid`.
+
+    S7 with PUT and GET does not reach the optimised instance DB of the instruction. A program therefore copies what
+    others may see into a global DB without "optimised block access", and the CPU must permit PUT/GET. The cells of that
+    DB are this simulator's own choice; the state of the instance cannot be reached.
+    """
 
     layout = _layout(fields_of(COMPACT))
 
 
 class TempBlock(Laid):
-    """DB1 beside a PID_Temp, likewise."""
+    """A global DB1 next to a PID_Temp, see `CompactBlock`."""
 
     layout = _layout(fields_of(TEMP))
 
@@ -169,7 +148,12 @@ _CALLS: Final = 4
 
 
 class Ob251Block:
-    """DB30, 49 words; see `heatertune.live.controller_block.ServedBlock`."""
+    """The controller DB of OB251, DB30, 49 words; see `heatertune.live.controller_block.ServedBlock`.
+
+    Words and the cells X, Z, XZ and YA are where the manual has them. It says that the other cells between DW18 and
+    DW48 hold the state, but not how: this layout is the simulator's own. It holds the state to the last bit, so a
+    client that writes there changes it, as on a real CPU.
+    """
 
     number, manual = DB, True
     description, undone_by = "49 words", ""
@@ -296,7 +280,12 @@ _V: Final = slice(V_BEGIN, V_END)
 
 
 class _VMemory:
-    """512 bytes of V memory, which S7 clients find as DB 1; see `heatertune.live.controller_block.ServedBlock`."""
+    """512 bytes of V memory, which S7 clients find as DB 1; see `heatertune.live.controller_block.ServedBlock`.
+
+    The program itself uses this memory: its first scan loads the words, and the next interrupt uses what a client has
+    written. Inputs, outputs and special memory are elsewhere: the setpoint of the paper's program is an analog
+    adjustment, SMB28, and the pulse width is SMW70.
+    """
 
     number, manual = 1, False
     description, operators, mode = "V memory", (), slice(0)
@@ -416,9 +405,8 @@ CONT_C_LAYOUT: Final = Layout(
     },
     state={
         "output": CONT_C_POWER, "derivative": CellAddress(88, "REAL"), "before": CellAddress(100, "REAL"),
-        "integral": CellAddress(104, "REAL"),
-        "integral_rest": CellAddress(108, "REAL"), "feedback_rest": CellAddress(112, "REAL"),
-        "feedback": CellAddress(116, "REAL"),
+        "integral": CellAddress(104, "REAL"), "integral_rest": CellAddress(108, "REAL"),
+        "feedback_rest": CellAddress(112, "REAL"), "feedback": CellAddress(116, "REAL"),
         "limited": CellAddress(120, "REAL"), "at_upper": CellAddress(124, "BOOL", 0),
         "at_lower": CellAddress(124, "BOOL", 1),
     },
@@ -426,7 +414,12 @@ CONT_C_LAYOUT: Final = Layout(
 
 
 class ContCBlock(Laid):
-    """DB41, 126 bytes; see `heatertune.live.block_memory.Laid`."""
+    """The instance of CONT_C, DB41 of the export, 126 bytes; see `heatertune.live.block_memory.Laid`.
+
+    The types of inputs and outputs give their addresses. The nine statics follow in the order in which public
+    re-implementations of the block name them (sInvAlt, sIanteilAlt, sRestInt, sRestDif, sRueck, sLmn, sbArwHLmOn,
+    sbArwLLmOn, sbILimOn). A client writes SP_INT, MAN_ON and MAN; the exported OB35 takes them from DB101.
+    """
 
     layout = CONT_C_LAYOUT
 

@@ -25,18 +25,8 @@ from heatertune.units import count
 from heatertune.writing import read_bytes
 
 __all__ = [
-    "MARK",
-    "SWITCHED",
-    "TORN",
-    "PrinterTable",
-    "Sheet",
-    "is_number",
-    "plain_cells",
-    "printer_table",
-    "pwm_period_of",
-    "read_sheet",
-    "take_header",
-    "without_torn",
+    "MARK", "SWITCHED", "TORN", "PrinterTable", "Sheet", "is_number", "plain_cells", "printer_table", "pwm_period_of",
+    "read_sheet", "take_header", "without_torn",
 ]
 
 
@@ -47,9 +37,7 @@ _HEADER_SAMPLE: Final = 50  # rows at the end that define the form of a reading
 _MOST_TITLES: Final = 200  # rows above the first reading
 
 
-def take_header(
-    file: Path, lines: list[int], rows: list[list[str]], repairs: list[str]
-) -> tuple[tuple[str, ...], int]:
+def take_header(file: Path, lines: list[int], rows: list[list[str]], repairs: list[str]) -> tuple[tuple[str, ...], int]:
     """Remove all lines above the readings; return the column names with units, and the other lines.
 
     Raises:
@@ -196,9 +184,7 @@ def printer_table(path: Path, numbered: Sequence[_Line], tag: str | None) -> Pri
     return None
 
 
-def _of_stats(
-    path: Path, total: int, stats: Sequence[tuple[int, re.Match[str], str]], tag: str | None
-) -> PrinterTable:
+def _of_stats(path: Path, total: int, stats: Sequence[tuple[int, re.Match[str], str]], tag: str | None) -> PrinterTable:
     heaters: dict[str, list[tuple[int, list[str]]]] = {}
     for number, found, line in stats:
         for name, target, temperature, pwm in _HEATER.findall(line[found.end():]):

@@ -12,9 +12,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet
-from heatertune.log.columns import Array, Columns, cell_error
+from heatertune.log.columns import Columns, cell_error
 from heatertune.log.values import MIN_SAMPLES
 from heatertune.units import count
 
@@ -40,9 +41,7 @@ _ALONE_TIMES: Final = 4.0
 _SHOWN: Final = 5
 
 
-def one_run(
-    sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]
-) -> tuple[Sheet, Array, int | None]:
+def one_run(sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]) -> tuple[Sheet, Array, int | None]:
     """Return the rows of one run, their times, and the number of the run, None if there is only one.
 
     The run is the requested one (1 = first), otherwise the longest.
@@ -113,8 +112,7 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs
     ends = np.zeros_like(lost)
     kept = np.flatnonzero(~(lost | spikes))
     ends[kept[_wild_ends(raw[kept], time[kept])]] = True
-    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"),
-             (stuck, _FAR_VALUE),
+    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"), (stuck, _FAR_VALUE),
              (spikes, "with a spike"), (ends, "at an end of the log, far from all others,"))
     for mask, what in kinds:
         if np.any(mask):

@@ -1,12 +1,7 @@
-"""The columns of a log: which is what, and their cells as seconds, °C and percent.
+"""The columns of a log: their roles, and their cells as seconds, °C and percent of full power.
 
-Assign a role to each column: by its name, by its numbers if it has no name, or as the user specifies.
-
-Also the conversion of a column's cells to numbers; an error names the first cell that is not a number.
-
-The column of the time → seconds.
-
-The column of the power → percent of full power.
+A role comes from the column's name, from its numbers if it has no name, or from the user. An error names the first
+cell that is not a number.
 """
 
 from __future__ import annotations
@@ -17,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet, is_number
 from heatertune.log.quantities import (
@@ -41,7 +36,7 @@ from heatertune.log.quantities import (
 )
 
 __all__ = [
-    "ASSUMED", "NO_COLUMN", "TIME_UNITS", "Array", "Columns", "Power", "cell_error", "choose_column", "find_columns",
+    "ASSUMED", "NO_COLUMN", "TIME_UNITS", "Columns", "Power", "cell_error", "choose_column", "find_columns",
     "forwards", "likely_time_unit", "numbers", "power_of", "seconds", "with_dates", "with_names",
 ]
 
@@ -199,7 +194,6 @@ def _grows(sheet: Sheet, i: int) -> bool:
     return bool(np.all(steps >= 0.0) and np.count_nonzero(steps > 0.0) > 0.9 * len(steps))
 
 
-Array = npt.NDArray[np.float64]
 _BEYOND: Final = 1e30  # no instant and no reading; units can still be converted without overflow
 
 

@@ -15,9 +15,10 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet
-from heatertune.log.columns import Array, Columns
+from heatertune.log.columns import Columns
 from heatertune.log.quantities import plain_name, says_nothing
 from heatertune.units import count
 

@@ -1,9 +1,6 @@
-"""File → Log.
+"""Read a log: a file, or the objects of a session (DataFrame, arrays), becomes a `Log`.
 
-Also removing repeated rows of one instant, refusing rows of different heaters, and collecting the
-findings of the reader in one value.
-
-Whatever a session has at hand → Log.
+Repeated rows of one instant are removed, rows of several heaters are refused, and all findings are collected.
 """
 
 from __future__ import annotations
@@ -16,6 +13,7 @@ from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, LogError, OutOfRange
 from heatertune.log.cells import Sheet, is_number, plain_cells, read_sheet
 from heatertune.log.cleaning import no_readings, one_run, tell_gaps
@@ -23,7 +21,6 @@ from heatertune.log.columns import (
     ASSUMED,
     NO_COLUMN,
     TIME_UNITS,
-    Array,
     Columns,
     Power,
     cell_error,
@@ -108,9 +105,7 @@ def _otherwise(sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows) -> l
             if any(sheet.rows[row][i] != sheet.rows[first][i] for i in used)]
 
 
-def _demand_one_heater(
-    sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows, other: Sequence[int]
-) -> None:
+def _demand_one_heater(sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows, other: Sequence[int]) -> None:
     for i in range(len(sheet.rows[0])):
         if i not in columns.index.values() and (tags := _tags(sheet, i, dropped, firsts)):
             name = sheet.header[i] if sheet.header else f"{i + 1}"
@@ -139,8 +134,7 @@ def _quoted(text: str) -> str:
 
 
 #: unit of a temperature → how it is written
-SIGNS: Final = {
-    "degC": "°C", "degF": "°F", "K": "K", "0.1degC": "0.1 °C", "0.01degC": "0.01 °C", "0.1degF": "0.1 °F"}
+SIGNS: Final = {"degC": "°C", "degF": "°F", "K": "K", "0.1degC": "0.1 °C", "0.01degC": "0.01 °C", "0.1degF": "0.1 °F"}
 
 
 class TemperatureUnit(NamedTuple):
@@ -453,9 +447,7 @@ def _csv(frame: DataFrame) -> bytes:
     return str(frame.to_csv(index=not counted, index_label=label)).encode()
 
 
-def _opened(
-    source: Path, table: BuiltIn | None, content: bytes | None, asked: ReadSettings
-) -> tuple[Sheet, list[str]]:
+def _opened(source: Path, table: BuiltIn | None, content: bytes | None, asked: ReadSettings) -> tuple[Sheet, list[str]]:
     """Return the cells of a file with plain numbers, and the doubts about a built-in table."""
     sheet = with_names(read_sheet(table.path if table else source, content, asked.skip_rows, asked.tag))
     if not sheet.rows:

@@ -15,9 +15,10 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet
-from heatertune.log.columns import NO_COLUMN, Array, Columns, choose_column, seconds, with_dates
+from heatertune.log.columns import NO_COLUMN, Columns, choose_column, seconds, with_dates
 from heatertune.log.on_change import good_rows, is_quality, on_change
 from heatertune.log.quantities import is_second_choice, on_or_off, plain_name, plain_quantities, role_of, says_nothing
 from heatertune.units import count

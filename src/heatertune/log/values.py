@@ -1,7 +1,4 @@
-"""The log as the other stages see it.
-
-What was taken of a file as what: one line for people, and the options that repeat the reading.
-"""
+"""The log that all other stages use, and how its file was read: a summary, and options that repeat it."""
 
 from __future__ import annotations
 
@@ -12,15 +9,14 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.show import NotebookDisplay
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-__all__ = [
-    "ABSOLUTE_ZERO_DEGC", "MIN_SAMPLES", "MOST_REPAIRED", "UNIT_OPTIONS", "Log", "Option", "ReadSummary",
-]
+__all__ = ["ABSOLUTE_ZERO_DEGC", "MIN_SAMPLES", "MOST_REPAIRED", "UNIT_OPTIONS", "Log", "Option", "ReadSummary"]
 
 
 #: role → option of `read_log` that states its unit
@@ -106,9 +102,8 @@ class ReadSummary:
         return {
             "line": self.line, "rows": self.rows, "interval_s": self.interval_s,
             "columns": {role: {"name": name, "written": written} for role, (name, written) in self.columns.items()},
-            "rows_read": self.rows_read, "left_out": self.left_out, "repeats": self.repeats,
-            "repaired": self.repaired, "repaired_share": self.repaired_share, "unused": list(self.unused),
-            "reading": dict(self.reading),
+            "rows_read": self.rows_read, "left_out": self.left_out, "repeats": self.repeats, "repaired": self.repaired,
+            "repaired_share": self.repaired_share, "unused": list(self.unused), "reading": dict(self.reading),
         }
 
 
@@ -116,8 +111,6 @@ ABSOLUTE_ZERO_DEGC = -273.15
 
 #: Fewer readings than this cannot carry the five unknowns of a heater model.
 MIN_SAMPLES = 20
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -226,12 +219,10 @@ class Log(NotebookDisplay):
             return None if column is None else column[keep]
 
         return Log(
-            name=self.name, source=self.source, time_s=self.time_s[keep],
-            temperature_degC=self.temperature_degC[keep], power_pct=cut(self.power_pct),
-            setpoint_degC=cut(self.setpoint_degC), disturbance=cut(self.disturbance), repairs=self.repairs,
-            warnings=self.warnings,
-            same_heater=self.same_heater, taken=self.taken, rests_at_degC=self.rests_at_degC,
-            pwm_period_s=self.pwm_period_s, power_late_s=self.power_late_s,
+            name=self.name, source=self.source, time_s=self.time_s[keep], temperature_degC=self.temperature_degC[keep],
+            power_pct=cut(self.power_pct), setpoint_degC=cut(self.setpoint_degC), disturbance=cut(self.disturbance),
+            repairs=self.repairs, warnings=self.warnings, same_heater=self.same_heater, taken=self.taken,
+            rests_at_degC=self.rests_at_degC, pwm_period_s=self.pwm_period_s, power_late_s=self.power_late_s,
         )
 
 

@@ -1,12 +1,8 @@
-"""The log of a loop → what is wrong with it, how badly, and how sure that is.
+"""Diagnose a control loop from its log: faults, their severity and certainty, and the words that would cure them.
 
-The logged day once more with another controller: what a linear heater lets a log say of words that never ran there.
-
-temperature = heater[power] + rest: what the fitted heater does not make of the logged power is the rest, loads, room
-and noise of that day. Under another controller the rest is the same and the heater is known: the day can be lived
-again.
-
-The words that would cure a loop: designed for the heater that its log shows, proven, and lived through its day.
+temperature = heater[power] + rest. The rest, which the fitted heater does not explain by the logged power, is that
+day's loads, room and noise. It is the same under another controller, so the logged day can be simulated with other
+words: those that are proposed are designed for the heater of the log, proven, and simulated through its day.
 """
 
 from __future__ import annotations
@@ -17,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from heatertune import cache
+from heatertune.arrays import Array
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.log.values import Log
 from heatertune.loops.loop_values import Cause, LoopEntry, LoopFault
@@ -49,8 +45,6 @@ from heatertune.units import written
 
 __all__ = ["Cure", "Day", "Diagnosis", "cure_words", "day", "diagnose", "ideal", "times_worse"]
 
-
-Array = npt.NDArray[np.float64]
 
 #: (reading [°C], setpoint [°C]) → power until the next scan [%]
 Controller = Callable[[float, float], float]
@@ -298,10 +292,8 @@ def diagnose(log: Log, loop: LoopEntry, before: FittedModel | None = None) -> Di
     swung = swings(course, [*course.changes_s, *(load.instant_s for load in loads)], dead)
     result = Diagnosis(
         course=course, loads=loads, fitted_model=fitted, why_not=why_not, possible=possible, replayed_day=lived,
-        worse=worse,
-        swings=swung, switchings_per_h=switchings_per_h(log, period), pwm_period_s=period,
-        longer_period_s=_longer(loop, fitted, course, period), switch_ticks=cleared and cleared.ticks,
-        faults=())
+        worse=worse, swings=swung, switchings_per_h=switchings_per_h(log, period), pwm_period_s=period,
+        longer_period_s=_longer(loop, fitted, course, period), switch_ticks=cleared and cleared.ticks, faults=())
     return replace(result, faults=tuple(_still(log)) or tuple(_found(result, loop, before)))
 
 

@@ -1,7 +1,4 @@
-"""What is asked and told about a loop.
-
-Which loops there are: a folder of logs, and a list that says what the logs do not.
-"""
+"""The loops of a folder of logs, with a list of what their logs do not say; and the values of a diagnosis."""
 
 from __future__ import annotations
 

@@ -9,24 +9,16 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.proof.phase_statistics import turning_points
 
 __all__ = [
-    "RegularLog",
-    "Swings",
-    "at_limit",
-    "average_log",
-    "course_of",
-    "found_period_s",
-    "offset_degC",
-    "swings",
+    "RegularLog", "Swings", "at_limit", "average_log", "course_of", "found_period_s", "offset_degC", "swings",
     "switchings_per_h",
 ]
 
-Array = npt.NDArray[np.float64]
 
 _ROWS: Final = 6000
 _OF_FIT: Final = 1500  # rows: more tell no more of a heater, but take time
@@ -140,8 +132,7 @@ def course_of(log: Log, pwm_period_s: float | None, changes_at_least_degC: float
     return RegularLog(
         time_s=time, temperature_degC=averages, setpoint_degC=setpoint,
         power_pct=None if log.power_pct is None else mean(log.power_pct),
-        changes_s=(float(time[0]), *time[moved].tolist()), least_degC=least,
-        turn_degC=turn)
+        changes_s=(float(time[0]), *time[moved].tolist()), least_degC=least, turn_degC=turn)
 
 
 def _noise(rows: Array, apart: int) -> float:

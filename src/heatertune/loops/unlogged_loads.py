@@ -1,17 +1,12 @@
-"""Loads that nobody logged, found in the log of a running loop together with its heater.
+"""Loads that were not logged, found in the log of a running loop together with its heater.
 
-A door, a batch of goods, a draught act like steps of power through the heater's own lags. Taken for what the power
-did, they bend the heater, the more the better its controller answers them. So both are sought at once: for given lags
-and dead time everything else is linear, and the load that explains most of what is left is added, one after the other,
-as long as the criterion of `heatertune.model.statistics.ar1_bic` falls. The readings without them then go to the fit.
+A door, goods or a draught act like steps of power through the heater's lags, and would bias the heater if taken for
+the effect of the power. Both are therefore fitted together: for given lags and dead time everything else is linear,
+and the load that explains most of the rest is added while `heatertune.model.statistics.ar1_bic` falls.
 
-What a running loop's log has to say of its heater: power that was given, and readings, both at few rows.
-
-What a switch made of the duty that was logged: it waits for its next period, and it counts whole ticks.
-
-A PWM of 50 ticks gives power in steps of 2 %, whatever a controller asks for. In a loop that hardly moves the rest that
-it leaves out stays for minutes, and a heater that is found without it is bent by that rest: its dead time most of all.
-How many ticks there are nobody logs. But a wrong count explains nothing.
+Logged duty is also converted to the power that a PWM delivers: it waits for its next period and rounds to whole ticks
+(50 ticks: steps of 2 %). In a loop at rest this difference lasts for minutes and would bias the dead time. The number
+of ticks is not logged; a wrong number explains nothing.
 """
 
 from __future__ import annotations
@@ -22,10 +17,10 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.loops.measures import average_log, found_period_s
 from heatertune.model.statistics import ar1_bic
@@ -35,8 +30,6 @@ __all__ = [
     "with_duty", "without_loads",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _ROWS: Final = 3000  # of the power's course
 _READINGS: Final = 400  # averages that are explained

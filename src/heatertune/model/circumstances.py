@@ -1,14 +1,12 @@
-"""Properties of a log besides its heater: sampling, resolution of the sensor, operating point.
+"""Properties of a log besides its heater: sampling, sensor resolution, operating point, effects of its power column.
 
-Also the effects that a power column can hide: PWM, and a delay of one row.
+A power column may hold the power of the previous row or the mean since then. The heater then seems to respond earlier,
+and the fitted dead time is too short by up to one row, which the log does not show.
 
-A power column may contain the power of the previous row or the mean since then. The heater then seems to respond
-earlier, and the fitted dead time is too short by up to one row. The log does not show this.
-
-If a log contains the controller output while a PWM switched the heater, dead time and gain are uncertain. A value that
-is held until the next period of length P acts later by up to P. With the pulse at the start of each period, the centre
-of the power is earlier by up to P·(1 − u)/2, with duty cycle u. Readings at a fixed phase see the ripple, shifted by up
-to P/4 of the gain divided by the time constant. Which of these applies depends on the phase, which is not logged.
+If the controller output was logged while a PWM of period P switched the heater, dead time and gain are uncertain: a
+value held until the next period acts up to P later; with the pulse at the start of each period, the centre of power is
+up to P·(1 − u)/2 earlier at duty cycle u; readings at a fixed phase see the ripple, shifted by up to P/4 of gain/time
+constant. Which applies depends on the phase, which is not logged.
 """
 
 from __future__ import annotations
@@ -29,9 +27,7 @@ from heatertune.model.statistics import Interval
 from heatertune.model.values import Candidate, FittedModel
 from heatertune.units import check
 
-__all__ = [
-    "DelaysKnown", "logged_range_degC", "reading_step_degC", "setpoint_of", "with_late_power", "with_pwm_hidden",
-]
+__all__ = ["DelaysKnown", "logged_range_degC", "reading_step_degC", "setpoint_of", "with_late_power", "with_pwm_hidden"]
 
 
 _EARLIER: Final = 0.5  # periods by which the heater's dead time may be longer than it looks

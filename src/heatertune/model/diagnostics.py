@@ -14,9 +14,7 @@ from heatertune.model.statistics import Interval
 from heatertune.model.values import FitOutcome, FittedModel
 from heatertune.units import degF_to_degC
 
-__all__ = [
-    "DROP_PCT", "Remark", "fast_remarks", "findings_of", "level_remarks", "poor_remarks", "unit_findings",
-]
+__all__ = ["DROP_PCT", "Remark", "fast_remarks", "findings_of", "level_remarks", "poor_remarks", "unit_findings"]
 
 #: allowed loss of fit in cross-validation [%]
 DROP_PCT = 10.0

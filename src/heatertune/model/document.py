@@ -15,6 +15,7 @@ import numpy as np
 from heatertune.codec import (
     FLAT,
     LEFT_OUT,
+    Document,
     OrUnknown,
     construct_from,
     decode,
@@ -77,7 +78,7 @@ def read_model(path: str | Path) -> FittedModel:
     return from_document(read_document(path, SCHEMA), where=path)
 
 
-def from_document(document: Mapping[str, Any], *, where: str | Path = "model") -> FittedModel:
+def from_document(document: Document, *, where: str | Path = "model") -> FittedModel:
     """Return the model of a document; errors as in `read_model`."""
     return decode(ModelView, plain(document), where).value
 

@@ -41,8 +41,7 @@ KINDS: Final[dict[str, FindingKind]] = {
         "blocks", "the heater answers faster than the log's interval shows", "log at a shorter interval"),
     "not-foretold": FindingKind(
         "blocks", "readings left out of the fit are poorly "
-                  "predicted", "log one open-loop step until the temperature is "
-                                                                   "steady"),
+                  "predicted", "log one open-loop step until the temperature is steady"),
     "follows-power": FindingKind(
         "told", "the residuals of the model still follow the power", "log one open-loop step until the temperature is "
                                                                       "steady"),

@@ -18,13 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.compiled import compile_function
 
 __all__ = ["Minima", "minimise"]
 
-Array = npt.NDArray[np.float64]
 
-#: rows of parameters (n, p), and which problem each row belongs to (n,) → residuals (n, m)
+#: rows of parameters (n, p), and which problem each row belongs to (n) → residuals (n, m)
 ResidualFunction = Callable[[Array, npt.NDArray[np.intp]], Array]
 
 _DIFFERENCE = 1e-4  # finite-difference step as a share of the parameter's range

@@ -13,12 +13,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import MIN_SAMPLES, Log
 
 __all__ = ["disturbance_s", "replace_outliers", "sensor_step", "undisturbed_part", "without_outliers"]
 
-
-Array = npt.NDArray[np.float64]
 
 _NEIGHBOURS = 11  # readings of the running median: up to five consecutive outliers are detected
 _COMMON = 0.05  # share of the readings: more frequent deviations are the model's fault, not the sensor's

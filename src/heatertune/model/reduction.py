@@ -1,11 +1,7 @@
-"""Two lags as one, and the combinations of their numbers that a closed loop shows.
+"""Reduction of two lags to one for tuning, and the combinations of a heater's numbers that a closed loop identifies.
 
-Reduce two lags to one: the FOPDT model that replaces a heater and its sensor around the crossover of the loop.
-
-The half rule (`TwoLag.half_rule`) was made for one tuning rule. The matching here keeps the gain and chooses lag and
-dead time for the best agreement of the frequency responses within an octave of the crossover frequency.
-
-What of a heater a closed loop shows: its numbers, and the combinations that are known better than they.
+The half rule (`TwoLag.half_rule`) was made for one tuning rule. The reduction here keeps the gain and matches lag and
+dead time to the frequency response within an octave of the crossover frequency.
 """
 
 from __future__ import annotations
@@ -15,8 +11,8 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
 __all__ = ["COMBINATIONS", "FIELDS", "crossover_rad_s", "match_fopdt", "ultimate_period_s"]
@@ -67,8 +63,6 @@ _CUT_DEG: Final = 120.0
 _OCTAVES: Final = 0.5
 _POINTS: Final = 60
 _LEAST: Final = 1e-4  # share of a step below which no step gains
-
-Array = npt.NDArray[np.float64]
 
 
 def crossover_rad_s(model: HeaterModel) -> float:

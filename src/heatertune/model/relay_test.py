@@ -1,8 +1,6 @@
-"""The relay test: simulated in closed form, and recognised in a log.
+"""The relay test: simulated, in closed form for one lag and dead time, and recognised in a log.
 
-What a logged relay test tells: that it is one, its ultimate gain and period, and the heater behind it.
-
-A heater under a two-level controller: simulated, and in closed form for one lag and dead time.
+A recognised test gives ultimate gain and period, and the heater behind them.
 """
 
 from __future__ import annotations
@@ -17,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.heater.exact import advance_step, factors, turning_time
 from heatertune.log.values import Log
@@ -223,7 +222,6 @@ def _reach(model: HeaterModel, relay: TwoLevelRelay) -> tuple[float, float]:
     return up, down
 
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 _PERIODS = 2  # least number of whole ones
@@ -399,10 +397,7 @@ def estimate(record: RelayRecord, *, ambient_degC: float | None = None) -> Relay
     further = max(0.0, period_s[0] / ultimate_s - 1.0)
     on_s, off_s = record.times()
     gain, source = _static_gain(record)
-    oscillation = oscillating_fopdt(
-        relay, on_s=on_s, off_s=off_s, highest_degC=highest, lowest_degC=lowest,
-        gain=gain,
-    )
+    oscillation = oscillating_fopdt(relay, on_s=on_s, off_s=off_s, highest_degC=highest, lowest_degC=lowest, gain=gain)
     if oscillation is None and (gain is not None or _lopsided(on_s, off_s)):
         source = f"{source}, but no FOPDT swings like this"
     return RelayEstimate(

@@ -11,16 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import OutOfRange
 from heatertune.heater.exact import apart, since_step, slopes_by_lag, turning_times
 from heatertune.model.values import HeaterModel
 from heatertune.units import check
 
 __all__ = ["Schedule", "peak_rise", "rise", "rows_of", "sensitivities"]
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -8,31 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import OutOfRange
 
 __all__ = [
-    "PERIOD",
-    "RATIO",
-    "Interval",
-    "ar1_bic",
-    "ar1_weighted",
-    "autocorrelation",
-    "block_resamples",
-    "envelope",
-    "fit_pct",
-    "holds",
-    "hull",
-    "identified_interval",
-    "identified_parts",
-    "interval",
-    "percentile_interval",
+    "PERIOD", "RATIO", "Interval", "ar1_bic", "ar1_weighted", "autocorrelation", "block_resamples", "envelope",
+    "fit_pct", "holds", "hull", "identified_interval", "identified_parts", "interval", "percentile_interval",
     "student_t",
 ]
-
-
-Array = npt.NDArray[np.float64]
 
 
 def fit_pct(measured: Array, simulated: Array) -> float:
@@ -140,9 +124,7 @@ def interval(values: Array, low: float, high: float) -> Interval:
         return Interval(low=None, high=None)
     lower, upper = percentile_interval(known)
     margin = 1e-9 * (high - low) if np.isfinite(high - low) else 0.0
-    return Interval(
-        low=None if lower <= low + margin else lower, high=None if upper >= high - margin else upper
-    )
+    return Interval(low=None if lower <= low + margin else lower, high=None if upper >= high - margin else upper)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

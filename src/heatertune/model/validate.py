@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import construct_from, encode, register_schema
 from heatertune.errors import InputError
 from heatertune.log.values import Log
@@ -32,8 +32,6 @@ from heatertune.settings import ValidateSettings
 
 __all__ = ["MOST_BIAS_PCT", "ValidationRun", "Verdict", "VerdictView", "to_document", "validate"]
 
-
-Array = npt.NDArray[np.float64]
 
 MOST_BIAS_PCT = 5.0  # of the span of the readings
 _READINGS = 500  # averaged, for the correlation
@@ -96,9 +94,7 @@ class Verdict:
     notes: tuple[str, ...]
 
 
-def validate(
-    fitted: FittedModel, log: Log, settings: ValidateSettings | None = None, **changed: Any
-) -> Verdict:
+def validate(fitted: FittedModel, log: Log, settings: ValidateSettings | None = None, **changed: Any) -> Verdict:
     """Simulate a model and every plausible heater with the power of a log, and judge them by the log's readings.
 
     Designs use all of them, so every one has to pass.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.model.least_squares import minimise
 from heatertune.model.statistics import autocorrelation
 
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
 __all__ = ["LJUNG_BOX_95", "constant_rmse", "cross_rmse", "hold_out_rmse", "ljung_box"]
 
-Array = npt.NDArray[np.float64]
 
 #: 95 % point of χ² with 20 degrees of freedom
 LJUNG_BOX_95: Final = 31.41

@@ -1,10 +1,6 @@
-"""Heater models and what a fit found out about them.
+"""Heater models (`Fopdt`, `TwoLag`, …) with their response to power, the result of a fit, and its checks.
 
-What checks of a fit found: values only.
-
-What a heater does: its answer to power, and itself as a system of python-control.
-
-A heater that was typed in: no log, no fit, nothing that takes long to load.
+A heater can also be given by its numbers, without a log. python-control is loaded only on request.
 """
 
 from __future__ import annotations
@@ -18,6 +14,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.heater.exact import since_step
 from heatertune.model.findings import Finding
@@ -36,8 +33,6 @@ __all__ = [
     "InputCorrelation", "OneLog", "Residuals", "TwoLag", "Validation", "disagreeing_parameters", "model_by_hand",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _WHOLE: Final = 1e-9  # of an interval: a dead time as near to a multiple of it is one
 _SCIPYS_ZERO: Final = 1e-14  # SciPy leaves a leading coefficient up to here out, and warns
@@ -271,8 +266,6 @@ def disagreeing_parameters(halves: tuple[Half, Half]) -> tuple[str, ...]:
 def _reach(half: Half, name: str) -> float:
     high = half.ci95[name].high
     return math.inf if high is None else high - half.values[name]
-
-
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

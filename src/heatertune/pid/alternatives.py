@@ -1,9 +1,4 @@
-"""What other rules and other limits of robustness would give for the same heater.
-
-What every rule would have given for the same heater, candidates and sampling interval.
-
-The front of performance against robustness: the best cost at each limit of Ms.
-"""
+"""Alternatives for the same heater and sampling interval: all tuning rules, and the best cost at each limit of Ms."""
 
 from __future__ import annotations
 

@@ -13,8 +13,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array, Complex
 from heatertune.heater.exact import apart
 from heatertune.pid.specs import ROOM
 
@@ -23,8 +23,6 @@ __all__ = [
     "price", "space_for",
 ]
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 Four = tuple[float, float, float, float]
 
 DERIVATIVE_FILTER_N = 10.0  # N of the ideal form; K. J. Åström and T. Hägglund use 8…20

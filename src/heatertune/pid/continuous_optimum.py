@@ -1,10 +1,8 @@
-"""The constrained optimum of the continuous loop: PI or PID in the ideal form, exact dead time, no Padé.
+"""The constrained optimum of the continuous loop, for `--sample-time 0`: PI or PID in the ideal form, exact dead time.
 
-For each TN and TV the feasible gains are known exactly (`continuous.pieces`), which leaves a search in one or two
-unknowns: a coarse grid, a local search, the same again on finer frequencies. A fine grid over all of the reduced
+For each TN and TV the feasible gains are known exactly (`continuous_loop.pieces`), which leaves a search in one or two
+unknowns: a coarse grid, a local search, the same again on finer frequencies. A fine grid over the whole reduced
 problem then looks for a better optimum elsewhere. This is evidence at the resolution of the grid, not a proof.
-
-FittedModel → PidDesign of the continuous loop: the answer to `--sample-time 0`, with its explanation.
 """
 
 from __future__ import annotations
@@ -15,8 +13,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array, Complex
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.model.values import FittedModel, HeaterModel
@@ -35,8 +33,6 @@ __all__ = [
 ]
 
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 #: frequencies, heaters' answers there, heaters, weights, limits: see `pieces` and `price`
 Task = tuple[Array, Complex, Array, Array, Four]
 
@@ -272,10 +268,7 @@ def iae(plant: HeaterModel, design: PidDesign) -> tuple[float, float]:
     """Return ∫|e| dt after a load step of 1 % [°C·s] and after a setpoint step of 1 °C [s]; the loop is stable."""
     upright = replace(design, gain_pct_per_degC=abs(design.gain_pct_per_degC))  # a cooler's answer, mirrored
     row = np.abs([_row(plant)])
-    load, setpoint = (
-        _price(row, weights, upright, _STEPS)
-        for weights in np.eye(4)[:2, None]
-    )
+    load, setpoint = (_price(row, weights, upright, _STEPS) for weights in np.eye(4)[:2, None])
     return load, setpoint
 
 

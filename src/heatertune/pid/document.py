@@ -11,7 +11,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from heatertune.codec import LEFT_OUT, OrInfinite, construct_from, decode, encode, plain, read_document, register_schema
+from heatertune.codec import (
+    LEFT_OUT,
+    Document,
+    OrInfinite,
+    construct_from,
+    decode,
+    encode,
+    plain,
+    read_document,
+    register_schema,
+)
 from heatertune.errors import DocumentError
 from heatertune.model.document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.document import ModelView
@@ -21,16 +31,8 @@ from heatertune.settings import Conditions, SensorSettings, WordSettings
 from heatertune.units import check
 
 __all__ = [
-    "SCHEMA",
-    "BoostView",
-    "DesignProvenance",
-    "PidView",
-    "RampView",
-    "from_document",
-    "parts_of",
-    "promise_document",
-    "read_design",
-    "to_document",
+    "SCHEMA", "BoostView", "DesignProvenance", "PidView", "RampView", "from_document", "parts_of", "promise_document",
+    "read_design", "to_document",
 ]
 
 
@@ -190,12 +192,12 @@ def read_design(path: str | Path) -> tuple[PidDesign, FittedModel | None, Design
     return view.value, None if view.model is None else view.model.value, view.made_for
 
 
-def from_document(document: Mapping[str, Any], *, where: str | Path = "design") -> PidDesign:
+def from_document(document: Document, *, where: str | Path = "design") -> PidDesign:
     """Return the design of a document; errors as in `read_design`."""
     return parts_of(document, where=where)[0]
 
 
-def parts_of(document: Mapping[str, Any], *, where: str | Path = "design") -> tuple[PidDesign, DesignProvenance | None]:
+def parts_of(document: Document, *, where: str | Path = "design") -> tuple[PidDesign, DesignProvenance | None]:
     """Return the design of a document, and the recipe of its words where it holds one; errors as in `read_design`."""
     view = decode(PidView, plain(document), where)
     return view.value, view.made_for

@@ -1,8 +1,7 @@
-"""Why a design is what it is.
+"""Explain a design: the limits that bind, and what loosening each would gain.
 
-Why a design is what it is: the limits it stands at, and what each would give if it were loosened.
-
-A heater that warms and cools with different time constants: gains for each face, and what one set for both costs.
+For a heater that heats and cools with different time constants: the gains for each direction, and the cost of one set
+for both.
 """
 
 from __future__ import annotations

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from heatertune.model.values import HeaterModel
 from heatertune.pid.sampled_loop import margins, sample_plant
@@ -15,7 +14,6 @@ from heatertune.pid.values import Margins, PidDesign
 
 __all__ = ["control_margins", "loop_transfer_function", "second_opinion"]
 
-Array = npt.NDArray[np.float64]
 
 _MOST_DELAY = 100  # samples of dead time
 

@@ -1,22 +1,13 @@
 """Tuning rules as printed by their authors, each with source, range and claim; results are in the ideal form.
 
-Half a sampling interval is added to the dead time (S. Skogestad, J. Process Control 13 (2003), section 2.2).
+Families: direct shaping of the loop (SIMC, lambda, IMC, Haalman), minima of error integrals (Lopez, Rovira), the
+reaction curve (Ziegler–Nichols, Cohen–Coon, Chien–Hrones–Reswick, AMIGO), the exact ultimate cycle Ku, Pu, and uSORT
+(minimal IAE at a chosen Ms; only the authors' rows for one lag, each checked against its Ms). Half a sampling interval
+is added to the dead time (S. Skogestad, J. Process Control 13 (2003), section 2.2).
 
-What a tuning rule is: its formulas as printed, where they come from, and how far they hold.
-
-Rules that shape the loop directly: SIMC, original and improved, lambda tuning, IMC, Haalman's.
-
-Rules fitted to minima of error integrals: Lopez (load) and Rovira (setpoint). Rovira's PID settings are minima only if
-D acts on the process variable: with exact dead time, all three are then within 9 % of the optimum for L/T = 0.3…1; with
-D on the error TN is 14–32 % too long. Lopez's rows for P are omitted: their criterion needs a steady-state value that
-no available copy states.
-
-Rules based on the reaction curve (k, T, L): Ziegler–Nichols, Cohen–Coon, Chien–Hrones–Reswick, AMIGO.
-
-Rules based on the ultimate cycle (Ku, Pu), which is exact for the model: no experiment, no Padé.
-
-uSORT for one lag: minimal IAE at a chosen Ms, after a load or a setpoint step. The authors give rows for five ratios of
-two lags; only those for one lag are implemented, each checked against the Ms it claims.
+Rovira's PID settings are minima only if D acts on the process variable: with exact dead time all three are then within
+9 % of the optimum for L/T = 0.3…1; with D on the error TN is 14–32 % too long. Lopez's rows for P are omitted: their
+criterion needs a steady-state value that no available copy states.
 """
 
 from __future__ import annotations
@@ -222,9 +213,7 @@ def _chien_hrones_reswick(aim: str) -> dict[str, Formula]:
     in_lags = aim.startswith("setpoint")
 
     def formula(gain: float, integral: float, derivative: float) -> Formula:
-        return on_one_lag(
-            lambda k, T, L: (gain * T / (k * L), integral * (T if in_lags else L), derivative * L)
-        )
+        return on_one_lag(lambda k, T, L: (gain * T / (k * L), integral * (T if in_lags else L), derivative * L))
 
     return {"p": formula(p, math.inf, 0.0), "pi": formula(pi, pi_tn, 0.0), "pid": formula(pid, pid_tn, tv)}
 

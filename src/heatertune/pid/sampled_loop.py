@@ -1,21 +1,13 @@
 """The loop as a PLC runs it: a sampled controller, power held between samples, exact fractional dead time.
 
-Controller, backward difference, with the derivative filter D_k = f·D_{k−1} + (1 − f)·TV/TA·(e_k − e_{k−1}); f is ½ in
-OB251 and 0 in controllers without a filter:
-
     C(z) = K·[1 + TA/TN·1/(1 − 1/z) + (1 − f)·TV/TA·(1 − 1/z)/(1 − f/z)]
 
-Plant: each lag as a first-order mode after a hold; a dead time of d samples and a fraction splits each input
-between two samples (the modified z-transform; K. J. Åström and B. Wittenmark, "Computer-Controlled Systems",
-3rd ed., section 2.3).
+with the derivative filter D_k = f·D_{k−1} + (1 − f)·TV/TA·(e_k − e_{k−1}); f is ½ in OB251, 0 without a filter. Each
+lag is a first-order mode after a hold; a dead time of d samples and a fraction splits each input between two samples
+(K. J. Åström and B. Wittenmark, "Computer-Controlled Systems", 3rd ed., section 2.3).
 
-A search needs the same plant at the same frequencies repeatedly, so plants, frequencies and responses are cached
-and read-only.
-
-Also the linear sampled loop in time: load and setpoint responses, their integrals, and TRdom. A few responses run as
-plain Python, without loading a compiler; those of a search run as machine code, with identical results.
-
-How much the plant may differ before the loop misbehaves: margins of the sampled loop, exactly.
+Also time responses to load and setpoint, their integrals and TRdom (plain Python for a few, machine code for a search,
+the same results), and the exact margins. Plants, frequencies and responses are cached and read-only.
 """
 
 from __future__ import annotations
@@ -28,8 +20,8 @@ from functools import lru_cache
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array, Complex
 from heatertune.compiled import compile_function, worth_compiling
 from heatertune.heater.exact import apart
 from heatertune.model.values import HeaterModel, TwoLag
@@ -43,8 +35,6 @@ __all__ = [
 ]
 
 
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 _Numbers = TypeVar("_Numbers", Array, Complex)
 
 _KEPT = 64  # of each; a response takes up to 72 kB

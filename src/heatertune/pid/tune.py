@@ -66,8 +66,7 @@ def tune(
     asked = merge_options(TuneSettings, settings, changed)
     if cools(fitted):
         design = tune(mirror_heater(fitted), asked, timer=timer, derivative_filter=derivative_filter,
-                      most_gain=most_gain,
-                      resolution_degC=resolution_degC, progress=progress)
+                      most_gain=most_gain, resolution_degC=resolution_degC, progress=progress)
         return replace(design, gain_pct_per_degC=-design.gain_pct_per_degC)
     method, structure, robust, closed_loop_s = asked.method, asked.structure, asked.robust, asked.closed_loop_s
     _refuse_nonsense(asked)
@@ -240,9 +239,7 @@ def _trdom(plants: Sequence[HeaterModel], design: PidDesign) -> float:
     return min(dominant_time_s(plant, design) for plant in plants)
 
 
-def _told_about_ta(
-    design: PidDesign, plants: Sequence[HeaterModel], rounds: int, given_s: float | None
-) -> str:
+def _told_about_ta(design: PidDesign, plants: Sequence[HeaterModel], rounds: int, given_s: float | None) -> str:
     trdom = _trdom(plants, design)
     if math.isinf(trdom):
         return f"TA = {design.sample_time_s:g} s; TRdom is unknown: the loop does not settle within the simulated time."
@@ -282,9 +279,7 @@ def _told_about_stop(design: PidDesign, timer: Timer, trdom: float) -> list[str]
     return []
 
 
-def _finished(
-    design: PidDesign, fitted: FittedModel, method: str, specs: Specs, notes: list[str]
-) -> PidDesign:
+def _finished(design: PidDesign, fitted: FittedModel, method: str, specs: Specs, notes: list[str]) -> PidDesign:
     plants = fitted.plants
     judged = [margins(plant, design) for plant in plants]
     if any(not m.stable for m in judged):

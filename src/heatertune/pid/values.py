@@ -1,16 +1,12 @@
-"""A designed controller in the standard form.
-
-PID settings are printed in three forms; this module converts between them.
+"""A designed controller in the ideal form, its conversion to the other forms, and the sampling intervals of a timer.
 
     ideal     K·(1 + 1/(TN·s) + TV·s)             also: standard, ISA, non-interacting; the form of this program
     series    K'·(1 + 1/(TN'·s))·(1 + TV'·s)      also: interacting, classical
     parallel  Kp + Ki/s + Kd·s
 
-Every series form has an ideal form. The inverse needs TN ≥ 4·TV: only then are both zeros of the ideal form real
-(K. J. Åström and T. Hägglund, "PID Controllers", 2nd ed., ISA 1995, section 3.2). Derivative filters are not
-converted: the conversions hold below the corner frequency of the filter.
-
-The sampling intervals that a controller's timer can make.
+Every series form has an ideal form; the inverse needs TN ≥ 4·TV, for real zeros (K. J. Åström and T. Hägglund, "PID
+Controllers", 2nd ed., ISA 1995, section 3.2). Derivative filters are not converted: the conversions hold below the
+corner frequency of the filter.
 """
 
 from __future__ import annotations
@@ -18,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.show import NotebookDisplay
@@ -77,12 +72,12 @@ def ideal_to_parallel(gain: float, integral_time_s: float, derivative_time_s: fl
     return gain, gain / integral_time_s, gain * derivative_time_s
 
 
-def other_forms(gain: float, integral_time_s: float, derivative_time_s: float) -> dict[str, Any]:
+def other_forms(gain: float, integral_time_s: float, derivative_time_s: float) -> dict[str, dict[str, float] | None]:
     """Return the same controller in JSON form, as "series" (None if it does not exist) and "parallel".
 
     "kp" [%/°C], "ki" [%/(°C·s)], "kd" [%·s/°C]; the series names are those of the ideal form.
     """
-    forms: dict[str, Any] = {
+    forms: dict[str, dict[str, float] | None] = {
         "series": None,
         "parallel": dict(
             zip(("kp", "ki", "kd"), ideal_to_parallel(gain, integral_time_s, derivative_time_s), strict=True)

@@ -18,26 +18,8 @@ if TYPE_CHECKING:
     from heatertune.plc.words import Certificate, Scaling, WordField, Words
 
 __all__ = [
-    "ALIKE",
-    "COOLING",
-    "GROUPS",
-    "NAMES",
-    "TARGETS",
-    "Boost",
-    "Certificate",
-    "Controller",
-    "ControllerState",
-    "Number",
-    "OpenPoint",
-    "Ramp",
-    "Scaling",
-    "Scan",
-    "StepFunctions",
-    "Timing",
-    "WordField",
-    "Words",
-    "controller_for",
-    "count",
+    "ALIKE", "COOLING", "GROUPS", "NAMES", "TARGETS", "Boost", "Certificate", "Controller", "ControllerState", "Number",
+    "OpenPoint", "Ramp", "Scaling", "Scan", "StepFunctions", "Timing", "WordField", "Words", "controller_for", "count",
 ]
 
 __getattr__, __dir__ = lazy_attributes(__name__, {

@@ -5,18 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
-from typing import Final
 
 from heatertune.errors import UnknownName
 from heatertune.plc.targets import NAMES
 
-__all__ = ["SECTIONS", "Commissioning", "commissioning"]
-
-#: the sections of every COMMISSIONING.md, in this order
-SECTIONS: Final = (
-    "Entering the parameters", "The first minutes", "If it oscillates", "If it is sluggish", "If it does not heat",
-    "Restoring the old parameters",
-)
+__all__ = ["Commissioning", "commissioning"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +18,7 @@ class Commissioning:
 
     Attributes:
         facts: the source documents.
-        steps: section (see `SECTIONS`) → its steps, in order.
+        steps: section → its steps, in order.
     """
 
     facts: str

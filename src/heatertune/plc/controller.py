@@ -1,9 +1,7 @@
-"""A controller: one class that says what it is, and inherits what all controllers do alike.
+"""The base class of all controllers, the lookup of a controller by its name, and the words of a cooler.
 
-Every method here is abstract or final. What the final ones need of one controller, its class says: attributes, the
-methods that are abstract, and, where it can do more, those that are None. Proof and chain know no more of controllers.
-
-How a controller's setpoint is led: its ramp and boost, in the units and at the interval of its scans.
+Subclasses set attributes and implement the abstract methods; everything else is final. Optional hooks default to
+None. Proof and chain know nothing else about a controller.
 """
 
 from __future__ import annotations
@@ -18,21 +16,30 @@ from typing import Any, ClassVar, Final, NamedTuple, cast, final
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.pid.values import PidDesign, Timer
-from heatertune.plc.core import ControllerState, Scan, StepFunctions, Timing
-from heatertune.plc.cycle import Cycle
+from heatertune.plc.core import ControllerState, RunningController, Scan, StepFunctions, Timing
 from heatertune.plc.exported import Loads
 from heatertune.plc.feed_forward import FeedForwardHooks
 from heatertune.plc.inputs import Inputs
 from heatertune.plc.open_points import NothingOpen, OpenPoint, assumptions_from, open_points_of
+from heatertune.plc.pwm import Actuator
 from heatertune.plc.ramp import Number, Ramp, nearest
 from heatertune.plc.readback import ReadBack
-from heatertune.plc.scan_by_scan import RunningController
 from heatertune.plc.single_precision import single
-from heatertune.plc.targets import NAMES
-from heatertune.plc.words import Certificate, Scaling, WordField, Words, check_fields, kept_by, round_to_word
+from heatertune.plc.targets import COOLING, NAMES
+from heatertune.plc.words import (
+    Certificate,
+    Cycle,
+    EntryChange,
+    Scaling,
+    WordField,
+    Words,
+    check_fields,
+    kept_by,
+    round_to_word,
+)
 from heatertune.units import check
 
-__all__ = ["Controller", "CoolingSupport", "SetpointHandling", "controller_for"]
+__all__ = ["Controller", "CoolingSupport", "SetpointHandling", "controller_for", "with_cooler", "with_cooling"]
 
 
 class SetpointHandling(Inputs):
@@ -201,7 +208,7 @@ class Controller(SetpointHandling, ABC):
             same, its parameters and cold state; None: the core itself compiles, or none does.
         feed: the input that a measured disturbance is written to; None: there is none.
         typed: (words, setpoint of the proof [°C], the same in units; None without a proof) → word → what of its
-            `heatertune.plc.keyed_entry.TypedWord` is other than the words and their fields say; None: nothing.
+            `heatertune.plc.keyed_entry.KeyedEntry` is other than the words and their fields say; None: nothing.
         setpoint_entry: (words, setpoint of the proof [°C], the same in units) → the setpoint as a person enters
             it, with its unit; None: in °C where the controller's setpoint is a REAL, else its word.
         cooling: what is known of the cooler beside the heater; None: the controller has no output for one.
@@ -241,7 +248,7 @@ class Controller(SetpointHandling, ABC):
     own_pwm: ClassVar[tuple[str | None, float]] = (None, 10.0)
     direct: ClassVar[staticmethod[[Words, Any], tuple[StepFunctions, ControllerState]] | None] = None
     feed: ClassVar[FeedForwardHooks | None] = None
-    keyed_entries: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, Mapping[str, Any]]] | None] = None
+    keyed_entries: ClassVar[staticmethod[[Words, float | None, Any], Mapping[str, EntryChange]] | None] = None
     setpoint_entry: ClassVar[staticmethod[[Words, float, Any], str] | None] = None
     cooling: ClassVar[CoolingSupport | None] = None
     scan_all: ClassVar[staticmethod[[Any, Any, Mapping[str, Any]], tuple[Any, float, Any, int]] | None] = None
@@ -449,3 +456,39 @@ def controller_for(target: str) -> Controller:
 @cache
 def _made(kind: type[Controller]) -> Controller:
     return kind()
+
+
+def with_cooling(words: Words, cooling_gain: float | None) -> Words:
+    """Return words for a cooler whose full power is so many times the heater's; as they are where none is told.
+
+    Raises:
+        NotRepresentable: a gain that they can't hold.
+    """
+    cooling = controller_for(words.target).cooling
+    return words if cooling is None or cooling_gain is None else cooling.words(words, cooling_gain)
+
+
+def with_cooler(
+    actuator: Actuator, words: Words, cooling_gain: float | None, *, minimum_on_s: float | None = None,
+    minimum_off_s: float | None = None,
+) -> Actuator:
+    """Return a switch with the cooler's where the controller has an output for one.
+
+    Args:
+        actuator: of the heater.
+        words: that run.
+        cooling_gain: full power of the cooler as a part of the heater's; None: as the words say.
+        minimum_on_s: shortest pulse of the cooler; None: any [s].
+        minimum_off_s: its shortest pause [s].
+
+    Raises:
+        InputError: a cooler that the controller has no output for.
+        OutOfRange: words that don't say how strong it is, or times that leave no pulse.
+    """
+    cooling = controller_for(words.target).cooling
+    if cooling is None:
+        if cooling_gain is not None:
+            raise InputError(f"{words.target} has no second output for a cooler; {', '.join(COOLING.values())} has one")
+        return actuator
+    gain = cooling.gain(words) if cooling_gain is None else cooling_gain
+    return replace(actuator, cooling_gain=gain, cooling_minimum_on_s=minimum_on_s, cooling_minimum_off_s=minimum_off_s)

@@ -20,8 +20,7 @@ from heatertune.settings import TuneSettings
 __all__ = ["encode", "loop_fit", "tune"]
 
 #: of a model's document, what is told and no design depends on
-_TOLD: Final = (
-    "residuals", "notes", "hypotheses", "whiteness", "input_crosscorrelation", "held_out", "halves", "logs")
+_TOLD: Final = ("residuals", "notes", "hypotheses", "whiteness", "input_crosscorrelation", "held_out", "halves", "logs")
 
 
 def tune(

@@ -16,8 +16,7 @@ from heatertune.plc.words import Scaling
 
 __all__ = [
     "BROKEN_MA", "FOUR_TO_TWENTY", "INPUTS", "Inputs", "Range", "describe_range", "has_ends", "module",
-    "sensor_scaling",
-    "share_of",
+    "sensor_scaling", "share_of",
 ]
 
 #: name on the command line of the range that has a lower end of its own

@@ -4,25 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from heatertune.plc.controller import controller_for
 from heatertune.plc.ramp import Number
-from heatertune.plc.words import FLOATS, Words
+from heatertune.plc.words import FLOATS, EntryChange, WordField, Words
 
 __all__ = [
-    "FIRST",
-    "THEN",
-    "KeyedEntry",
-    "TypedTable",
-    "as_typed",
-    "bits",
-    "entry_texts",
-    "setpoint_entry",
-    "typed_table",
-    "typed_words",
-    "value_texts",
-    "word_text",
+    "FIRST", "THEN", "KeyedEntry", "TypedTable", "as_typed", "bits", "entry_texts", "setpoint_entry", "typed_table",
+    "typed_words", "value_texts", "word_text",
 ]
 
 FIRST: Final = "first (manual)"
@@ -77,13 +67,18 @@ def typed_words(words: Words, setpoint_degC: float | None = None) -> tuple[Keyed
         setpoint_degC: the one of the proof, for the word that holds it [°C]; None: none is proven.
     """
     controller = controller_for(words.target)
-    other: Mapping[str, Mapping[str, Any]] = {}
+    other: Mapping[str, EntryChange] = {}
     if controller.keyed_entries is not None:
         units = None if setpoint_degC is None else controller.measure(words, setpoint_degC)
         other = controller.keyed_entries(words, setpoint_degC, units)
-    plain = ({"address": field.address, "name": field.name, "format": field.format, "first": words.values[field.name],
-              "then": words.values[field.name], "meaning": field.comment} for field in controller.fields)
-    return tuple(KeyedEntry(**{**row, **other.get(str(row["name"]), {})}) for row in plain)
+    return tuple(_keyed_entry(each, words.values[each.name], other.get(each.name, {})) for each in controller.fields)
+
+
+def _keyed_entry(field: WordField, value: Number, change: EntryChange) -> KeyedEntry:
+    return KeyedEntry(
+        address=field.address, name=field.name, format=change.get("format", field.format),
+        first=change.get("first", value), then=change.get("then", value), meaning=change.get("meaning", field.comment),
+        first_text=change.get("first_text", ""), then_text=change.get("then_text", ""))
 
 
 def value_texts(words: Words, values: Mapping[str, Number]) -> dict[str, str]:
@@ -99,7 +94,7 @@ def value_texts(words: Words, values: Mapping[str, Number]) -> dict[str, str]:
     return {row.name: row.then_text for row in typed_words(replace(words, values={**words.values, **values}))}
 
 
-def entry_texts(texts: Mapping[str, str]) -> dict[str, dict[str, str]]:
+def entry_texts(texts: Mapping[str, str]) -> dict[str, EntryChange]:
     """Return the part of `Controller.typed` that enters each word, named, as a text says."""
     return {name: {"first_text": text, "then_text": text} for name, text in texts.items()}
 

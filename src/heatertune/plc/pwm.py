@@ -238,9 +238,7 @@ def switched_by(
     return pulsegen(pwm_period_s=pwm_period_s, call_interval_s=resolution_s, minimum_s=minimum_on_s)
 
 
-def on_time(
-    power_pct: float, carried_s: float, pwm: tuple[float, float, float, float, bool]
-) -> tuple[float, float]:
+def on_time(power_pct: float, carried_s: float, pwm: tuple[float, float, float, float, bool]) -> tuple[float, float]:
     """Return the on time of one period and what is carried to the next [s].
 
     Args:

@@ -1,19 +1,16 @@
-"""A setpoint that moves: the program around the controller leads its setpoint word from the reading to what is asked.
+"""Setpoint ramp and boost: how the program around a controller approaches a new setpoint.
 
-OB251's manual advises it (S5-115U, order no. 4NEB 811 6130, table 11-11, footnote 1): large changes of the error are to
-be divided into small ones, as by a ramp of the setpoint. The gains, and with them what a disturbance costs, stay as
-they are.
+The ramp moves the setpoint word from the reading to the requested setpoint. OB251's manual advises it (S5-115U, order
+no. 4NEB 811 6130, table 11-11, footnote 1): large changes of the error are to be divided into small ones. Gains, and
+with them the response to disturbances, stay the same.
 
-Full power far from the setpoint, given by the program around a controller that is not enabled meanwhile.
-
-What the controller would sum up on the way, it then does not: its integral part begins at zero where the way ends,
-after an open heater circuit as in the heat-up.
+The boost applies full power far from the setpoint with the controller disabled, so that no integral is accumulated: it
+starts at zero near the setpoint, after an open heater circuit as in the heat-up.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -21,7 +18,7 @@ from heatertune.errors import OutOfRange
 from heatertune.plc.single_precision import is_single, single
 from heatertune.units import check
 
-__all__ = ["Boost", "Number", "Ramp", "course", "nearest", "next_setpoint"]
+__all__ = ["Boost", "Number", "Ramp", "nearest", "next_setpoint"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,23 +132,6 @@ def next_setpoint(setpoint: Number, asked: Number, ramp: Ramp, reading: Number, 
         return setpoint
     highest = _stored(reading + ramp.hold, ramp.step)
     return highest if setpoint > highest else setpoint
-
-
-def course(ramp: Ramp | None, readings: Sequence[Number], asked: Number) -> list[Number]:
-    """Return the setpoint word at each call of the controller; without a ramp it is what is asked for from the first.
-
-    Args:
-        ramp: None: none.
-        readings: at each call; after the restart the word is the first of them.
-        asked: where it goes to.
-    """
-    if ramp is None:
-        return [asked] * len(readings)
-    word, followed = readings[0], []
-    for call, reading in enumerate(readings, start=1):
-        word = next_setpoint(word, asked, ramp, reading, due=call % ramp.calls == 0)
-        followed.append(word)
-    return followed
 
 
 def nearest(per_call: float, *, whole: bool, least: float) -> Ramp:

@@ -1,8 +1,6 @@
-"""Which words a design becomes: each rounded on its own, or the best whole numbers the controller can hold.
+"""Choose the words of a design: each rounded separately, or the best integers that the controller can hold.
 
-Words that were chosen, and how they were found.
-
-Whether words keep what their design promises on the heaters drawn from a fit: rounding may break it.
+Rounding may violate the robustness of the design, so the words are checked on heaters drawn from the fit.
 """
 
 from __future__ import annotations
@@ -30,17 +28,8 @@ from heatertune.processors import ProgressCallback
 from heatertune.settings import TuneSettings
 
 __all__ = [
-    "WAYS",
-    "Optimum",
-    "RealisedResult",
-    "WordChoice",
-    "WordSearch",
-    "broken_by",
-    "choose_words",
-    "demand_kept",
-    "realised_as",
-    "search_document",
-    "tune_for_words",
+    "WAYS", "Optimum", "RealisedResult", "WordChoice", "WordSearch", "broken_by", "choose_words", "demand_kept",
+    "realised_as", "search_document", "tune_for_words",
 ]
 
 

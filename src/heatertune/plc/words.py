@@ -1,11 +1,15 @@
-"""The numbers a controller holds: formats, fields, words, and what makes a design fit them, each said once."""
+"""What a controller holds: number formats, words and their fields, the scaling of the sensor, and the certificate.
+
+A design fits a controller if its timer can keep the sampling interval and every word takes its value. `Cycle` says
+which words hold the PWM period, for a controller that makes its own pulses.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, cast
+from typing import TYPE_CHECKING, Final, NamedTuple, TypedDict, cast
 
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
@@ -17,11 +21,11 @@ from heatertune.show import NotebookDisplay, runner
 from heatertune.units import check
 
 if TYPE_CHECKING:
-    from heatertune.plc.scan_by_scan import RunningController
+    from heatertune.plc.core import RunningController
 
 __all__ = [
-    "FLOATS", "FORMATS", "Certificate", "Scaling", "WordField", "Words", "check_fields", "holds", "kept_by", "no_pid",
-    "round_half_away", "round_to_word",
+    "FLOATS", "FORMATS", "Certificate", "Cycle", "EntryChange", "Scaling", "WordField", "Words", "check_fields",
+    "check_limits", "holds", "kept_by", "no_pid", "round_half_away", "round_to_word", "with_pwm_period",
 ]
 
 #: format of a number in a controller → smallest and largest value; what is not one of `FLOATS` is whole
@@ -117,8 +121,7 @@ class WordField:
 
     def cut(self, value: float) -> float:
         """Return the largest number of its decimals that is no more than a positive one."""
-        return value if self.places is None else (
-            math.floor(round(value * 10.0**self.places, 6)) / 10.0**self.places)
+        return value if self.places is None else (math.floor(round(value * 10.0**self.places, 6)) / 10.0**self.places)
 
     def takes(self, value: object) -> bool:
         """Return whether the word can have a value: in its format, its range and its decimals."""
@@ -246,6 +249,22 @@ def check_fields(fields: tuple[WordField, ...], words: Words) -> None:
             raise OutOfRange(f"word {one.name}", value, one.rule)
 
 
+def check_limits(values: Mapping[str, Number], low: str, high: str, *, equal: bool = True) -> None:
+    """Refuse limits that are upside down, or that are equal where they may not be.
+
+    Args:
+        values: word name → value.
+        low: name of the word of the lower limit.
+        high: likewise of the upper one.
+        equal: whether they may be equal.
+
+    Raises:
+        OutOfRange: they are.
+    """
+    if values[low] > values[high] or (values[low] == values[high] and not equal):
+        raise OutOfRange(f"word {low}", values[low], f"{'<=' if equal else '<'} {high} = {values[high]:g}")
+
+
 def no_pid(words: Words) -> None:
     """Return None: the `design` of a controller that is no PID."""
 
@@ -287,3 +306,39 @@ def round_to_word(
 def round_half_away(value: float) -> int:
     """Return the nearest whole number, halves away from zero."""
     return int(math.copysign(math.floor(abs(value) + 0.5), value))
+
+
+class EntryChange(TypedDict, total=False):
+    """What is typed otherwise than it stands in a word, see `heatertune.plc.keyed_entry.KeyedEntry`."""
+
+    format: str
+    first: Number
+    then: Number
+    meaning: str
+    first_text: str
+    then_text: str
+
+
+class Cycle(NamedTuple):
+    """How words hold the PWM period.
+
+    Attributes:
+        of: values → the period [s].
+        put: (values, a period [s]) → values with that period; raises OutOfRange where they can't hold it.
+        periods_s: that they can hold, rising [s].
+    """
+
+    of: Callable[[Mapping[str, Number]], float]
+    put: Callable[[Mapping[str, Number], float], Mapping[str, Number]]
+    periods_s: tuple[float, ...]
+
+
+def with_pwm_period(cycle: Cycle | None, words: Words, pwm_period_s: float | None) -> Words:
+    """Return words with a PWM period [s]; as they are where none is given, or none is in them.
+
+    Raises:
+        OutOfRange: one that they can't hold.
+    """
+    if cycle is None or pwm_period_s is None:
+        return words
+    return replace(words, values=cycle.put(words.values, pwm_period_s))

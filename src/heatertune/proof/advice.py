@@ -1,8 +1,7 @@
-"""Retuning by hand: what a logged response shows, what WEG advises, and what that would do on the model.
+"""Manual retuning: the symptom that a logged response shows, WEG's advice for it, and its effect on the model.
 
-What is wrong with a logged response to a setpoint step, told by its own numbers.
-
-The symptoms are those of WEG's advice, which gives no figures for them; the figures here are this project's.
+The advice is the table of WEG's manual (WPS help, SCA06 Ladder, block PID, second NOTE): symptom → changes of the
+gains. It applies to the academic form, where Kp scales all three parts.
 """
 
 from __future__ import annotations
@@ -10,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from enum import Enum
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.log.values import Log
 from heatertune.model.outliers import undisturbed_part
@@ -23,7 +23,6 @@ from heatertune.model.values import FittedModel
 from heatertune.pid.document import DesignProvenance
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.design import encode
-from heatertune.plc.weg.advice import ADVICE, AcademicGains, Change, Symptom, apply_changes
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, prove
 from heatertune.proof.heaters import labelled_heaters
@@ -34,10 +33,57 @@ from heatertune.proof.spec_file import specification_of
 from heatertune.proof.verdict import NOT_PROVEN
 from heatertune.settings import Conditions
 
-__all__ = ["SCHEMA", "Response", "advise", "observe"]
+__all__ = ["ADVICE", "SCHEMA", "AcademicGains", "Change", "Response", "Symptom", "advise", "apply_changes", "observe"]
 
 
-Array = npt.NDArray[np.float64]
+class Symptom(Enum):
+    """What a response to a setpoint step looks like; the value is the sentence for people."""
+
+    OVERSHOOT = "almost good, but the overshoot is a bit high"
+    SLOW = "almost good, but late at the setpoint, without overshoot"
+    RESTLESS = "good, but the temperature varies too much"
+    OSCILLATING = "bad: several periods of oscillation that hardly decay"
+    FAR = "bad: creeps towards the setpoint without overshoot, and is still far from it"
+    NONE = "good: none of the manual's symptoms"
+
+
+class AcademicGains(NamedTuple):
+    """Kp [% per °C], Ki [1/s] and Kd [s] of the academic form."""
+
+    kp: float
+    ki: float
+    kd: float
+
+
+class Change(NamedTuple):
+    """One numbered step of an advice: a gain of `Gains` and by how much [%]."""
+
+    gain: str
+    percent: int
+
+    @property
+    def label(self) -> str:
+        """The step as people write it."""
+        return f"{self.gain.capitalize()} {self.percent:+d} %"
+
+
+#: in the order and with the figures of the manual
+ADVICE: Final[dict[Symptom, tuple[Change, ...]]] = {
+    Symptom.OVERSHOOT: (Change("kp", -20), Change("ki", -20), Change("kd", -50)),
+    Symptom.SLOW: (Change("kp", 20), Change("ki", 20), Change("kd", 50)),
+    Symptom.RESTLESS: (Change("kd", 50), Change("kp", -20)),
+    Symptom.OSCILLATING: (Change("kp", -50),),
+    Symptom.FAR: (Change("kp", 50), Change("ki", 50), Change("kd", 70)),
+    Symptom.NONE: (),
+}
+
+
+def apply_changes(gains: AcademicGains, changes: tuple[Change, ...]) -> AcademicGains:
+    """Return the gains after all of the changes."""
+    for change in changes:
+        gains = gains._replace(**{change.gain: getattr(gains, change.gain) * (100 + change.percent) / 100.0})
+    return gains
+
 
 _HIGH_PCT: Final = 5.0  # overshoot that is high, as well as beyond the tolerance [% of the step]
 _NO_PCT: Final = 2.0  # overshoot that is none [% of the step]
@@ -189,9 +235,8 @@ def advise(
     return {
         "schema": SCHEMA, "target": recipe.target, "log": None if log is None else log.name,
         "symptom": seen.symptom.name, "symptom_text": seen.symptom.value,
-        "response": {name: value for name, value in asdict(seen).items() if name != "symptom"},
-        "aim": aim, "cases": cases, "best": _best(cases, aim),
-        "notes": settings_told(before, "the design as it is"),
+        "response": {name: value for name, value in asdict(seen).items() if name != "symptom"}, "aim": aim,
+        "cases": cases, "best": _best(cases, aim), "notes": settings_told(before, "the design as it is"),
     }
 
 

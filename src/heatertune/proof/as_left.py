@@ -1,9 +1,8 @@
-"""As left: a trace of the commissioned loop is held against what was proven of its words.
+"""As-left test: a trace of the commissioned loop compared with the proof of its words.
 
-Its figures are the proof's criteria, measured on the readings; its curve is held against the band between the lowest
-and the highest of the proven runs, which are run anew from where the trace begins. What it does not show is told.
-
-What the proven runs foretell of a trace: they are run anew from where it begins, with what it is asked for.
+Its figures are the criteria of the proof, measured on the readings. Its curve is compared with the band between the
+lowest and the highest proven run, all of them repeated from the initial state and setpoint of the trace. What the
+trace does not show is reported.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import OrInfinite, register_schema
 from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import InputError
@@ -49,12 +49,8 @@ from heatertune.proof.scenario import NewSetpoint, Scenario
 from heatertune.proof.trace import Trace
 from heatertune.units import count
 
-__all__ = [
-    "AS_LEFT_SCHEMA", "AsLeft", "Foretold", "Measurement", "Outside", "as_left", "foretold", "foretold_mid_way",
-]
+__all__ = ["AS_LEFT_SCHEMA", "AsLeft", "Foretold", "Measurement", "Outside", "as_left", "foretold", "foretold_mid_way"]
 
-
-Array = npt.NDArray[np.float64]
 
 _OF_PERIOD: Final = 8  # instants in a PWM period
 _MOST: Final = 20_000  # instants of a run

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import InputError
 from heatertune.log.values import Log
@@ -37,8 +37,6 @@ __all__ = [
     "leaves_s", "parts_of", "seen_in",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _OFF_PCT: Final = 0.5  # a power that is none
 _AT_START: Final = 5  # readings whose median is the temperature at the start
@@ -98,9 +96,7 @@ class TraceParts:
                        parts=(replace(first, end_s=first.end_s - later_s), *rest))
 
 
-def parts_of(
-    log: Log, asked: AsLeftSettings, *, setpoint_degC: float, band_degC: float, heats: bool
-) -> TraceParts:
+def parts_of(log: Log, asked: AsLeftSettings, *, setpoint_degC: float, band_degC: float, heats: bool) -> TraceParts:
     """Return what a trace shows.
 
     Args:

@@ -18,7 +18,7 @@ from heatertune.pid.sampled_loop import margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, Words, controller_for
-from heatertune.plc.cooler import with_cooling
+from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import encode, tune
 from heatertune.plc.s7_200_paper.words import paper_words
 from heatertune.processors import ProgressCallback

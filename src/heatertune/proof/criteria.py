@@ -1,10 +1,8 @@
-"""What a loop is judged by: every criterion and every limit is declared here, once.
+"""All criteria and limits of a loop, declared once, and their evaluation.
 
 A criterion is a row of `CRITERIA`. A limit of its own is a field of `LoopLimits` and, for users, a row of `LIMITS`.
 Specifications, documents, verdicts, the columns of a fleet, texts and the comparison with a trace read these tables.
-
-What was measured on loops → criteria: `meter_for` prepares the kernel's meter, `columns_of` holds what it found against
-the limits.
+`meter_for` prepares the kernel's meter, and `columns_of` compares its results with the limits.
 """
 
 from __future__ import annotations
@@ -15,8 +13,8 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import LEFT_OUT, OrInfinite, construct_from, encode
 from heatertune.errors import UnknownName
 from heatertune.pid.values import Margins
@@ -48,29 +46,11 @@ from heatertune.settings import STEP_POWER_PCT
 from heatertune.units import check
 
 __all__ = [
-    "CRITERIA",
-    "CRITERION",
-    "HEATER_REMEDIES",
-    "LIMITS",
-    "TIME_OF",
-    "Criterion",
-    "CriterionColumn",
-    "CriterionKind",
-    "CriterionView",
-    "Limit",
-    "LoopLimits",
-    "Measure",
-    "band_of",
-    "columns_of",
-    "criteria_of_words",
-    "limit_of",
-    "meter_for",
-    "names_of",
-    "phases_measured",
-    "worst_of",
+    "CRITERIA", "CRITERION", "HEATER_REMEDIES", "LIMITS", "TIME_OF", "Criterion", "CriterionColumn", "CriterionKind",
+    "CriterionView", "Limit", "LoopLimits", "Measure", "band_of", "columns_of", "criteria_of_words", "limit_of",
+    "meter_for", "names_of", "phases_measured", "worst_of",
 ]
 
-Array = npt.NDArray[np.float64]
 
 _SETTLES_WITHIN: Final = 0.5  # of a soak
 _PERIODS_AT_REST: Final = 3  # PWM periods that the time at rest spans at least

@@ -1,29 +1,79 @@
-"""A design as it is asked for, its words and their proof."""
+"""A requested design: its PWM period, its words and their proof."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 from heatertune.model.values import FittedModel
 from heatertune.pid.document import DesignProvenance
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Scaling, controller_for
-from heatertune.plc.cooler import with_cooling
-from heatertune.plc.cycle import with_pwm_period
+from heatertune.plc import Scaling, Words, controller_for
+from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import tune
+from heatertune.plc.pwm import tick_for
 from heatertune.plc.word_selection import WordChoice, choose_words, tune_for_words
+from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
+from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.interlock import demand_none
-from heatertune.proof.prove_words import told_of_aim, tune_settings_for
-from heatertune.proof.pwm_period import with_pwm
+from heatertune.proof.prove_words import setpoints_for, told_of_aim, tune_settings_for
 from heatertune.proof.refine import refine
 from heatertune.proof.repetition import files_of, recorded_conditions
+from heatertune.proof.ripple_and_wear import SWITCHES, propose_period
 from heatertune.proof.setpoint_ramp import prove_ramped
+from heatertune.proof.spec_file import specification_of
 from heatertune.settings import Conditions, SampleSettings, TuneSettings, WordSettings
 from heatertune.units import count
 
-__all__ = ["Candidate", "DesignRequest", "DesignResult", "made_for", "plainly"]
+__all__ = ["Candidate", "DesignRequest", "DesignResult", "made_for", "plainly", "with_pwm"]
+
+
+_OF_TOLERANCE = 0.2  # ripple, peak to peak: a fifth of the half band leaves the rest to the loop
+
+
+def with_pwm(
+    design: PidDesign, fitted: FittedModel, kind: str, conditions: Conditions | None = None, *,
+    words: Words | None = None,
+) -> tuple[PidDesign, Conditions]:
+    """Return the design with a note on the PWM period, and the conditions with that period, where they have none.
+
+    They stay as they are where the target makes the PWM itself, with TA as its period: there is nothing to choose.
+
+    Args:
+        design: what was tuned.
+        fitted: the heater and its candidates.
+        kind: "ssr", "relay" or "contactor".
+        conditions: of the proof: where the loop rests, and the band, of which the ripple may take a fifth.
+        words: what the controller will hold; None: a switch behind its output.
+
+    Raises:
+        UnknownName: no such kind of switch.
+    """
+    assumed = conditions or Conditions()
+    setpoint, _ = setpoints_for(fitted, assumed)
+    tick = None if words is None else controller_for(words.target).tick_s
+    wanted = propose_period(
+        fitted.plants, kind=kind, sample_time_s=design.sample_time_s, ambient_degC=ROOM_DEGC, setpoint_degC=setpoint,
+        ripple_degC_most=_OF_TOLERANCE * specification_of(assumed).tolerance_degC, tick_s=tick,
+    )
+    if words is not None and (cycle := controller_for(words.target).cycle) is not None:
+        if assumed.pwm_period_s is not None or len(cycle.periods_s) == 1:
+            return design, assumed
+        least = SWITCHES[kind].shortest_s
+        longer = [each for each in cycle.periods_s if each >= least] or [cycle.periods_s[-1]]
+        calm = [each for each in longer if each <= wanted.period_s]
+        period = calm[-1] if calm and math.isfinite(SWITCHES[kind].life) else longer[0]
+        return design, replace(assumed, pwm_period_s=period)
+    if words is not None and (own := controller_for(words.target).timing(words).pwm_period_s) is not None:
+        note = f"{words.target} makes the PWM itself, period {own:g} s; a switch behind it would get: {wanted.summary}"
+        return replace(design, notes=(*design.notes, note)), assumed
+    if assumed.pwm_period_s is None:
+        resolution = tick_for(tick, sample_time_s=design.sample_time_s, pwm_period_s=wanted.period_s)
+        assumed = replace(assumed, pwm_period_s=wanted.period_s, pwm_resolution_s=resolution)
+    return replace(design, notes=(*design.notes, wanted.summary)), assumed
+
 
 #: a design and its words
 Candidate = tuple[PidDesign, WordChoice]
@@ -117,10 +167,8 @@ def plainly(
 def _recipe(request: DesignRequest, proof: Proof, conditions: Conditions) -> DesignProvenance:
     scaling, conditions = proof.words.scaling, recorded_conditions(conditions)
     return DesignProvenance(
-        target=request.target, range_degC=scaling.sensor_degC, input=scaling.input,
-        words_by=request.words_by,
-        refined=request.refined, setpoint_ramp=proof.setpoint_ramp,
-        boost=proof.boost, conditions=conditions,
+        target=request.target, range_degC=scaling.sensor_degC, input=scaling.input, words_by=request.words_by,
+        refined=request.refined, setpoint_ramp=proof.setpoint_ramp, boost=proof.boost, conditions=conditions,
         files=files_of(conditions))
 
 

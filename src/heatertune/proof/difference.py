@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from heatertune.codec import data_folder, existing_path, peek_schema, read_document
+from heatertune.codec import Document, data_folder, existing_path, peek_schema, read_document
 from heatertune.errors import DocumentError, ExportRefused, InputError
 from heatertune.pid.document import SCHEMA as DESIGN_SCHEMA
 from heatertune.pid.document import read_design
@@ -74,7 +74,7 @@ class Side:
     source: str
     kind: str
     words: Words
-    proof: Mapping[str, Any] | None = None
+    proof: Document | None = None
     taken_over: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     is_changed: bool = False
@@ -131,7 +131,7 @@ def _is_json(file: Path) -> bool:
     return content_of(existing_path(file)).lstrip().startswith(b"{")
 
 
-def _proof_beside(file: Path, document: Mapping[str, Any]) -> tuple[Mapping[str, Any] | None, tuple[str, ...]]:
+def _proof_beside(file: Path, document: Document) -> tuple[Document | None, tuple[str, ...]]:
     beside = file.with_name("proof.json")
     if not beside.exists():
         return None, ()
@@ -215,9 +215,8 @@ def difference(a: Side, b: Side) -> dict[str, Any]:
     return {
         "schema": DIFF_SCHEMA, "a": _told(a), "b": _told(b),
         "same": not around and not [word for word in words if not word["written"]],
-        "terms": [term._asdict() | {"change_pct": _change_pct(term)} for term in terms],
-        "around": around, "words": words,
-        "odd_in_a_alone": [sentence for sentence in _odd(a) if sentence not in odd[1]],
+        "terms": [term._asdict() | {"change_pct": _change_pct(term)} for term in terms], "around": around,
+        "words": words, "odd_in_a_alone": [sentence for sentence in _odd(a) if sentence not in odd[1]],
         "odd_in_b_alone": [sentence for sentence in _odd(b) if sentence not in odd[0]],
         "proofs": [_covers(one, two) for one, two in ((a, b), (b, a)) if one.proof is not None],
         "conditions": None if a.proof is None or b.proof is None else _conditions(a.proof, b.proof),

@@ -1,9 +1,8 @@
-"""What a proof's document holds, and whether it holds together: a proof is checked, not believed.
+"""The document of a proof: its fields, and the check of its consistency.
 
-Verdicts, ok flags, the worst of each criterion and its limits follow from the values of the runs and from the limits
-that the proof was held against; a document that says otherwise was changed by hand. So was one whose digest is another.
-
-What log, pictures and comparison hold as documents, field by field as they are written.
+Verdicts, ok flags, the worst case of each criterion and its limits follow from the values of the runs and from the
+specified limits; a document that differs, or has another digest, was edited and is refused. Also the documents of log,
+pictures and comparison.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from heatertune.codec import LEFT_OUT, EarlierDocument, OrInfinite, decode, encode, plain, register_schema
+from heatertune.codec import LEFT_OUT, Document, EarlierDocument, OrInfinite, decode, encode, plain, register_schema
 from heatertune.errors import DocumentError
 from heatertune.pid.document import BoostView, RampView
 from heatertune.plc import Scaling
@@ -36,14 +35,7 @@ from heatertune.proof.verdict import (
 )
 
 __all__ = [
-    "ComparisonView",
-    "LogView",
-    "OutcomeView",
-    "PicturesView",
-    "ProofView",
-    "RunView",
-    "check_document",
-    "with_digest",
+    "ComparisonView", "LogView", "OutcomeView", "PicturesView", "ProofView", "RunView", "check_document", "with_digest",
 ]
 
 
@@ -470,18 +462,18 @@ class ProofView:
         return max((part.limit_s for part in parts if part.kind in kind.phases), default=0.0)
 
 
-def with_digest(proof: Mapping[str, Any]) -> dict[str, Any]:
+def with_digest(proof: Document) -> dict[str, Any]:
     """Return a proof's document with the digest of all the rest as its last field."""
     rest = {name: value for name, value in proof.items() if name != "digest"}
     return rest | {"digest": _digest(rest)}
 
 
-def _digest(document: Mapping[str, Any]) -> str:
+def _digest(document: Document) -> str:
     text = json.dumps(plain(document), sort_keys=True, ensure_ascii=True, separators=(",", ":"))
     return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
 
 
-def check_document(proof: Mapping[str, Any], where: str | Path) -> dict[str, Any]:
+def check_document(proof: Document, where: str | Path) -> dict[str, Any]:
     """Return a proof's document, which is whole and follows from its values.
 
     Raises:

@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from heatertune.compiled import bound
 from heatertune.compiled.plain_functions import step, warm_state
@@ -36,7 +35,6 @@ from heatertune.proof.trace import Trace
 
 __all__ = ["FeedForwardComparison", "FeedForwardProof", "PlainLoop", "prove_feed_forward", "restarted_fed", "step_fed"]
 
-Array = npt.NDArray[np.float64]
 
 _HEATER_TIMES: Final = 8.0  # sums of lags and dead time until a loop is at rest, beside as many TN
 _TN_TIMES: Final = 6.0

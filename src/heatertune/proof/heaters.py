@@ -1,14 +1,11 @@
-"""The heaters that a fit leaves possible, as a proof takes them.
-
-Mains voltage that is low or high from the heat-up to the end of the test sequence.
+"""The plausible heaters of a fit, as a proof uses them: each with its gain at rated, low and high mains voltage.
 
 EN 50160 allows ±10 % of the voltage, which is 81 and 121 % of the power. A controller that keeps its limits while the
-voltage changes at rest may still wind up, overshoot or stay outside its window where the heater has less or more power
-for the whole sequence. So each plausible heater also runs with its gain times these shares.
+voltage changes at rest may still wind up, overshoot or leave its window where the power is lower or higher throughout.
 
-Criteria of time and cost (settling and recovery time as specified, IAE, power reserve) hold for the rated power alone:
-less power takes longer, whatever the controller does. All others hold at each power. How long a part may take then
-follows from what the heater can do at that power.
+Criteria of time and cost (settling and recovery time as specified, IAE, power reserve) apply at rated power only: less
+power takes longer, whatever the controller does. All others apply at each power. The duration allowed for a part of
+the test sequence follows from what the heater can do at that power.
 """
 
 from __future__ import annotations
@@ -28,23 +25,9 @@ from heatertune.proof.criteria import CRITERIA, LoopLimits
 from heatertune.proof.scenario import Scenario, can_hold
 
 __all__ = [
-    "MAINS_POWERS",
-    "RATED_ONLY",
-    "RESERVE_PCT",
-    "ROOM_DEGC",
-    "MainsScenario",
-    "Supply",
-    "beyond_log",
-    "covered_degC",
-    "default_setpoint",
-    "holding_heaters",
-    "labelled_heaters",
-    "left_out",
-    "limits_off_rated",
-    "mains_label",
-    "range_is_unknown",
-    "scale_power",
-    "unreachable_findings",
+    "MAINS_POWERS", "RATED_ONLY", "RESERVE_PCT", "ROOM_DEGC", "MainsScenario", "Supply", "beyond_log", "covered_degC",
+    "default_setpoint", "holding_heaters", "labelled_heaters", "left_out", "limits_off_rated", "mains_label",
+    "range_is_unknown", "scale_power", "unreachable_findings",
 ]
 
 

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, UnknownName
 from heatertune.options import options_of
-from heatertune.plc.cpu.one_bit.assembler import assemble
-from heatertune.plc.cpu.one_bit.machine import START, OneBitState, Wiring, scan
+from heatertune.plc.cpu.one_bit.machine import START, OneBitState, Wiring, assemble, scan
 from heatertune.plc.cpu.one_bit.programs import HEATER, HEATER_NAMES
 from heatertune.plc.pwm import INSTANT_S
 from heatertune.settings import Conditions
@@ -36,8 +35,6 @@ _PROGRAM: Final = assemble(HEATER, HEATER_NAMES, operand_bits=5)
 _WIRING: Final = Wiring(inputs=frozenset(_BITS[name] for name in "ABCDR"))
 
 _BLOCK: Final = 100_000  # instants looked at in one go
-
-Array = npt.NDArray[np.float64]
 
 
 def demand_none(name: str | None) -> None:
@@ -95,9 +92,7 @@ class Interlock:
                 return k * _SCAN_S
         return math.inf
 
-    def _first_hot(
-        self, temperature_at: Callable[[Array], Array], end_s: float, cold_until_s: float
-    ) -> int | None:
+    def _first_hot(self, temperature_at: Callable[[Array], Array], end_s: float, cold_until_s: float) -> int | None:
         """Return the first scan after the buttons' at which the limit sensor reads 1."""
         last = math.floor(end_s / _SCAN_S)
         for begin in range(1 + math.floor(min(cold_until_s, end_s) / _SCAN_S), last + 1, _BLOCK):

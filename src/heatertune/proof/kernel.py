@@ -1,8 +1,12 @@
 """The closed loop, event by event: scans, PWM edges and disturbances, each at its exact instant.
 
-Plain functions of numbers, run as they are or compiled (`heatertune.compiled`), the same bit for bit. Nothing is
-allocated: what is kept goes to places made before, and edges under way to the heater stand in a ring. A loop may keep
-a trace (`Record`), be measured while it runs (`proof.meter`), or both.
+Plain functions of numbers, run as they are or compiled (`heatertune.compiled`) with bit-identical results. Nothing is
+allocated: results go to arrays made before the run. A loop may keep a trace (`TraceArrays`), be measured while it runs
+(`proof.meter`), or both.
+
+The setpoint word follows its target at once or on a ramp, as in `heatertune.plc.ramp`. Edges of the switch on their
+way to the heater stand in a ring of instants [s], on and off in turn; a minus sign (also on 0) marks an instant at
+which the cooler, not the heater, is switched on.
 """
 
 from __future__ import annotations
@@ -10,8 +14,10 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple
 
-from heatertune.compiled.plain_functions import cold_state, measure, step, warm_state
-from heatertune.plc.pwm import INSTANT_S, Switches
+import numpy as np
+
+from heatertune.compiled.plain_functions import cold_state, measure, setpoint_word, step, warm_state
+from heatertune.plc.pwm import INSTANT_S, Switches, on_time
 from heatertune.proof.meter import (
     FAULTS,
     LIMITED,
@@ -32,30 +38,157 @@ from heatertune.proof.meter import (
     update_rest,
 )
 from heatertune.proof.plant import Flow, Plant, advance_heater, factors, plant_from, turn
-from heatertune.proof.setpoint_program import SetpointProgram, asked_now, moves
-from heatertune.proof.switch_edges import AS_TOLD, as_strong, edge_at, heat_after, period_of, switched_off, times_on
 
 __all__ = [
-    "HEAT",
-    "JUMP",
-    "LOAD",
-    "MAINS",
-    "PHASE",
-    "REST",
-    "Events",
-    "LoopBatch",
-    "ScanClock",
-    "TraceArrays",
-    "apart",
-    "apply_event",
-    "end_phase",
-    "measure",
-    "measure_interval",
-    "run",
-    "run_all",
-    "step",
-    "ticked_on",
+    "AS_TOLD", "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Events", "LoopBatch", "ScanClock", "SetpointProgram",
+    "TraceArrays", "apart", "apply_event", "as_strong", "asked_now", "edge_at", "end_phase", "heat_after", "measure",
+    "measure_interval", "moves", "period_of", "run", "run_all", "step", "switched_off", "ticked_on", "times_on",
 ]
+
+
+class SetpointProgram(NamedTuple):
+    """The program around the controller, which sets its setpoint word; all numbers are in the controller's units.
+
+    Attributes:
+        asked: setpoint of each phase.
+        supplied: whether the PLC has its supply in each phase; where it has it again, it starts up.
+        ramp_step, ramp_calls, ramp_hold: of the words' setpoint ramp, see `heatertune.plc.ramp.Ramp`; no calls: no
+            ramp; a hold of 0: none; one below zero: a cooler's, the mirror image.
+    """
+
+    setpoints: Places
+    supplied: Places
+    ramp_step: Any
+    ramp_calls: int
+    ramp_hold: Any
+
+
+def moves(program: SetpointProgram, calls: int) -> bool:
+    """Return whether the ramp makes a step at a call of the controller, `calls` others being before it."""
+    return program.ramp_calls > 0 and (calls + 1) % program.ramp_calls == 0
+
+
+def asked_now(program: SetpointProgram, asked: Any, first: bool, due: bool, word: Any, reading: Any) -> Any:
+    """Return the setpoint word for a call of the controller.
+
+    Args:
+        program: around it.
+        asked: setpoint of the phase.
+        first: whether it is the first call since the start-up.
+        due: whether the ramp makes a step, see `moves`.
+        word: of the call before.
+        reading: at this call.
+    """
+    if program.ramp_calls == 0:
+        return asked
+    word = reading if first else word
+    hold, cools = program.ramp_hold, program.ramp_hold < 0
+    if cools:
+        hold, word, asked, reading = -hold, -word, -asked, -reading
+    lowest = asked
+    if hold > 0 and setpoint_word(reading - hold) > asked:
+        lowest = setpoint_word(reading - hold)
+    if due:
+        if word < asked:
+            word = min(setpoint_word(word + program.ramp_step), asked)
+        elif word > lowest:
+            word = max(setpoint_word(word - program.ramp_step), lowest)
+        elif not word > asked:  # also what is no number
+            word = asked
+    if hold > 0 and word > setpoint_word(reading + hold):
+        word = setpoint_word(reading + hold)
+    return -word if cools else word
+
+
+#: by what the power of coolers is multiplied that are as strong as the switch says
+AS_TOLD: Final = np.ones(1)
+
+
+def as_strong(pwm: Switches, share: float) -> Switches:
+    """Return a switch whose cooler is so many times as strong."""
+    return Switches(pwm.heat, pwm.cool, share * pwm.cooling)
+
+
+def edge_at(edges: Places, number: int) -> float:
+    """Return the instant of an edge [s]."""
+    return float(abs(edges[number & (len(edges) - 1)]))
+
+
+def heat_after(edges: Places, number: int, cooling: float) -> float:
+    """Return the power after an edge [% of the heater's full power], below 0 where the cooler is on.
+
+    Args:
+        edges: the ring.
+        number: of the edge; edges alternate, so it tells whether something is switched on.
+        cooling: `Switches.cooling`.
+    """
+    if number % 2 == 1:
+        return 0.0
+    return -100.0 * cooling if _cools(edges, number) else 100.0
+
+
+def period_of(
+    edges: Places, switched: int, begin: float, power: float, owed: tuple[float, float], pwm: Switches, cut: float
+) -> tuple[int, tuple[float, float]]:
+    """Switch for one period; return how often was switched so far, and what heater and cooler owe [s].
+
+    The one that is not asked for stays off, and what it owes is too little for a pulse.
+
+    Args:
+        edges: the ring.
+        switched: how often was switched so far.
+        begin: of the period [s].
+        power: asked for, −100…100 %, below 0 of the cooler.
+        owed: by heater and cooler [s].
+        pwm: of both.
+        cut: instant from which on an interlock keeps the heater off [s].
+    """
+    if power < 0.0 and pwm.cooling > 0.0:
+        on, cool = on_time(-power, owed[1], pwm.cool)
+        return _pulse(edges, switched, begin, on, pwm.heat[0], True), (owed[0], cool)
+    on, heat = on_time(max(power, 0.0), owed[0], pwm.heat)
+    left = max(cut - begin, 0.0) if _cools(edges, switched - 1) else cut - begin  # a pulse that runs ends at the cut
+    return _pulse(edges, switched, begin, min(on, left), pwm.heat[0], False), (heat, owed[1])
+
+
+def _cools(edges: Places, number: int) -> bool:
+    """Return whether an edge switches the cooler on."""
+    return number >= 0 and number % 2 == 0 and math.copysign(1.0, edges[number & (len(edges) - 1)]) < 0.0
+
+
+def _pulse(edges: Places, switched: int, begin: float, on: float, period: float, cools: bool) -> int:
+    """Switch for one period, where it is not in that state already; return how often it was switched so far."""
+    last = len(edges) - 1
+    if on > 0.0 and switched % 2 == 1 and _cools(edges, switched - 1) != cools:
+        edges[switched & last] = begin
+        switched += 1
+    if on > 0.0 and switched % 2 == 0:
+        edges[switched & last] = -begin if cools else begin
+        switched += 1
+    if on < period and switched % 2 == 1:
+        edges[switched & last] = begin + on
+        switched += 1
+    return switched
+
+
+def switched_off(edges: Places, switched: int, now: float) -> int:
+    """Take back what is left of a pulse, without supply; return how often was switched so far."""
+    last = len(edges) - 1
+    if switched % 2 == 1:
+        edges[switched & last] = now
+        return switched + 1
+    if switched > 0 and edges[switched - 1 & last] > now:
+        edges[switched - 1 & last] = now
+    return switched
+
+
+def times_on(edges: Places, switched: int, end: float) -> int:
+    """Return how often something was switched on until an instant."""
+    times = (switched + 1) // 2
+    while times > 0 and edge_at(edges, 2 * (times - 1)) > end:
+        times -= 1
+    return times
+
 
 #: what an event does: all lags jump, the load grows, the mains change, the heater is switched, a phase begins (as it
 #: does with a jump), the rest of a phase begins
@@ -144,7 +277,7 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
         events: beside the switch.
         pwm: `Actuator.switches`.
         cut: instant from which on an interlock keeps the heater off [s].
-        edges: a ring, see `heatertune.proof.switch_edges`; its length is a power of two.
+        edges: a ring, see `heatertune.proof.kernel`; its length is a power of two.
         record: places for the trace.
         meter: places for what is measured.
 
@@ -240,9 +373,7 @@ def run_all(  # noqa: PLR0913 - as `run`
     return counted
 
 
-def _next(
-    plant: Plant, events: Events, happened: int, edges: Places, arrived: int, switched: int
-) -> tuple[float, int]:
+def _next(plant: Plant, events: Events, happened: int, edges: Places, arrived: int, switched: int) -> tuple[float, int]:
     """Return instant and kind of what happens next; at one instant jumps and loads come before the switch."""
     due, kind = events.time[happened], events.kind[happened]
     if arrived < switched:

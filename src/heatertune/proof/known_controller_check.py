@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import OutOfRange
 from heatertune.log.values import Log
 from heatertune.model.statistics import fit_pct
@@ -18,8 +18,6 @@ from heatertune.plc.replay import powers
 from heatertune.proof import Actuator, Scenario, simulate
 
 __all__ = ["ConfiguredController", "closed_again", "controllers"]
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,45 +1,11 @@
 """Additional runs with outages of other lengths, and with setpoint changes, than in the test sequence.
 
-**Longer outages.** Most controllers stop integrating at some limit, and then the length of an open circuit does not
-matter. A controller that keeps integrating requests more power the longer the circuit is open, so no test sequence is
-long enough to prove it: a longer outage gives a finding. With little power in reserve such a controller cannot
-overshoot much, and the limit of the overshoot shows nothing. The time to return then grows with the length, so it is
-also compared with that after the test sequence's own outage.
+How a controller integrates decides which length of an open circuit, or which setpoint change, overshoots most. The
+methods of `OutageTiming` explain which lengths are tried. An independent search on sampled designs
+(tests/bench/outages.py) confirmed them.
 
-**Shorter outages.** The I part has accumulated most, without any of it being removed, after an outage that is shorter
-than that of the test sequence. The sum grows until the output is at its limit. From then on most controllers hold it,
-and the additional P part of the falling reading disappears again on the way up. The overshoot therefore peaks at about
-the length after which full power is requested, between 0 and the 2 TN of the test sequence:
-
-    hold + K·(e + 1/TN·∫e dt) = limit,   e: how far the heater has cooled down since the reading began to fall
-
-After the circuit has closed, the reading continues to fall for one dead time, by which its fall was delayed before. An
-independent search on sampled designs (tests/bench/outages.py) confirmed this. A shorter outage is the worst if P alone
-determines the output, a longer one if there is no integration outside the proportional band, and with a boost the last
-one before the boost starts.
-
-**Warm restarts of the PLC.** A restarted PLC begins with an empty I part. The farther the heater has cooled down, the
-more it integrates on the way back, until K·e alone requests full power. The same search found the peak at 0.5 to 1.2 of
-that distance, and at up to 3.4 without integration outside the proportional band.
-
-**Partial setpoint changes.** The same holds for setpoint changes: from the lowest setpoint in use P requests full
-power, and little is integrated. Of 128 plain designs that passed, 3 reached up to 1.3 of their limit with a smaller
-change.
-
-**Close spacing.** The power changes only at scans. Over the length of the outage, or the size of the change, the
-overshoot is therefore a sawtooth with one tooth for each scan, and a tooth is higher the more full power heats in one
-scan. A boost also ends at a scan, up to one scan late, and its teeth have the full height. The lengths are spaced so
-closely that some come near a peak: between two lengths, the same search found 6 of 65 designs with a boost up to a
-third beyond their limit, and plain ones up to an eighth. Just inside the distance at which a boost starts, the
-controller alone returns the heater to the setpoint, which is not so from the lowest setpoint in use.
-
-**Lower setpoints.** If the user stated a range of setpoints, open circuits and heat-ups from cold are also run at lower
-setpoints: they need less power, so full power overshoots them more.
-
-**Staying at the limit.** A controller that stops integrating at its limit, even in the direction away from it, may stay
-there. While the reading rises, the D part lowers the power and the I part compensates for this, beyond full power. If
-the setpoint then rises, the output reaches its limit and the I part is frozen there: once the reading is slow and D has
-decayed, nothing lowers the power.
+If the user stated a range of setpoints, open circuits and heat-ups from cold are also run at lower setpoints: they need
+less power, so full power overshoots them more.
 """
 
 from __future__ import annotations
@@ -63,20 +29,8 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.units import written
 
 __all__ = [
-    "BRIEF",
-    "JUDGED",
-    "OF_RANGE",
-    "OVERSHOOTS",
-    "LongOutage",
-    "OutageTiming",
-    "briefly",
-    "heat_up",
-    "lengthen",
-    "nights_of",
-    "sums_up",
-    "unmended",
-    "winds_up",
-    "wound",
+    "BRIEF", "JUDGED", "OF_RANGE", "OVERSHOOTS", "LongOutage", "OutageTiming", "briefly", "heat_up", "lengthen",
+    "nights_of", "sums_up", "unmended", "winds_up", "wound",
 ]
 
 
@@ -119,7 +73,19 @@ class OutageTiming(NamedTuple):
     closely: bool = True
 
     def openings_s(self) -> list[float]:
-        """Return the outage lengths at which the overshoot may peak [s]; empty without an I part."""
+        """Return the outage lengths at which the overshoot may peak [s]; empty without an I part.
+
+        After a shorter outage than that of the test sequence the I part has accumulated most, without any of it being
+        removed. The sum grows until the output is at its limit; from then on most controllers hold it, and the
+        additional P part of the falling reading disappears again on the way up. The overshoot therefore peaks at about
+        the length after which full power is requested, between 0 and the 2 TN of the test sequence:
+
+            hold + K·(e + 1/TN·∫e dt) = limit,   e: how far the heater has cooled down since the reading began to fall
+
+        After the circuit has closed, the reading continues to fall for one dead time, by which its fall was delayed
+        before. A shorter outage is the worst if P alone determines the output, a longer one if there is no integration
+        outside the proportional band, and with a boost the last one before the boost starts.
+        """
         if self._summing is None:
             return []
         most_pct = self.controller.most_power_pct(self.words)
@@ -149,7 +115,12 @@ class OutageTiming(NamedTuple):
                 for low, timing in lower.items()}
 
     def restarts_s(self) -> list[float]:
-        """Return the off-times of a PLC after which its restart may overshoot most [s]; empty without an I part."""
+        """Return the off-times of a PLC after which its restart may overshoot most [s]; empty without an I part.
+
+        A restarted PLC begins with an empty I part. The farther the heater has cooled down, the more it integrates on
+        the way back, until K·e alone requests full power. The search found the peak at 0.5 to 1.2 of that distance, and
+        at up to 3.4 without integration outside the proportional band.
+        """
         if self._summing is None:
             return []
         full_degC = self.controller.most_power_pct(self.words) / abs(self._summing.gain_pct_per_degC)
@@ -158,7 +129,11 @@ class OutageTiming(NamedTuple):
         return self._with_more([math.sqrt(min(each) * max(each)) for each in zip(*times, strict=True)])
 
     def lows_degC(self) -> list[float]:
-        """Return setpoints whose change may overshoot more than that of the lowest [°C]; empty without an I part."""
+        """Return setpoints whose change may overshoot more than that of the lowest [°C]; empty without an I part.
+
+        From the lowest setpoint in use P requests full power, and little is integrated. Of 128 plain designs that
+        passed, 3 reached up to 1.3 of their limit with a smaller change.
+        """
         asked, low_degC = self.scenario.setpoint_degC, self.scenario.lower_setpoint_degC
         if self._summing is None or low_degC is None or low_degC == asked:
             return []
@@ -200,6 +175,13 @@ class OutageTiming(NamedTuple):
 
     def _more_degC(self, farthest_degC: float, least: int) -> Iterator[float]:
         """Yield distances from the setpoint, from the end of a boost up to the farthest [°C].
+
+        The power changes only at scans. Over the length of the outage, or the size of the change, the overshoot is
+        therefore a sawtooth with one tooth for each scan, and a tooth is higher the more full power heats in one scan.
+        A boost also ends at a scan, up to one scan late, and its teeth have the full height. The distances are spaced
+        so closely that some come near a peak: between two lengths, the search found 6 of 65 designs with a boost up to
+        a third beyond their limit, and plain ones up to an eighth. Just inside the distance at which a boost starts,
+        the controller alone returns the heater to the setpoint, which is not so from the lowest setpoint in use.
 
         Args:
             farthest_degC: the largest of them.
@@ -261,8 +243,7 @@ OVERSHOOTS: Final = {
     _LONGER: _REHEATED, _RISING: _REHEATED, _LOW: _REHEATED, _HEAT_UP: _HEATED, BRIEF: _REHEATED, _WARM: _RESTARTED,
     _PART: _CHANGED}
 #: name of the finding → criteria that count
-JUDGED: Final = {
-    **OVERSHOOTS, _LONGER: (*_REHEATED, _RETURN, _GROWTH), _RISING: (*_REHEATED, _RETURN)}
+JUDGED: Final = {**OVERSHOOTS, _LONGER: (*_REHEATED, _RETURN, _GROWTH), _RISING: (*_REHEATED, _RETURN)}
 _KEPT_AT_HIGHEST: Final = "the limit is kept at the highest setpoint"
 _TIMES: Final = 4.0  # as long as in the test sequence
 #: of the time to return after the test sequence's open circuit: tolerance for a heater that was not quite cold then
@@ -419,6 +400,14 @@ def lengthen(scenario: Scenario, times: float) -> Scenario:
 
 
 def _longer(scenario: Scenario, number: int, proven_s: float) -> LongOutage:
+    """Return a longer outage, for a controller that keeps integrating.
+
+    Most controllers stop integrating at some limit, and then the length of an open circuit does not matter. One that
+    does not requests more power the longer the circuit is open, so no test sequence is long enough to prove it: a
+    longer outage gives a finding. With little power in reserve such a controller cannot overshoot much, and the limit
+    of the overshoot shows nothing. The time to return then grows with the length, so it is also compared with that
+    after the test sequence's own outage.
+    """
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
     off_s, open_s = ends[0], _TIMES * proven_s
     events = [replace(event, time_s=time_s) for event, time_s in zip(
@@ -430,12 +419,13 @@ def _longer(scenario: Scenario, number: int, proven_s: float) -> LongOutage:
                  f"; the limit is kept after {proven_s / 3600.0:.2g} h")
 
 
-def _rising(
-    scenario: Scenario, number: int, lows_degC: Sequence[float], models: Sequence[HeaterModel]
-) -> LongOutage:
+def _rising(scenario: Scenario, number: int, lows_degC: Sequence[float], models: Sequence[HeaterModel]) -> LongOutage:
     """Return two open circuits for each lower setpoint, closed there; the setpoint rises as the reading arrives.
 
-    The I part is then at its maximum: full power with almost no error.
+    The I part is then at its maximum: full power with almost no error. A controller that stops integrating at its
+    limit, even in the direction away from it, may stay there: while the reading rises, the D part lowers the power and
+    the I part compensates for this, beyond full power. If the setpoint then rises, the output reaches its limit and the
+    I part is frozen there: once the reading is slow and D has decayed, nothing lowers the power.
     """
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
     opens, closes = scenario.disturbances[number:number + 2]
@@ -458,9 +448,7 @@ def _rising(
         "an open circuit"), most=_SLACK)
 
 
-def _at_lower_setpoints(
-    scenario: Scenario, number: int, lengths_s: Mapping[float, Sequence[float]]
-) -> LongOutage:
+def _at_lower_setpoints(scenario: Scenario, number: int, lengths_s: Mapping[float, Sequence[float]]) -> LongOutage:
     """Construct the open circuits of the test sequence again, and those of other lengths, at every lower setpoint.
 
     The controller integrates until it requests full power. The less power the setpoint needs, the more of the I part
@@ -508,9 +496,7 @@ def _cold_at_lower_setpoints(
                       f"; {_KEPT_AT_HIGHEST}")
 
 
-def _each(
-    scenario: Scenario, number: int, lengths_s: Sequence[float], befores: Sequence[Disturbance] = ()
-) -> Scenario:
+def _each(scenario: Scenario, number: int, lengths_s: Sequence[float], befores: Sequence[Disturbance] = ()) -> Scenario:
     """Return the heat-up and then, of each length, what begins with an event of a story and ends with the next one.
 
     Args:

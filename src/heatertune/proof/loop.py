@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, cast
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.compiled import bound, compile_function, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
@@ -28,7 +28,7 @@ from heatertune.proof.criteria import (
     meter_for,
 )
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.kernel import LoopBatch, TraceArrays, run, run_all
+from heatertune.proof.kernel import LoopBatch, SetpointProgram, TraceArrays, asked_now, run, run_all
 from heatertune.proof.meter import Meter, no_meter
 from heatertune.proof.phase_statistics import CriterionTable, rests_of, table_from
 from heatertune.proof.scenario import (
@@ -37,7 +37,6 @@ from heatertune.proof.scenario import (
     events_of,
     temperatures,
 )
-from heatertune.proof.setpoint_program import SetpointProgram, asked_now
 from heatertune.proof.trace import Trace
 
 __all__ = [
@@ -46,7 +45,6 @@ __all__ = [
     "simulate", "trace_run",
 ]
 
-Array = npt.NDArray[np.float64]
 
 MOST_SCANS: Final = 10_000_000
 _ENDS_DEGC: Final = (100.0, 150.0, 200.0, 300.0, 400.0, 600.0, 850.0, 1000.0, 1300.0)  # of usual sensors
@@ -127,8 +125,7 @@ def simulate(  # noqa: PLR0913 - what a run is made of
     trace = trace if math.isinf(cut_s) else run_from_cold(cut_s)
     trips = CRITERION["interlock_trips"].criterion(
         float(math.isfinite(cut_s)), interlock=interlock.name, limit_degC=f"{interlock.limit_degC:g}")
-    return replace(trace, interlock=interlock, cut_s=cut_s,
-                   criteria=() if limits is None else (*trace.criteria, trips))
+    return replace(trace, interlock=interlock, cut_s=cut_s, criteria=() if limits is None else (*trace.criteria, trips))
 
 
 def check_words(controller: Controller, words: Words, scenario: Scenario) -> None:
@@ -329,8 +326,7 @@ def program_of(controller: LoopController, scenario: Scenario) -> SetpointProgra
     if len(asked) != len(scenario.setpoints_degC):
         raise ValueError(f"{len(asked)} setpoints for {len(scenario.setpoints_degC)} phases")
     return SetpointProgram(asked, np.array(scenario.supplied, dtype=np.int64), controller.ramp_step,
-                           controller.ramp_calls,
-                   controller.ramp_hold)
+                           controller.ramp_calls, controller.ramp_hold)
 
 
 def pulses_of(seconds: float, actuator: Actuator) -> int:

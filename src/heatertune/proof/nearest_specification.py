@@ -23,9 +23,8 @@ from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import Conditions
 from heatertune.units import written
 
-__all__ = ["both_that_pass", "broken_told", "limits_above", "loosen_conditions",
-           "options_of", "passing_settings", "physical_help", "settings_told", "suspects", "tolerance_that_passes",
-           "within_reach"]
+__all__ = ["both_that_pass", "broken_told", "limits_above", "loosen_conditions", "options_of", "passing_settings",
+           "physical_help", "settings_told", "suspects", "tolerance_that_passes", "within_reach"]
 
 #: times the tolerance asked for
 _WIDER: Final = (1.5, 2.0, 3.0, 5.0)

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.proof.kernel import REST
 from heatertune.proof.meter import (
     ABSOLUTE,
@@ -32,34 +33,11 @@ from heatertune.proof.meter import (
 from heatertune.proof.scenario import Phase, Scenario, SetpointRampEvent
 
 __all__ = [
-    "STEPS_DEGC",
-    "CriterionTable",
-    "PhaseMeasure",
-    "behind_degC",
-    "beyond_degC",
-    "beyond_ramp_degC",
-    "fault_count",
-    "first_within",
-    "highest_degC",
-    "iae_degC_s",
-    "join_tables",
-    "lag_degC",
-    "numbers_of",
-    "off_at_rest_degC",
-    "offset_degC",
-    "reorder",
-    "reserve_pct",
-    "rests_of",
-    "ripple_degC",
-    "saturated_pct",
-    "settling_s",
-    "swing_degC",
-    "switchings_per_h",
-    "table_from",
-    "turning_points",
+    "STEPS_DEGC", "CriterionTable", "PhaseMeasure", "behind_degC", "beyond_degC", "beyond_ramp_degC", "fault_count",
+    "first_within", "highest_degC", "iae_degC_s", "join_tables", "lag_degC", "numbers_of", "off_at_rest_degC",
+    "offset_degC", "reorder", "reserve_pct", "rests_of", "ripple_degC", "saturated_pct", "settling_s", "swing_degC",
+    "switchings_per_h", "table_from", "turning_points",
 ]
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,9 +1,4 @@
-"""The series that a report draws of a proof.
-
-What a picture of a proof needs, as plain numbers: curves of the loop and of its robustness.
-
-The wish: the design as it was meant, in floating point, on the same heater and switch.
-"""
+"""The curves that a report draws of a proof: the loop, its robustness, and the ideal design on the same heater."""
 
 from __future__ import annotations
 
@@ -14,6 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import construct_from, encode
 from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.pid.document import BoostView
@@ -32,8 +28,6 @@ from heatertune.proof.trace import Trace
 
 __all__ = ["curve_series", "pictures", "robustness", "simulate_wish", "trace_series"]
 
-
-Array = npt.NDArray[np.float64]
 
 _POINTS: Final = 1600
 _AT_REST: Final = 0.05  # of the points that as long a time has elsewhere
@@ -215,8 +209,7 @@ def pictures(
         nominal=SeriesView(**trace_series(nominal, proof.runs[0].label)),
         worst=SeriesView(**trace_series(proof.worst, proof.runs[proof.worst_run].label)),
         others=tuple(construct_from(OtherRunView, SeriesView(**run)) for run in others),
-        ideal=SeriesView(**trace_series(wish, "wished")),
-        curves=tuple(CurveView(**run) for run in robust["curves"])))
+        ideal=SeriesView(**trace_series(wish, "wished")), curves=tuple(CurveView(**run) for run in robust["curves"])))
     return document
 
 

@@ -18,18 +18,8 @@ from heatertune.heater.elementary import decay, expm1_negative, logarithm, logar
 from heatertune.heater.exact import Factors, advance_step
 
 __all__ = [
-    "MOST_ROUNDS",
-    "CrossingSearch",
-    "Flow",
-    "Plant",
-    "advance_heater",
-    "area",
-    "closer",
-    "factors",
-    "level_crossing",
-    "plant_from",
-    "searched_from",
-    "turn",
+    "MOST_ROUNDS", "CrossingSearch", "Flow", "Plant", "advance_heater", "area", "closer", "factors", "level_crossing",
+    "plant_from", "searched_from", "turn",
 ]
 
 _NEAR: Final = 1e-9  # a root is followed until it moves by no more [s]

@@ -1,10 +1,8 @@
-"""Words × every model × every open point of the manual → one verdict.
+"""A proof: words, every model and every open point of the manual give one verdict.
 
-Noise is drawn by chance: what passes with one draw of it lives through so many that its verdict speaks of all.
-
-Where n draws all keep the limits, at least a share p of all draws does, with a confidence of 1 - p^n, however the noise
-acts (S. S. Wilks, "Determination of sample sizes for setting tolerance limits", Annals of Mathematical Statistics 12,
-1941): 59 draws for 95 % with 95 %. They are made on the one run that comes nearest to a limit.
+Noise is random, so the run nearest to a limit is repeated with many draws. If n draws all keep the limits, at least a
+share p of all draws does with a confidence of 1 − p^n, however the noise acts (S. S. Wilks, "Determination of sample
+sizes for setting tolerance limits", Annals of Mathematical Statistics 12, 1941): 59 draws for 95 % with 95 %.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from heatertune.model.values import FitOutcome, FittedModel, HeaterModel
 from heatertune.options import merge_options
 from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Words, controller_for
-from heatertune.plc.cooler import with_cooler
+from heatertune.plc.controller import with_cooler
 from heatertune.plc.inputs import has_ends
 from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
 from heatertune.processors import ProgressCallback
@@ -43,15 +43,8 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions, TuneSettings
 
 __all__ = [
-    "actuator_for",
-    "course_for",
-    "default_pwm_period_s",
-    "every_setpoint",
-    "limits_of",
-    "prove",
-    "setpoints_for",
-    "told_of_aim",
-    "tune_settings_for",
+    "actuator_for", "course_for", "default_pwm_period_s", "every_setpoint", "limits_of", "prove", "setpoints_for",
+    "told_of_aim", "tune_settings_for",
 ]
 
 #: of the band of soaks: as near to the ambient a heater has to be before a profile
@@ -224,7 +217,7 @@ def actuator_for(conditions: Conditions, words: Words) -> Actuator:
 
     Raises:
         OutOfRange, UnknownName: as `switched_by`.
-        InputError, OutOfRange: as `heatertune.plc.cooler.with_cooler`.
+        InputError, OutOfRange: as `heatertune.plc.controller.with_cooler`.
     """
     return with_cooler(_heaters_switch(conditions, words), words, conditions.cooling_gain,
                        minimum_on_s=conditions.cooling_minimum_on_s, minimum_off_s=conditions.cooling_minimum_off_s)
@@ -291,9 +284,7 @@ def _interlock(conditions: Conditions, words: Words) -> Interlock | None:
     return Interlock(name=conditions.interlock, limit_degC=limit, fan_stops_s=conditions.fan_stops_s)
 
 
-def _remarks(
-    words: Words, fitted: FittedModel, asked: Conditions, setpoints_degC: Sequence[float]
-) -> Iterator[str]:
+def _remarks(words: Words, fitted: FittedModel, asked: Conditions, setpoints_degC: Sequence[float]) -> Iterator[str]:
     """Return what stands on the verdict's line beside the findings of the fit."""
     if fitted.outcome is FitOutcome.BY_HAND:
         yield "the model was entered by its numbers"

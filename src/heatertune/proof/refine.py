@@ -17,7 +17,7 @@ from heatertune.pid.sampled_loop import sensitivity_peaks
 from heatertune.pid.search.robust import Open
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
-from heatertune.plc.cooler import with_cooling
+from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import encode, loop_fit
 from heatertune.plc.word_selection import WordChoice, broken_by, realised_as
 from heatertune.processors import ProgressCallback

@@ -1,9 +1,8 @@
-"""The proof of a folder, repeated: what is exported and written is what passes now, not what a document claims.
+"""Repeat the proof of a folder before its words are exported or written: a document alone is not trusted.
 
-The digest of a proof tells that its file is whole. It does not tell who wrote the file: anyone can change words, limits
-and results and compute the digest again. The words, the heater and the conditions are therefore proven once more.
-
-The words that were proven, made again of a design and its recipe.
+The digest of a proof shows that its file is whole, not who wrote it: anyone can change words, limits and results and
+compute the digest again. So the words are derived again from design and provenance, and proven with the recorded
+heater and conditions.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune.cache import load_or_compute, release
-from heatertune.codec import construct_from, decode, encode, existing_path, plain, read_document
+from heatertune.codec import Document, construct_from, decode, encode, existing_path, plain, read_document
 from heatertune.errors import DocumentError, HeatertuneError, InputError
 from heatertune.model import document as model_document
 from heatertune.model.values import FittedModel
@@ -25,9 +24,9 @@ from heatertune.pid.document import DesignProvenance, RampView, parts_of, read_d
 from heatertune.pid.document import to_document as pid_document
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Ramp, Scaling, Words, controller_for
-from heatertune.plc.cooler import with_cooling
-from heatertune.plc.cycle import with_pwm_period
+from heatertune.plc.controller import with_cooling
 from heatertune.plc.word_selection import WordChoice, choose_words
+from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
 from heatertune.proof.document import ProofView, check_document, with_digest
 from heatertune.proof.profile import read_profile
@@ -139,8 +138,7 @@ _RELATIVE: Final = 1e-6
 _ABSOLUTE: Final = 1e-9
 #: parts of a proof that have to be the same when it is repeated; the verdict follows from them
 _REPEATED: Final = ("scenario", "actuator", "limits", "specification", "stated_settings", "interlock", "findings",
-                    "assumed",
-                    "faults", "criteria", "runs", "samples")
+                    "assumed", "faults", "criteria", "runs", "samples")
 #: lists of sentences: a design adds what it changed to those of its proof
 _SENTENCES: Final = ("remarks", "not_tested")
 
@@ -159,9 +157,9 @@ class RepeatedProof:
     """
 
     words: Words
-    words_document: Mapping[str, Any]
-    proof: Mapping[str, Any]
-    design: Mapping[str, Any]
+    words_document: Document
+    proof: Document
+    design: Document
     fitted_model: FittedModel
     conditions: Conditions
 
@@ -239,7 +237,7 @@ def design_document(
     return document if _same_words(made, proof.words) else None
 
 
-def demand_consistent(folder: str | Path, documents: Mapping[str, Mapping[str, Any]]) -> None:
+def demand_consistent(folder: str | Path, documents: Mapping[str, Document]) -> None:
     """Refuse documents of a folder that do not belong together.
 
     The words have to be those that the design makes, and the heater of the design that of `model.json`.
@@ -279,7 +277,7 @@ def _way_on(words: Words) -> str:
             "for words alone name their heater, too (--gain, --time-constant, --dead-time)")
 
 
-def _assumed_recipe(words: Words, proof: Mapping[str, Any], design: PidDesign, fitted: FittedModel) -> DesignProvenance:
+def _assumed_recipe(words: Words, proof: Document, design: PidDesign, fitted: FittedModel) -> DesignProvenance:
     """Return the recipe of a design that has none: the defaults, with what the proof states in its first lines.
 
     Its words are those of the first way of rounding that makes the given ones, else of the last way.
@@ -299,7 +297,7 @@ def _assumed_recipe(words: Words, proof: Mapping[str, Any], design: PidDesign, f
 
 
 def _demand_words(
-    words: Words, document: Mapping[str, Any], design: PidDesign, fitted: FittedModel, recipe: DesignProvenance,
+    words: Words, document: Document, design: PidDesign, fitted: FittedModel, recipe: DesignProvenance,
     where: Path
 ) -> None:
     """Refuse words that the design does not make, or that their document describes as others."""
@@ -327,14 +325,14 @@ def _demand_model(place: Path, fitted: FittedModel, design_path: Path) -> None:
         _demand_same_model(read_document(path, model_document.SCHEMA), fitted, place)
 
 
-def _demand_same_model(document: Mapping[str, Any], fitted: FittedModel, place: Path) -> None:
+def _demand_same_model(document: Document, fitted: FittedModel, place: Path) -> None:
     own = model_document.to_document(model_document.from_document(document))
     if (apart := _difference("", plain(own), plain(model_document.to_document(fitted)))) is not None:
         raise DocumentError(f"{place / 'model.json'}: {apart[0]}: {apart[1]}; the design in pid.json was made for "
                             f"{apart[2]}: tune again")
 
 
-def _sample_settings(stored: Mapping[str, Any]) -> SampleSettings | None:
+def _sample_settings(stored: Document) -> SampleSettings | None:
     """Return which samples a proof was made on; None: on none."""
     drawn = stored.get("samples")
     if drawn is None:
@@ -396,7 +394,7 @@ def _short(value: object) -> str:
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
-def _with_sentences(again: Mapping[str, Any], stored: Mapping[str, Any], path: Path) -> dict[str, Any]:
+def _with_sentences(again: Document, stored: Document, path: Path) -> dict[str, Any]:
     """Return a repeated proof with the sentences of the stored one, which must not lack any of its own."""
     kept: dict[str, Any] = dict(again)
     for name in _SENTENCES:

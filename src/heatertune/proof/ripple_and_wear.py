@@ -66,9 +66,7 @@ def ripple_degC(model: HeaterModel, period_s: float, power_pct: float) -> float:
     return 100.0 * abs(model.gain_degC_per_pct) * math.expm1(-on) * math.expm1(-off) / -math.expm1(-on - off)
 
 
-def ripple_at(
-    models: Sequence[HeaterModel], period_s: float, *, setpoint_degC: float, ambient_degC: float
-) -> float:
+def ripple_at(models: Sequence[HeaterModel], period_s: float, *, setpoint_degC: float, ambient_degC: float) -> float:
     """Return the largest peak to peak over models at rest at a setpoint [°C].
 
     Args:

@@ -1,6 +1,6 @@
-"""The runs of a proof: words on every model under every setting, traced or measured, and judged.
+"""The runs of a proof: words on every model under every setting, and their criteria.
 
-Loops measured by the kernel while they run: no trace is kept, so many of them take little time.
+Runs are traced, or measured by the kernel without a trace, which is fast for many loops.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
 from heatertune.plc.controller import Controller
@@ -25,7 +25,7 @@ from heatertune.proof.acceptance import Coverage, Run
 from heatertune.proof.criteria import Criterion, LoopLimits, columns_of, meter_for
 from heatertune.proof.heaters import RATED_ONLY, limits_off_rated, mains_label
 from heatertune.proof.interlock import Interlock
-from heatertune.proof.kernel import LoopBatch, TraceArrays
+from heatertune.proof.kernel import AS_TOLD, LoopBatch, TraceArrays
 from heatertune.proof.long_outage import LongOutage
 from heatertune.proof.loop import (
     LoopController,
@@ -44,13 +44,9 @@ from heatertune.proof.loop import (
 from heatertune.proof.phase_statistics import CriterionTable, join_tables, reorder, rests_of, table_from
 from heatertune.proof.scenario import Scenario, conditions, delay_heater, events_of
 from heatertune.proof.search_budget import count_scans
-from heatertune.proof.switch_edges import AS_TOLD
 from heatertune.proof.trace import Trace
 
 __all__ = ["AllRuns", "Runs", "judged_once", "measure_runs"]
-
-
-Array = npt.NDArray[np.float64]
 
 
 def measure_runs(  # noqa: PLR0913 - what differs from loop to loop stands in arrays of its own
@@ -320,8 +316,7 @@ class Runs:
         back = dict(zip(once, np.argsort(np.concatenate([part.places for part in parts])), strict=True))
         columns = columns_of(reorder(join_tables(measured), np.array([back[key] for key in keys])), self.limits)
         labels = [self.label(run) for run in runs]
-        return [self._held(criteria)
-                for criteria in zip(*(column.criteria(labels) for column in columns), strict=True)]
+        return [self._held(criteria) for criteria in zip(*(column.criteria(labels) for column in columns), strict=True)]
 
     def _shown(self, run: int) -> frozenset[tuple[str, str]]:
         """Return what a run shows of its setting: runs of one heater that show the same are the same, bit for bit."""
@@ -385,9 +380,7 @@ def _at_mains(actuator: Actuator, mains_power: float | None) -> Actuator:
     return replace(actuator, cooling_gain=actuator.cooling_gain / mains_power)
 
 
-def _check(
-    controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario
-) -> None:
+def _check(controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario) -> None:
     """Raise what `simulate` would, with the model's label; the words are the same on each."""
     for number, (name, model) in enumerate(models):
         try:

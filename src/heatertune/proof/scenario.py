@@ -1,8 +1,6 @@
-"""What a loop has to live through: heat-up, then disturbances, and a sensor that is not quiet.
+"""A scenario: heat-up, then disturbances, setpoint changes and power failures at given instants, with sensor noise.
 
-What may happen to a loop, each at its instant: disturbances, other setpoints, power that fails.
-
-What happens to many loops, as the kernel is told it: each disturbance at its instant, the earliest first.
+Also the events of many scenarios as arrays for the kernel, the earliest first.
 """
 
 from __future__ import annotations
@@ -17,6 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import HeaterModel
@@ -24,27 +23,9 @@ from heatertune.proof.kernel import JUMP, LOAD, MAINS, PHASE
 from heatertune.units import check
 
 __all__ = [
-    "LED",
-    "TO_SETPOINT",
-    "Disturbance",
-    "Load",
-    "Mains",
-    "NewSetpoint",
-    "Phase",
-    "PlcPower",
-    "Scenario",
-    "SetpointRampEvent",
-    "TemperatureStep",
-    "can_hold",
-    "conditions",
-    "delay_heater",
-    "event_name",
-    "events_of",
-    "kinds_of",
-    "paper_scenario",
-    "phases_of",
-    "scenario_for",
-    "temperatures",
+    "LED", "TO_SETPOINT", "Disturbance", "Load", "Mains", "NewSetpoint", "Phase", "PlcPower", "Scenario",
+    "SetpointRampEvent", "TemperatureStep", "can_hold", "conditions", "delay_heater", "event_name", "events_of",
+    "kinds_of", "paper_scenario", "phases_of", "scenario_for", "temperatures",
 ]
 
 
@@ -485,9 +466,6 @@ def scenario_for(
     step = max((setpoint_degC - conditions(plain, model)[0] for model in models), key=abs)
     fall = -_TEMPERATURE_STEP_SHARE * step if temperature_step_degC is None else temperature_step_degC
     return replace(plain, disturbances=(TemperatureStep(time_s=stretch * _PAPER_STEP_S, temperature_degC=fall),))
-
-
-Array = npt.NDArray[np.float64]
 
 
 def events_of(

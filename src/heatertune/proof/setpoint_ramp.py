@@ -172,8 +172,7 @@ def _fastest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: 
     """Return the proof with the fastest ramp that mends all it can mend, else with the fastest that mends overshoot."""
     kept = OVERSHOOTS | _LEFT_BEHIND
     wanted = [kept, OVERSHOOTS] if broken & _LEFT_BEHIND and broken & OVERSHOOTS else [kept & (broken | OVERSHOOTS)]
-    searches = (_Search(plain=plain, fitted_model=fitted, conditions=conditions, kept_limits=names)
-                for names in wanted)
+    searches = (_Search(plain=plain, fitted_model=fitted, conditions=conditions, kept_limits=names) for names in wanted)
     return next((ramped for search in searches if (ramped := search.fastest()) is not None), None)
 
 

@@ -1,10 +1,8 @@
-"""What a user specifies: limits in the units of the plant, and the story that words live through.
+"""The specification of a loop: limits in plant units and the test sequence; and presets for kinds of users.
 
-Specifications to begin from: one for each kind of user, each limit with its reason and where it comes from.
-
-Sources: AMS 2750F (pyrometry: classes of furnaces), IPC/JEDEC J-STD-020 (reflow), DIN 12876 (laboratory baths),
-DIN 12880 (heating ovens), the defaults of Marlin's Configuration.h, and the practice of the trades where no standard
-says anything: such a reason is called practice.
+Each limit of a preset has its reason and source: AMS 2750F (pyrometry: classes of furnaces), IPC/JEDEC J-STD-020
+(reflow), DIN 12876 (laboratory baths), DIN 12880 (heating ovens), the defaults of Marlin's Configuration.h, and, where
+no standard applies, the practice of the trade.
 """
 
 from __future__ import annotations
@@ -24,19 +22,8 @@ from heatertune.proof.test_sequence import TestSequence
 from heatertune.units import check
 
 __all__ = [
-    "GENERAL",
-    "NOTHING",
-    "PRESETS",
-    "STORY",
-    "Preset",
-    "SequencePart",
-    "Specification",
-    "default_limit",
-    "limits_from",
-    "preset",
-    "quantity",
-    "relaxed_limits",
-    "split",
+    "GENERAL", "NOTHING", "PRESETS", "STORY", "Preset", "SequencePart", "Specification", "default_limit", "limits_from",
+    "preset", "quantity", "relaxed_limits", "split",
 ]
 
 

@@ -1,9 +1,7 @@
-"""What words have to live through: all that goes wrong with a heater in use, one thing after the other in one run.
+"""The test sequence of a proof: everything that goes wrong with a heater in use, one event after the other in one run.
 
-Each part lasts as long as the slowest of the plausible heaters needs for it and then goes on at rest, so that a later
-hunt is seen: ten of the loop's slowest periods wherever the power at rest is a new one, one after every other part.
-
-What a story is made for, and the story made.
+Each part lasts as long as the slowest plausible heater needs and then continues at rest, so that a late oscillation
+shows: ten of the loop's slowest periods where the power at rest is a new one, one period otherwise.
 """
 
 from __future__ import annotations
@@ -327,11 +325,9 @@ class _SequenceBuilder:
         off_s, legs = scenario.duration_s, self._legs(profile)
         on_s = self.loop.instant(off_s + self.scans(self._longest_s(cold for _ in self.models)) * self.loop.scan_s)
         led = [SetpointRampEvent(time_s=self.loop.instant(on_s + leg.begin_s), from_degC=leg.from_degC,
-                                 setpoint_degC=leg.to_degC,
-                   duration_s=leg.duration_s) for leg in legs]
+                                 setpoint_degC=leg.to_degC, duration_s=leg.duration_s) for leg in legs]
         ends = [*(event.time_s for event in led[1:]), self.loop.instant(led[-1].time_s + led[-1].duration_s)]
-        rests = [min(self._judged_s(leg), end - event.time_s)
-                 for leg, event, end in zip(legs, led, ends, strict=True)]
+        rests = [min(self._judged_s(leg), end - event.time_s) for leg, event, end in zip(legs, led, ends, strict=True)]
         return replace(scenario, duration_s=ends[-1], rests_s=(*scenario.rests_s, 0.0, *rests),
                        disturbances=(*scenario.disturbances, PlcPower(time_s=off_s, on=False), *led))
 

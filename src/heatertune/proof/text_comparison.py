@@ -117,8 +117,7 @@ def compare_text(
     pulses = {} if pulses is None else pulses
     if controller.load_exported is None or trace.scenario.leads:
         return ComparisonResult()
-    told = Certificate(verdict="PASS", setpoint_degC=trace.setpoint_degC, actuator=trace.actuator,
-                       switches=known or {})
+    told = Certificate(verdict="PASS", setpoint_degC=trace.setpoint_degC, actuator=trace.actuator, switches=known or {})
     loads = controller.load_exported(controller.export(words, told),
                                      assumptions_from(controller.assumptions, trace.switches))
     not_run: dict[str, None] = {}

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.heater.exact import advance, area, turning_times
 from heatertune.model.values import HeaterModel
 from heatertune.plc.pwm import Actuator
@@ -20,8 +21,6 @@ from heatertune.proof.scenario import Scenario, phases_of
 from heatertune.show import NotebookDisplay
 
 __all__ = ["Trace"]
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from heatertune.codec import construct_from, decode, encode
+from heatertune.codec import Document, construct_from, decode, encode
 from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding, remedy_of
 from heatertune.model.statistics import share_bounds
@@ -19,11 +19,9 @@ from heatertune.units import count
 
 __all__ = [
     "ASSUMED", "BREAKS_NONE", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "FitDiagnostics", "FitDiagnosticsView",
-    "blocking_findings", "closing_text",
-    "combined_verdict",
-    "derived_verdict", "extent", "relaxed_clause", "relaxed_of", "sample_lines", "samples_told", "switching_lines",
-    "told_by_kind",
-    "told_of", "verdict_first", "verdict_line", "verdict_of_samples",
+    "blocking_findings", "closing_text", "combined_verdict", "derived_verdict", "extent", "relaxed_clause",
+    "relaxed_of", "sample_lines", "samples_told", "switching_lines", "told_by_kind", "told_of", "verdict_first",
+    "verdict_line", "verdict_of_samples",
 ]
 
 #: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use
@@ -141,13 +139,13 @@ def verdict_of_samples(count: int, quantile: float, kept: Sequence[int]) -> str:
     return "PASS" if least >= quantile else "FAIL" if most < quantile else NOT_PROVEN
 
 
-def blocking_findings(proof: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def blocking_findings(proof: Document) -> list[Mapping[str, Any]]:
     """Return the findings in a proof's document that leave it unproven, by what their names mean."""
     return [finding for finding in proof["findings"]
             if KINDS[finding["name"]].effect == "blocks" and not finding["accepted"]]
 
 
-def verdict_line(proof: Mapping[str, Any]) -> str:
+def verdict_line(proof: Document) -> str:
     """Return the verdict of a proof's document as one line: where, on how many heaters, why not, and what is told."""
     parts = [f"{proof['verdict']} {''.join(f'{part}, ' for part in [relaxed_clause(proof)] if part)}{extent(proof)}"]
     parts += [f"not kept: {', '.join(broken)}"] if (broken := _broken(proof)) else []
@@ -156,7 +154,7 @@ def verdict_line(proof: Mapping[str, Any]) -> str:
     return "; ".join([*parts, *told_of(proof), *switching_lines(proof)])
 
 
-def closing_text(finding: Mapping[str, Any], proof: Mapping[str, Any], between: str = "; ") -> str:
+def closing_text(finding: Document, proof: Document, between: str = "; ") -> str:
     """Return what a finding of a proof's document leaves open and what closes it; `between`: the two."""
     name, kind = finding["name"], KINDS[finding["name"]]
     said = finding["message"].rstrip(".") if kind.by_case else kind.short
@@ -164,7 +162,7 @@ def closing_text(finding: Mapping[str, Any], proof: Mapping[str, Any], between: 
     return f"{said}{between}{remedy}, or --accept {name}"
 
 
-def relaxed_clause(proof: Mapping[str, Any]) -> str:
+def relaxed_clause(proof: Document) -> str:
     """Return which limits a proof's document kept are wider than their defaults; "" where none is, or it fails.
 
     It stands directly after the verdict: "against relaxed limits: overshoot 30 % (default 20 %)".
@@ -173,14 +171,14 @@ def relaxed_clause(proof: Mapping[str, Any]) -> str:
     return f"against relaxed limits: {', '.join(relaxed)}" if relaxed else ""
 
 
-def relaxed_of(proof: Mapping[str, Any]) -> tuple[str, ...]:
+def relaxed_of(proof: Document) -> tuple[str, ...]:
     """Return the limits of a proof's document that are wider than their defaults, see `relaxed_limits`."""
     if proof.get("specification") is None:
         return ()
     return relaxed_limits(decode(Specification, proof["specification"], PROOF_SCHEMA), _rise_degC(proof))
 
 
-def _rise_degC(proof: Mapping[str, Any]) -> float:
+def _rise_degC(proof: Document) -> float:
     """Return the setpoint step of a proof's heat-up: by its overshoot in both units, else from the ambient [°C]."""
     pct, degC = (proof["criteria"].get(name, {}) for name in ("overshoot", "overshoot_degC"))
     if pct.get("value") and degC.get("value") and pct.get("where") == degC.get("where"):
@@ -189,12 +187,12 @@ def _rise_degC(proof: Mapping[str, Any]) -> float:
     return abs(float(proof["scenario"]["setpoint_degC"]) - (ROOM_DEGC if ambient is None else float(ambient)))
 
 
-def sample_lines(proof: Mapping[str, Any]) -> list[str]:
+def sample_lines(proof: Document) -> list[str]:
     """Return what the samples of a proof's document show, a few words; nothing where there are none."""
     return [] if (drawn := proof.get("samples")) is None else [samples_told(drawn)]
 
 
-def samples_told(drawn: Mapping[str, Any]) -> str:
+def samples_told(drawn: Document) -> str:
     """Return how many samples keep every limit, under which setting the fewest do, and what that shows."""
     number, quantile, kept = drawn["count"], drawn["quantile"], [one["passing_count"] for one in drawn["settings"]]
     share, must = f"{min(kept)} of {number} samples keep every limit{_under(drawn['settings'])}", 100.0 * quantile
@@ -209,7 +207,7 @@ def samples_told(drawn: Mapping[str, Any]) -> str:
         f": --samples {more}" if more else "; at this share, more samples would not decide it either")
 
 
-def derived_verdict(proof: Mapping[str, Any]) -> str:
+def derived_verdict(proof: Document) -> str:
     """Return the verdict that follows from a proof's values; what the document calls it is not asked."""
     heard = ["FAIL" if _broken(proof) else "PASS", *([NOT_PROVEN] if blocking_findings(proof) else [])]
     if (drawn := proof.get("samples")) is not None:
@@ -218,7 +216,7 @@ def derived_verdict(proof: Mapping[str, Any]) -> str:
     return combined_verdict(heard)
 
 
-def _under(settings: Sequence[Mapping[str, Any]]) -> str:
+def _under(settings: Sequence[Document]) -> str:
     """Return under which setting of what the manual leaves open the fewest samples pass, where not all do alike.
 
     Of it what is other than assumed, which is the first one's.
@@ -231,25 +229,25 @@ def _under(settings: Sequence[Mapping[str, Any]]) -> str:
     return f" under {', '.join(other) or 'the settings assumed'}"
 
 
-def extent(proof: Mapping[str, Any]) -> str:
+def extent(proof: Document) -> str:
     """Return where and on what a proof's document was made: "at 50 °C in 45 runs on 9 plausible heaters"."""
     heaters = {run["model"] for run in proof["runs"]}
     return (f"at {proof['scenario']['setpoint_degC']:g} °C in {count(len(proof['runs']), 'run')} on "
             f"{count(len(heaters), 'plausible heater')}")
 
 
-def _broken(proof: Mapping[str, Any]) -> Sequence[str]:
+def _broken(proof: Document) -> Sequence[str]:
     return [name.replace("_", " ") for name, criterion in proof["criteria"].items() if not criterion["ok"]]
 
 
-def told_of(proof: Mapping[str, Any]) -> list[str]:
+def told_of(proof: Document) -> list[str]:
     """Return what is told, widened, accepted and assumed in a proof's document, a few words each."""
     told = told_by_kind(proof)
     untold = [f"not tested: {', '.join(told['not tested'])}"] if told["not tested"] else []
     return [*told["asked"], *told["assumed"], *told["not known"], *told["changed"], *untold]
 
 
-def told_by_kind(proof: Mapping[str, Any]) -> dict[str, list[str]]:
+def told_by_kind(proof: Document) -> dict[str, list[str]]:
     """Return the same by what it is: "not known", "not tested", "assumed", "asked" or "changed"."""
     findings = [(KINDS[finding["name"]], finding["accepted"]) for finding in proof["findings"]]
     others = [kind.short for kind, _ in findings if kind.effect != "blocks"]
@@ -262,7 +260,7 @@ def told_by_kind(proof: Mapping[str, Any]) -> dict[str, list[str]]:
         "changed": list(proof["remarks"])}
 
 
-def switching_lines(proof: Mapping[str, Any]) -> list[str]:
+def switching_lines(proof: Document) -> list[str]:
     """Return how often the heater is switched, and what that means for a contactor."""
     if (often := proof["criteria"].get("switchings")) is None:
         return []
@@ -270,13 +268,13 @@ def switching_lines(proof: Mapping[str, Any]) -> list[str]:
     return [f"{per_hour:.0f} switchings/h (a contactor lasts {life('contactor', per_hour)})"]
 
 
-def verdict_first(proof: Mapping[str, Any]) -> dict[str, Any]:
+def verdict_first(proof: Document) -> dict[str, Any]:
     """Return a proof's document with what is asked of it first."""
     told = {**proof, "setpoint_degC": proof["scenario"]["setpoint_degC"], "relaxed_limits": list(relaxed_of(proof))}
     return {name: told[name] for name in FIRST} | {name: part for name, part in told.items() if name not in FIRST}
 
 
-def _of_spec(spec: Mapping[str, Any]) -> list[str]:
+def _of_spec(spec: Document) -> list[str]:
     """Return which specification was kept or broken, where it is not the general one as it is."""
     led = spec.get("profile")
     along = "" if led is None else (

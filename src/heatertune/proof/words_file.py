@@ -7,7 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.codec import LEFT_OUT, construct_from, data_folder, decode, peek_schema, read_document, register_schema
+from heatertune.codec import (
+    LEFT_OUT,
+    Document,
+    construct_from,
+    data_folder,
+    decode,
+    peek_schema,
+    read_document,
+    register_schema,
+)
 from heatertune.errors import DocumentError, ExportRefused
 from heatertune.pid.document import BoostView
 from heatertune.plc import Boost, Certificate, Ramp, Scaling, Words, controller_for
@@ -104,7 +113,7 @@ class WholeWordsView:
     files: tuple[str, ...]
     verdict: str
     forced: bool
-    search: Mapping[str, Any] | None
+    search: Document | None
 
     def __post_init__(self) -> None:
         if set(self.words) != {word.name for word in self.fields}:
@@ -150,7 +159,7 @@ def pwm_period_in(directory: str | Path) -> float | None:
     return float(read_document(path, PROOF_SCHEMA)["actuator"]["pwm_period_s"])
 
 
-def words_of(document: Mapping[str, Any], target: str, path: str | Path) -> Words:
+def words_of(document: Document, target: str, path: str | Path) -> Words:
     """Return the words of a document.
 
     Args:
@@ -168,8 +177,7 @@ def words_of(document: Mapping[str, Any], target: str, path: str | Path) -> Word
     view = decode(WordsView, {name: document.get(name) for name in around}, path)
     ramp = view.setpoint_ramp
     words = Words(
-        target=target, values=document["words"], sample_time_s=view.sample_time_s,
-        scaling=view.scaling,
+        target=target, values=document["words"], sample_time_s=view.sample_time_s, scaling=view.scaling,
         ramp=None if ramp is None else Ramp(step=ramp.step, calls=ramp.calls, hold=ramp.hold),
         boost=None if view.boost is None else construct_from(Boost, view.boost),
     )
@@ -177,7 +185,7 @@ def words_of(document: Mapping[str, Any], target: str, path: str | Path) -> Word
     return words
 
 
-def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate:
+def certificate(proof: Document, *, force: bool = False) -> Certificate:
     """Return what an export says about a proof, which is given as its document.
 
     Raises:
@@ -208,14 +216,14 @@ def certificate(proof: Mapping[str, Any], *, force: bool = False) -> Certificate
                        relaxed=relaxed_clause(proof))
 
 
-def export_first(words: Mapping[str, Any], proof: Mapping[str, Any]) -> dict[str, Any]:
+def export_first(words: Document, proof: Document) -> dict[str, Any]:
     """Return the document of exported words with what is asked of their proof first."""
     told = verdict_first(proof)
     first = {name: told[name] for name in FIRST} | {"files": words["files"]}
     return first | {name: value for name, value in words.items() if name not in first}
 
 
-def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where: str | Path) -> None:
+def demand_same_words(words: Document, proof: Document, where: str | Path) -> None:
     """Refuse a proof (document) of other words than these (document), of a PID without its margins, or of a part alone.
 
     Raises:
@@ -237,7 +245,7 @@ def demand_same_words(words: Mapping[str, Any], proof: Mapping[str, Any], where:
 
 
 def _demand_settings(
-    runs: Sequence[Mapping[str, Any]], demanded: Sequence[Mapping[str, str]], at: str, where: str | Path
+    runs: Sequence[Document], demanded: Sequence[Mapping[str, str]], at: str, where: str | Path
 ) -> None:
     """Refuse runs (of a document) at one mains voltage that leave out a setting on a heater, or are none."""
     if not runs:

@@ -15,7 +15,7 @@ WRITTEN_SCHEMA: Final = "heatertune/written/2"
 #: quantities that the words in a block make
 IN_BLOCK: Final = ("K", "TN", "TV", "largest power")
 
-#: of a write, see `heatertune.live.write.writer.Outcome`
+#: of a write, see `heatertune.live.write.writer.WriteOutcome`
 Outcome = Literal["done", "not done", "rolled back", "partly done", "done, not watched", "unknown"]
 Numbers = tuple[float, ...]
 

@@ -1,18 +1,18 @@
-"""The sections of the report on the real plant: as left, and what was written into the PLC.
+"""The report's sections on the real plant: the as-left test, and the words written into the PLC.
 
-As left: limit, proven worst and measured side by side, and the trace over what the proven runs do.
-
-Written into the PLC: when and where, words as found, proven and as left, and the response over its proven band.
+As left: limit, proven worst case and measured value side by side, and the trace in the band of the proven runs.
+Written: date and address, words as found, proven and as left, and the response in its proven band.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from heatertune.codec import Document
 from heatertune.plc import controller_for
 from heatertune.plc.keyed_entry import KeyedEntry, value_texts
 from heatertune.proof.words_file import words_of
@@ -30,8 +30,6 @@ __all__ = [
     "written_brief",
 ]
 
-
-Document = Mapping[str, Any]
 
 _KINDS: Final = {"write": "Write", "rollback": "Rollback"}
 _NOT_KNOWN: Final = "not known"

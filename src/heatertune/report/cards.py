@@ -1,7 +1,4 @@
-"""Cards: what a notebook shows of a value, a small table and a picture.
-
-The picture of each value of the chain, panel by panel: for a card, for a figure, or into a user's own axes.
-"""
+"""Cards that a notebook shows of a value of the chain: a small table and a picture, also as a figure."""
 
 from __future__ import annotations
 
@@ -11,8 +8,8 @@ from functools import singledispatch
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import plain
 from heatertune.log.values import Log
 from heatertune.model import document as model_document
@@ -32,8 +29,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Panel", "card", "draw_figure", "panels", "reaction", "thinned"]
 
-
-Array = npt.NDArray[np.float64]
 
 _POINTS: Final = 600  # the width of a card
 _CONTINUOUS: Final = 200  # points without a sampling interval
@@ -272,8 +267,7 @@ def _proof(value: Proof) -> str:
     counted = f"<p>{len(value.runs)} runs on {models} heater models; each criterion is the worst of all runs.</p>"
     return _card(
         f"proof of {value.words.target}: {value.verdict}", counted,
-        table(["criterion", "worst", "limit", "unit", ""], rows, numeric=(1,)),
-        _picture(value), bullets(value.faults),
+        table(["criterion", "worst", "limit", "unit", ""], rows, numeric=(1,)), _picture(value), bullets(value.faults),
     )
 
 
@@ -286,5 +280,4 @@ def _trace(value: Trace) -> str:
         ("scans", str(len(value.time_s)), ""), ("switchings of the heater", str(len(value.edge_time_s)), ""),
     ]
     who = "ideal controller" if value.words is None else value.words.target
-    return _card(f"closed loop of {who}", table(["", "", "unit"], rows, numeric=(1,)),
-                 _picture(value))
+    return _card(f"closed loop of {who}", table(["", "", "unit"], rows, numeric=(1,)), _picture(value))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from heatertune.codec import Document
 from heatertune.report.html import page, picture, text_of
 from heatertune.report.html import table as html_table
 from heatertune.report.layout import cut, table, wrap_text
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_targets", "render_targets", "targets_brief", "targets_table"]
 
-Document = Mapping[str, Any]
 
 _HEADS = (
     "target", "verdict", "IAE °C·s", "words", "arithmetic", "overshoot %", "offset °C", "settling s", "recovery s",

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import textwrap
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from importlib.resources import files
-from typing import Any, Final
+from typing import Final
 
+from heatertune.codec import Document
 from heatertune.plc import Scaling, Words
 from heatertune.plc.keyed_entry import value_texts
 from heatertune.report.html import Markup, page, text_of
@@ -16,7 +17,7 @@ from heatertune.units import written
 
 __all__ = ["loops_lines", "loops_page"]
 
-Loop = Mapping[str, Any]
+Loop = Document
 
 _TITLE: Final = "the health of your loops"
 _WIDTH: Final = 80
@@ -34,7 +35,7 @@ _KEY: Final = (
     "without PASS are not for a plant.")
 
 
-def loops_page(document: Mapping[str, Any]) -> str:
+def loops_page(document: Document) -> str:
     """Return the page of a document of `heatertune.batch.loop_health`; it fetches nothing and works from a file."""
     own = files("heatertune.report")
     style = own.joinpath("loops.css").read_text(encoding="utf-8")
@@ -43,7 +44,7 @@ def loops_page(document: Mapping[str, Any]) -> str:
     return page(_TITLE, body, foot=_TITLE)
 
 
-def _parts(document: Mapping[str, Any]) -> Iterator[str]:
+def _parts(document: Document) -> Iterator[str]:
     loops, compared = document["loops"], document["compared"]
     yield f"<p>{text_of(_summary(document))}</p>"
     heads = _HEADS if compared else _HEADS[:-1]
@@ -59,7 +60,7 @@ def _parts(document: Mapping[str, Any]) -> Iterator[str]:
         yield f"<p>Not there any more: {text_of(', '.join(document['gone']))}.</p>"
 
 
-def _summary(document: Mapping[str, Any]) -> str:
+def _summary(document: Document) -> str:
     loops = document["loops"]
     counts = Counter(loop["outcome"] for loop in loops)
     ill = [f"{number} {cause}" for cause, number in counts.most_common() if cause != _WELL]
@@ -138,12 +139,12 @@ def _sparkline(course: str | None) -> Markup | str:
         f'{" ".join(reversed(low))}"/></svg><span class="soft">±{shown} °C</span>')
 
 
-def loops_lines(document: Mapping[str, Any]) -> str:
+def loops_lines(document: Document) -> str:
     """Return the text for the terminal: the worst loops with recommended actions, and the number of the others."""
     return "\n".join(_lines(document))
 
 
-def _lines(document: Mapping[str, Any]) -> Iterator[str]:
+def _lines(document: Document) -> Iterator[str]:
     yield from textwrap.wrap(_summary(document), _WIDTH)
     ill = [loop for loop in document["loops"] if loop["outcome"] != _WELL]
     for number, loop in enumerate(ill[:_SHOWN], 1):

@@ -1,9 +1,7 @@
-"""HTML in one look: page, table, list, picture. Nothing is fetched from anywhere.
+"""HTML elements in one style (page, table, list, picture, interactive figure); nothing is loaded from the network.
 
-An interactive figure for the browser: the same lines as in print, with values under the cursor and zoom.
-
-uPlot draws it (Leon Sorokin, MIT; unmodified, in `uplot/` with its licence): 51 kB that need no network.
-Without JavaScript, and on paper, the page shows the figure's SVG.
+uPlot draws the interactive figures, with values under the cursor and zoom (Leon Sorokin, MIT; unmodified, in `uplot/`
+with its licence; 51 kB). Without JavaScript, and on paper, the page shows the figure as SVG.
 """
 
 from __future__ import annotations
@@ -76,11 +74,10 @@ def _line(line: Line2D, ax: Axes) -> dict[str, Any]:
             x = np.array([min(float(xs.min()) for xs in shown), max(float(xs.max()) for xs in shown)])
     label = str(line.get_label())
     return {
-        "label": "" if label.startswith("_child") else label,
-        "color": line.get_color(), "width": line.get_linewidth(),
+        "label": "" if label.startswith("_child") else label, "color": line.get_color(), "width": line.get_linewidth(),
         "dash": [float(n) for n in getattr(line, "_unscaled_dash_pattern", (0, None))[1] or ()],
-        "step": line.get_drawstyle() == "steps-post",
-        "x": [round(float(v), 4) for v in x], "y": [None if not np.isfinite(v) else round(float(v), 4) for v in y],
+        "step": line.get_drawstyle() == "steps-post", "x": [round(float(v), 4) for v in x],
+        "y": [None if not np.isfinite(v) else round(float(v), 4) for v in y],
     }
 
 
@@ -143,9 +140,7 @@ def picture(drawn: Any, caption: str, *, moves: bool = True) -> str:
     )
 
 
-def table(
-    heads: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: Sequence[int] = (), source: str = ""
-) -> str:
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: Sequence[int] = (), source: str = "") -> str:
     """Return a table; the columns in `numeric` are right-aligned, the source is below."""
     caption = f"<caption>Source: {text_of(source)}</caption>" if source else ""
     kinds = [' class="n"' if i in numeric else "" for i in range(len(heads))]

@@ -8,16 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 __all__ = [
-    "LINES",
-    "WIDTH",
-    "command",
-    "cut",
-    "labelled_lines",
-    "notes_within",
-    "screen",
-    "table",
-    "two_columns",
-    "wrap_text",
+    "LINES", "WIDTH", "command", "cut", "labelled_lines", "notes_within", "screen", "table", "two_columns", "wrap_text",
 ]
 
 #: columns and lines of a default terminal, without those of the prompt

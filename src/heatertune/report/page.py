@@ -12,10 +12,10 @@ import html
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 from heatertune import __version__
-from heatertune.codec import decode
+from heatertune.codec import Document, decode
 from heatertune.model.findings import remedy_of
 from heatertune.options import options_of
 from heatertune.plc import OpenPoint, Scaling, controller_for
@@ -49,9 +49,7 @@ from heatertune.settings import Conditions, SensorSettings
 from heatertune.terms import terms_in
 from heatertune.units import count
 
-__all__ = [
-    "assumption_text", "glossary", "head", "limits", "record", "remedies", "render", "sections", "specification",
-]
+__all__ = ["assumption_text", "glossary", "head", "limits", "record", "remedies", "render", "sections", "specification"]
 
 
 _UNREAD: Final = re.compile(r"<(script|style|svg)\b.*?</\1>|<[^>]*>", re.DOTALL)
@@ -64,12 +62,10 @@ def glossary(body: str) -> str:
         body: HTML of the page.
     """
     found = terms_in(html.unescape(_UNREAD.sub(" ", body)))
-    lines = "".join(
-        f"<dt>{text_of(', '.join(term.names[:2]))}</dt><dd>{text_of(term.meaning)}</dd>" for term in found)
+    lines = "".join(f"<dt>{text_of(', '.join(term.names[:2]))}</dt><dd>{text_of(term.meaning)}</dd>" for term in found)
     return f'<h2>Terms</h2><dl class="terms">{lines}</dl>' if found else ""
 
 
-Document = Mapping[str, Any]
 Documents = Mapping[str, Document]
 
 

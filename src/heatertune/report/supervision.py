@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
+from heatertune.codec import Document
 from heatertune.report.html import bullets, page, picture, table, text_of
 from heatertune.report.plots import LOOK, key, new_figure
 from heatertune.units import written
@@ -19,12 +20,12 @@ _WIDTH: Final = 80
 _COLUMNS: Final = "{:30}{:>9} {:>21} {:>18}"
 
 
-def supervision_page(document: Mapping[str, Any]) -> str:
+def supervision_page(document: Document) -> str:
     """Return the page of a document of `heatertune.supervision`."""
     return "\n".join(_lines(document))
 
 
-def supervision_html(document: Mapping[str, Any]) -> str:
+def supervision_html(document: Document) -> str:
     """Return the same as one page to print, with a picture of a fault; each sheet bears the warning."""
     warning = document["warning"]
     low, high = document["noise_degC"]
@@ -37,15 +38,14 @@ def supervision_html(document: Mapping[str, Any]) -> str:
     if document["built_in"]:
         body += [f"<h2>What {text_of(document['target'])} itself can see</h2>", _table(document["built_in"])]
     numbers = [(name, str(value)) for name, value in document["numbers"].items()]
-    body += ["<h2>What it does not detect</h2>", bullets(list(_not_seen(document))),
-             "<h2>Its rules</h2>", bullets(document["rules"]), "<h2>Its numbers</h2>",
-             table(("number", "value"), numbers, numeric=(1,)),
+    body += ["<h2>What it does not detect</h2>", bullets(list(_not_seen(document))), "<h2>Its rules</h2>",
+             bullets(document["rules"]), "<h2>Its numbers</h2>", table(("number", "value"), numbers, numeric=(1,)),
              "<h2>Its program</h2>", f"<p>{text_of(_program(document))}</p>"]
     title = f"Supervision of {document['target']} at {document['setpoint_degC']:g} °C"
     return page(title, "\n".join(body), foot=warning)
 
 
-def plot_fault(trace: Mapping[str, Any]) -> Figure:
+def plot_fault(trace: Document) -> Figure:
     """Draw a fault and its alarm: the temperature without an alarm, and with the power switched off by it."""
     figure, (ax,) = new_figure(1, 2.2)
     ax.plot(trace["time_s"], trace["left_degC"], label="nobody sees it", **LOOK["worst"])
@@ -58,12 +58,12 @@ def plot_fault(trace: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _caption(trace: Mapping[str, Any]) -> str:
+def _caption(trace: Document) -> str:
     seen = "no alarm" if trace["alarm_s"] is None else f"the alarm comes after {written(trace['alarm_s'], 3)} s"
     return f"{trace['name'].capitalize()}, on one heater: {seen}."
 
 
-def _table(faults: Sequence[Mapping[str, Any]]) -> str:
+def _table(faults: Sequence[Document]) -> str:
     heads = ("fault", "seen", "median [s]", "95 % [s]", "worst [s]", "hottest, median [°C]", "hottest, worst [°C]")
     rows = []
     for fault in faults:
@@ -74,7 +74,7 @@ def _table(faults: Sequence[Mapping[str, Any]]) -> str:
     return table(heads, rows, numeric=range(1, 7))
 
 
-def _lines(document: Mapping[str, Any]) -> Iterator[str]:
+def _lines(document: Document) -> Iterator[str]:
     warning = textwrap.wrap(document["warning"], _WIDTH)
     low, high = document["noise_degC"]
     yield from warning
@@ -118,7 +118,7 @@ def _numbers(numbers: Mapping[str, int]) -> Iterator[str]:
     yield from textwrap.wrap("numbers: " + ", ".join(items), _WIDTH, break_long_words=False)
 
 
-def _row(fault: Mapping[str, Any]) -> str:
+def _row(fault: Document) -> str:
     after, peak = fault["detection_s"], fault["peak_degC"]
     late = "-" if after is None else f"{_short(after['median'])} {_short(after['p95'])} {_short(after['worst'])}"
     hot = f"{peak['median']:7.1f}   {peak['worst']:7.1f}"
@@ -129,7 +129,7 @@ def _short(seconds: float) -> str:
     return f"{seconds:6.1f}" if seconds < 100.0 else f"{seconds:6.0f}"
 
 
-def _not_seen(document: Mapping[str, Any]) -> Iterator[str]:
+def _not_seen(document: Document) -> Iterator[str]:
     for fault in document["faults"]:
         if fault["missed_because"] is not None:
             missed = fault["heaters"] - fault["detected"]
@@ -139,7 +139,7 @@ def _not_seen(document: Mapping[str, Any]) -> Iterator[str]:
     yield from (f"not tested: {what}." for what in document["not_tested"])
 
 
-def _program(document: Mapping[str, Any]) -> str:
+def _program(document: Document) -> str:
     program = document["program"]
     if program["file"] is None:
         return f"No program: {program['why'].removeprefix('no program: ')}."

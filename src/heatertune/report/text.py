@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from heatertune.codec import Document
 from heatertune.plc.controller import controller_for
 from heatertune.plc.inputs import INPUTS
 from heatertune.plc.keyed_entry import KeyedEntry, setpoint_entry, typed_table, typed_words, word_text
@@ -27,8 +28,6 @@ __all__ = [
     "samples_table", "search_notes", "setpoint_text", "summary", "unit_text", "validation_lines", "words_table",
 ]
 
-
-Document = Mapping[str, Any]
 
 NOT_IDENTIFIED = "not identified"
 

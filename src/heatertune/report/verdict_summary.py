@@ -9,8 +9,9 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
+from heatertune.codec import Document
 from heatertune.model.findings import KINDS, remedy_of
 from heatertune.plc.keyed_entry import KeyedEntry
 from heatertune.plc.targets import REPAIRED
@@ -58,7 +59,6 @@ from heatertune.units import count
 
 __all__ = ["design_brief", "model_brief", "tune_brief", "verify_brief"]
 
-Document = Mapping[str, Any]
 
 #: criteria that are shown, broken ones that are named in a verdict's line, and lines of doubts and of values that fail
 _WORST: Final = 5
@@ -163,9 +163,7 @@ def model_brief(model: Document, out: str | None = None) -> str:
     return _with_notes(_notes(model), table(rows, right=(1,)).splitlines(), labelled_lines(parts, 14), _written(out))
 
 
-def tune_brief(
-    design: Document, proof: Document | None, nearest: Sequence[str] = (), out: str | None = None
-) -> str:
+def tune_brief(design: Document, proof: Document | None, nearest: Sequence[str] = (), out: str | None = None) -> str:
     """Return a design on one screen, with the proof of its words where there is one; `nearest` as in `design_brief`."""
     margins = (f"Ms {figure(design.get('ms'), 3)}, gain margin {figure(design.get('gain_margin'), 3)}, phase margin "
                f"{figure(design.get('phase_margin_deg'), 3)}°, the worst of all plausible heaters")

@@ -1,6 +1,6 @@
-"""The studio: a local page on which the whole chain can be seen and moved.
+"""The studio: a local web page on which the whole chain can be inspected and changed.
 
-settings → loop → session → page → server; what a browser shows (`charts`, `views`) and takes home (`downloads`) is made
-from values that know no browser. `warm` has the loops compiled meanwhile. Only `server`, `page` and what
-stands on it (`controls`, `grey`, `parts`, `loop_card`, `sheet_card`) import NiceGUI.
+settings → loop → session → page → server. What a browser shows (`charts`, `views`) is made from values without a
+browser; `warm_up` compiles loops in advance. Only `server`, `browser_page` and the cards and controls on it import
+NiceGUI.
 """

@@ -1,12 +1,7 @@
-"""The page: where everything stands, and what is told when. What is computed, and how, is `work`'s and `session`'s.
+"""The page of the studio: its layout, its cards and their updates. `work` and `session` compute the contents.
 
-The card of the commissioned loop: one sentence, the trace over what was proven, and its figures.
-
-The card of drawn heaters: one sentence and a table of quantiles, once they are asked for.
-
-The card of the loop: one sentence, the picture with its zoom and its key, and the same in numbers.
-
-The card of a running loop: where it is read, its trace as it grows, and the way from there to a fit.
+Cards: the loop (sentence, picture with zoom and legend, figures), drawn heaters (table of quantiles), the commissioned
+loop (trace in the proven band), and a running loop (address, growing trace, and its fit).
 """
 
 from __future__ import annotations
@@ -24,7 +19,7 @@ from nicegui import background_tasks, events, ui
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.proof import Proof
 from heatertune.proof.as_left import AsLeft
-from heatertune.proof.pwm_period import with_pwm
+from heatertune.proof.design_request import with_pwm
 from heatertune.proof.verdict import NOT_PROVEN, samples_told
 from heatertune.report.html import text_of
 from heatertune.report.text import samples_rows

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.heater.exact import since_step
 from heatertune.log.values import Log
 from heatertune.model.values import FittedModel, HeaterModel
@@ -22,7 +22,6 @@ from heatertune.studio.session import PinnedDesign
 
 __all__ = ["Options", "heater_chart", "key_of", "live_charts", "log_chart", "loop_chart", "zooms"]
 
-Array = npt.NDArray[np.float64]
 Options = dict[str, Any]
 
 _POINTED: Final = 500  # instants of the nominal run at which a crosshair stands
@@ -67,7 +66,7 @@ def log_chart(log: Log, fitted: FittedModel) -> Options:
 
 def live_charts(trace: RecordedTrace) -> tuple[Options, Options | None]:
     """Return temperature and setpoint of a loop that is being recorded, and its power, None where it shows none."""
-    def line(name: str, values: Array, look: str) -> dict[str, Any]:
+    def line(name: str, values: Array, look: str) -> Options:
         return _with_gaps(_line(name, trace.time_s, values, look), trace.part)
 
     lines = [line("temperature", trace.temperature_degC, "log")]
@@ -79,7 +78,7 @@ def live_charts(trace: RecordedTrace) -> tuple[Options, Options | None]:
     return _chart("time [s]", "temperature [°C]", lines), power if np.isfinite(trace.power_pct).all() else None
 
 
-def _with_gaps(line: dict[str, Any], part: Array) -> dict[str, Any]:
+def _with_gaps(line: Options, part: Array) -> Options:
     """Return a line that is broken where its part changes."""
     data = line["data"]
     for place in reversed(np.flatnonzero(np.diff(part)) + 1):
@@ -160,14 +159,14 @@ def key_of(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()
 
 def _over(
     picture: Picture, name: str, line: Line, look: str, *, within: float = 0.0, pieces: int = _PIECES, **other: Any
-) -> dict[str, Any]:
+) -> Options:
     """Return a line over the picture's axis, without the points that nobody would miss."""
     across, values = picture.place(line[0]), line[1]
     kept = straight(across, values, within or _WITHIN * float(np.ptp(values)), pieces)
     return _line(name, across[kept], values[kept], look, **other)
 
 
-def _crowd(picture: Picture) -> dict[str, Any]:
+def _crowd(picture: Picture) -> Options:
     """Return all runs as one series, a gap between two of them."""
     data: list[list[float | None]] = []
     for time, values in picture.crowd:
@@ -178,7 +177,7 @@ def _crowd(picture: Picture) -> dict[str, Any]:
         "lineStyle": {"color": _CROWD, "width": 0.7}, "tooltip": {"show": False}, "connectNulls": False}
 
 
-def _walls(picture: Picture, low: float, high: float) -> dict[str, Any]:
+def _walls(picture: Picture, low: float, high: float) -> Options:
     data = []
     ends = picture.place([(wall.begin_s, wall.end_s) for wall in picture.walls]).round(1).tolist()
     for wall, (begin, end) in zip(picture.walls, ends, strict=True):
@@ -188,7 +187,7 @@ def _walls(picture: Picture, low: float, high: float) -> dict[str, Any]:
     return {"silent": True, "itemStyle": {"color": _WALL}, "data": data}
 
 
-def _setpoint_and_parts(picture: Picture) -> dict[str, Any]:
+def _setpoint_and_parts(picture: Picture) -> Options:
     """Return the setpoint of each part, and where each part begins, by name."""
     ink, data = LOOK["limit"]["color"], list[Any]()
     for part in picture.parts:
@@ -211,7 +210,7 @@ def _instants(picture: Picture, end_s: float) -> list[float]:
     return [float(instant) for instant in instants[seen]]
 
 
-def _two_grids(lines: Sequence[dict[str, Any]], picture: Picture, *, end_s: float) -> Options:
+def _two_grids(lines: Sequence[Options], picture: Picture, *, end_s: float) -> Options:
     """Return temperature above power, with one crosshair and one zoom over both."""
     upper = _chart("time [s]", "temperature [°C]", lines)
     named = {"customValues": np.round(picture.place(_instants(picture, end_s)), 1).tolist()}
@@ -243,28 +242,25 @@ def _instant_of(picture: Picture) -> str:
     return f"v => String(Math.round({json.dumps(gone)}.reduce((t, [at, lost]) => v > at ? t + lost : t, v)))"
 
 
-def _named(line: dict[str, Any], look: str, lower: int = 0) -> dict[str, Any]:
+def _named(line: Options, look: str, lower: int = 0) -> Options:
     """Return a line with its name at its end, so many lines of text lower."""
     letters = {"show": True, "formatter": line["name"], "color": LOOK[look]["color"], "distance": 4,
                "offset": [0, 13 * lower]}
     return line | {"endLabel": letters}
 
 
-def _line(
-    name: str, time: Array, values: Array, look: str, *, kind: Any = None, color: str = ""
-) -> dict[str, Any]:
+def _line(name: str, time: Array, values: Array, look: str, *, kind: Any = None, color: str = "") -> Options:
     """Return a line."""
     style = LOOK[look]
     color, dashes = color or style["color"], [int(length) for length in _DASHES.get(look, "").split()]
     return {
         "type": "line", "name": name, "showSymbol": False, "silent": True, "z": 3,
-        "data": np.column_stack([np.round(time, 2), np.round(values, 3)]).tolist(),
-        "itemStyle": {"color": color},
+        "data": np.column_stack([np.round(time, 2), np.round(values, 3)]).tolist(), "itemStyle": {"color": color},
         "lineStyle": {"color": color, "width": style["linewidth"], "type": kind or dashes or "solid"},
     }
 
 
-def _band(time: Array, low: Array, high: Array) -> list[dict[str, Any]]:
+def _band(time: Array, low: Array, high: Array) -> list[Options]:
     """Return two stacked lines: the lower end, invisible, and the shaded width above it."""
     color = LOOK["model"]["color"]
     hidden = {"type": "line", "showSymbol": False, "silent": True, "stack": "band", "stackStrategy": "all", "z": 1,
@@ -274,7 +270,7 @@ def _band(time: Array, low: Array, high: Array) -> list[dict[str, Any]]:
             hidden | {"name": "band, width", "data": data[1], "areaStyle": {"color": color, "opacity": 0.2}}]
 
 
-def _chart(x: str, y: str, lines: Sequence[dict[str, Any]]) -> Options:
+def _chart(x: str, y: str, lines: Sequence[Options]) -> Options:
     text = {"color": _INK, "fontSize": 12}
     axis = {"type": "value", "nameTextStyle": text, "splitLine": {"lineStyle": {"color": "#dddddd"}},
             "axisLabel": text | {"showMinLabel": False, "showMaxLabel": False}}

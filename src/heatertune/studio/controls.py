@@ -1,11 +1,8 @@
-"""What the user moves: every control has a name that is read out, its value and its unit.
+"""The controls and card elements of the page: each control has a label for screen readers, a value and a unit.
 
-What cards of the page are made of.
-
-Grey: what is seen is not, or not yet, the truth about the settings.
-
-The browser greys banner and words in the very event that moves a control, before anything is sent: it counts
-its moves, and the server tells with every answer how many of them it has heard, and whether it still computes.
+Banner and words turn grey when they may no longer match the settings. The browser does so in the event that moves a
+control, before anything is sent: it counts moves, and each answer of the server says how many it has received and
+whether it is still computing.
 """
 
 from __future__ import annotations
@@ -25,9 +22,7 @@ from heatertune.studio.charts import Options
 from heatertune.studio.loop_settings import SLIDERS, Slider, StudioSettings
 from heatertune.terms import terms_in
 
-__all__ = [
-    "MOVE", "MOVED", "NUMBER_SEEN", "Controls", "Grey", "card", "chart", "draw", "explain_label", "html",
-]
+__all__ = ["MOVE", "MOVED", "NUMBER_SEEN", "Controls", "Grey", "card", "chart", "draw", "explain_label", "html"]
 
 
 _CLIENT: Final = """<script>

@@ -8,8 +8,8 @@ from threading import Event
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError
 from heatertune.live.client.connection import address_of
 from heatertune.live.controller_block import ROLES, places_given
@@ -18,7 +18,6 @@ from heatertune.studio.picture import downsample
 
 __all__ = ["LiveLog", "RecordedTrace", "RecordingRequest"]
 
-Array = npt.NDArray[np.float64]
 
 _MOST_ROWS: Final = 40_000  # that are kept for the picture; the file has them all
 _PIXELS: Final = 700

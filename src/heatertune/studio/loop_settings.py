@@ -1,8 +1,6 @@
-"""The settings of the page, and the loop that they give.
+"""The settings of the page with their ranges and steps, and the loop that they give.
 
-Settings → a first look at the loop in milliseconds, the full proof, the design; pure functions, for any thread.
-
-What the user can move, with the least, the most and the step of each.
+A first view of the loop takes milliseconds; the full proof and the design follow. Pure functions, for any thread.
 """
 
 from __future__ import annotations
@@ -19,11 +17,11 @@ from heatertune.pid.sampled_loop import margins, worst
 from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import NAMES, Scaling, Words, controller_for
-from heatertune.plc.cooler import with_cooling
-from heatertune.plc.cycle import with_pwm_period
+from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import loop_fit
 from heatertune.plc.inputs import has_ends
 from heatertune.plc.word_selection import search_document
+from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, Trace, simulate_wish
 from heatertune.proof.design_request import made_for
@@ -38,7 +36,7 @@ from heatertune.units import check
 
 __all__ = [
     "DRAWN", "SLIDERS", "CandidateWords", "DesignOutcome", "LoopView", "Slider", "StudioSettings", "find_design",
-    "first_look", "full_proof", "on_drawn_heaters", "optimum", "settings_for", "sliders_for",
+    "first_look", "full_proof", "on_drawn_heaters", "optimum", "settings_for",
 ]
 
 
@@ -166,26 +164,6 @@ def settings_for(fitted: FittedModel, start: StudioSettings) -> StudioSettings:
     high = max(2.0, math.ceil(_ABOVE * max(places) / _SENSOR_STEP)) * _SENSOR_STEP
     low = min(0.0, math.floor(min(places) / _SENSOR_STEP) * _SENSOR_STEP)
     return replace(start, sample_time_s=None, pwm_period_s=None, setpoint_degC=None, low_degC=low, high_degC=high)
-
-
-def sliders_for(fitted: FittedModel) -> tuple[Slider, ...]:
-    """Return the sliders with ends that suit a heater: times up to a third of it, setpoints all its models can hold."""
-    models = [model for _, model in labelled_heaters(fitted)]
-    slowest = max(sum(model.lags_s) + model.dead_time_s for model in models)
-    ambients = [float(model.ambient_degC or 0.0) for model in models]
-    spans = [sorted((ambient, ambient + 100.0 * model.gain_degC_per_pct))
-             for ambient, model in zip(ambients, models, strict=True)]
-    coldest, hottest = max(low for low, _ in spans), min(high for _, high in spans)
-    ends = {
-        "sample_time_s": (0.1, max(1.0, math.ceil(slowest / 3.0))),
-        "pwm_period_s": (0.1, max(10.0, math.ceil(slowest / 3.0))),
-        "setpoint_degC": (math.ceil(coldest) + 1.0, math.floor(hottest) - 1.0),
-    }
-    return tuple(
-        slider if slider.field not in ends
-        else replace(slider, low=ends[slider.field][0], high=max(ends[slider.field][1], ends[slider.field][0] + 1.0))
-        for slider in SLIDERS
-    )
 
 
 #: heaters that are drawn at a time

@@ -1,6 +1,6 @@
-"""A proof → what its picture shows: runs as thin lines, the walls that limits are, the parts of the story.
+"""The picture of a proof: runs as thin lines, limits as walls, the parts of the test sequence.
 
-A long line → the few points that draw it: least and most of each pixel, nothing that lies on a straight line.
+Long lines are reduced to the points that are visible: minimum and maximum of each pixel, nothing on a straight line.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.proof import Proof, Trace
 from heatertune.proof.criteria import CRITERION, TIME_OF, band_of, names_of, phases_measured
 from heatertune.proof.loop import plant_row
@@ -24,7 +25,6 @@ __all__ = [
 ]
 
 
-Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
 
 
@@ -95,7 +95,7 @@ def _farthest(across: Array, values: Array, begin: Places, end: Places) -> tuple
     return place[at[np.searchsorted(piece[at], np.arange(len(begin)))]], most
 
 
-#: instants [s] and temperatures [°C], both of shape (n,)
+#: instants [s] and temperatures [°C], both of shape (n)
 Line = tuple[npt.NDArray[Any], Array]
 
 _PIXELS: Final = 3000  # of the whole story, which is zoomed to a tenth

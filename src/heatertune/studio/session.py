@@ -1,10 +1,8 @@
-"""What one user has in front of them: log, heater, settings, the loop, and up to four designs side by side.
+"""The state of one user: log, heater, settings, the loop, and up to four designs side by side.
 
-Nothing here knows a browser or a thread. What takes long is a pure function of `heatertune.studio.loop_settings`; its
-result comes back with the ticket under which it was begun, and a stale one is kept for later but not shown. There is
-one session: every window shows it, and what is moved in one is moved in all.
-
-Where a log comes from: a path, a built-in table, or a folder that `heatertune design` wrote.
+A log comes from a path, a built-in table, or a folder of `heatertune design`. Nothing here depends on a browser or a
+thread. Slow work is a pure function of `heatertune.studio.loop_settings`; its result returns with the ticket of its
+request, and an outdated one is stored but not shown. There is one session for all windows.
 """
 
 from __future__ import annotations
@@ -37,9 +35,7 @@ from heatertune.settings import Conditions, FitSettings
 from heatertune.studio.loop_settings import CandidateWords, DesignOutcome, LoopView, StudioSettings, settings_for
 from heatertune.studio.wording import SuggestedChange, mend_for
 
-__all__ = [
-    "MOST_PINNED", "FrontDesign", "LogSource", "PinnedDesign", "Session", "Ticket", "fit_log", "read_source",
-]
+__all__ = ["MOST_PINNED", "FrontDesign", "LogSource", "PinnedDesign", "Session", "Ticket", "fit_log", "read_source"]
 
 
 #: what a design says of the limit it was asked for

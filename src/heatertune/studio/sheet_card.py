@@ -1,10 +1,7 @@
-"""The sheet that a dropped file opens on the page.
+"""The sheet for a dropped file: first rows, the role and unit of each column, assumptions; all can be changed.
 
-A dropped file as it is understood: first rows, the role and unit of each column, assumptions; all can be changed.
-
-The log's reader decides; what the user changes becomes its options, see `heatertune.log.read_log`.
-
-A dropped file as it is understood → HTML; what can be changed has `data-change`, `data-place` and `data-key`.
+`heatertune.log.read_log` decides; a change becomes one of its options. In the HTML, elements that can be changed have
+`data-change`, `data-place` and `data-key`.
 """
 
 from __future__ import annotations
@@ -17,9 +14,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 from nicegui import ui
 
+from heatertune.arrays import Array
 from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import HeatertuneError, InputError, LogError
 from heatertune.log import read_log
@@ -386,8 +383,6 @@ def _reference(columns: tuple[SheetColumn, ...], place: int) -> str:
     return names[place] if own else f"{place + 1}"
 
 
-Array = npt.NDArray[np.float64]
-
 _UNITS: Final[Mapping[str, Mapping[str, str]]] = {
     "temperature": {
         "degC": "°C", "degF": "°F", "K": "K", "0.1degC": "0.1 °C", "0.01degC": "0.01 °C", "0.1degF": "0.1 °F"},
@@ -489,9 +484,7 @@ def _repairs(log: Log | None) -> str:
     return "".join(f"<h3>{title}</h3>{bullets([for_page(item) for item in items])}" for title, items in parts if items)
 
 
-def _select(
-    name: str, change: str, place: int, options: Mapping[str, str], chosen: str, *, label: str = ""
-) -> str:
+def _select(name: str, change: str, place: int, options: Mapping[str, str], chosen: str, *, label: str = "") -> str:
     shown = "".join(
         f'<option value="{text_of(value)}"{" selected" if value == chosen else ""}>{text_of(text)}</option>'
         for value, text in options.items())

@@ -1,9 +1,8 @@
-"""Machine code before it is asked for: no move of a slider waits for a compiler.
+"""Compile machine code in advance, so that no move of a slider waits for a compiler.
 
-A compiler needs seconds for each controller, and Python's lock while it works. So it works in a process of its own,
-for the controller in front at once, for the others behind everything else, and leaves the machine code on disk, once
-for each version of heatertune. Until that of a loop is there the page runs it plainly; from then on compiled, which
-gives the same, bit for bit.
+A compiler needs seconds for each controller, and Python's lock meanwhile. It therefore runs in a process of its own,
+for the current controller first, and stores the code on disk, once per version of heatertune. Until then the page runs
+the loop as plain Python, with bit-identical results.
 """
 
 from __future__ import annotations

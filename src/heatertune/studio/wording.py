@@ -1,8 +1,6 @@
-"""The sentences of the page: of the chain, of faults, and of what would pass.
+"""The sentences of the page: those of the chain and its errors, with the page's names for options; and suggestions.
 
-Sentences of the chain, and faults → sentences of the page: what an option sets has a name here, too.
-
-A design that fails → what would pass, in the page's own words, and what pressing the button changes.
+A suggestion for a design that fails says what would pass, and what its button changes.
 """
 
 from __future__ import annotations

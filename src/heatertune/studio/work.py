@@ -1,11 +1,7 @@
-"""What takes long, beside the pages: fits, loops, proofs and searches in threads, the newest wish first.
+"""Slow work behind the pages: fits, loops, proofs and searches in threads, the newest request first.
 
-There is one for the session, whatever windows are open: it goes on while a page is loaded again, and tells every page
-what changed.
-
-What the user takes home: the export files as one zip, and the report. The same design gives the same bytes.
-
-As left: a trace of the commissioned loop beside the proven design in front, and what the page shows of it.
+One instance serves the session, whatever windows are open. Also the downloads (export files as one zip, the report;
+the same design gives the same bytes) and the as-left comparison of a trace with the current design.
 """
 
 from __future__ import annotations
@@ -48,9 +44,7 @@ from heatertune.studio.session import FrontDesign, Session, Ticket, fit_log, rea
 from heatertune.studio.views import export_name
 from heatertune.studio.wording import fault_told, for_page
 
-__all__ = [
-    "Follower", "Work", "export_zip", "figures", "held_against", "left_chart", "left_sentence", "report_page",
-]
+__all__ = ["Follower", "Work", "export_zip", "figures", "held_against", "left_chart", "left_sentence", "report_page"]
 
 
 _EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # the earliest a zip can hold: no date

@@ -49,8 +49,7 @@ def add_supervise(commands: Any) -> None:
     group.add_argument("--faults-per-kind", type=int, default=60, metavar="N", help=(
         "heaters on which each fault is simulated (default: 60)"))
     group.add_argument("--seed", type=int, default=0, help="seed of the first sampled heater (default: 0)")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_supervise)
+    printing.add_output_options(command, _run_supervise)
 
 
 def _run_supervise(settings: argparse.Namespace) -> int:

@@ -1,15 +1,11 @@
-"""Loops in which something breaks: the proof's kernel with another sensor, and what the controller saw and asked for.
+"""Loops with a fault, run by the kernel of the proof: named faults, and the readings and requested power of each scan.
 
-The heater's circuit and its switch break as mains and loads do: open or half the power is a share of the mains; a
-switch that is stuck is an open circuit and a load of full power.
+Faults of heater circuit and switch are shares of the mains: an open circuit 0, half the power ½; a stuck switch is an
+open circuit and a load of full power. Others change the sensor.
 
-What breaks in a heater: told by name, and when in a loop.
-
-Heaters that are drawn, each with its own whole story: what a monitor must never trip on.
-
-Each plausible heater in turn is drawn in a box around it: gain and lags ± the spread, the dead time ± one and a half of
-it, the ambient temperature ± 5 °C, the noise between none (or what the user knows) and what is assumed. No heater is
-drawn that could not hold the setpoint: that one shall trip. The corners of the box come first.
+Healthy heaters, on which a monitor must never trip, are drawn from a box around each plausible heater, corners first:
+gain and lags ± the spread, the dead time ± one and a half times that, the ambient ± 5 °C, noise between none (or the
+known one) and the assumed one. Heaters that could not hold the setpoint are not drawn: they should trip.
 """
 
 from __future__ import annotations
@@ -22,6 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.compiled import bound
 from heatertune.compiled.plain_functions import measure
 from heatertune.errors import OutOfRange
@@ -77,8 +74,6 @@ FAULTS: Final = (
     FaultKind(name="dead time 4 times as long", later=4.0, cold=True),
 )
 
-
-Array = npt.NDArray[np.float64]
 
 _CORNERS: Final = 32  # of gain, lags, dead time, ambient and noise
 _RESERVE_PCT: Final = 5.0
@@ -220,12 +215,10 @@ class HeaterFamily:
         low = self.setpoint_degC - _LOW_SHARE * (self.setpoint_degC - row[4])
         low = low if self.low_degC is None else max(self.low_degC, row[4] + 1.0)
         parts: list[tuple[Any, dict[str, Any], float]] = [
-            (None, {}, way + settles),
-            (Load, {"power_pct": -most}, settles), (Load, {"power_pct": most}, settles),
+            (None, {}, way + settles), (Load, {"power_pct": -most}, settles), (Load, {"power_pct": most}, settles),
             (NewSetpoint, {"setpoint_degC": low}, settles),
-            (NewSetpoint, {"setpoint_degC": self.setpoint_degC}, settles),
-            (Mains, {"share": weak}, settles), (Mains, {"share": _HIGH_MAINS}, settles),
-            (Mains, {"share": 1.0}, settles),
+            (NewSetpoint, {"setpoint_degC": self.setpoint_degC}, settles), (Mains, {"share": weak}, settles),
+            (Mains, {"share": _HIGH_MAINS}, settles), (Mains, {"share": 1.0}, settles),
             (PlcPower, {"on": False}, _SHORT_OFF * self.slowest_s), (PlcPower, {"on": True}, settles),
             (PlcPower, {"on": False}, _LONG_OFF * self.slowest_s * (0.5 + 0.5 * abs(float(even[1])))),
             (PlcPower, {"on": True}, way + settles),

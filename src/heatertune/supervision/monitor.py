@@ -1,16 +1,12 @@
-"""The monitor: readings and the power asked for → which alarm. Whole numbers alone, one scan a call.
+"""The monitor: readings and requested power give an alarm, in whole numbers, one scan per call.
 
-Nothing but sums, products and comparisons of whole numbers that fit into 32 bits, so that a PLC computes the same. It
-does not replace a thermal cut-out: it sees what the controller sees, through the same sensor.
-
-Each block of scans gives the sum of its readings (level) and of its powers. Over a window of N blocks the level moves
-by D; the powers that may have caused it are those of N blocks in a row, `delay_low`…`delay_high` blocks ago. With R the
-level at the window's begin, no plausible heater leaves
+All arithmetic fits into 32-bit integers, so a PLC computes the same. It does not replace a thermal cut-out: it uses
+the controller's own sensor. Each block of scans gives the sum of its readings (level) and of its powers. Over a window
+of N blocks the level moves by D; the powers are those of N blocks, `delay_low`…`delay_high` blocks ago. With R the
+level at the start of the window, no plausible heater (one lag, slowest and fastest) violates
 
     slow_scale·D  ≥  slow_gain·(least sum of powers) − slow_loss·R + slow_rest
     fast_scale·D  ≤  fast_gain·(largest sum of powers) − fast_loss·R + fast_rest
-
-which is the answer of one lag to held power, with the numbers of the slowest and of the fastest heater.
 """
 
 from __future__ import annotations
@@ -18,20 +14,8 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 __all__ = [
-    "ALARMS",
-    "RING",
-    "STATE",
-    "Numbers",
-    "alarms",
-    "cold",
-    "in_a_row",
-    "is_full",
-    "restart",
-    "scan",
-    "scan_counts",
-    "unseen",
-    "watch",
-    "window_sums",
+    "ALARMS", "RING", "STATE", "Numbers", "alarms", "cold", "in_a_row", "is_full", "restart", "scan", "scan_counts",
+    "unseen", "watch", "window_sums",
 ]
 
 #: alarm → what it says; 0 is none

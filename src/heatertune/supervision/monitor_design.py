@@ -1,12 +1,8 @@
-"""Plausible heaters × their whole story → the numbers of a monitor: never a false trip first, then the soonest alarm.
+"""Design a monitor for plausible heaters and their whole test sequence: no false trip, then the earliest alarm.
 
-Each limit is what loops in order need and a margin beyond. The windows are those that tell a switch that is stuck on,
-and a heater that is open, soonest. What was found is tried on heaters that no limit was made from; where one of them
-trips, the limits are made wider and others are drawn, until a whole batch passes.
-
-The least and the largest movement that a heater in order makes: planes over level and power, in whole numbers.
-
-What a loop in order shows a monitor: the numbers from which its limits are made.
+Each limit is what healthy loops need plus a margin: planes over level and power, in whole numbers, around the least
+and largest movement. The windows are those that detect a stuck switch and an open heater soonest. The result is tested
+on other healthy heaters; if one trips, limits are widened and others drawn, until a whole batch passes.
 """
 
 from __future__ import annotations
@@ -40,9 +36,7 @@ from heatertune.supervision.faulty_loops import (
 from heatertune.supervision.monitor import RING, STATE, Numbers, is_full, restart, scan, scan_counts, watch, window_sums
 from heatertune.units import written
 
-__all__ = [
-    "FRESH", "Bench", "MonitorDesign", "Plane", "Tally", "design", "first_alarm", "plane_of", "tally", "windows",
-]
+__all__ = ["FRESH", "Bench", "MonitorDesign", "Plane", "Tally", "design", "first_alarm", "plane_of", "tally", "windows"]
 
 
 Table = npt.NDArray[np.int64]
@@ -158,9 +152,7 @@ def _tallied(numbers: Numbers, state: Any, readings: Any, powers: Any, settled: 
         last = reading
 
 
-def _windows(
-    numbers: Numbers, state: Any, readings: Any, powers: Any, blocks: int, largest: bool, out: Any,
-) -> int:
+def _windows(numbers: Numbers, state: Any, readings: Any, powers: Any, blocks: int, largest: bool, out: Any) -> int:
     restart(state)
     off, rows = False, 0
     for k in range(len(readings)):

@@ -1,12 +1,10 @@
-"""Words and the heaters that a fit leaves possible → a monitor, and how soon it tells each fault, as a document.
+"""Supervision of proven words: the monitor and its detection time for each fault, or settings of printer firmware.
 
-The best that a printer's own supervision can express for a heater: never a false trip first, then the soonest one.
-
-Klipper's `[verify_heater]` (klippy/extras/verify_heater.py): below the target by more than `hysteresis` the distance is
-added up each second; at `max_error` it stops, unless the heater is on its way and gains `heating_gain` in each
-`check_gain_time`. Marlin's defines (src/module/temperature.cpp): once warm, at most `THERMAL_PROTECTION_PERIOD` seconds
-below the target by more than the hysteresis; on the way `WATCH_TEMP_INCREASE` in each `WATCH_TEMP_PERIOD`. Both stop at
-the ends of the sensor that their configuration allows.
+Klipper's `[verify_heater]` (klippy/extras/verify_heater.py): below the target by more than `hysteresis` the distance
+is summed each second; at `max_error` it stops, unless the heater gains `heating_gain` in each `check_gain_time`.
+Marlin's defines (src/module/temperature.cpp): once warm, at most `THERMAL_PROTECTION_PERIOD` seconds below the target
+by more than the hysteresis; on the way `WATCH_TEMP_INCREASE` in each `WATCH_TEMP_PERIOD`. Both stop outside their
+sensor range.
 """
 
 from __future__ import annotations
@@ -21,8 +19,8 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import encode
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
@@ -66,8 +64,6 @@ __all__ = [
     "printer_rule", "supervise",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 TARGETS: Final = ("klipper", "marlin")
 _MARGIN: Final = 1.3
@@ -255,8 +251,7 @@ def _ran(rule: Rule, record: _Record) -> tuple[int, float]:
 
 def _record(card: Card, one: Ran, target: Array, first: int, scan_s: float) -> _Record:
     seen = np.asarray(card.low_degC + card.step_degC * one.counts, dtype=np.float64)
-    return _Record(reading_degC=seen, target=np.where(one.power < 0, 0.0, target),
-                   first=first, scan_s=scan_s)
+    return _Record(reading_degC=seen, target=np.where(one.power < 0, 0.0, target), first=first, scan_s=scan_s)
 
 
 def _story(bench: Bench, member: Any) -> _Record:

@@ -1,15 +1,8 @@
-"""The connection to a PLC: its address, and requests one at a time.
+"""The connection to a PLC: its address, and the client that all protocols share.
 
-A client of a PLC: bytes of its blocks, read and written one request at a time, and never a write twice.
-
-What clients of every protocol have in common: one request, what it ends in, and the end.
-
-What a simulated PLC says of itself to a client that asks for it.
-
-Where a PLC is, as one line says it.
-
-`s7://HOST:PORT/RACK/SLOT/dbN`, `modbus://HOST:PORT/UNIT/REGISTER`, `opc.tcp://HOST:PORT/PATH/NODE` or
-`as511://DEVICE/dbN`.
+A client reads and writes bytes of a block, one request at a time, and never repeats a write. It also asks a simulated
+PLC for its status. Addresses: `s7://HOST:PORT/RACK/SLOT/dbN`, `modbus://HOST:PORT/UNIT/REGISTER`,
+`opc.tcp://HOST:PORT/PATH/NODE` or `as511://DEVICE/dbN`.
 """
 
 from __future__ import annotations
@@ -31,8 +24,8 @@ from heatertune.errors import InputError, LinkDown, PlcRefused, ReplyLost, Unkno
 from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
 
 __all__ = [
-    "EXAMPLES", "LIBRARIES", "Address", "Client", "RequestConnection", "address_of", "close_by_reset", "connect",
-    "demand_library", "told_by",
+    "EXAMPLES", "LIBRARIES", "Address", "Client", "ClosesOnExit", "RequestConnection", "address_of", "close_by_reset",
+    "connect", "demand_library", "told_by",
 ]
 
 
@@ -196,7 +189,23 @@ def close_by_reset(connection: Any) -> None:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER)
 
 
-class RequestConnection:
+class ClosesOnExit:
+    """A context manager that ends by `close`."""
+
+    def close(self) -> None:
+        """Close it."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class RequestConnection(ClosesOnExit):
     """A connection that is closed at the first request without an answer."""
 
     def __init__(self, address: Address) -> None:
@@ -233,14 +242,6 @@ class RequestConnection:
 
     def _close(self) -> None:
         raise NotImplementedError
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 #: protocol → the module that it needs, and the extra that brings it

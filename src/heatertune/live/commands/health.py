@@ -47,8 +47,7 @@ def add_health(commands: Any) -> None:
     options.add(command.add_argument_group("reading the logs"), ReadSettings)
     common.add_tuning_options(command)
     add_table_options(command, "the page; its table has the same name with .parquet")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_health)
+    printing.add_output_options(command, _run_health)
 
 
 def _run_health(settings: argparse.Namespace) -> int:

@@ -1,9 +1,4 @@
-"""The commands that only read a running loop: `record` and `watch`.
-
-`heatertune record`: a running loop → a log, read only.
-
-`heatertune watch`: a running loop beside its proven band; it only looks.
-"""
+"""The commands that only read a running loop: `record` and `watch`."""
 
 from __future__ import annotations
 
@@ -60,8 +55,7 @@ def add_record(commands: Any) -> None:
     command.add_argument("--append", action="store_true", help="continue an existing log")
     command.add_argument("--timeout", type=float, default=2.0, metavar="S",
                          help="time after which an answer counts as lost (default: 2)")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_record)
+    printing.add_output_options(command, _run_record)
 
 
 def _run_record(settings: argparse.Namespace) -> int:
@@ -70,8 +64,7 @@ def _run_record(settings: argparse.Namespace) -> int:
 
     address = address_of(settings.address)
     how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append,
-                         timeout_s=settings.timeout,
-                    pwm_period_s=_pwm_period_s(settings.design))
+                         timeout_s=settings.timeout, pwm_period_s=_pwm_period_s(settings.design))
     places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
     shown_notes: list[str] = []
     with asked_to_end() as asked:
@@ -232,8 +225,7 @@ def add_watch(commands: Any) -> None:
     command.add_argument("--refit", action="store_true", help="identify the heater from the recorded log at the end")
     command.add_argument("--monitor", metavar="FILE", help=(
         "supervision.json by heatertune supervise: its monitor runs alongside; it does not replace a thermal cut-out"))
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_watch)
+    printing.add_output_options(command, _run_watch)
 
 
 def _run_watch(settings: argparse.Namespace) -> int:

@@ -57,8 +57,7 @@ def add_experiment(commands: Any) -> None:
                          help="the controller is in manual already, and returns to manual at the same value")
     command.add_argument("--restore", action="store_true",
                          help="with ADDRESS alone: restore what the PLC held before an interrupted experiment")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_experiment)
+    printing.add_output_options(command, _run_experiment)
 
 
 def _run_experiment(settings: argparse.Namespace) -> int:
@@ -186,8 +185,7 @@ def _document(settings: argparse.Namespace, ended: ExperimentResult) -> dict[str
     return {
         "schema": "heatertune/experiment/2", "address": settings.address, "log": settings.out, "ended": ended.reason,
         "message": ended.message, "restored": ended.restored, "power_pct": ended.power_pct,
-        "rows": ended.recording.rows if ended.recording else 0,
-        "gaps": ended.recording.gaps if ended.recording else 0,
+        "rows": ended.recording.rows if ended.recording else 0, "gaps": ended.recording.gaps if ended.recording else 0,
         "model": None if fitted is None else {name: getattr(fitted.model, field) for name, field in _FIELDS.items()},
     }
 

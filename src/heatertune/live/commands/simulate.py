@@ -37,8 +37,7 @@ def add_simulate(commands: Any) -> None:
     command.add_argument("--port", action="append", type=int, default=[], metavar="N",
                          help="port of each protocol, in order (default: any free port)")
     pace = command.add_argument_group("time")
-    pace.add_argument("--rate", default="1", metavar="N|max",
-                      help="speed relative to a real heater (default: 1)")
+    pace.add_argument("--rate", default="1", metavar="N|max", help="speed relative to a real heater (default: 1)")
     pace.add_argument("--step", action="store_true", help="a client triggers each scan, so that every run is identical")
     pace.add_argument("--scans", type=int, metavar="N", help="stop after N scans (default: never)")
     heater = command.add_argument_group("the heater")
@@ -52,8 +51,7 @@ def add_simulate(commands: Any) -> None:
                         help="scans in manual without a heartbeat before it returns to automatic (default: never)")
     group = command.add_argument_group("conditions, if other than those of the design")
     options.add(group, Conditions, "setpoint_degC", "noise_degC", "switches", default=argparse.SUPPRESS)
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_simulate)
+    printing.add_output_options(command, _run_simulate)
 
 
 def _run_simulate(settings: argparse.Namespace) -> int:

@@ -1,9 +1,4 @@
-"""The commands that write words into a running PLC: `write` and `rollback`.
-
-`heatertune write`: proven words into a running PLC.
-
-`heatertune rollback`: what became of a write, and the words as they were before it.
-"""
+"""The commands that write parameters into a running PLC and restore the old ones: `write` and `rollback`."""
 
 from __future__ import annotations
 
@@ -28,8 +23,7 @@ if TYPE_CHECKING:
     from heatertune.live.write.writer import WriteEnd
 
 __all__ = [
-    "ROLLBACK_EXAMPLE", "WRITE_EXAMPLE", "add_guard", "add_rollback", "add_write", "ended_lines", "link_of",
-    "not_read",
+    "ROLLBACK_EXAMPLE", "WRITE_EXAMPLE", "add_guard", "add_rollback", "add_write", "ended_lines", "link_of", "not_read",
 ]
 
 
@@ -62,8 +56,7 @@ def add_write(commands: Any) -> None:
                            "watching")
     command.add_argument("--no-watch", action="store_true", help="do not watch the response")
     command.add_argument("--record", metavar="FILE", help="the record (default: DIR/write_TIME.jsonl)")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_write)
+    printing.add_output_options(command, _run_write)
 
 
 def add_guard(command: argparse.ArgumentParser, of_what: str) -> None:
@@ -106,9 +99,8 @@ def _run_write(settings: argparse.Namespace) -> int:
     address, link = address_of(settings.address), link_of(settings)
     progress = printing.Progress(settings)
     wanted = WriteRequest(proven_words=read_proven(settings.directory, progress), address=address, declared=said,
-                          link=link,
-                    most_writes=settings.max_writes, watch=not settings.no_watch,
-                    record=None if settings.record is None else Path(settings.record))
+                          link=link, most_writes=settings.max_writes, watch=not settings.no_watch,
+                          record=None if settings.record is None else Path(settings.record))
     document = {"schema": PLAN_SCHEMA, "directory": settings.directory, "address": address.text,
                 "digest": wanted.proven_words.view.digest, "yes": wanted.proven_words.yes, "applied": settings.apply}
     if settings.apply:
@@ -201,8 +193,7 @@ def add_rollback(commands: Any) -> None:
     add_guard(command, "what is restored, as shown without --apply")
     command.add_argument("--unproven", action="store_true",
                          help="restore parameters without a proof (default: they are proven first)")
-    printing.add_output_options(command)
-    command.set_defaults(run=_run_rollback)
+    printing.add_output_options(command, _run_rollback)
 
 
 def _run_rollback(settings: argparse.Namespace) -> int:

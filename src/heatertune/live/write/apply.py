@@ -1,8 +1,7 @@
-"""A write from its begin to its end: looked at, saved, recorded, written, read back, watched, told.
+"""A write to a running PLC from start to end: check, save, record, write, read back, watch, report.
 
-What a write would do: words that differ, whether the PLC is the right one, and the order of the requests.
-
-In which order parts are written, so that whatever stands in the PLC in between is stable, too.
+The plan of a write names the words that differ, the identity of the PLC and the order of the requests. Parts are
+written in an order that keeps the loop stable in every intermediate state.
 """
 
 from __future__ import annotations

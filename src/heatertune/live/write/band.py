@@ -1,16 +1,12 @@
-"""Where the proof says that the temperature is after words were changed: around the setpoint, from where it was.
+"""The temperature band that a proof predicts after a write of words, and the watch that compares readings with it.
 
-It is made of the proof's own figures, the worst of all its runs: how far a response overshoots, how long it takes to
-settle, and the band in which it then stays. A load, an open door, is none of it.
+The band comes from the worst of all runs of the proof: overshoot, settling time, and the band at rest; it contains no
+loads. An oscillating loop is met at any phase: its slope gives the difference between its power and the holding power,
+and the new words may overshoot as they would after a load of that size.
 
-A loop that swings is met anywhere on its way. Its slope there tells how far the power is from what holds the
-temperature: the new words find what a load of that power would do, and may let it run as far.
-
-The response after a write, watched inside the proven band; two readings in a row outside of it end the watch.
-
-Until the words can show, what is seen is the doing of the old ones: it tells where the temperature is and where it
-goes to. It is held against what any words could do to the heater since the last reading; the first of those are from
-right before the write. From then on the band judges: cold goods may be put in.
+Two readings in a row outside the band end the watch. Until the new words can have an effect, readings are compared
+with what any words could do since the last reading, the first of which precedes the write. After that the band alone
+decides.
 """
 
 from __future__ import annotations
@@ -156,9 +152,8 @@ class Band:
         judged = overshoots["%"] + overshoots["% of rise"] + overshoots["% of change"] * (off <= _SMALL * whole)
         overshoot = max(judged, default=0.0) / 100.0
         return cls(
-            setpoint_degC=setpoint_degC, off_degC=temperature_degC - setpoint_degC,
-            carried_degC=carried_degC, overshoot=overshoot,
-            beyond_degC=overshoot * max(0.0, whole - off) if mid_way else 0.0,
+            setpoint_degC=setpoint_degC, off_degC=temperature_degC - setpoint_degC, carried_degC=carried_degC,
+            overshoot=overshoot, beyond_degC=overshoot * max(0.0, whole - off) if mid_way else 0.0,
             settles_s=max(settles, default=math.inf), rest_degC=band_degC(proven) + _unread_degC(proven))
 
     def at(self, since_s: float) -> tuple[float, float]:

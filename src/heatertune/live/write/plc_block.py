@@ -1,6 +1,6 @@
-"""One block of one PLC over a link that may fail: what is read may be asked for again, what is written goes once.
+"""One block of a PLC over a link that may fail, and the words of a controller in it as write requests.
 
-Where the words of a controller stand in a PLC, and what is to be written there, request by request.
+Reads are repeated after a failure; a write is sent once.
 """
 
 from __future__ import annotations
@@ -8,12 +8,11 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
 from heatertune.live.block_memory import Signal, bytes_of, field_of
-from heatertune.live.client.connection import Address, Client, connect, told_by
+from heatertune.live.client.connection import Address, Client, ClosesOnExit, connect, told_by
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
 from heatertune.live.simulator_status import RUNS, SimulatorStatus
 from heatertune.plc import Controller, Words, controller_for
@@ -100,8 +99,7 @@ class BlockImage:
     def values(self, content: bytes) -> dict[str, Number]:
         """Return every word in the bytes of the block; a whole number is one."""
         found = {name: self._of(content, signal) for name, signal in self.block.words.items()}
-        return {name: value if self.block.words[name].format == "REAL" else int(value)
-                for name, value in found.items()}
+        return {name: value if self.block.words[name].format == "REAL" else int(value) for name, value in found.items()}
 
     def bits(self, content: bytes) -> dict[str, int]:
         """Return the words of one bit that the program around does not write; they are looked at alone."""
@@ -120,7 +118,7 @@ class BlockImage:
         return None if told is None or any(field.name not in found for field in self.controller.fields) else told(found)
 
     def signal(self, content: bytes, role: str) -> float:
-        """Return a signal of the block, see `heatertune.live.controller_block.ServedBlock.signals`."""
+        """Return a signal of the block, see `heatertune.live.controller_block.ServedBlock`."""
         return self._of(content, self.block.signals[role])
 
     def _of(self, content: bytes, signal: Signal) -> float:
@@ -252,7 +250,7 @@ class BlockSnapshot:
         return {**scan, "bytes": self.content.hex()}
 
 
-class Peer:
+class Peer(ClosesOnExit):
     """A PLC; it is connected to when it is first asked."""
 
     def __init__(self, address: Address, standing: BlockImage, interval_s: float,
@@ -348,14 +346,6 @@ class Peer:
         if self._client is not None:
             self._client.close()
             self._client = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def runs(look: BlockSnapshot) -> bool | None:

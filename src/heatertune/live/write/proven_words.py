@@ -1,6 +1,6 @@
-"""What may be written: the words of a folder whose proof is whole, says PASS, and is the one that somebody has read.
+"""The checks before a write: the folder's proof is whole and says PASS, and the user confirmed it.
 
-Whether the PLC is the one that the words were proven for: what can be looked at, and what somebody has to say.
+The PLC must be the one for which the words were proven: this is checked where it can be read, otherwise declared.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.codec import data_folder, decode, read_document
+from heatertune.codec import Document, data_folder, decode, read_document
 from heatertune.errors import ExportRefused, HeatertuneError, InputError, OutOfRange
 from heatertune.live.write.plc_block import BlockImage, BlockSnapshot, runs
 from heatertune.model.values import FittedModel
@@ -29,9 +29,7 @@ from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.proof.verdict import PROOF_SCHEMA, derived_verdict, verdict_line
 from heatertune.settings import Conditions
 
-__all__ = [
-    "LEAST_YES", "Check", "Declared", "ProvenWords", "checks", "interval_found", "read_proven", "refusal_reason",
-]
+__all__ = ["LEAST_YES", "Check", "Declared", "ProvenWords", "checks", "interval_found", "read_proven", "refusal_reason"]
 
 
 #: digits of a digest that somebody has to type
@@ -55,7 +53,7 @@ class ProvenWords:
 
     directory: str
     words: Words
-    proof: Mapping[str, Any]
+    proof: Document
     view: ProofView
     fitted_model: FittedModel
     conditions: Conditions

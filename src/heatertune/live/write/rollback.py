@@ -1,7 +1,4 @@
-"""What became of a write, as its record and the PLC say; and the words as they were before it.
-
-Records of writes and their rollbacks → what the report shows of them: as found, as left, measured against proven.
-"""
+"""What became of a write, by its record and the PLC; the old words restored; and both for the report."""
 
 from __future__ import annotations
 

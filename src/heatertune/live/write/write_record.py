@@ -1,10 +1,8 @@
-"""The record of a write: one line of JSON a step, on the disk before the step is made, and never changed after.
+"""The record of a write, and the number of writes per word.
 
-A line without its end is what a kill left, and was never acted on: readers leave it out.
-
-How often each word was written: memories that keep their words without supply wear out.
-
-One file for each PLC, a line a write, in the user's state folder: `HEATERTUNE_STATE` moves it.
+The record is one line of JSON per step, on disk before the step is made and never changed afterwards; an incomplete
+last line of a killed process is ignored. Writes are counted because non-volatile memory wears out: one file per PLC,
+one line per write, in the user's state folder, which `HEATERTUNE_STATE` moves.
 """
 
 from __future__ import annotations
@@ -17,12 +15,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from heatertune.codec import plain
 from heatertune.errors import DocumentError, InputError
-from heatertune.live.client.connection import Address
+from heatertune.live.client.connection import Address, ClosesOnExit
 from heatertune.live.plc_state import state_folder
 from heatertune.writing import read_bytes, settle
 
@@ -74,7 +71,7 @@ class RecordBroken(InputError):
     """Raised when a record that was begun cannot be gone on with."""
 
 
-class WriteRecord:
+class WriteRecord(ClosesOnExit):
     """A record that is being written."""
 
     def __init__(self, path: Path, *, torn: bool = False) -> None:
@@ -114,14 +111,6 @@ class WriteRecord:
     def close(self) -> None:
         """Close the file."""
         os.close(self._number)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def read_lines(path: str | Path) -> Lines:

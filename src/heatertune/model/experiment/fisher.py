@@ -19,29 +19,17 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.response import Schedule, peak_rise, rows_of, sensitivities
 from heatertune.model.values import FittedModel, Fopdt, HeaterModel
 from heatertune.units import check
 
 __all__ = [
-    "QUANTITIES",
-    "ExperimentSetup",
-    "Prior",
-    "ReadingNoise",
-    "covariance",
-    "demand_room",
-    "errors",
-    "noise_of",
-    "peaks",
-    "prior_by_hand",
-    "prior_of",
-    "rests",
-    "shares",
+    "QUANTITIES", "ExperimentSetup", "Prior", "ReadingNoise", "covariance", "demand_room", "errors", "noise_of",
+    "peaks", "prior_by_hand", "prior_of", "rests", "shares",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _SINGULAR = 1e-9  # of the largest scaled column: the part of a column that the others do not explain
 

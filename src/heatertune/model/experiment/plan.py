@@ -1,13 +1,7 @@
-"""The most informative experiment within given limits.
+"""The most informative experiment within given limits: a doublet (its times and powers), or a relay test.
 
-The figure of merit is the worst relative half width of a 95 % interval, over gain, time constant and
-dead time and over every heater of the prior.
-
-Also the JSON document of `heatertune plan`.
-
-The most informative doublet within given limits, optimised over its switching times and powers.
-
-Also the most informative relay test within given limits.
+The figure of merit is the worst relative half width of a 95 % interval, over gain, time constant and dead time and
+over every heater of the prior. Also the JSON document of `heatertune plan`.
 """
 
 from __future__ import annotations
@@ -19,9 +13,9 @@ from itertools import product
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import differential_evolution
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.experiment.fisher import (
     QUANTITIES,
@@ -43,8 +37,6 @@ __all__ = [
     "plan_relay", "propose", "to_document", "within_limit",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _READINGS = 150  # in the search; reported figures use all readings
 _STEP_AT = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # of the duration
@@ -168,8 +160,7 @@ def _made(prior: Prior, setup: ExperimentSetup, duration: float, at: Array, powe
 def _drawn(setup: ExperimentSetup, duration: float, at: Array, power: Array) -> Schedule:
     """Return the schedule of powers at shares of the duration, and back to the base power at its end."""
     return Schedule(
-        base_pct=setup.base_pct, time_s=np.append(at * duration, duration),
-        power_pct=np.append(power, setup.base_pct),
+        base_pct=setup.base_pct, time_s=np.append(at * duration, duration), power_pct=np.append(power, setup.base_pct),
     )
 
 

@@ -1,8 +1,7 @@
-"""Candidate models of a log with power: one lag, two lags, two time constants, an integrator, and their alternatives.
+"""Candidate models of a log with power: one lag, two lags, two time constants, an integrator, and alternatives.
 
-The family of plausible heaters consists of the candidates, the ends of their intervals, and the fits of the two halves.
-
-Other readings of the same log: what passes for drift, load or initial state may be a slow answer of the heater.
+An alternative explains drift, load or initial state as a slow response of the heater. The family of plausible heaters
+consists of the candidates, the ends of their intervals, and the fits of the two halves of the log.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.model.findings import Finding
 from heatertune.model.power.feedback import follows_temperature, is_feedback
@@ -31,12 +31,9 @@ if TYPE_CHECKING:
     from heatertune.model.power.explanation import Explanation
 
 __all__ = [
-    "Rival", "candidates_of", "family_of", "lies_inside", "open_ends", "rivals_of", "second_is_seen",
-    "widen_intervals",
+    "Rival", "candidates_of", "family_of", "lies_inside", "open_ends", "rivals_of", "second_is_seen", "widen_intervals",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _SURE = 0.4  # of the cross-validation error: drift and loads must reduce it to this in an open loop
 _NEAR = 10.0  # BIC points
@@ -292,9 +289,6 @@ def open_ends(orders: Sequence[tuple[str, Mapping[str, Interval | None]]]) -> It
         open_ = [lags for lags, ci95 in orders if (end := ci95.get(name)) is not None and end.high is None]
         if open_:
             yield Finding(name=finding, message=f"With {open_[0]}, the {what} within the log.")
-
-
-
 
 
 class _CandidateTrial(NamedTuple):

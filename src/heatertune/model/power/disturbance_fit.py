@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.disturbance import DisturbanceEffect
@@ -25,7 +26,6 @@ from heatertune.model.statistics import ar1_bic
 
 __all__ = ["without_disturbance"]
 
-Array = npt.NDArray[np.float64]
 
 _READINGS: Final = 400  # averaged, of the search
 _TAILS_PCT: Final = (1.0, 99.0)  # of the levels: a lone wild cell is no level

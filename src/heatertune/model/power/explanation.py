@@ -1,13 +1,11 @@
 """Explain a log with power by one lag and by two, with the initial state, drift and loads that it needs.
 
-Also the segments of a log: after a disturbance the heater is the same, but its state is estimated again. A
-jump is detected in the residuals of a fit. The model knows the power and the time between two readings, so neither a
-kink of a fast heater at an edge nor a slope across a gap looks like a jump, and the response of a heater never jumps.
+A log may consist of segments: after a disturbance the heater is the same, but its state is estimated again. A jump is
+detected in the residuals of a fit, which knows power and time, so neither an edge of a fast heater nor a gap looks
+like one. A heater that stops responding while the power continues (fuse, contactor, wire) is detected as well.
 
-Also the one-lag fit without outliers in these segments, and the detection of a heater that stops responding while the
-power continues (a fuse, contactor or wire opens within the log).
-
-Binary power logged slower than it switches: what was logged is on or off by chance, and not what the heater got.
+Outliers are removed from the one-lag fit. On/off power that was logged slower than it switches is recognised: its rows
+are on or off by chance and are not the power that the heater received.
 """
 
 from __future__ import annotations
@@ -20,6 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError
 from heatertune.log.values import MIN_SAMPLES, Log
 from heatertune.model.diagnostics import Remark
@@ -36,8 +35,6 @@ __all__ = [
     "jumps", "opened_at_s", "part", "refuse_opened",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _BINARY = 0.98  # share of the readings at one of two values
 _FEWEST = 10  # switchings

@@ -21,8 +21,8 @@ from dataclasses import replace
 from typing import NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.diagnostics import Remark
@@ -37,8 +37,6 @@ __all__ = [
     "input_correlation", "is_feedback", "loop_remarks",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _LAGS = 30
 _ORDERS = 8  # of the autoregression that whitens the residuals
@@ -308,9 +306,7 @@ def _refuse_sign(log: Log, problem: PowerProblem, other: PowerFit) -> NoReturn:
             f"{fault}: this is the controller seen backwards, which moves the power as the temperature falls, and no "
             "heater; log a step of the setpoint or an open-loop step of the power"
         )
-    raise InputError(
-        f"{fault}: a cooler, or the sensor of another zone; for a cooler say --cooler"
-    )
+    raise InputError(f"{fault}: a cooler, or the sensor of another zone; for a cooler say --cooler")
 
 
 def _demand_order(log: Log, problem: PowerProblem, fit: PowerFit, moving: float) -> str:

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.model.diagnostics import DROP_PCT, Remark
 from heatertune.model.power.feedback import follows_temperature, input_correlation, is_feedback
@@ -28,7 +29,6 @@ __all__ = [
 ]
 
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.bool_]
 
 _WINDOWS = 6  # the first stays in every fit because it defines the initial state

@@ -1,14 +1,9 @@
-"""Fit several logs of one heater with power: each log alone first, then one heater for all.
+"""Fit several logs of one heater with power: each log alone first, then one heater for all, and a test of agreement.
 
-Also the test whether the logs give the same heater, and its message.
-
-One heater for several logs with power: gain, lags and dead time are shared, all else is separate for each log.
-
-Ambient, drift, initial state and loads of each log are solved inside the search over the shared parameters. The weight
-of a log is given by its long-run noise, so a long, noisy log does not dominate a short, quiet one.
-
-Intervals come from profile likelihood and block bootstrap, as for one log. The residuals of each log have their own
-variance and colour; resampled blocks stay within their log.
+Gain, lags and dead time are shared; ambient, drift, initial state and loads are solved for each log inside the search.
+A log is weighted by its long-run noise, so a long, noisy log does not dominate a short, quiet one. Intervals come from
+profile likelihood and block bootstrap; residuals of each log have their own variance and colour, and resampled blocks
+stay within their log.
 """
 
 from __future__ import annotations
@@ -23,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.model.diagnostics import Remark, fast_remarks, findings_of, poor_remarks
 from heatertune.model.least_squares import Minima, ResidualFunction, minimise
 from heatertune.model.power.candidates import lies_inside, open_ends, second_is_seen, widen_intervals
@@ -76,8 +72,6 @@ __all__ = [
 ]
 
 
-Array = npt.NDArray[np.float64]
-
 #: indices in a vector: ln gain (or ln gain per lag), ln first lag, dead time, ratio of the second lag; then, as
 #: an additional unknown, the first log's ambient
 POWER, LAG, DEAD, SECOND, FIRST_AMBIENT = 0, 1, 2, 3, 4
@@ -127,8 +121,7 @@ class JointProblem:
         high = np.max([part.high for part in parts], axis=0)
         return cls(
             parts=tuple(parts), weights=np.array([1.0 / _noise(p, f) for p, f in zip(parts, fits, strict=True)]),
-            low=np.array([min(gains) - math.log(_FAR), *low]),
-            high=np.array([max(gains) + math.log(_FAR), *high]),
+            low=np.array([min(gains) - math.log(_FAR), *low]), high=np.array([max(gains) + math.log(_FAR), *high]),
         )
 
     @property
@@ -437,7 +430,6 @@ def _end(value: float | None) -> str:
     return "open" if value is None else f"{value:.3g}"
 
 
-
 _NEAR = 10.0  # BIC points
 
 _LAW = "power logged"
@@ -453,9 +445,7 @@ class _Joint(NamedTuple):
     shifted: bool = False
 
 
-def fit_logs(
-    logs: Sequence[Explanation], *, open_start: bool, seed: int, least_dead_time_s: float
-) -> FittedModel:
+def fit_logs(logs: Sequence[Explanation], *, open_start: bool, seed: int, least_dead_time_s: float) -> FittedModel:
     """Return the common FOPDT of several logs with power.
 
     Shared: gain, time constant, dead time. Each log has its own ambient, initial state, drift, loads and noise. An
@@ -627,9 +617,8 @@ def _alone(log: Explanation, weight: WeighedFit, best: _Joint, place: int) -> On
     ends = widen_intervals(weight.inside, [values_of(rival.model) for rival in weight.rivals])
     return OneLog(
         name=log.log.name, fit_pct=fit_pct(log.clean_temperature, simulated),
-        alone_fit_pct=fit_pct(log.clean_temperature, log.simulated_degC),
-        ambient_degC=float(fit.linear[AMBIENT]), drift_degC_per_s=float(fit.linear[DRIFT]),
-        noise_degC=float(np.std(log.clean_temperature - simulated)),
+        alone_fit_pct=fit_pct(log.clean_temperature, log.simulated_degC), ambient_degC=float(fit.linear[AMBIENT]),
+        drift_degC_per_s=float(fit.linear[DRIFT]), noise_degC=float(np.std(log.clean_temperature - simulated)),
         values={name: value for name, value in values_of(model).items() if name in ends and name != "ambient_degC"},
         ci95={name: limits for name, limits in ends.items() if name != "ambient_degC"},
     )

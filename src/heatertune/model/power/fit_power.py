@@ -1,17 +1,12 @@
-"""Fit a log with power: one lag as the working model, and all alternatives that also explain the log.
+"""Fit a log with power: one lag as the working model, all alternatives that also explain the log, and the findings.
 
-Also the agreement of the two halves of a log, and the factor by which intervals are widened until the halves agree. The
-noise of a fit predicts how far the results of the halves may deviate from that of the whole log. If a heater is
-nonlinear or an unknown effect moves the temperature, they deviate more, and the intervals of the whole log do not cover
-the next log. They are widened by the Birge ratio (R. T. Birge, "The calculation of errors by the method of least
-squares", Phys. Rev. 40 (1932) 207–227): the root mean square of the deviations, each divided by its expected value. A
-half with little information is expected to deviate a lot and so counts little.
+The noise of a fit predicts how far the two halves of the log may deviate from the whole. If they deviate more (a
+nonlinear heater, an unknown effect), intervals are widened by the Birge ratio (R. T. Birge, "The calculation of errors
+by the method of least squares", Phys. Rev. 40 (1932) 207–227): the root mean square of the deviations, each divided by
+its expected value, so a half with little information counts little.
 
-The results of a fit with power in plain words.
-
-Also the share of the temperature that the power explains, compared with loads, drift and free initial states. Loads and
-a drift can imitate a slow response of the heater. If they move the model by as much as the span of the readings,
-or counteract every step of the power, the remaining gain of the power can be several times that of the heater.
+Loads and a drift can imitate a slow response. If they move the model by as much as the span of the readings, or
+counteract every step of the power, the gain that remains for the power can be several times that of the heater.
 """
 
 from __future__ import annotations
@@ -24,6 +19,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.model.diagnostics import DROP_PCT, Remark, fast_remarks, findings_of, level_remarks, poor_remarks
 from heatertune.model.outliers import sensor_step
@@ -69,8 +65,6 @@ __all__ = [
     "values_at_ends", "values_of", "weigh_fit", "widening_notes",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _LEAST: Final = 2.0 / 3.0  # of the span, that the power has to move the model by
 _DRIFT: Final = 1.0 / 3.0  # of the span, that a drift may move it by
@@ -216,9 +210,7 @@ def notes_of(
     )
 
 
-def log_notes(
-    log: Log, problem: PowerProblem, fit: PowerFit, outliers: npt.NDArray[np.intp]
-) -> tuple[str, ...]:
+def log_notes(log: Log, problem: PowerProblem, fit: PowerFit, outliers: npt.NDArray[np.intp]) -> tuple[str, ...]:
     """Return notes on changes of the readings, and on assumptions and effects besides the heater.
 
     `outliers`: places of the readings that were put where their neighbours are, shape (k,).

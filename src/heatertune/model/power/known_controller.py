@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
@@ -23,7 +23,6 @@ from heatertune.model.values import Candidate, HeaterModel
 __all__ = ["KnownController", "ModelOrderFit", "compare", "offset_degC", "rate", "records", "replay_controller",
            "replay_notes"]
 
-Array = npt.NDArray[np.float64]
 
 _OFFSETS: Final = (-1.0, -0.5, 0.0, 0.5, 1.0)  # steps of the reading
 _SAME_PCT = 1e-9  # power records that differ by less are one

@@ -1,12 +1,8 @@
-"""Load steps at unknown instants: an open lid or door, another heater that switches on.
+"""The initial state, drift of the ambient, and load steps that a log needs besides its heater, chosen together.
 
-Also the initial state of a log: whether the heater was in steady state, and at which power.
-
-A test that starts in steady state has no initial state to fit. A free initial state would absorb model error at the
-first step, and the ambient with it. If the readings before the first change of power are sufficient, they decide: a
-temperature that moves at constant power is not in steady state.
-
-What a log asks for beside the heater: how it begins, a drift of the ambient, load steps; chosen together.
+Load steps (an open lid, another heater) begin at unknown instants. A test that starts in steady state has no initial
+state to fit: a free one would absorb model error at the first step, and the ambient with it. If the readings before
+the first change of power suffice, they decide: a temperature that moves at constant power is not in steady state.
 """
 
 from __future__ import annotations
@@ -16,8 +12,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.model.outliers import replace_outliers, sensor_step
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN, Readings
@@ -110,8 +106,6 @@ def _slope(readings: Readings) -> _Slope | None:
     scatter = max(float(np.sqrt(left @ left / (n - 2))), rounding)
     return _Slope(slope, scatter / np.sqrt(squares), scatter, float(np.ptp(time)))
 
-
-Array = npt.NDArray[np.float64]
 
 _MOST = 3
 _GAIN = 20.0  # BIC points a load step has to be worth: its instant is chosen among many

@@ -1,18 +1,15 @@
 """Nonlinear heaters: gain that depends on power, loss on temperature, different heating and cooling, a ceiling.
 
-A linear fit to a nonlinear heater lies between its extremes, and the worst resulting design uses a third of the true
-gain. If another shape explains a log better, the local heaters at both its ends become candidates, so that a design
-covers both. A load that starts at an edge of the power counts as such a shape until a load explains it.
+A linear fit lies between the extremes of such a heater, and the worst resulting design uses a third of the true gain.
+If another shape explains a log better, the local heaters at both its ends become candidates, unless a load explains
+it.
 
-Gain that depends on power: the effective power is a rising piecewise linear curve through the logged levels. Its
-slopes, the gain of each range of power, enter the temperature linearly, so only lags
-and dead time are searched, as for a constant gain.
+Gain by power: the effective power is a rising piecewise linear curve through the logged levels. Its slopes enter the
+temperature linearly, so only lags and dead time are searched.
 
-Time constant or gain that depends on direction or temperature: faster cooling than heating, radiation, a ceiling.
-
-T' = (gain·power(t − dead time) − θ·(1 + loss·θ))/time constant, θ = T − ambient. The time constant is that of
-heating if the right side is positive and that of cooling otherwise. T never exceeds the ceiling, and a second lag
-follows it. In a step so short that θ hardly moves, the solution is exponential; it is exact without nonlinear loss.
+Direction and temperature: T' = (gain·power(t − dead time) − θ·(1 + loss·θ))/time constant, θ = T − ambient, with the
+time constant of heating if the right side is positive, else that of cooling. T stays below the ceiling; a second lag
+follows. The solution is exponential in steps in which θ hardly moves, and exact without nonlinear loss.
 """
 
 from __future__ import annotations
@@ -26,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.compiled import compile_function
 from heatertune.heater.exact import advance_step, factors
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC
@@ -43,7 +41,6 @@ __all__ = [
 ]
 
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.intp]
 
 _INPUT_CURVE_READINGS = 250  # averaged, in the search
@@ -204,9 +201,7 @@ def _advance(x: float, y: float, u: float, t: float, plant: Array) -> tuple[floa
     return x, y
 
 
-def _simulate(
-    time: Array, edges: Array, levels: Array, before: float, plants: Array, plant: Array, out: Array
-) -> None:
+def _simulate(time: Array, edges: Array, levels: Array, before: float, plants: Array, plant: Array, out: Array) -> None:
     """Fill out (n, m); a row of plants is as `_answers` makes it, plant (7,) is working space."""
     for row in range(plants.shape[0]):
         gain, ambient, y, x, warming, cooling, dead, second, drift, loss, ceiling = plants[row]
@@ -244,10 +239,9 @@ def fit_bent_heater(problem: PowerProblem, near: PowerFit, bend: int) -> BentHea
     margin = 1e-3 * (high - low)[bend]
     return BentHeater(
         gain_degC_per_pct=gain, ambient_degC=float(best[_AMBIENT]), dead_time_s=float(best[_DEAD]),
-        lags_s=(lag, lag * math.exp(best[COOLING])), ratio=float(best[_RATIO]),
-        loss_per_degC=float(best[LOSS]) / span, ceiling_degC=highest + float(best[CEILING]) * span,
-        simulated_degC=_answers(problem, best[None, :])[0], unknowns=int(np.count_nonzero(high > low)),
-        on_bound=not low[bend] + margin < best[bend] < high[bend] - margin,
+        lags_s=(lag, lag * math.exp(best[COOLING])), ratio=float(best[_RATIO]), loss_per_degC=float(best[LOSS]) / span,
+        ceiling_degC=highest + float(best[CEILING]) * span, simulated_degC=_answers(problem, best[None, :])[0],
+        unknowns=int(np.count_nonzero(high > low)), on_bound=not low[bend] + margin < best[bend] < high[bend] - margin,
     )
 
 

@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.compiled import compile_function
 from heatertune.log.values import ABSOLUTE_ZERO_DEGC
 from heatertune.model.power.regressors import (
@@ -38,11 +39,10 @@ __all__ = [
 ]
 
 
-Array = npt.NDArray[np.float64]
 #: log; temperatures, shape (n, m), or (1, m) if they are equal [°C]; given linear unknowns, NaN
 #: if free, shape (n, columns) or (1, columns); and the law: see `Record`
 ProjectionInput = tuple[HeldPower, Array, Array, tuple[bool, float]]
-#: the same of one vector: log; temperatures, shape (m,); linear unknowns, shape (columns,); and the law: whether the
+#: the same of one vector: log; temperatures, shape (m); linear unknowns, shape (columns); and the law: whether the
 #: gain is given as gain per time constant, and its sign, see `PowerProblem`: with another sign the sum of squares is
 #: infinite
 Record = tuple[HeldPower, Array, Array, tuple[bool, float]]

@@ -16,27 +16,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.heater.exact import Factors, factors
 from heatertune.log.values import Log
 
 __all__ = [
-    "AMBIENT",
-    "COLUMNS",
-    "DRIFT",
-    "FIRST_STATE",
-    "GAIN",
-    "GAP",
-    "SECOND_STATE",
-    "HeldPower",
-    "Readings",
-    "columns",
-    "forced_response",
-    "of_lags",
-    "of_power",
+    "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "GAP", "SECOND_STATE", "HeldPower", "Readings", "columns",
+    "forced_response", "of_lags", "of_power",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 GAP = 2.5  # sampling intervals: a wider step of the time is a gap, over which nothing is averaged
 
@@ -90,10 +78,8 @@ class Readings:
         own = np.where(sizes > 1, (time[ends] - time[starts]) / np.maximum(sizes - 1, 1), 2.0 * self.half_s[starts])
         edges, levels = self._merged()
         return replace(
-            self, edge_s=edges, level_pct=levels,
-            time_s=np.add.reduceat(weight * time, starts) / total,
-            half_s=0.5 * own * sizes,
-            temperature_degC=np.add.reduceat(weight * self.temperature_degC, starts) / total,
+            self, edge_s=edges, level_pct=levels, time_s=np.add.reduceat(weight * time, starts) / total,
+            half_s=0.5 * own * sizes, temperature_degC=np.add.reduceat(weight * self.temperature_degC, starts) / total,
             averaged=self.averaged * count,
         )
 
@@ -119,10 +105,10 @@ class Readings:
         return np.flatnonzero((np.arange(n) - begun) % count == 0)
 
 
-#: time: middle of each reading, shape (m,) [s]; half: half the time that it is the mean of, shape (m,) [s];
-#: edges: instants from which a power is held, shape (e,) [s]; levels: the powers, shape (e,) [%]; before: the power
-#: before the first [%]; loads: instants at which they begin to act, shape (s,) [s]; restarts: instants at which the
-#: state is estimated again, shape (r,) [s]
+#: time: middle of each reading, shape (m) [s]; half: half the time that it is the mean of, shape (m) [s];
+#: edges: instants from which a power is held, shape (e) [s]; levels: the powers, shape (e) [%]; before: the power
+#: before the first [%]; loads: instants at which they begin to act, shape (s) [s]; restarts: instants at which the
+#: state is estimated again, shape (r) [s]
 HeldPower = tuple[Array, Array, Array, Array, float, Array, Array]
 
 #: columns of the linear part; one more for each load step, then two states for each restart

@@ -1,13 +1,11 @@
-"""Intervals of a fit with power: the wider of profile likelihood and block bootstrap.
+"""Intervals of a fit with power: the wider of profile likelihood and block bootstrap; and the heaters at their ends.
 
-The residuals of a heater are coloured, so a likelihood for white noise is wrong. The profile of the sum of squares is
-therefore scaled until its curvature gives the variance under first-order autoregressive noise (R. E. Chandler and
-S. Bate, "Inference for clustered data using the independence loglikelihood", Biometrika 94 (2007) 167–183). The profile
-covers skewed and open intervals; the bootstrap covers noise of any other colour.
+Residuals of a heater are coloured, so the profile of the sum of squares is scaled until its curvature gives the
+variance under first-order autoregressive noise (R. E. Chandler and S. Bate, "Inference for clustered data using the
+independence loglikelihood", Biometrika 94 (2007) 167–183). The profile covers skewed and open intervals, the bootstrap
+noise of any other colour.
 
-Also the best fit with a fixed ultimate period, the parameter that limits every loop around a heater.
-
-The heaters at the ends of what a log leaves open: one number at its end, the others fitted anew there.
+Also the best fit at a fixed ultimate period, the parameter that limits every loop around a heater.
 """
 
 from __future__ import annotations
@@ -20,6 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.model.power.load_steps import bic_of
 from heatertune.model.power.open_loop import FAR, FixedUnknowns, PowerFit, PowerProblem
@@ -47,8 +46,6 @@ __all__ = [
     "noise_of", "periods_of", "reaches", "sensitivities", "told_apart", "value_of",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _LAGS: Final = 40  # on the grid, over all that the search allows
 _RATIOS: Final = (0.01, 0.03, 0.1, 0.25, 0.5, 0.98)
@@ -363,9 +360,7 @@ def held_squares(problem: PowerProblem, fit: PowerFit, name: str, values: Array)
     return _held(problem, fit, name, values)[-1]
 
 
-def _held(
-    problem: PowerProblem, fit: PowerFit, name: str, values: Array
-) -> tuple[Array, FixedUnknowns | None, Array]:
+def _held(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> tuple[Array, FixedUnknowns | None, Array]:
     """Return vectors, known unknowns and lowest sums of squares with the parameter fixed at each value."""
     if name == PERIOD:
         vectors, cost = fits_of_period(problem, values)

@@ -18,6 +18,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.compiled import bound, compile_function
 from heatertune.compiled.plain_functions import law_step
 from heatertune.heater.exact import advance, advance_step, factors
@@ -25,20 +26,11 @@ from heatertune.log.values import MIN_SAMPLES, Log
 from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
 __all__ = [
-    "CONSTANTS",
-    "OWN",
-    "PLANT",
-    "Bounds",
-    "Constant",
-    "ControllerLaw",
-    "Hypothesis",
-    "LogSegment",
-    "Step",
+    "CONSTANTS", "OWN", "PLANT", "Bounds", "Constant", "ControllerLaw", "Hypothesis", "LogSegment", "Step",
     "simulate_many",
 ]
 
 
-Array = npt.NDArray[np.float64]
 #: laws: (which of them, its constants, four numbers of memory, error °C, interval s) → power 0…100 %
 Step = Callable[[int, Array, Array, float, float], float]
 
@@ -366,9 +358,7 @@ class Hypothesis:
         ambient = float(z[self._offsets()[segment]])
         dead = float(z[3])
         if not self.two_lags:
-            return Fopdt(
-                gain_degC_per_pct=gain, time_constant_s=lag, dead_time_s=dead, ambient_degC=ambient
-            )
+            return Fopdt(gain_degC_per_pct=gain, time_constant_s=lag, dead_time_s=dead, ambient_degC=ambient)
         return TwoLag(
             gain_degC_per_pct=gain, time_constant_s=lag, second_time_constant_s=lag * float(z[2]),
             dead_time_s=dead, ambient_degC=ambient,

@@ -1,14 +1,11 @@
 """Facts that a temperature alone shows, whatever the controller: bounds, saturated heat-up, free cooling.
 
-A heater is never colder than when off and never hotter than at full power. A single lag therefore falls no faster than
-towards the ambient, and no heater rises faster than gain · 100 %/time constant. If the curve is an exponential, the
-power was constant: an exponential that approaches a value far above the log is a heat-up at the output limit, one that
-approaches the ambient is free cooling.
+A single lag falls no faster than towards the ambient, and no heater rises faster than gain · 100 %/time constant. An
+exponential means constant power: towards a value far above the log it is a heat-up at the output limit, towards the
+ambient it is free cooling.
 
-Also the test whether a log without power can come from a continuous controller, rather than from an open-loop heat-up
-or two-level control. The laws of the fit hold a setpoint with continuously varying power. A heat-up at constant power
-holds nothing, and a thermostat oscillates permanently between two thresholds. These laws fit both closely without
-having produced them, so the fit itself gives no warning.
+The laws of a fit without power hold a setpoint with continuously varying power. They also fit an open-loop heat-up or
+a thermostat closely, so a test here tells these apart from a continuous controller.
 """
 
 from __future__ import annotations
@@ -22,6 +19,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.model.diagnostics import Remark
 from heatertune.model.power.open_loop import PowerProblem
@@ -35,8 +33,6 @@ __all__ = [
     "steady_swing",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _FEWEST = 8  # readings of a stretch
 _STARTS, _ENDS = 20, 40  # of stretches tried, spread over the readings

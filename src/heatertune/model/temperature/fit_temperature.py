@@ -1,8 +1,7 @@
 """Fit logs that contain only the temperature: controller hypotheses compared on the same rows.
 
-Also the messages about what such a log does not identify, and the joint candidates of several logs of one heater.
-
-From a hypothesis to its best fit: random starts, a race, a descent, and the information criterion.
+Each hypothesis is fitted from random starts (a race, then a descent) and rated by the information criterion. Also the
+messages about what such a log does not identify, and the joint candidates of several logs of one heater.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.values import Log
 from heatertune.model.diagnostics import DROP_PCT, Remark, findings_of, poor_remarks
 from heatertune.model.least_squares import ResidualFunction, minimise
@@ -43,12 +43,9 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "EARLY", "Fit", "ambient_note", "event_notes", "fit_all", "fit_temperature", "foretelling_remarks", "foretells",
-    "joint_note", "limit_remarks", "lost_notes", "pool_candidates", "residuals_of", "share_remarks",
-    "validation_notes",
+    "joint_note", "limit_remarks", "lost_notes", "pool_candidates", "residuals_of", "share_remarks", "validation_notes",
 ]
 
-
-Array = npt.NDArray[np.float64]
 
 _RANDOM, _RACERS, _FINALISTS = 1500, 12, 3
 _ROUNDING = 1e-9  # of a sum of squares, many times the effect of the order of summation
@@ -182,10 +179,8 @@ def _fit(hypothesis: Hypothesis, z: Array, hold_out_rmse_degC: float) -> Fit:
     # a log's level is no merit of a model, so each log is taken about its own mean
     about_means = np.concatenate([part - part.mean() for part in hypothesis.parts(measured)])
     return Fit(
-        hypothesis=hypothesis, vector=z, simulated_degC=simulated,
-        fit_pct=fit_pct(about_means, about_means - error),
-        rmse_degC=float(np.sqrt(np.mean(error**2))),
-        bic=_bic(hypothesis, error), hold_out_rmse_degC=hold_out_rmse_degC,
+        hypothesis=hypothesis, vector=z, simulated_degC=simulated, fit_pct=fit_pct(about_means, about_means - error),
+        rmse_degC=float(np.sqrt(np.mean(error**2))), bic=_bic(hypothesis, error), hold_out_rmse_degC=hold_out_rmse_degC,
     )
 
 
@@ -298,9 +293,8 @@ def validation_notes(best: Fit, ranked: Sequence[Fit]) -> Iterable[str]:
     step = "; the setpoint step could not be foreseen" if any(s.event for s in hypothesis.segments) else ""
     verdict = "passes" if foretells(best) else "fails"
     yield (
-        f"The hold-out in time {verdict}: fitted up to {ends}, the model misses the later "
-        f"readings by {best.hold_out_rmse_degC:.2f} °C RMS, their own mean by {constant_rmse(hypothesis, early):.2f} °C"
-        f"{step}."
+        f"The hold-out in time {verdict}: fitted up to {ends}, the model misses the later readings by "
+        f"{best.hold_out_rmse_degC:.2f} °C RMS, their own mean by {constant_rmse(hypothesis, early):.2f} °C{step}."
     )
     tried = [fit for fit in ranked if fit.cross_rmse_degC is not None]
     first = min(tried, key=lambda fit: fit.cross_rmse_degC or np.inf, default=best)
@@ -347,7 +341,6 @@ def pool_candidates(fitted: FittedModel, others: Sequence[FittedModel]) -> Fitte
     known = [limits for limits in ranges if limits is not None]
     whole = (min(low for low, _ in known), max(high for _, high in known)) if known else None
     return replace(fitted, candidates=fitted.candidates + added, notes=(*fitted.notes, note), logged_range_degC=whole)
-
 
 
 _NO_POWER = Remark("no-power", (
@@ -414,8 +407,7 @@ def fit_temperature(
         candidates=tuple(_candidate(fit, ranked[0].bic) for fit in kept),
         hypotheses=tuple(_candidate(fit, ranked[0].bic) for fit in ranked),
         fit_pct=best.fit_pct,
-        notes=(*notes, *_notes(best, ranked, ranges, ci95, ambient_degC),
-               *(remark.sentence for remark in doubts)),
+        notes=(*notes, *_notes(best, ranked, ranges, ci95, ambient_degC), *(remark.sentence for remark in doubts)),
         residuals=Residuals(
             time_s=first.time_s, measured_degC=first.temperature_degC, simulated_degC=simulated,
             autocorrelation=autocorrelation(first.temperature_degC - simulated),

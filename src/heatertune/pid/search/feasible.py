@@ -1,23 +1,13 @@
-"""The exact set of gains that keep a sensitivity limit, and the search based on it.
+"""The exact set of gains that keep a sensitivity limit, the search based on it, and its refinement by IPOPT.
 
-With C = K·c(jω), |1 + K·h| ≥ 1/Ms at one frequency excludes one interval of K (a quadratic in K), and so do the limits
-on Mt and Mks. The gains that remain over all frequencies and all models keep the limits if the loop is stable. A long
-dead time leaves many unstable pieces: they lie beyond a crossing of h and the negative real axis whose encirclement no
-other crossing cancels. The stable pieces need not be connected, so they are tried from the top. That leaves a search
-over TN (and TV) only, and no start value can mislead it. Feasibility is decided by the margins, on their own
-frequencies, without a tolerance.
+With C = K·c(jω), |1 + K·h| ≥ 1/Ms excludes one interval of K at each frequency, and so do the limits on Mt and Mks.
+The rest keeps the limits if the loop is stable. Stable pieces need not be connected, so they are tried from the top,
+and only TN (and TV) are searched; feasibility is decided by the margins on their own frequencies, without a tolerance.
+After a load step ∫|e| is no less than ∫e dt = TN/K: grid points are simulated in the order of this bound.
 
-After a load step ∫e dt is TN/K, and ∫|e| is no less: the points of a grid are simulated in the order of this bound,
-until it exceeds the lowest cost. The largest K that one heater allows is a bound for all heaters, so only points that
-may be optimal are evaluated on the others.
-
-The constrained optimum, formulated in CasADi and solved by IPOPT.
-
-min over ln K, ln TN, ln TV   mean over the models of Σ √(e² + ε²)·TA after a load step of 1 %, or another objective
-subject to                    |1 + L(jω)|² ≥ 1/Ms², |L|²/Mt², |C|²/Mks²   at each frequency, for each model
-
-The sampled loop with its exact dead time is simulated inside (single shooting). The start is the best
-point of the feasible-set search, which has no local minima.
+IPOPT (formulated in CasADi) starts at the best point: min over ln K, ln TN, ln TV of the mean over the models of Σ
+√(e² + ε²)·TA after a load step of 1 %, or another objective, subject to |1 + L|² ≥ 1/Ms², |L|²/Mt², |C|²/Mks² at each
+frequency and model.
 """
 
 from __future__ import annotations
@@ -32,6 +22,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array, Complex
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
 from heatertune.pid.sampled_loop import (
@@ -50,9 +41,6 @@ from heatertune.pid.values import PidDesign, step_parts, structure_of
 
 __all__ = ["Problem", "keeps", "largest_gain", "polish", "search"]
 
-
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 _PIECES: Final = 4  # stable pieces tried, from the top
 _TN_RATIO, _TV_RATIO = 1.27, 1.6  # of neighbours in the first grid
@@ -430,9 +418,7 @@ def _cost(ca: Any, plant: SampledPlant, samples: int, problem: Problem, settings
     return ca.sum2(size(load))
 
 
-def _errors(
-    ca: Any, plant: SampledPlant, samples: int, past: float, setpoint: float, load: float, given: Any
-) -> Any:
+def _errors(ca: Any, plant: SampledPlant, samples: int, past: float, setpoint: float, load: float, given: Any) -> Any:
     """Return the control errors after steps of setpoint [°C] and load [%] with settings, shape (1, samples)."""
     modes, taps = len(plant.poles), plant.delay + 1
     state = ca.SX.sym("state", modes + taps + 3)

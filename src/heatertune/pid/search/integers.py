@@ -1,19 +1,11 @@
-"""The optimal integers that a controller can store: branch and bound over boxes of words.
+"""The optimal integers that a controller can store: branch and bound over boxes of words, proven, not sampled.
 
-The argument `decode` converts words to a controller. Its parallel gains kP, kI, kD must be multi-affine in the
-words (linear in each word separately): the gains at the corners of a box of words then bound everything inside,
-and bounds rule out whole boxes. The result is proven, not sampled.
-
-The loop is L = kP·P + kI·I + kD·D with the parallel gains kP = K, kI = K·TA/TN, kD = K·TV/TA. A box is given by the
-gains at its corners, and every controller inside is a convex combination of these. Three bounds hold for all of them:
-
-1. If all corners come nearer to −1 than 1/Ms at one frequency, so does the whole box: |1 + L| is convex.
-2. If no convex combination of the corners makes 1 + L zero at any frequency, all controllers of the box are stable, or
-   all are unstable.
-3. The error of any controller costs at least the cost of a stable reference controller's error, divided by
-   1 + Σ |Δk|·‖closed loop from the reference's error through that part‖₁: from e_ref = (1 + Σ Δk·Part·S_ref)·e. It also
-   costs at least its own net error, TA/kI.
-
+`decode` converts words to a controller, L = kP·P + kI·I + kD·D with kP = K, kI = K·TA/TN, kD = K·TV/TA. These gains
+must be multi-affine in the words: each controller of a box is a convex combination of its corners. Three bounds hold:
+1. |1 + L| is convex: if all corners violate 1/Ms at one frequency, so does the whole box.
+2. If no convex combination makes 1 + L zero at any frequency, all controllers of the box are stable, or none is.
+3. From e_ref = (1 + Σ Δk·Part·S_ref)·e, any controller costs at least a stable reference's cost, divided by 1 +
+   Σ |Δk|·‖closed loop from the reference's error through that part‖₁; and at least its own net error, TA/kI.
 Frequencies are a grid, as for the margins; the horizon is that of the load response.
 """
 
@@ -27,8 +19,8 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
+from heatertune.arrays import Array, Complex
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.model.values import HeaterModel
@@ -45,9 +37,6 @@ from heatertune.pid.values import PidDesign
 
 __all__ = ["IntegerOptimum", "Integers", "LoopBounds", "Vector", "best_integers", "bounds_of", "norms"]
 
-
-Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 _FREQUENCIES = 400
 _PER_DELAY = 12  # frequencies per sample of dead time, whose phase has to be followed

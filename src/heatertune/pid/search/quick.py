@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.values import HeaterModel
 from heatertune.pid.sampled_loop import frequencies, part_responses, sample_plant
@@ -25,7 +26,6 @@ from heatertune.units import check
 
 __all__ = ["quick_tune"]
 
-Array = npt.NDArray[np.float64]
 
 _FREQUENCIES: Final = 160
 _TIMES: Final = 40

@@ -1,12 +1,10 @@
 """Limits kept on heaters sampled from the uncertainty of a fit, not only on its candidates.
 
-Cutting planes: solve for the candidates; find the sampled heater that violates a limit most; add this heater as a
-constraint and solve again, until no heater (or no more than an allowed number) violates a limit.
-The cost remains that of the candidates: the sampled heaters are only constraints.
+Cutting planes: solve for the candidates, add the sampled heater that violates a limit most as a constraint, and solve
+again until no heater, or no more than an allowed number, violates one. The cost remains that of the candidates.
 
-A design that keeps the limits on the heaters it was tuned for may break them on others. To keep the limits on 95 % of
-all heaters, a second, independent set of samples is checked too, and so few of it may violate a limit that the claim
-holds in spite of the randomness of sampling.
+To keep the limits on 95 % of all heaters, a second, independent set of samples is checked too, and so few of it may
+violate a limit that the claim holds in spite of the randomness of sampling.
 """
 
 from __future__ import annotations

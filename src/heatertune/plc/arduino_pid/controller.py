@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.errors import InputError, OutOfRange
+from heatertune.errors import InputError
 from heatertune.pid.values import Timer
 from heatertune.plc.exported import TextSettings
 from heatertune.plc.firmware.make import FirmwarePid, controller_of, gain_fields, texts_of
@@ -42,7 +42,7 @@ from heatertune.plc.firmware.text import (
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import ReadBack, WordCollector, wrong
-from heatertune.plc.words import Certificate, WordField, Words
+from heatertune.plc.words import Certificate, WordField, Words, check_limits
 
 __all__ = ["ArduinoPid"]
 
@@ -66,8 +66,7 @@ FIELDS: Final = (*GAINS, *SETTINGS)
 
 def _check(v: Mapping[str, Number]) -> None:
     """Refuse an upper limit above full power."""
-    if v["OutMax"] > v["Full"]:
-        raise OutOfRange("word OutMax", v["OutMax"], f"<= Full = {v['Full']:g}")
+    check_limits(v, "OutMax", "Full")
 
 
 def _oddities(v: Mapping[str, Number]) -> Iterator[str]:

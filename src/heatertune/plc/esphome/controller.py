@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.errors import InputError, OutOfRange
+from heatertune.errors import InputError
 from heatertune.pid.values import Timer
 from heatertune.plc.exported import TextSettings
 from heatertune.plc.firmware.make import FirmwarePid, controller_of, gain_fields, texts_of
@@ -39,7 +39,7 @@ from heatertune.plc.firmware.text import (
 from heatertune.plc.ramp import Boost, Number
 from heatertune.plc.readback import ReadBack, WordCollector, lines_of, wrong
 from heatertune.plc.single_precision import single
-from heatertune.plc.words import Certificate, WordField, Words
+from heatertune.plc.words import Certificate, WordField, Words, check_limits
 
 __all__ = ["EspHome"]
 
@@ -60,8 +60,7 @@ FIELDS: Final = (*GAINS, *SETTINGS)
 
 def _check(v: Mapping[str, Number]) -> None:
     """Refuse limits that are upside down."""
-    if v["min_integral"] > v["max_integral"]:
-        raise OutOfRange("word min_integral", v["min_integral"], f"<= max_integral = {v['max_integral']:g}")
+    check_limits(v, "min_integral", "max_integral")
 
 
 def _oddities(v: Mapping[str, Number]) -> Iterator[str]:

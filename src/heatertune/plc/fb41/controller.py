@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions, count
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, INPUT_S, RANGES, TICK_S, TIMER
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, INPUT_S, RANGES, TICK_S, TIMER
 from heatertune.plc.fb41.export import FEED, export_words, from_image, from_text, loaders, oddities, setpoint_entry
 from heatertune.plc.fb41.step import ContCAssumptions, restart, scan, step
 from heatertune.plc.fb41.words import FIELDS, consistent, design_of, parameters_of, values_of

@@ -1,14 +1,7 @@
-"""CONT_C's instance data block as STL source with the whole program around it, and all words as CSV with offsets.
+"""CONT_C's words as STL source with the whole program, as CSV with offsets, and as the CPU holds them; read back.
 
-The exported program around CONT_C in its CPU; CONT_C itself, which comes with STEP 7, is the proof's.
-
-CONT_C's instance data block as a running CPU holds it.
-
-DISV, the disturbance variable of CONT_C in percent of LMN, and the function that writes it.
-
-LMN = P + I + D + DISV: it is added as it is, before the limits.
-
-CONT_C's words in STL source.
+The exported program runs in the emulated CPU; CONT_C itself, part of STEP 7, uses the model of the proof. Feed-forward
+goes to DISV [% of LMN], which CONT_C adds before the limits: LMN = P + I + D + DISV.
 """
 
 from __future__ import annotations
@@ -20,8 +13,7 @@ from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300 import machine
 from heatertune.plc.cpu.s7_300 import source as awl
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.machine import S7300Cpu, clamp, quotient, real
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, S7300Cpu, clamp, quotient, real
 from heatertune.plc.cpu.s7_300.program import (
     PULSEGEN,
     BlockProgram,
@@ -42,9 +34,7 @@ from heatertune.plc.readback import ReadBack
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import FORMATS, Certificate, Words
 
-__all__ = [
-    "FEED", "export_words", "from_image", "from_text", "loaders", "oddities", "setpoint_entry", "source",
-]
+__all__ = ["FEED", "export_words", "from_image", "from_text", "loaders", "oddities", "setpoint_entry", "source"]
 
 
 _FILE: Final = "fb41_cont_c.awl"
@@ -83,8 +73,7 @@ class ExportedContC(ExportedS7):
         if values != self._held:
             self._held, self._parameters = values, parameters_of(_values(words))
         inputs = {"COM_RST": words["COM_RST"], "MAN_ON": words["MAN_ON"],
-                  "PV_PER": signed_number(words.get("PV_PER", 0), 16),
-                  "SP_INT": as_real(words.get("SP_INT", 0))}
+                  "PV_PER": signed_number(words.get("PV_PER", 0), 16), "SP_INT": as_real(words.get("SP_INT", 0))}
         self._state, _, lmn, _ = scan((self._parameters, self._assume), self._state, inputs)
         self.force(lmn)
 

@@ -15,8 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, NamedTuple
 
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.machine import clamp, quotient, real
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, clamp, quotient, real
 from heatertune.plc.open_points import OpenPoint
 
 __all__ = ["ContCAssumptions", "ContCParameters", "ContCState", "call", "outcome", "restart", "scale_reading", "scan",
@@ -238,9 +237,7 @@ def _cut_off(before: float, after: float, change: float, os: bool) -> tuple[floa
     return real(missed + change, os)
 
 
-def _taken_back(
-    p: ContCParameters, integral: float, total: float, without_d: float, os: bool
-) -> tuple[float, bool]:
+def _taken_back(p: ContCParameters, integral: float, total: float, without_d: float, os: bool) -> tuple[float, bool]:
     """Take the integral part back to the limit that it alone leaves; OS comes with it."""
     room, os = real(p.upper - p.disturbance, os)
     if integral > room and total > p.upper and without_d > p.upper:

@@ -9,13 +9,13 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from heatertune.errors import NotRepresentable, OutOfRange
+from heatertune.errors import NotRepresentable
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.cpu.s7_300.machine import quotient, real
 from heatertune.plc.fb41.step import ContCParameters
 from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import single
-from heatertune.plc.words import FORMATS, Scaling, WordField, Words
+from heatertune.plc.words import FORMATS, Scaling, WordField, Words, check_limits
 
 __all__ = ["FIELDS", "consistent", "design_of", "parameters_of", "values_of"]
 
@@ -126,9 +126,7 @@ def consistent(words: Words) -> None:
     Raises:
         OutOfRange: limits that are upside down.
     """
-    v = words.values
-    if v["LMN_LLM"] >= v["LMN_HLM"]:
-        raise OutOfRange("word LMN_LLM", v["LMN_LLM"], f"< LMN_HLM = {v['LMN_HLM']:g}")
+    check_limits(words.values, "LMN_LLM", "LMN_HLM", equal=False)
 
 
 def _whole(name: str, exact_ms: float, least: int) -> int:

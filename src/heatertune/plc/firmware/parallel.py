@@ -23,23 +23,8 @@ from heatertune.plc.core import Sensor, StepFunctions, count
 from heatertune.plc.single_precision import single
 
 __all__ = [
-    "COLD",
-    "FLAGS",
-    "NOBODY",
-    "PARALLEL",
-    "SUM",
-    "SUM_BY_TIME",
-    "TERMS",
-    "WINDOW",
-    "ParallelParameters",
-    "ParallelState",
-    "again",
-    "clamp",
-    "compute_call",
-    "narrowed_to",
-    "quotient",
-    "scan_result",
-    "step",
+    "COLD", "FLAGS", "NOBODY", "PARALLEL", "SUM", "SUM_BY_TIME", "TERMS", "WINDOW", "ParallelParameters",
+    "ParallelState", "again", "clamp", "compute_call", "narrowed_to", "quotient", "scan_result", "step",
 ]
 
 #: what a program does against windup

@@ -1,14 +1,8 @@
-"""Words → structured text: the block, a program that calls it, and both as a PLCopen project.
+"""Words as structured text: the block, a program that calls it, and both as a PLCopen project; and read back.
 
-No file was tried in a vendor's tool; parsers of the language and the format read them.
-
-The block's parameters in text: its call in structured text, or a list of parameters, one a line.
-
-The block as a FUNCTION_BLOCK in structured text: `step.call`, one statement per line of it; the tests run both.
-
-TIME_TO_REAL gives seconds in one system and other units in others; the quotient by T#1s is seconds in all of them.
-
-The exported program in a machine for structured text.
+The FUNCTION_BLOCK is `step.call`, one statement per line of it; tests run both. TIME_TO_REAL gives seconds in one
+system and other units in others; the quotient by T#1s is seconds in all. No file was tried in a vendor's tool;
+independent parsers of the language and of the format read them.
 """
 
 from __future__ import annotations
@@ -33,6 +27,7 @@ from heatertune.plc.st.program import (
     clock_for,
     comment,
     enable_condition,
+    entered_setpoint,
     function_block,
     head_of,
     instance_call,
@@ -44,7 +39,7 @@ from heatertune.plc.st.program import (
     variables,
 )
 from heatertune.plc.st.readback import ExpectedBlock, words_in
-from heatertune.plc.words import Certificate, WordField, Words
+from heatertune.plc.words import Certificate, EntryChange, WordField, Words
 
 __all__ = [
     "PROJECT", "SOURCE", "TEXT", "UNITS", "constants", "entries", "export_words", "from_text", "loaders",
@@ -176,8 +171,8 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     }
 
 
-def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
-    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.TypedWord`."""
+def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, EntryChange]:
+    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.KeyedEntry`."""
     return entry_texts(dict(constants(words, FIELDS)))
 
 
@@ -194,10 +189,8 @@ def _call(words: Words) -> str:
     return f"{instance_call('HeaterPid', wires)}HeaterPower := HeaterPid.XOUT;\n"
 
 
-def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:
-    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
-    value = literal(proven_setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC), COUNTS))
-    return f"HeaterSetPoint = {value} °C"
+#: the setpoint as a person enters it, see `heatertune.plc.controller.Controller`
+setpoint_entry: Final = partial(entered_setpoint, COUNTS)
 
 
 def loaders(

@@ -9,7 +9,7 @@ from typing import Final
 from heatertune.errors import OutOfRange
 from heatertune.pid.values import PidDesign, Timer, structure_of
 from heatertune.plc.ramp import Number
-from heatertune.plc.words import FORMATS, Scaling, WordField, Words, round_to_word
+from heatertune.plc.words import FORMATS, Scaling, WordField, Words, check_limits, round_to_word
 
 __all__ = ["COUNTS", "CYCLE_FIELD", "FIELDS", "KP_FIELD", "TD_FIELD", "TIMER", "TR_FIELD", "consistent", "design_of",
            "interval_s", "oddities", "real_field", "values_of"]
@@ -35,10 +35,8 @@ CYCLE_FIELD: Final = WordField(name="CYCLE", address="CYCLE", format="TIME", low
                                comment="interval of the calls, ms")
 
 FIELDS: Final[tuple[WordField, ...]] = (
-    KP_FIELD, TR_FIELD, TD_FIELD,
-    real_field("XMIN", 0.0, 100.0, "lower limit of XOUT, %"),
-    real_field("XMAX", 0.0, 100.0, "upper limit of XOUT, %"),
-    CYCLE_FIELD,
+    KP_FIELD, TR_FIELD, TD_FIELD, real_field("XMIN", 0.0, 100.0, "lower limit of XOUT, %"),
+    real_field("XMAX", 0.0, 100.0, "upper limit of XOUT, %"), CYCLE_FIELD,
 )
 
 
@@ -79,9 +77,7 @@ def consistent(words: Words) -> None:
     Raises:
         OutOfRange: limits that are upside down.
     """
-    v = words.values
-    if v["XMIN"] > v["XMAX"]:
-        raise OutOfRange("word XMIN", v["XMIN"], f"<= XMAX = {v['XMAX']:g}")
+    check_limits(words.values, "XMIN", "XMAX")
 
 
 def oddities(words: Words) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ from heatertune.plc.st.program import (
     variables,
 )
 from heatertune.plc.st.readback import ExpectedBlock, words_in
-from heatertune.plc.words import Certificate, Words
+from heatertune.plc.words import Certificate, EntryChange, Words
 
 __all__ = ["TEXT", "entries", "export_words", "from_text"]
 
@@ -47,8 +47,8 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
 TEXT: Final = "iec_pid_text.st"
 
 
-def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
-    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.TypedWord`."""
+def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, EntryChange]:
+    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.KeyedEntry`."""
     return entry_texts(dict(constants(words, FIELDS)))
 
 

@@ -89,9 +89,8 @@ class KlipperAssumptions(NamedTuple):
 
     source: Annotated[int, OpenPoint(
         name="firmware", means={"klipper": KLIPPER, "kalico": KALICO, "older": OLDER},
-        reason="version of the source: a change is not sent if it is below 5 % of max_power (klipper) or of "
-               "full power (kalico, older); a command is repeated after 2.4 s (klipper, kalico) or 4.2 s "
-               "(older)",
+        reason="version of the source: a change is not sent if it is below 5 % of max_power (klipper) or of full power "
+               "(kalico, older); a command is repeated after 2.4 s (klipper, kalico) or 4.2 s (older)",
     )] = KLIPPER
     heater: Annotated[int, HEATER] = 0
 
@@ -343,8 +342,7 @@ def _config(words: Words, certificate: Certificate) -> str:
     pwm = PWM_S if certificate.actuator is None else certificate.actuator.pwm_period_s
     lines = [
         "heater of a printer: Klipper or Kalico, control: pid", *certificate.head,
-        f"a report each {REPORT_S:g} s: a thermistor on a pin of the controller board",
-        "remains to be done by hand:",
+        f"a report each {REPORT_S:g} s: a thermistor on a pin of the controller board", "remains to be done by hand:",
         f"  1. put these lines in place of the same ones in {whose}{missing}",
         "  2. if a block SAVE_CONFIG below in printer.cfg has gains of this heater, change them there: they count",
         "  3. RESTART, then try them with klipper_try.gcode, the printer in sight",
@@ -368,8 +366,7 @@ def _trial(words: Words, certificate: Certificate) -> str:
         return "\n".join([*lines, "; no setpoint was proven: enter yours",
                           f"; SET_HEATER_TEMPERATURE HEATER={name} TARGET="]) + "\n"
     lines += [
-        "M107 ; the part's fan off",
-        f"SET_HEATER_TEMPERATURE HEATER={name} TARGET={target:.10g} ; the proven setpoint",
+        "M107 ; the part's fan off", f"SET_HEATER_TEMPERATURE HEATER={name} TARGET={target:.10g} ; the proven setpoint",
         f"TEMPERATURE_WAIT SENSOR={sensor} MINIMUM={target - 1.0:.10g}", "G4 P120000 ; overshoot and settling",
         "M106 S255 ; a load: the part's fan", "G4 P60000", "M107", "G4 P60000", "TURN_OFF_HEATERS",
     ]

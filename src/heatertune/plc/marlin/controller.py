@@ -87,8 +87,7 @@ class MarlinAssumptions(NamedTuple):
 
     avr: Annotated[bool, OpenPoint(
         name="timer", means={"1000hz": False, "977hz": True},
-        reason="frequency of the temperature timer, which scales I and D: 1000 Hz, or 976.5625 Hz on a 16 MHz "
-               "AVR",
+        reason="frequency of the temperature timer, which scales I and D: 1000 Hz, or 976.5625 Hz on a 16 MHz AVR",
     )] = False
     inside: Annotated[bool, OpenPoint(
         name="history", means={"all": False, "inside": True},
@@ -103,10 +102,9 @@ def _parameters(values: Mapping[str, float], assume: MarlinAssumptions) -> Paral
     interval = single(_OVERSAMPLED * values["ADC_LOOPS"] / (_AVR_HZ if assume.avr else _HZ))
     ki, high = single(values["Ki"] * interval), float(values["PID_MAX"])
     return ParallelParameters(
-        law=WINDOW, narrow=True, kp=float(values["Kp"]), ki=ki, kd=narrowed_to(True, values["Kd"] / interval),
-        low=0.0, high=high, least=0.0, most=quotient(True, high, ki), full=_STEPS, interval=interval,
-        window=float(values["PID_FUNCTIONAL_RANGE"]), weight=single(1.0 - values["PID_K1"]),
-        inside=assume.inside)
+        law=WINDOW, narrow=True, kp=float(values["Kp"]), ki=ki, kd=narrowed_to(True, values["Kd"] / interval), low=0.0,
+        high=high, least=0.0, most=quotient(True, high, ki), full=_STEPS, interval=interval,
+        window=float(values["PID_FUNCTIONAL_RANGE"]), weight=single(1.0 - values["PID_K1"]), inside=assume.inside)
 
 
 def _scan(
@@ -284,19 +282,16 @@ def _export(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
     loops = f"ADC_LOOPS = {words.whole['ADC_LOOPS']}"
     head = _head(words, certificate, heater)
     header = commented("//", *head) + "//\n" + "\n".join([
-        *_defaults(texts, heater), *built,
-        f"// {loops}: PID_dT of the build is 16 of these by the timer's frequency"])
-    code = [";", "; the firmware has to be built with these, no G-code sets them:",
-            *[f"; {line}" for line in built], f"; {loops}", ";",
-            "; before: send M503 and keep what it prints; M501 goes back to what was saved last",
+        *_defaults(texts, heater), *built, f"// {loops}: PID_dT of the build is 16 of these by the timer's frequency"])
+    code = [";", "; the firmware has to be built with these, no G-code sets them:", *[f"; {line}" for line in built],
+            f"; {loops}", ";", "; before: send M503 and keep what it prints; M501 goes back to what was saved last",
             *_commands(texts, heater), "M503 S0", "; when it has worked: M500 saves it"]
     return {_HEADER: header + "\n", _CODE: commented(";", *head) + "\n".join(code) + "\n"}
 
 
 def _defaults(texts: Mapping[str, str], heater: str) -> list[str]:
     """Return the gains as lines of Configuration.h: of the heater, or as comments of both while it is unknown."""
-    of = {kind: [f"#define DEFAULT_{kind}{field.name} {texts[field.name]}" for field in GAINS]
-          for kind in ("", "bed")}
+    of = {kind: [f"#define DEFAULT_{kind}{field.name} {texts[field.name]}" for field in GAINS] for kind in ("", "bed")}
     if heater != UNKNOWN:
         return [f"// Configuration.h, with {_BUILT_WITH[heater]}", *of["bed" if heater == "bed" else ""]]
     return [f"// {_WHICH}", "// of a single hot end (PIDTEMP):", *(f"// {line}" for line in of[""]),

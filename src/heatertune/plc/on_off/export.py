@@ -1,9 +1,7 @@
-"""The two-level control as a listing, as CSV of its word, and as the memory holds it (binary and Intel HEX).
+"""The two-level control as a listing, as CSV of its word, and as a memory image (binary and Intel HEX).
 
-The memory is this project's choice, as the document prints none: the 16 lines of the program, one byte each, then
+The document prints no image, so its layout is this project's choice: the 16 lines of the program, one byte each, then
 BAND as a 16-bit number, high byte first.
-
-The memory as Intel HEX, the form in which programmers of memories save what they read.
 """
 
 from __future__ import annotations
@@ -14,7 +12,7 @@ import re
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.one_bit.assembler import disassemble
+from heatertune.plc.cpu.one_bit.machine import disassemble
 from heatertune.plc.cpu.one_bit.programs import ON_OFF_NAMES
 from heatertune.plc.on_off.step import PROGRAM
 from heatertune.plc.on_off.words import COUNTS, FIELDS
@@ -60,9 +58,7 @@ def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, in
 
 def intel_hex(image: bytes, *, start: int = 0) -> str:
     """Return bytes as Intel HEX (Hexadecimal Object File Format Specification, revision A, 1988), 8-bit records."""
-    records = [
-        _record(start + k, 0, image[k : k + _RECORD]) for k in range(0, len(image), _RECORD)
-    ]
+    records = [_record(start + k, 0, image[k : k + _RECORD]) for k in range(0, len(image), _RECORD)]
     return "\n".join([*records, _record(0, 1, b"")]) + "\n"
 
 

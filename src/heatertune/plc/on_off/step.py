@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Final, NamedTuple
 
-from heatertune.plc.cpu.one_bit.assembler import assemble
-from heatertune.plc.cpu.one_bit.machine import OneBitState, Wiring, scan
+from heatertune.plc.cpu.one_bit.machine import OneBitState, Wiring, assemble, scan
 from heatertune.plc.cpu.one_bit.programs import ON_OFF, ON_OFF_NAMES
 
 __all__ = ["PROGRAM", "OnOffState", "listing_step", "step"]

@@ -9,7 +9,6 @@ from typing import Any, Final
 from heatertune.pid.values import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions, count
-from heatertune.plc.cycle import Cycle
 from heatertune.plc.keyed_entry import entry_texts
 from heatertune.plc.pband.export import export_words, from_text, loaders, stem_of
 from heatertune.plc.pband.makes import MAKES, Make, field_of
@@ -27,7 +26,7 @@ from heatertune.plc.pband.words import (
     values_of,
     with_period,
 )
-from heatertune.plc.words import Words
+from heatertune.plc.words import Cycle, EntryChange, Words
 
 __all__ = ["INSTRUMENTS"]
 
@@ -52,7 +51,7 @@ def _begin(make: Make) -> Any:
     return begin
 
 
-def _displayed(make: Make, words: Words, _setpoint_degC: float | None, _units: Any) -> Mapping[str, Mapping[str, Any]]:
+def _displayed(make: Make, words: Words, _setpoint_degC: float | None, _units: Any) -> Mapping[str, EntryChange]:
     """Return each word as the instrument's display shows it; only its list of registers has the whole numbers."""
     texts = entry_texts({entry.name: display_text(entry, words.values) for entry in make.entries})
     return {entry.name: {**texts[entry.name], "format": "",

@@ -1,9 +1,4 @@
-"""Words → a parameter sheet in the order of the instrument's menu, and a list of its registers.
-
-The words of an instrument in text: a parameter sheet, a list of registers, or a dump of them, one a line.
-
-What the parameter sheet and the list of registers set in the instrument.
-"""
+"""Words as a parameter sheet in the order of the instrument's menu, and as a list of its registers; and read back."""
 
 from __future__ import annotations
 
@@ -237,7 +232,6 @@ def _registers(make: Make, words: Words, certificate: Certificate) -> str:
         value = words.values[entry.name]
         writer.writerow([
             entry.address if number is None else number, "" if number is None else f"{number:04X}", entry.name,
-            display_text(entry, words.values) if entry.real or number is None else value,
-            entry.decimals, entry.unit, "FLOAT" if entry.real else "text" if number is None else "INT16", "R/W",
-            "yes" if entry.read else "NO"])
+            display_text(entry, words.values) if entry.real or number is None else value, entry.decimals, entry.unit,
+            "FLOAT" if entry.real else "text" if number is None else "INT16", "R/W", "yes" if entry.read else "NO"])
     return in_ascii(text.getvalue())

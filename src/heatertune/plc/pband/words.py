@@ -23,21 +23,8 @@ from heatertune.plc.single_precision import single
 from heatertune.plc.words import Scaling, Words, round_half_away
 
 __all__ = [
-    "COUNTS",
-    "LAG_PARTS",
-    "band_degC",
-    "block_of",
-    "by_role",
-    "consistent",
-    "design_of",
-    "display_text",
-    "entry_value",
-    "oddities",
-    "period_of",
-    "periods_of",
-    "places",
-    "values_of",
-    "with_period",
+    "COUNTS", "LAG_PARTS", "band_degC", "block_of", "by_role", "consistent", "design_of", "display_text", "entry_value",
+    "oddities", "period_of", "periods_of", "places", "values_of", "with_period",
 ]
 
 #: steps of the reading over the sensor's range: finer than a display of four digits, see the switch `reading`
@@ -257,8 +244,7 @@ def oddities(make: Make, words: Words) -> tuple[str, ...]:
             found.append(f"{entry.name} is {display_text(entry, values)} bands: beyond it there is no derivative part.")
         if entry.role == "cutback" and not _one_band(make, entry, words):
             found.append(f"{entry.name} is {display_text(entry, values)} °C, not the proportional band: what it does "
-                         f"then is "
-                         "not published, and not proven.")
+                         f"then is not published, and not proven.")
     return tuple(found)
 
 

@@ -1,8 +1,7 @@
-"""Words → SCL source, the rollback as SCL source, and a table for a watch table; none was tried in TIA Portal.
+"""Words as SCL source, their rollback as SCL source, and a table for a watch table. None was tried in TIA Portal.
 
-The export as SCL: a function that gives an instance DB its words, and one that calls the instruction.
-
-The exported source in a machine for structured text; the instruction, which is firmware, is the proof's.
+The source has a function that sets the words in the instance DB and one that calls the instruction. It runs in the
+emulator for structured text; the instruction itself is firmware and uses the model of the proof.
 """
 
 from __future__ import annotations
@@ -28,24 +27,8 @@ from heatertune.plc.st.program import comment
 from heatertune.plc.words import Certificate, Scaling, WordField, Words
 
 __all__ = [
-    "BROKEN_HIGH",
-    "BROKEN_LOW",
-    "CALL",
-    "COLUMNS",
-    "LAW",
-    "LOAD",
-    "LOOKED_AT",
-    "ROLLBACK",
-    "InstructionLaw",
-    "assignments",
-    "call",
-    "export_words",
-    "literal",
-    "load",
-    "load_program",
-    "loaders",
-    "made_by",
-    "rollback",
+    "BROKEN_HIGH", "BROKEN_LOW", "CALL", "COLUMNS", "LAW", "LOAD", "LOOKED_AT", "ROLLBACK", "InstructionLaw",
+    "assignments", "call", "export_words", "literal", "load", "load_program", "loaders", "made_by", "rollback",
     "tick_s",
 ]
 

@@ -192,9 +192,7 @@ def _blanked(text: str) -> str:
     return _COMMENT.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
 
 
-def _compared(
-    tags: BlockTags, text: str, others: Sequence[_SclAssignments]
-) -> Callable[[Words], tuple[str, ...]]:
+def _compared(tags: BlockTags, text: str, others: Sequence[_SclAssignments]) -> Callable[[Words], tuple[str, ...]]:
     """Return what compares the configuration and the source around the words with the exported ones."""
     functions = {found[1]: found for found in _FUNCTION.finditer(_blanked(text))}
 

@@ -197,8 +197,7 @@ def _cycle(b: PidCompactBlock, assume: PidCompactAssumptions, s: PidCompactState
     elif b.growth != 0.0:
         grown = _held(b, assume, s, integral, change, total, proportional)
         total = single(single(proportional + grown) + derivative)
-    after = PidCompactState(
-        True, grown, error, weighted, derivative, total >= b.upper, total <= b.lower, False)
+    after = PidCompactState(True, grown, error, weighted, derivative, total >= b.upper, total <= b.lower, False)
     return after, _limited(b, total)
 
 

@@ -10,7 +10,7 @@ from typing import Final
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.ramp import Number
-from heatertune.plc.words import FORMATS, WordField, Words, round_to_word
+from heatertune.plc.words import FORMATS, WordField, Words, check_limits, round_to_word
 
 __all__ = ["COMPACT", "COOL", "COUNTS", "PARAMETERS", "TEMP", "BlockTags", "consistent", "design_of", "fields_of",
            "interval_s", "oddities", "real_field", "set_of", "values_of"]
@@ -193,10 +193,7 @@ def consistent(words: Words) -> None:
     Raises:
         OutOfRange: limits that are upside down, or leave no power at all.
     """
-    v = words.values
-    if v["OutputLowerLimit"] >= v["OutputUpperLimit"]:
-        raise OutOfRange("word OutputLowerLimit", v["OutputLowerLimit"], f"< OutputUpperLimit = "
-                         f"{v['OutputUpperLimit']:g}")
+    check_limits(words.values, "OutputLowerLimit", "OutputUpperLimit", equal=False)
 
 
 def interval_s(values: Mapping[str, Number]) -> float:

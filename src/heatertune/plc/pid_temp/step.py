@@ -34,20 +34,8 @@ from heatertune.plc.pid_compact.step import (
 from heatertune.plc.single_precision import LARGEST, single
 
 __all__ = [
-    "COLD",
-    "COLD_PAIR",
-    "CoolingAssumptions",
-    "Pair",
-    "PairState",
-    "PidCompactAssumptions",
-    "block_of",
-    "cooling_gain",
-    "cooling_words",
-    "pair_of",
-    "pair_scan",
-    "pair_step",
-    "scan",
-    "step",
+    "COLD", "COLD_PAIR", "CoolingAssumptions", "Pair", "PairState", "PidCompactAssumptions", "block_of", "cooling_gain",
+    "cooling_words", "pair_of", "pair_scan", "pair_step", "scan", "step",
 ]
 
 _OPEN: Final = open_points_of(PidCompactAssumptions)

@@ -26,20 +26,8 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.words import FORMATS, Scaling, WordField, Words, round_to_word
 
 __all__ = [
-    "COOLING_FIELDS",
-    "FIELDS",
-    "TEMP",
-    "TEMP_COOLING",
-    "consistent",
-    "cooling_consistent",
-    "cooling_design_of",
-    "cooling_gain_of",
-    "cooling_oddities",
-    "cooling_values_of",
-    "design_of",
-    "interval_s",
-    "oddities",
-    "values_of",
+    "COOLING_FIELDS", "FIELDS", "TEMP", "TEMP_COOLING", "consistent", "cooling_consistent", "cooling_design_of",
+    "cooling_gain_of", "cooling_oddities", "cooling_values_of", "design_of", "interval_s", "oddities", "values_of",
     "with_cooling_gain",
 ]
 

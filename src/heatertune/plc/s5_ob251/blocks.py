@@ -1,12 +1,11 @@
 """The blocks around OB251, statement by statement: FB30 in OB13, FB31 in OB21 and OB22, FB33 for a setpoint ramp.
 
-All that they remember stands in DB31: flags are shared with OB1, and those from 200 on are scratch of the standard
-function blocks. Operations have their English names (S5-100U manual EWA 4NEB 812 6120, chapter 8; TB tests a bit); a
-comparison asks whether ACCU 2 … ACCU 1, and leaves both as they are.
+All state is stored in DB31: OB1 uses the flags, too, and those from 200 on are scratch of the standard function
+blocks. The PWM behind YA is a staircase of 16-bit sums over the ticks of a period, because STEP 5 has no
+multiplication.
 
-The PWM behind YA in sums of 16 bits, as STEP 5 has no multiplication: a staircase over the ticks of a period.
-
-The whole program as one listing: OB251's data block, the blocks around it, and what is left to do by hand.
+Operations have their English names (S5-100U manual EWA 4NEB 812 6120, chapter 8; TB tests a bit). A comparison is
+ACCU 2 … ACCU 1 and leaves both unchanged.
 """
 
 from __future__ import annotations
@@ -16,8 +15,7 @@ from math import ceil
 from typing import Final, NamedTuple
 
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY
-from heatertune.plc.print.parts import CELLS, pulse_staircase, setpoint_ramp
-from heatertune.plc.print.statements import renamed
+from heatertune.plc.print.statements import CELLS, pulse_staircase, renamed, setpoint_ramp
 from heatertune.plc.print.stl import S5Printer
 from heatertune.plc.pwm import INSTANT_S, Actuator, Ticks, pulse_ends
 from heatertune.plc.ramp import Ramp
@@ -25,26 +23,8 @@ from heatertune.plc.s5_ob251.step import FULL_SCALE, percent
 from heatertune.plc.words import Certificate, Words
 
 __all__ = [
-    "ANALOG",
-    "DB",
-    "FOUR_MA",
-    "HEAT",
-    "INPUT",
-    "MODE",
-    "OUTPUT",
-    "PERIOD_ENDS",
-    "RAMP",
-    "START",
-    "WORK",
-    "Staircase",
-    "heat",
-    "organisation_blocks",
-    "program_listing",
-    "ramp_block",
-    "retains",
-    "staircase",
-    "start_up",
-    "work",
+    "ANALOG", "DB", "FOUR_MA", "HEAT", "INPUT", "MODE", "OUTPUT", "PERIOD_ENDS", "RAMP", "START", "WORK", "Staircase",
+    "heat", "organisation_blocks", "program_listing", "ramp_block", "retains", "staircase", "start_up", "work",
 ]
 
 
@@ -391,9 +371,7 @@ def _start_up(certificate: Certificate) -> str:
     return "start-up: OB21 and OB22 clear DW18 to DW48, whatever they have kept; the rest begins anew"
 
 
-def _by_hand(
-    words: Words, certificate: Certificate, stairs: Staircase | None, interval_s: float
-) -> Iterator[str]:
+def _by_hand(words: Words, certificate: Certificate, stairs: Staircase | None, interval_s: float) -> Iterator[str]:
     """Return what no listing does."""
     scale, count = words.scaling, words.scaling.span_degC / FULL_SCALE
     module = (f"range card for 4 to 20 mA, {FOUR_MA} to 2560 units; below 3.6 mA the heater is off"

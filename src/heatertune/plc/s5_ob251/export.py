@@ -1,16 +1,11 @@
-"""The controller DB as a listing to key in, as CSV (DW, format, value, comment), and as the CPU holds it.
+"""OB251's controller DB as a listing to key in, as CSV (DW, format, value, comment), as an image; and read back.
 
-The controller DB as the CPU holds it: 49 words, 98 bytes, high byte first.
+The image has 49 words, 98 bytes, high byte first. STEP 5 tools print a data block as `1: KF = +01024;`, one data word
+(KS, KC: text of several) per line. The words are first keyed in for manual operation, with W as proven.
 
-How the controller DB is typed in: in manual first, what the numbers mean, and W as it was proven.
-
-A data block as STEP 5 tools print it: `1: KF = +01024;`, one data word (KS, KC: text of several) a line.
-
-The exported S5 program, statement by statement in its CPU; OB251 itself, which is firmware, is the proof's.
-
-Z, the disturbance variable of OB251 (DW24, scaled as YA: 2047 units are full power), and the program that writes it.
-
-Z is added to the output as it is, K does not multiply it; it acts where bit 5 of STEU is 0 (manual, table 11-10).
+The exported program runs in the emulated CPU; OB251 itself is firmware and uses the model of the proof. Feed-forward
+goes to Z (DW24, scaled as YA: 2047 is full power), which is added to the output, not multiplied by K, if bit 5 of STEU
+is 0 (manual, table 11-10).
 """
 
 from __future__ import annotations
@@ -57,7 +52,7 @@ from heatertune.plc.s5_ob251.step import (
     percent,
 )
 from heatertune.plc.s5_ob251.words import FACTOR, FIELDS, GAIN_WITH_D, parameters_of
-from heatertune.plc.words import Certificate, Words
+from heatertune.plc.words import Certificate, EntryChange, Words
 from heatertune.units import written
 
 __all__ = [
@@ -153,8 +148,8 @@ _FROM: Final = f"DW 0 of DB{WORK}"
 _SMALL: Final = 200  # units of YH: a tenth of the power, see COMMISSIONING.md
 
 
-def keyed_entries(words: Words, setpoint_degC: float | None, units: Number | None) -> Mapping[str, Mapping[str, Any]]:
-    """Return what is typed otherwise than it stands in the words, see `heatertune.plc.keyed_entry.TypedWord`.
+def keyed_entries(words: Words, setpoint_degC: float | None, units: Number | None) -> Mapping[str, EntryChange]:
+    """Return what is typed otherwise than it stands in the words, see `heatertune.plc.keyed_entry.KeyedEntry`.
 
     Args:
         words: of OB251.
@@ -184,7 +179,7 @@ def _derivative_time(words: Words) -> str:
     return f"TV = {written(words.sample_time_s * v['TD'] * 1024 / v['R'])} s" if v["R"] else f"TV = {v['TD']} TA/R"
 
 
-def _setpoint(words: Words, setpoint_degC: float | None, units: Number | None) -> dict[str, Any]:
+def _setpoint(words: Words, setpoint_degC: float | None, units: Number | None) -> EntryChange:
     """Return W with the factor for others; a ramp leads it to what the program asks for."""
     scale = words.scaling
     factor = f"whole part of ({FULL_SCALE}/{scale.span_degC:g})·({scale.formula})"

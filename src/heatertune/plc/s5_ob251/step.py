@@ -18,22 +18,8 @@ from typing import Annotated, Final, NamedTuple
 from heatertune.plc.open_points import OpenPoint
 
 __all__ = [
-    "AUTO",
-    "COLD",
-    "FULL_SCALE",
-    "GESCHW",
-    "HANDART",
-    "NO_Z",
-    "REG_AUS",
-    "XZ_EIN",
-    "Ob251Assumptions",
-    "Ob251Parameters",
-    "Ob251State",
-    "call",
-    "percent",
-    "scan",
-    "start_up",
-    "step",
+    "AUTO", "COLD", "FULL_SCALE", "GESCHW", "HANDART", "NO_Z", "REG_AUS", "XZ_EIN", "Ob251Assumptions",
+    "Ob251Parameters", "Ob251State", "call", "percent", "scan", "start_up", "step",
 ]
 
 #: units at the upper end of the sensor range and at full power

@@ -12,17 +12,8 @@ from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE, NO_Z, Ob251Parameters
 from heatertune.plc.words import Scaling, WordField, Words, round_half_away
 
 __all__ = [
-    "FACTOR",
-    "FIELDS",
-    "FULL_SCALE",
-    "GAIN_WITH_D",
-    "UNREAD",
-    "check_consistency",
-    "consistent",
-    "design_of",
-    "most_gain",
-    "parameters_of",
-    "values_of",
+    "FACTOR", "FIELDS", "FULL_SCALE", "GAIN_WITH_D", "UNREAD", "check_consistency", "consistent", "design_of",
+    "most_gain", "parameters_of", "values_of",
 ]
 
 _CURVED: Final = "an analog input 460 gives {}, no straight line in °C{}; take a transmitter: --input 4-20mA"
@@ -74,8 +65,7 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
         wider = f"a sensor range of {scaling.span_degC * limit / max(abs(gain), 1):.3g} °C or a smaller K would fit"
         raise NotRepresentable("word K", gain, f"1…{limit} in size", wider)
     return {
-        "K": gain, "R": FACTOR, "TI": ti, "TD": td, "W": 0, "STEU": AUTO | NO_Z, "YH": 0, "BGOG": FULL_SCALE,
-        "BGUG": 0,
+        "K": gain, "R": FACTOR, "TI": ti, "TD": td, "W": 0, "STEU": AUTO | NO_Z, "YH": 0, "BGOG": FULL_SCALE, "BGUG": 0,
     }
 
 

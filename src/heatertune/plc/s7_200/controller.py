@@ -8,9 +8,8 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.cpu.s7_200 import COLD, assemble
-from heatertune.plc.cpu.s7_200.cycle import TIMER, check_cycle, cycle_s, timed_program
+from heatertune.plc.cpu.s7_200.io_and_cycle import COUNTS, TIMER, check_cycle, cycle_s, timed_program
 from heatertune.plc.cpu.s7_200.state import cold_start, own, warm_start
-from heatertune.plc.cpu.s7_200.wiring import COUNTS
 from heatertune.plc.s7_200.export import COUNTDOWN, export_words, from_text, repaired_program, setpoint_entry
 from heatertune.plc.s7_200.step import S7200ManualAssumptions, step
 from heatertune.plc.s7_200.words import FIELDS, design_of, most_gain, values_of
@@ -38,8 +37,7 @@ class S7200(Controller, name="s7-200"):
     scans_per_period = 1
     integers = ("KP", "KI", "KD")
     has_ramp = True
-    core = StepFunctions(
-        step=step, measure=count, flags=_FLAGS, own=own, cold_start=cold_start, warm_start=warm_start)
+    core = StepFunctions(step=step, measure=count, flags=_FLAGS, own=own, cold_start=cold_start, warm_start=warm_start)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(check_cycle)
     interval_s, export = staticmethod(cycle_s), staticmethod(export_words)
     most_gain, text = staticmethod(most_gain), staticmethod(from_text)

@@ -1,12 +1,8 @@
-"""The repaired program, with its certificate and what is left to do by hand in the head.
+"""The repaired program as a statement list written from its words, with its certificate; and read back.
 
-The repaired program as statement list, written from its words.
-
-Only instructions that a CPU 214 has are used. V memory: VW0, VW2, VW4 reading and its two predecessors; VW10, VW20
-error and its predecessor; VW24, VW26, VW28 differences and sum; VW30 ticks to go; VW34 setpoint on its ramp, VW36 to
-VW44 what leads it there; VD224 rest; constants from VW200.
-
-The repaired program's constants in text: its statement list, or a data block with VW200 to VD220.
+Only instructions of a CPU 214 are used. V memory: VW0, VW2, VW4 reading and its two predecessors; VW10, VW20 error and
+its predecessor; VW24, VW26, VW28 differences and sum; VW30 ticks to go; VW34 setpoint on its ramp, VW36 to VW44 state
+of the ramp; VD224 remainder; constants from VW200 (a data block has VW200 to VD220).
 """
 
 from __future__ import annotations
@@ -16,9 +12,9 @@ from typing import Final
 
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.cpu.s7_200.assembler import Network, block, count_ticks, program, pwm_registers, timed_interrupt
+from heatertune.plc.cpu.s7_200.io_and_cycle import COUNTS, SWITCH, clock, counts_wired, head
 from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, LoadedNumber, difference, is_program, loads, statements
-from heatertune.plc.cpu.s7_200.wiring import COUNTS, SWITCH, clock, counts_wired, head
-from heatertune.plc.print.parts import setpoint_ramp
+from heatertune.plc.print.statements import setpoint_ramp
 from heatertune.plc.print.stl import networks, ramp_begins
 from heatertune.plc.readback import ReadBack, WordCollector, whole_of, wrong
 from heatertune.plc.s7_200.words import FIELDS

@@ -10,8 +10,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from heatertune.plc.cpu.s7_200 import S7200State
-from heatertune.plc.cpu.s7_200.cycle import TimedProgram, run_cycle
-from heatertune.plc.cpu.s7_200.wiring import WIDTH_APPLIES, wire
+from heatertune.plc.cpu.s7_200.io_and_cycle import WIDTH_APPLIES, TimedProgram, run_cycle, wire
 
 __all__ = ["S7200ManualAssumptions", "step"]
 

@@ -7,8 +7,7 @@ from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
-from heatertune.plc.cpu.s7_200.cycle import MOST, TICK_FIELDS, cycle_ms, ticks_of, whole_cycle
-from heatertune.plc.cpu.s7_200.wiring import ms_per_count
+from heatertune.plc.cpu.s7_200.io_and_cycle import MOST, TICK_FIELDS, cycle_ms, ms_per_count, ticks_of, whole_cycle
 from heatertune.plc.words import Scaling, WordField, Words, round_half_away
 
 __all__ = ["FIELDS", "design_of", "most_gain", "values_of"]

@@ -7,8 +7,7 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.cpu.s7_200 import COLD, assemble
-from heatertune.plc.cpu.s7_200.cycle import TIMER
-from heatertune.plc.cpu.s7_200.wiring import COUNTS
+from heatertune.plc.cpu.s7_200.io_and_cycle import COUNTS, TIMER
 from heatertune.plc.s7_200_paper.export import export_words, faults, from_text, printed_program, setpoint_entry
 from heatertune.plc.s7_200_paper.step import (
     LoadedPaperProgram,

@@ -1,12 +1,7 @@
-"""The printed program with its certificate and its faults in the head.
+"""The printed program as a statement list, with its certificate and its faults; and its constants read back.
 
-The printed program as statement list (Alia 2007, Table 2; networks 5 to 12 from their descriptions).
-
-The paper's INT1 is INT0 here, since Micro/WIN wants an INT0.
-
-The printed program's constants in its statement list.
-
-What is wrong in the printed program, found by running its arithmetic on every pair of setpoint and reading.
+Source: Alia 2007, Table 2; networks 5 to 12 from their descriptions. The paper's INT1 is INT0, which Micro/WIN
+requires. The faults are found by running the printed arithmetic for every pair of setpoint and reading.
 """
 
 from __future__ import annotations
@@ -19,8 +14,8 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_200.assembler import Network, block, program
+from heatertune.plc.cpu.s7_200.io_and_cycle import COUNTS, counts_wired, head
 from heatertune.plc.cpu.s7_200.readback import difference, loads, statements
-from heatertune.plc.cpu.s7_200.wiring import COUNTS, counts_wired, head
 from heatertune.plc.readback import ReadBack, WordCollector, whole_of
 from heatertune.plc.s7_200_paper.words import FIELDS
 from heatertune.plc.words import Certificate, Words

@@ -10,14 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-import numpy.typing as npt
-
+from heatertune.arrays import Array
 from heatertune.model.temperature.closed_loop import Constant, Step
 
 __all__ = ["LAWS", "PaperLaw"]
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,8 +100,7 @@ LAWS: Final[tuple[PaperLaw, ...]] = (
     PaperLaw(
         name="truncated velocity PI",
         constants=(
-            _GAIN, _TN, _FIRST,
-            Constant(name="quantum_pct", low=1e-4, high=1.0, logarithmic=True),
+            _GAIN, _TN, _FIRST, Constant(name="quantum_pct", low=1e-4, high=1.0, logarithmic=True),
         ),
         form=4,
     ),

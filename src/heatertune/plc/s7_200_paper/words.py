@@ -7,8 +7,7 @@ from typing import Final
 
 from heatertune.errors import NotRepresentable
 from heatertune.pid.values import PidDesign
-from heatertune.plc.cpu.s7_200.cycle import MOST, whole_cycle
-from heatertune.plc.cpu.s7_200.wiring import ms_per_count
+from heatertune.plc.cpu.s7_200.io_and_cycle import MOST, ms_per_count, whole_cycle
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import Scaling, WordField, Words
 
@@ -56,9 +55,7 @@ def cycle_s(values: Mapping[str, Number]) -> float:
     return values["CYCLE"] / 1000.0
 
 
-def paper_words(
-    *, gain: int, ki: int = 0, t: int = 1, cycle_ms: int = 2000, scaling: Scaling | None = None
-) -> Words:
+def paper_words(*, gain: int, ki: int = 0, t: int = 1, cycle_ms: int = 2000, scaling: Scaling | None = None) -> Words:
     """Return the constants of a run of the paper.
 
     The paper gives the gain (20, 60) and no more: the rest are assumptions.

@@ -1,10 +1,7 @@
-"""The program around the PID instruction with its certificate in the head, and the loop table as the CPU holds it.
+"""The program around the PID instruction as a statement list, and the loop table as the CPU holds it; and read back.
 
-The loop table as the CPU holds it: 36 bytes, or 80 with the auto-tune part, REALs with their high byte first.
-
-The program around the PID instruction as statement list: loop table at VB100, AIW0 in, PWM on Q0.0 out.
-
-The loop table's words in text: the statement list that loads them, or the text of a data block.
+Loop table at VB100 (36 bytes, or 80 with the auto-tune part, REALs with their high byte first), input AIW0, PWM on
+Q0.0.
 """
 
 from __future__ import annotations
@@ -23,11 +20,10 @@ from heatertune.plc.cpu.s7_200.assembler import (
     real,
     timed_interrupt,
 )
-from heatertune.plc.cpu.s7_200.cycle import cycle_ms, ticks_of, whole_cycle
+from heatertune.plc.cpu.s7_200.io_and_cycle import SWITCH, clock, cycle_ms, head, ticks_of, whole_cycle
 from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, difference, is_program, loads
-from heatertune.plc.cpu.s7_200.wiring import SWITCH, clock, head
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
-from heatertune.plc.print.parts import setpoint_ramp
+from heatertune.plc.print.statements import setpoint_ramp
 from heatertune.plc.print.stl import networks, ramp_begins
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import ReadBack, WordCollector, wrong

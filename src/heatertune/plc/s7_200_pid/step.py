@@ -6,9 +6,8 @@ from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.core import BINARY_LOSS, Sensor
 from heatertune.plc.cpu.s7_200 import S7200State
-from heatertune.plc.cpu.s7_200.cycle import TimedProgram, run_cycle
+from heatertune.plc.cpu.s7_200.io_and_cycle import WIDTH_APPLIES, TimedProgram, run_cycle
 from heatertune.plc.cpu.s7_200.memory import cell, put_real, put_word
-from heatertune.plc.cpu.s7_200.wiring import WIDTH_APPLIES
 from heatertune.plc.s7_200_pid.words import FULL, SETPOINT
 from heatertune.plc.single_precision import divide_single
 

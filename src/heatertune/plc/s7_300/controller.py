@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions, count
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, INPUT_S, RANGES, TICK_S, TIMER
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, INPUT_S, RANGES, TICK_S, TIMER
 from heatertune.plc.s7_300.export import export_words, from_image, from_text, loaders, oddities, setpoint_entry
 from heatertune.plc.s7_300.step import COLD, PidTipAssumptions, PidTipParameters, scan, step
 from heatertune.plc.s7_300.words import FIELDS, design_of, values_of

@@ -1,15 +1,7 @@
-"""The tip as STL source, the whole program around it included; the four words as CSV.
+"""The tip's PID as STL source with the whole program, its four words as CSV and as the CPU holds them; read back.
 
-The exported program of the tip's PID in its CPU.
-
-The tip's instance data block as a running CPU holds it.
-
-The function block's statements: `algorithm.call`, one instruction per operation.
-
-The listing of the document is lost, so this is heatertune's own; its interface and the places of the four words are the
-document's.
-
-The tip's words in STL source.
+The function block is `step.call`, one instruction per operation. The listing of the document is lost, so this one is
+heatertune's own; interface and addresses of the four words are the document's. The program runs in the emulated CPU.
 """
 
 from __future__ import annotations
@@ -21,7 +13,7 @@ from typing import Final
 from heatertune.plc.cpu.s7_300 import machine
 from heatertune.plc.cpu.s7_300 import source as awl
 from heatertune.plc.cpu.s7_300.exported import ExportedS7
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE
 from heatertune.plc.cpu.s7_300.program import (
     PULSEGEN,
     BlockProgram,
@@ -318,9 +310,8 @@ def _source(words: Words, certificate: Certificate, switch: PwmSource) -> str:
     low, span = words.scaling.low_degC, words.scaling.span_degC
     pulsegen = ["FB 43 PULSEGEN must be in the program: Standard Library, PID Control Blocks"]
     head = awl.head(
-        "PID of S7-300/400 application tip No. 2: the document's equations, heatertune's statements",
-        words, certificate,
-        f"setpoint SP = {FULL_SCALE}/{span:g} * (degC {0.0 - low:+g}), {whole_number(words)}",
+        "PID of S7-300/400 application tip No. 2: the document's equations, heatertune's statements", words,
+        certificate, f"setpoint SP = {FULL_SCALE}/{span:g} * (degC {0.0 - low:+g}), {whole_number(words)}",
         *by_hand(words, certificate, switch, *(pulsegen if switch.by == PULSEGEN else [])),
     )
     program = _program(words, certificate, switch)
@@ -359,8 +350,7 @@ def _data_block(words: Words) -> list[str]:
     return [
         f"DATA_BLOCK DB {_NUMBER}", "TITLE =instance of the heater's PID", "VERSION : 0.1", f"FB {_NUMBER}", "BEGIN",
         "  mode_req := FALSE ;", "  PV := 0 ;", "  SP := 0 ;", "  OUT := 0 ;", "  OVERFLOW := FALSE ;", *values,
-        f"  BIAS := {awl.real(0.0)} ;", f"  PV_LAST := {awl.real(0.0)} ;", "  STARTED := FALSE ;",
-        "END_DATA_BLOCK", "",
+        f"  BIAS := {awl.real(0.0)} ;", f"  PV_LAST := {awl.real(0.0)} ;", "  STARTED := FALSE ;", "END_DATA_BLOCK", "",
     ]
 
 

@@ -18,8 +18,7 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.machine import clamp, quotient, real
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, clamp, quotient, real
 from heatertune.plc.open_points import OpenPoint
 
 __all__ = ["COLD", "PidTipAssumptions", "PidTipParameters", "PidTipState", "call", "manual", "percent", "scan", "step"]

@@ -109,8 +109,7 @@ _ORDER: Final = (
     "Kp", "Ki", "Kd", "setpoint", "sample_time", "output_limits", "auto_mode", _P_ON,
     _D_ON, "error_map", "time_fn", "starting_output")
 _USUAL: Final = {"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "sample_time": 0.01, "output_limits": (None, None), "auto_mode": True,
-                 _P_ON: False, _D_ON: True, "error_map": None,
-                 "starting_output": 0.0}
+                 _P_ON: False, _D_ON: True, "error_map": None, "starting_output": 0.0}
 _PERIOD: Final = "PERIOD_MS"
 
 

@@ -8,12 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.iec.machine import TextProgram
-from heatertune.plc.cpu.iec.project import project_of
-from heatertune.plc.cpu.iec.tape import KEEP, Tape
+from heatertune.plc.cpu.iec.machine import KEEP, Tape, TextProgram
 from heatertune.plc.cpu.iec.text import units
 from heatertune.plc.exported import CallInputs, CallOutputs, CallResult, ExportedInPlc
 from heatertune.plc.ramp import Number
+from heatertune.plc.st.plcopen import project_of
 
 __all__ = ["ExportedProgram", "check_project"]
 

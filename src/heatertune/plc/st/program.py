@@ -1,13 +1,8 @@
-"""The program around a block in structured text: calls each Ts, enabling, boost, setpoint ramp, PWM.
+"""The program around a block in structured text: calls each Ts, enabling, boost, setpoint ramp, PWM; and its header.
 
-It is called each scan and adds up the time of the scans. While the heater is off or boosts, the block is not enabled,
-and the program itself puts the power to 0 or to the most that the block may give.
-
-What TIME_TO_REAL gives of a duration: the standard leaves the unit to the implementation.
-
-A FUNCTION_BLOCK in structured text (IEC 61131-3), as its declarations and its body.
-
-What an exported program says first: what it is, under which conditions, and what remains to be done by hand.
+It runs in each scan and sums the scan times. While the heater is off or boosts, the block is disabled, and the program
+sets the power to 0 or to the block's maximum. Also the values of TIME_TO_REAL, whose unit the standard leaves to the
+implementation.
 """
 
 from __future__ import annotations
@@ -19,36 +14,16 @@ from typing import Final, NamedTuple
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.cpu.statements import in_ascii
 from heatertune.plc.open_points import OpenPoint
-from heatertune.plc.print.parts import CELLS, setpoint_ramp
-from heatertune.plc.print.statements import renamed
+from heatertune.plc.print.statements import CELLS, renamed, setpoint_ramp
 from heatertune.plc.pwm import Actuator, pulse_ends
 from heatertune.plc.ramp import Ramp
 from heatertune.plc.single_precision import real_of, single, word_of
 from heatertune.plc.words import Certificate, Words
 
 __all__ = [
-    "LARGEST",
-    "MILLISECONDS",
-    "NANOSECONDS",
-    "SECONDS",
-    "TENS_OF_MS",
-    "TIME_UNIT",
-    "BlockSource",
-    "ProgramClock",
-    "ProgramLimits",
-    "Variable",
-    "by_hand",
-    "clock_for",
-    "comment",
-    "enable_condition",
-    "function_block",
-    "head_of",
-    "instance_call",
-    "literal",
-    "program",
-    "proven_setpoint",
-    "statements",
-    "time_to_real",
+    "LARGEST", "MILLISECONDS", "NANOSECONDS", "SECONDS", "TENS_OF_MS", "TIME_UNIT", "BlockSource", "ProgramClock",
+    "ProgramLimits", "Variable", "by_hand", "clock_for", "comment", "enable_condition", "entered_setpoint",
+    "function_block", "head_of", "instance_call", "literal", "program", "proven_setpoint", "statements", "time_to_real",
     "variables",
 ]
 
@@ -283,6 +258,12 @@ def proven_setpoint(words: Words, certificate: Certificate, counts: int) -> floa
     s = words.scaling
     proven = s.low_degC if certificate.setpoint_degC is None else certificate.setpoint_degC
     return single(s.low_degC + s.span_degC * count(Sensor(s.low_degC, s.span_degC, counts), proven) / counts)
+
+
+def entered_setpoint(counts: int, words: Words, setpoint_degC: float, _units: int) -> str:
+    """Return the setpoint of a proof [°C] as a person enters it into the program."""
+    proven = proven_setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC), counts)
+    return f"HeaterSetPoint = {literal(proven)} °C"
 
 
 def _ms(words: Words) -> int:

@@ -1,24 +1,18 @@
-"""Words → structured text: a program with WEG's block, one with a block of its own, and that one as a PLCopen project.
+"""Words as structured text: a program with WEG's block, and one with a block of its own, also as a PLCopen project.
 
-None of the files was tried in WPS or in another vendor's tool; parsers of the language and the format read them.
+The own FUNCTION_BLOCK is `step.call` with the default of every open point, one statement per line; tests compare both.
+TYPE, ACTION, EN and ENO are keywords, so its parameters are Form, Acting, Enable and Enabled. The help does not say
+whether WEG's block measures Ts itself, so the program calls a second instance three times in the first scan to find
+out.
 
-The exported programs in a machine for structured text; WEG's own block, which is firmware, is the proof's.
-
-What the program around WEG's own block has beside that around any: it finds out who keeps Ts.
-
-The help does not tell it: a second instance is called three times in the first scan.
-
-The block as a FUNCTION_BLOCK in structured text (IEC 61131-3), for controllers without one of their own.
-
-It is `block.call` with the default of every switch, one statement per line of it; the tests run this text and compare.
-TYPE, ACTION, EN and ENO are words of the language, so the block calls them Form, Acting, Enable and Enabled.
-
-The block's parameters in text: its call in structured text, or a list of parameters, one a line.
+The programs run in the emulator for structured text; WEG's block is firmware and uses the model of the proof. No file
+was tried in WPS or another vendor's tool; independent parsers read them. Parameters are read back from text, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Final
 
 from heatertune.plc.cpu.iec.machine import Firmware, TextProgram
@@ -36,6 +30,7 @@ from heatertune.plc.st.program import (
     clock_for,
     comment,
     enable_condition,
+    entered_setpoint,
     function_block,
     head_of,
     instance_call,
@@ -48,7 +43,7 @@ from heatertune.plc.st.program import (
 from heatertune.plc.st.readback import ExpectedBlock, words_in
 from heatertune.plc.weg.step import BLOCK, COLD, WegAssumptions, WegInputs, WegState, call, made_of
 from heatertune.plc.weg.words import COUNTS, FIELDS, REVERSE
-from heatertune.plc.words import Certificate, Words
+from heatertune.plc.words import Certificate, EntryChange, Words
 
 __all__ = [
     "KEEPS", "PROBE", "PROBED", "RENAMED", "SOURCE", "entries", "export_words", "from_text", "loaders",
@@ -66,8 +61,7 @@ _INPUTS: Final = {"EN": "BOOL", "SetPoint": "REAL", "ManualSetPoint": "REAL", "S
 def loaders(files: Mapping[str, str | bytes], assume: WegAssumptions) -> dict[str,
                                                                               Callable[[], ExportedProgram | None]]:
     """Return what loads each file; the block of our own stands for the default assumptions alone."""
-    loads: dict[str, Callable[[], ExportedProgram | None]] = {
-        _CALL: lambda: _called(str(files[_CALL]), assume)}
+    loads: dict[str, Callable[[], ExportedProgram | None]] = {_CALL: lambda: _called(str(files[_CALL]), assume)}
     if assume == WegAssumptions():
         loads |= {_EXPORTED_BLOCK: lambda: ExportedProgram(TextProgram(units(str(files[_EXPORTED_BLOCK])), {})),
                   _PROJECT: lambda: check_project(str(files[_PROJECT]), str(files[_EXPORTED_BLOCK]), _EXPORTED_BLOCK)}
@@ -83,9 +77,7 @@ def _called(text: str, assume: WegAssumptions) -> ExportedProgram:
 
 def _firmware(assume: WegAssumptions, due: Callable[[], bool]) -> Firmware:
     """Return WEG's block under the assumptions; `due` tells whether Ts is over, where it keeps Ts itself."""
-    def run_when_due(
-        r: list[Any], w: list[Any], f: list[Any], a: int, b: int, c: int
-    ) -> None:
+    def run_when_due(r: list[Any], w: list[Any], f: list[Any], a: int, b: int, c: int) -> None:
         if not w[b] or due():
             fb_pid(r, w, f, a, b, c)
 
@@ -94,9 +86,7 @@ def _firmware(assume: WegAssumptions, due: Callable[[], bool]) -> Firmware:
                     keeps=(*COLD, *(int(setting) for setting in assume)))
 
 
-def fb_pid(
-    r: Any, w: Any, _f: Any, a: int, b: int, _c: int
-) -> None:
+def fb_pid(r: Any, w: Any, _f: Any, a: int, b: int, _c: int) -> None:
     """Run WEG's block on the rows: variables in the order of `_firmware`, then its state and the assumptions."""
     assume = WegAssumptions(
         int(w[b + 8]), w[b + 9] != 0, w[b + 10] != 0, w[b + 11] != 0, w[b + 12] != 0, w[b + 13] != 0, w[b + 14] != 0,
@@ -249,8 +239,7 @@ SOURCE: Final = BlockSource("HT_WEG_PID", _DECLARATIONS, _BODY)
 
 
 _WIRES = (
-    ("ManualSetPoint", "HandPower"), ("SelectSetPoint", "ByHand"),
-    ("Feedback", "HeaterTemperature"),
+    ("ManualSetPoint", "HandPower"), ("SelectSetPoint", "ByHand"), ("Feedback", "HeaterTemperature"),
 )
 
 #: input of WEG's block → input of the exported one, where the language reserves the name
@@ -292,15 +281,13 @@ def _who_keeps_ts(known: str | None) -> str:
             "BlockKeepsTs then shows it; a ladder of your own has to know")
 
 
-def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, dict[str, str]]:
-    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.TypedWord`."""
+def entries(words: Words, _setpoint_degC: float | None, _units: object) -> dict[str, EntryChange]:
+    """Return each word as the exported files have it, see `heatertune.plc.keyed_entry.KeyedEntry`."""
     return entry_texts(dict(_values(words)))
 
 
 def _values(words: Words) -> list[tuple[str, str]]:
-    return [
-        (f.name, literal(words.values[f.name]) if f.format == "REAL" else str(words.whole[f.name])) for f in FIELDS
-    ]
+    return [(f.name, literal(words.values[f.name]) if f.format == "REAL" else str(words.whole[f.name])) for f in FIELDS]
 
 
 def _wires(words: Words) -> list[tuple[str, str]]:
@@ -319,10 +306,8 @@ def _block_call(words: Words) -> str:
     return f"{call}HeaterPower := HeaterPid.Output;\n"
 
 
-def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:
-    """Return the setpoint as a person enters it, see `heatertune.plc.controller.Controller`."""
-    value = literal(proven_setpoint(words, Certificate(verdict="", setpoint_degC=setpoint_degC), COUNTS))
-    return f"HeaterSetPoint = {value} °C"
+#: the setpoint as a person enters it, see `heatertune.plc.controller.Controller`
+setpoint_entry: Final = partial(entered_setpoint, COUNTS)
 
 
 _BLOCK: Final = ExpectedBlock(

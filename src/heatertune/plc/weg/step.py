@@ -21,8 +21,7 @@ from heatertune.plc.open_points import OpenPoint, never
 from heatertune.plc.single_precision import LARGEST, divide_single, exponential, single
 
 __all__ = ["BLOCK", "CALLER", "CLAMP", "COLD", "FREEZE", "SKIPPED", "WegAssumptions", "WegConstants", "WegInputs",
-           "WegState",
-           "block_of", "call", "made_of", "scan", "step"]
+           "WegState", "block_of", "call", "made_of", "scan", "step"]
 
 #: what becomes of the integral part while Output is at a limit
 CLAMP: Final = 0
@@ -197,10 +196,8 @@ def made_of(  # noqa: PLR0913 - the words, as a compiler takes them
     return WegConstants(
         kp=kp, minimum=minimum, maximum=maximum, parallel=parallel, reverse=reverse,
         share=single(_exact_share(ts, tau) if assume.exact_filter else divide_single(ts, single(tau + ts))),
-        ki_ts=ki_ts, kd_by_ts=kd_by_ts,
-        now=single(single((kp if parallel else single(1.0)) + ki_ts) + kd_by_ts),
-        growth=ki_ts if parallel else single(kp * ki_ts),
-        within=single(math.inf), again=single(math.inf),
+        ki_ts=ki_ts, kd_by_ts=kd_by_ts, now=single(single((kp if parallel else single(1.0)) + ki_ts) + kd_by_ts),
+        growth=ki_ts if parallel else single(kp * ki_ts), within=single(math.inf), again=single(math.inf),
     )
 
 

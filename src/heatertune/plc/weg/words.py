@@ -9,7 +9,7 @@ from typing import Final
 from heatertune.errors import OutOfRange
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc.ramp import Number
-from heatertune.plc.words import FORMATS, Scaling, WordField, Words, round_to_word
+from heatertune.plc.words import FORMATS, Scaling, WordField, Words, check_limits, round_to_word
 
 __all__ = [
     "ACADEMIC", "COUNTS", "DIRECT", "FIELDS", "PARALLEL", "REVERSE", "consistent", "design_of", "interval_s",
@@ -58,10 +58,9 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, Number]:  # noqa
     return {
         "Kp": round_to_word(_FIELD["Kp"], abs(design.gain_pct_per_degC), "a K nearer to 1 %/°C would fit"),
         "Ki": round_to_word(_FIELD["Ki"], 0.0 if math.isinf(tn) else 1.0 / tn, "a TN nearer to 1 s would fit"),
-        "Kd": round_to_word(_FIELD["Kd"], design.derivative_time_s, "a TV nearer to 1 s would fit"),
-        "TauSetPoint": 0.0, "MinimumOutput": 0.0, "MaximumOutput": 100.0,
-        "Type": ACADEMIC, "Action": REVERSE if design.gain_pct_per_degC < 0.0 else DIRECT,
-        "Ts": round(1000.0 * design.sample_time_s),
+        "Kd": round_to_word(_FIELD["Kd"], design.derivative_time_s, "a TV nearer to 1 s would fit"), "TauSetPoint": 0.0,
+        "MinimumOutput": 0.0, "MaximumOutput": 100.0, "Type": ACADEMIC,
+        "Action": REVERSE if design.gain_pct_per_degC < 0.0 else DIRECT, "Ts": round(1000.0 * design.sample_time_s),
     }
 
 
@@ -91,9 +90,7 @@ def consistent(words: Words) -> None:
     Raises:
         OutOfRange: limits that are upside down.
     """
-    v = words.values
-    if v["MinimumOutput"] > v["MaximumOutput"]:
-        raise OutOfRange("word MinimumOutput", v["MinimumOutput"], f"<= MaximumOutput = {v['MaximumOutput']:g}")
+    check_limits(words.values, "MinimumOutput", "MaximumOutput")
 
 
 def oddities(words: Words) -> tuple[str, ...]:

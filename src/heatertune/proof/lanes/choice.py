@@ -10,11 +10,12 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.compiled import bound, compile_function, worth_a_second
 from heatertune.plc.core import as_it_is, started_as_it_is
 from heatertune.plc.pwm import INSTANT_S, Actuator
 from heatertune.plc.single_precision import to_single
-from heatertune.proof.kernel import LoopBatch
+from heatertune.proof.kernel import LoopBatch, SetpointProgram, asked_now
 from heatertune.proof.lanes import passes as one
 from heatertune.proof.lanes import two_lags as two
 from heatertune.proof.lanes.passes import ROWS, ring_for, run_scan
@@ -23,11 +24,9 @@ from heatertune.proof.lanes.side_by_side import group, run_in_lanes, started_up
 from heatertune.proof.loop import LoopController
 from heatertune.proof.meter import Meter
 from heatertune.proof.scenario import Scenario
-from heatertune.proof.setpoint_program import SetpointProgram, asked_now
 
 __all__ = ["fits", "order_by_edges", "pays", "run_side_by_side"]
 
-Array = npt.NDArray[np.float64]
 
 #: scans from which on it pays to compile the loop once more: one after the other they take as long; and to load it
 _MOST: Final = 100_000_000

@@ -1,12 +1,9 @@
-"""What is done for 32 loops at once; each `for` over them is one that a compiler makes vector instructions of.
+"""The passes of 32 loops at once: each `for` over the loops is compiled to vector instructions.
 
-What a loop keeps in rows, and what all loops have in common.
-
-The edges under way to 32 heaters, PWM period by period in a ring.
-
-A heater of much dead time has many edges under way, but what it may feel next are those of few periods: begun no longer
-ago than the longest dead time of the 32, and no later than the shortest one lets any be felt. So it costs little, how
-long the dead times are, and much, how far they are apart.
+Also the state of a loop in rows, the values that all loops share, and the ring of edges on their way to the heaters,
+one PWM period per slot. A heater with a long dead time has many such edges, but only those of few periods can act
+next: started no longer ago than the longest dead time of the 32, and no later than the shortest. The cost therefore
+depends on the spread of the dead times, not on their length.
 """
 
 from __future__ import annotations
@@ -18,7 +15,7 @@ import numpy as np
 
 from heatertune.compiled.plain_functions import lane_parameters, law_loaded, law_stored, measure, step
 from heatertune.plc.pwm import Switches, on_time
-from heatertune.proof.kernel import HEAT, apply_event
+from heatertune.proof.kernel import HEAT, SetpointProgram, apply_event, asked_now, moves
 from heatertune.proof.lanes.rows import LANES, lanes_of, rows_of
 from heatertune.proof.meter import (
     PhaseStats,
@@ -32,66 +29,15 @@ from heatertune.proof.meter import (
     through,
 )
 from heatertune.proof.plant import CrossingSearch, Flow, Plant, factors
-from heatertune.proof.setpoint_program import SetpointProgram, asked_now, moves
 
 __all__ = [
-    "NEVER",
-    "ROWS",
-    "EdgeWindow",
-    "Edges",
-    "Inner",
-    "LaneCounts",
-    "LaneLag",
-    "LaneStretch",
-    "PhaseLimits",
-    "Point",
-    "Ring",
-    "ScanState",
-    "Second",
-    "StretchEnd",
-    "Under",
-    "begin_stretch",
-    "begun_at",
-    "cut_off",
-    "due_until",
-    "enter_ripple",
-    "flow_of",
-    "left_of",
-    "loaded_counts",
-    "loaded_edges",
-    "loaded_end",
-    "loaded_inner",
-    "loaded_line",
-    "loaded_point",
-    "loaded_rest",
-    "loaded_search",
-    "loaded_second",
-    "loaded_seen",
-    "loaded_stretch",
-    "loaded_under",
-    "measure",
-    "next_edge",
-    "next_edges",
-    "open_window",
-    "plant_of",
-    "quickly",
-    "ring_for",
-    "run_scan",
-    "step",
-    "stored_counts",
-    "stored_edges",
-    "stored_end",
-    "stored_inner",
-    "stored_line",
-    "stored_point",
-    "stored_rest",
-    "stored_search",
-    "stored_second",
-    "stored_seen",
-    "stored_stretch",
-    "stored_under",
-    "switch_period",
-    "switches",
+    "NEVER", "ROWS", "EdgeWindow", "Edges", "Inner", "LaneCounts", "LaneLag", "LaneStretch", "PhaseLimits", "Point",
+    "Ring", "ScanState", "Second", "StretchEnd", "Under", "begin_stretch", "begun_at", "cut_off", "due_until",
+    "enter_ripple", "flow_of", "left_of", "loaded_counts", "loaded_edges", "loaded_end", "loaded_inner", "loaded_line",
+    "loaded_point", "loaded_rest", "loaded_search", "loaded_second", "loaded_seen", "loaded_stretch", "loaded_under",
+    "measure", "next_edge", "next_edges", "open_window", "plant_of", "quickly", "ring_for", "run_scan", "step",
+    "stored_counts", "stored_edges", "stored_end", "stored_inner", "stored_line", "stored_point", "stored_rest",
+    "stored_search", "stored_second", "stored_seen", "stored_stretch", "stored_under", "switch_period", "switches",
     "toggled_power",
 ]
 

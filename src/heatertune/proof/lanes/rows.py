@@ -23,9 +23,7 @@ LANES: Final = 32
 #: fewer loops are run in so many steps of as many
 STEP: Final = 8
 
-_LOAD: Final = {
-    np.float32: "np.float32({0})", bool: "{0} != 0.0", int: "np.float64({0}).view(np.int64)", float: "{0}",
-}
+_LOAD: Final = {np.float32: "np.float32({0})", bool: "{0} != 0.0", int: "np.float64({0}).view(np.int64)", float: "{0}"}
 _STORE: Final = {bool: "1.0 if {0} else 0.0", int: "np.int64({0}).view(np.float64)"}
 
 

@@ -1,15 +1,10 @@
-"""The closed loop of `heatertune.proof.kernel` for 32 heaters of one lag side by side, the same bit for bit.
+"""The closed loop of `heatertune.proof.kernel` for 32 heaters of one lag at once, with bit-identical results.
 
-The state of each loop is a row of one flat array (`heatertune.proof.lanes.rows`), and each part of a scan is a plain
-`for` over the loops without a call or a jump, of which a compiler makes vector instructions; the text of controller,
-switch, heater and meter is that of the kernel. Scans, PWM periods and the PLC's supply are common to all. Edges come to
-the heaters at instants of their own: passes go on until none is due. What is rare (disturbances, the time at rest, a
-start-up) is left to the kernel's own functions, loop by loop.
-
-A pass without branches is one for all loops: what only some need is computed for all and chosen. So instants at which
-the temperature crosses a limit are looked for only in passes in which it does so in some loop.
-
-What is rare in a loop, done loop by loop by the kernel's own functions.
+The state of each loop is a row of one flat array (`heatertune.proof.lanes.rows`). Each part of a scan is a plain `for`
+over the loops without a call or a jump, which a compiler turns into vector instructions: what only some loops need is
+computed for all and selected. Scans, PWM periods and the supply of the PLC are common to all. Edges reach the heaters
+at their own instants: passes repeat until none is due, and only passes in which some loop crosses a limit look for the
+instant. Rare events (disturbances, rest, start-up) use the kernel's own functions, loop by loop.
 """
 
 from __future__ import annotations
@@ -22,6 +17,7 @@ from heatertune.plc.pwm import INSTANT_S, Switches
 from heatertune.proof.kernel import (
     HEAT,
     LoopBatch,
+    SetpointProgram,
     apart,
     apply_event,
     end_phase,
@@ -73,7 +69,6 @@ from heatertune.proof.lanes.rows import LANES, STEP, lanes_of
 from heatertune.proof.meter import FAULTS, LIMITED, SCANS, SWITCHINGS, Meter, Places, SteadyStateStats, close
 from heatertune.proof.meter import begin as seen_at
 from heatertune.proof.plant import advance_heater, factors, plant_from
-from heatertune.proof.setpoint_program import SetpointProgram
 
 __all__ = ["group", "loop_of", "meter_of", "run_in_lanes", "slowly", "start_loop", "started_up"]
 

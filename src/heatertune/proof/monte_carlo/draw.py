@@ -1,40 +1,9 @@
-"""A proof on many heaters: each sample one loop whose heater, mains, room, goods and sensor are drawn.
+"""A proof on many heaters: each sample is one loop with randomly drawn heater, mains, ambient, loads and sensor noise.
 
-Each sample lives through its story once under every setting of what the manual leaves open: a controller has one of
-them, whichever it is, and all of them are held against the same heaters.
-
-Sample number i of a run with seed S has the seed S + i, and all that is drawn for it comes from streams of Philox of
-that key (`heatertune.proof.monte_carlo.draw`, `heatertune.proof.monte_carlo.draw`). So a sample depends neither
-on how many there are
-nor on how many workers share them, and its seed alone brings it back, with its trace.
-
-What is drawn, each independently:
-
-- gain and lags: lognormal, the dead time normal, as wide as the fit's 95 % intervals (`pid.uncertain.spreads_of`),
-  around each candidate in turn; no dead time below what is believed;
-- mains voltage: even within ±10 %, the tolerance of the public supply (EN 50160); the power goes with its square. One
-  value for the whole run, for a sag that lasts is the one that counts; but where the story's mains fall or rise to an
-  end of that tolerance, they do so from there, and not by as much again; a cooler beside the heater, a fan or a valve,
-  is as strong as ever, as it is where the story's mains change;
-- ambient temperature: even within ±5 °C, the span between a cold morning and a hot afternoon in a hall (this project's
-  choice), the heater starting from it;
-- each temperature step and load: its size times an even factor of 0.5…1.5 (this project's choice); a load is a share
-  of the rated power, for goods and draughts know nothing of the mains;
-- sensor noise: Gaussian, as the scenario says;
-- delay of each scan: even within 0 and the jitter, none by default: some milliseconds are nothing to a heater;
-  the first one, with which the PWM begins, and the last one, with which the story ends, are not late.
-
-Philox4x32-10: random numbers of many keys at once, each a function of its key and its number alone.
-
-J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC11, 2011.
-
-Noise of the scans of many samples: standard normal numbers, each a function of its sample's seed and its scan alone.
-
-Four words of Philox4x32-10 (`heatertune.proof.monte_carlo.draw`, a stream of its own) make four numbers by Box and
-Muller's way:
-√(−2·ln u)·(cos, sin) of an even angle, u and the angle of 32 bits each, so none is beyond 6.8. All is written out in
-sums and products, as in `heatertune.heater.elementary`: the same bits compiled, where vector instructions draw several
-at once, and in plain Python.
+Sample i of a run with seed S has the seed S + i, and all its random numbers come from streams of Philox4x32-10 with
+that key (J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC11, 2011). A sample therefore depends
+neither on the number of samples nor of workers, and its seed alone reproduces it. Each sample runs once for every
+setting of the open points of a manual, with the same heater. The distributions are described at `SampleSpread`.
 """
 
 from __future__ import annotations
@@ -47,6 +16,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.compiled import compile_function, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.heater.elementary import logarithm
@@ -57,6 +27,7 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.processors import processors, threaded_list
 from heatertune.proof.criteria import LoopLimits
+from heatertune.proof.kernel import AS_TOLD
 from heatertune.proof.lanes.choice import fits, order_by_edges, pays
 from heatertune.proof.lanes.rows import LANES, STEP
 from heatertune.proof.loop import LoopController, actuator_of, in_loop, plant_row, scans_of, trace_run
@@ -64,7 +35,6 @@ from heatertune.proof.meter import Places
 from heatertune.proof.phase_statistics import CriterionTable, join_tables, reorder
 from heatertune.proof.runs import measure_runs
 from heatertune.proof.scenario import Disturbance, Load, Mains, Scenario, TemperatureStep
-from heatertune.proof.switch_edges import AS_TOLD
 from heatertune.proof.trace import Trace
 from heatertune.units import check
 
@@ -74,7 +44,6 @@ __all__ = [
 ]
 
 
-Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 
 _ROUNDS: Final = 10
@@ -96,8 +65,7 @@ def words(counter: tuple[Any, Any, Any, Any], key: tuple[Any, Any]) -> tuple[Any
     low, high = key
     for _ in range(_ROUNDS):
         first, second = _FIRST * a, _SECOND * c
-        a, b, c, d = (
-            (second >> 32 & _WORD) ^ b ^ low, second & _WORD, (first >> 32 & _WORD) ^ d ^ high, first & _WORD)
+        a, b, c, d = ((second >> 32 & _WORD) ^ b ^ low, second & _WORD, (first >> 32 & _WORD) ^ d ^ high, first & _WORD)
         low, high = low + _LOW & _WORD, high + _HIGH & _WORD
     return a, b, c, d
 
@@ -208,7 +176,20 @@ _LEAST: Final = 5  # samples that take as long one after the other as a step sid
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleSpread:
-    """How far samples differ, see the head of this file.
+    """How far samples differ. Everything is drawn independently.
+
+    - Gain and lags are lognormal and the dead time normal, as wide as the fit's 95 % intervals
+      (`heatertune.pid.search.robust`), around each candidate in turn.
+    - The mains voltage is uniform, by default within ±10 %, the tolerance of the public supply (EN 50160); power goes
+      with its square. It is one value for the whole run, because a sag that lasts is the severe one. Where the mains
+      of the test sequence change to an end of that tolerance, they do so from this value. A cooler is unaffected.
+    - The ambient temperature is uniform, by default within ±5 °C: a cold morning and a hot afternoon in a hall (this
+      project's choice). The heater starts from it.
+    - Each temperature step and load is multiplied by a uniform factor, by default 0.5…1.5 (this project's choice). A
+      load is a share of the rated power, whatever the mains.
+    - Sensor noise is Gaussian, as in the scenario.
+    - Each scan is late by a uniform time between 0 and the jitter, by default none; the first one, with which the PWM
+      begins, and the last one are on time.
 
     Attributes:
         heater: standard deviations of the logarithms of gain and lags, and of the dead time [s].
@@ -382,8 +363,7 @@ def measure(drawing: SampleRequest, limits: LoopLimits, count: int, *, seed: int
         places, (noise, late) = part.places, drawing.scans_of([seeds[place] for place in part.places], scans)
         cooling = drawing.cooling_of([seeds[place] for place in part.places])
         return join_tables([measure_runs(controller, rows[places], drawing.scenario, drawing.actuator, limits, noise,
-                                         late,
-                               sizes[places], cooling=cooling, side_by_side=part.side_by_side)
+                                         late, sizes[places], cooling=cooling, side_by_side=part.side_by_side)
                        for controller in differing.values()])
 
     # of settings that no run tells apart, one is run for all

@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.codec import encode
 from heatertune.proof.criteria import LoopLimits, columns_of
 from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, measure
@@ -17,7 +18,6 @@ from heatertune.units import check
 
 __all__ = ["SampleProof", "SampledSetting", "Spot", "hardest_setting", "prove_samples"]
 
-Array = npt.NDArray[np.float64]
 
 _AT_ONCE: Final = 10_000  # samples of which all is kept that was measured: some kilobytes each
 _NAMED: Final = 500  # runs that break a limit whose samples are named

@@ -9,11 +9,11 @@ from typing import Final
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.model.values import Candidate, FittedModel, HeaterModel
 from heatertune.processors import ProgressCallback
-from heatertune.proof import redesign_cost
 from heatertune.proof.design_request import DesignRequest, DesignResult
 from heatertune.proof.monte_carlo.quantiles import SampleProof
 from heatertune.proof.monte_carlo.run import drawing_for, with_samples
 from heatertune.proof.prove_words import prove
+from heatertune.proof.redesign.design_changes import costs, gains_told
 from heatertune.proof.redesign.redesign_search import closed_on_runs
 from heatertune.proof.redesign.suggestion import known_as, passes_told
 from heatertune.proof.repetition import made_again
@@ -163,9 +163,9 @@ def _changed(first: DesignResult, found: DesignResult, more: int) -> DesignResul
     """Return a design that was made for more heaters; it says so, and what that costs."""
     before, now = (samples_told(_drawn(each).to_document()) for each in (first, found))
     what = f"designed for {more} of them as well"
-    if found.proof.design and first.proof.design and (gains := redesign_cost.gains_told(first.ideal, found.ideal)):
+    if found.proof.design and first.proof.design and (gains := gains_told(first.ideal, found.ideal)):
         what = f"with {gains}, {what}"
-    note = f"As requested, {before}; {what}, of as many new ones, {now}; {redesign_cost.costs(first, found)}."
+    note = f"As requested, {before}; {what}, of as many new ones, {now}; {costs(first, found)}."
     return replace(_remarked(found, what.replace("them", "the drawn heaters")), notes=(note, *found.notes))
 
 

@@ -23,12 +23,12 @@ from heatertune.pid.search.feasible import Problem, keeps, largest_gain, search
 from heatertune.pid.tune import assessed_sampled
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Scaling, Words, controller_for
-from heatertune.plc.cooler import with_cooling
+from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import encode, loop_fit
 from heatertune.plc.single_precision import single
 from heatertune.plc.word_selection import choose_words
 from heatertune.processors import ProgressCallback
-from heatertune.proof import Proof, redesign_cost
+from heatertune.proof import Proof
 from heatertune.proof.design_request import Candidate, DesignRequest, DesignResult, plainly
 from heatertune.proof.long_outage import briefly, sums_up, winds_up
 from heatertune.proof.nearest_specification import settings_told
@@ -36,8 +36,12 @@ from heatertune.proof.prove_words import tune_settings_for
 from heatertune.proof.redesign.design_changes import (
     OF_WINDUP,
     DesignChange,
+    broken,
+    change_sentence,
     default_changes,
     design_changes,
+    gains_told,
+    more_iae,
     output_limits,
     shorter_intervals,
     unwinds,
@@ -50,9 +54,7 @@ from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.worst_runs import NOTICEABLE, RunScreen, WorstRuns
 from heatertune.settings import Conditions, TuneSettings
 
-__all__ = [
-    "GainFamily", "GainPoint", "GainSearch", "RedesignSearch", "boosts", "closed_on_runs", "find_passing_design",
-]
+__all__ = ["GainFamily", "GainPoint", "GainSearch", "RedesignSearch", "boosts", "closed_on_runs", "find_passing_design"]
 
 
 #: of the distance at which the P part alone asks for full power: nearer, the I part has less time to wind up, but more
@@ -295,8 +297,7 @@ class GainSearch:
         self.request = asked = self.search.request_within(self.frame)
         self.family = GainFamily.of(
             self.search.first.ideal, self.search.fitted_model, tune_settings_for(asked.tune_settings, asked.conditions),
-            asked.target,
-            asked.scaling or Scaling())
+            asked.target, asked.scaling or Scaling())
 
     def cheapest(self) -> DesignResult | None:
         """Return the cheapest that passes; None where none does, or where the frame helps too little to look on."""
@@ -457,7 +458,7 @@ class RedesignSearch:
         What helps without passing stays for what follows. A search that is not done within its budget ends with the
         best so far, and says so.
         """
-        more = partial(redesign_cost.more_iae, self.first)
+        more = partial(more_iae, self.first)
         with self.budget:
             for mended in () if sums_up(self.first.proof.diagnostics) else self._mended():
                 self.dear.append(mended)
@@ -530,7 +531,7 @@ class RedesignSearch:
             return None
         if sooner and self.interval_given:
             return None
-        why = "what passes winds up in a long open circuit" if wound else f"{redesign_cost.broken(self.first)} fails"
+        why = "what passes winds up in a long open circuit" if wound else f"{broken(self.first)} fails"
         self.progress(f"{why}: trying a boost with other gains")
         self.screen = self.screen.with_nights(each.proof for _, each in wound)
         helped = DesignChange() if self.best is None else self.best.frame
@@ -605,7 +606,7 @@ class RedesignSearch:
             yield helped.with_(frame)
 
     def _changed(self, whole: DesignChange) -> DesignResult | None:
-        self.progress(f"{redesign_cost.broken(self.first)} fails: trying {self.summary(whole) or 'other gains'}")
+        self.progress(f"{broken(self.first)} fails: trying {self.summary(whole) or 'other gains'}")
         return self.within(whole)
 
     def summary(self, frame: DesignChange) -> str:
@@ -619,13 +620,12 @@ class RedesignSearch:
             return
         hanging = settings_told(self.first.proof, "the optimum")
         yield from hanging
-        if not hanging and redesign_cost.more_iae(self.first,
-                                                  mended) > _DEAR and (told := self._cheaper_setting(mended)):
+        if not hanging and more_iae(self.first, mended) > _DEAR and (told := self._cheaper_setting(mended)):
             yield f"It {told}."
 
     def _cheaper_setting(self, mended: DesignResult) -> str:
         """Return what is told of a setting of an open point with which a cheaper design passes; "" where none does."""
-        more = partial(redesign_cost.more_iae, self.first)
+        more = partial(more_iae, self.first)
         wound = min((found for _, found in self.wound), key=more, default=None)
         with SearchBudget():
             for found in filter(None, (self.first, wound)):
@@ -687,14 +687,14 @@ class RedesignSearch:
             self.watch_failed_runs(tried.proof)
             return None
         held = "" if (hold := tried.proof.hold_degC) is None else f"a holdback of {hold:.3g} °C"
-        gains = redesign_cost.gains_told(self.first.ideal, made[0]) if tried.proof.design else ""
+        gains = gains_told(self.first.ideal, made[0]) if tried.proof.design else ""
         what = " and ".join(filter(None, (gains, self.summary(frame), held))) + ("" if boost is None else f" ({boost})")
         heard = tried.proof.diagnostics
         proof = replace(tried.proof, diagnostics=replace(heard, remarks=(*heard.remarks, f"with {what}")))
         refined = self.request.refined and by is self.first.choice
         recipe = replace(tried.recipe, power_most_pct=frame.power_most_pct, refined=refined)
         mended = replace(tried, proof=proof, recipe=recipe,
-                         notes=(redesign_cost.change_sentence(self.first, tried, what), *tried.notes))
+                         notes=(change_sentence(self.first, tried, what), *tried.notes))
         if winds_up(heard):
             self.wound.append((frame, mended))
         if not briefly(heard):

@@ -16,7 +16,6 @@ from heatertune.model.values import FittedModel
 from heatertune.plc import controller_for
 from heatertune.plc.targets import REPAIRED
 from heatertune.processors import ProgressCallback
-from heatertune.proof import redesign_cost
 from heatertune.proof.design_request import DesignRequest, DesignResult, plainly
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.long_outage import OF_RANGE, briefly, unmended, winds_up, wound
@@ -33,7 +32,7 @@ from heatertune.proof.nearest_specification import (
     within_reach,
 )
 from heatertune.proof.proof import Proof
-from heatertune.proof.redesign.design_changes import COARSE, calmest_pwm
+from heatertune.proof.redesign.design_changes import COARSE, broken, calmest_pwm
 from heatertune.proof.scenario import NewSetpoint
 from heatertune.proof.search_budget import SearchBudget
 from heatertune.proof.verdict import BREAKS_NONE
@@ -183,7 +182,7 @@ class Suggestion:
         target = REPAIRED.get(self.request.target)
         if target is None:
             return ()
-        self.progress(f"{redesign_cost.broken(self.first)} fails: trying the repaired version of the program, {target}")
+        self.progress(f"{broken(self.first)} fails: trying the repaired version of the program, {target}")
         try:
             other = self.close(self.fitted_model, replace(self.request, target=target), progress=self.progress)
         except HeatertuneError:  # what was asked for is of the other alone
@@ -227,7 +226,7 @@ class Suggestion:
         if not settings:
             return None
         asked, options = known_as(self.request, settings)
-        self.progress(f"{redesign_cost.broken(self.first)} fails: trying {' '.join(options)}")
+        self.progress(f"{broken(self.first)} fails: trying {' '.join(options)}")
         other = self.close(self.fitted_model, asked, progress=self.progress)
         return None if other.proof.verdict == "FAIL" or winds_up(other.proof.diagnostics) else (other, options)
 
@@ -315,7 +314,7 @@ class Suggestion:
         options, asked = free_request(self.request)
         if not options or not self.freeing:
             return ()
-        self.progress(f"{redesign_cost.broken(self.first)} fails: trying {' '.join(options)}")
+        self.progress(f"{broken(self.first)} fails: trying {' '.join(options)}")
         try:
             other = self.close(self.fitted_model, asked, progress=self.progress)
         except HeatertuneError:  # there is no such design
@@ -336,7 +335,7 @@ class Suggestion:
             try:
                 if not screen.keeps(words, replace(self.first.conditions, setpoint_degC=setpoint)):
                     continue
-                self.progress(f"{redesign_cost.broken(self.first)} fails: trying a setpoint of {setpoint:g} °C")
+                self.progress(f"{broken(self.first)} fails: trying a setpoint of {setpoint:g} °C")
                 asked = replace(self.request, setpoint_ramp=self.request.setpoint_ramp or "none", conditions=lower)
                 found = plainly(self.fitted_model, asked, text=False, progress=self.progress)
             except HeatertuneError:  # there the heater cannot be held, or the sensor does not see it
@@ -350,7 +349,7 @@ class Suggestion:
         looser = limits_above(self.first.proof.criteria)
         if not looser or not within_reach(looser, self.first.proof, self.fitted_model, self.first.conditions):
             return ()
-        self.progress(f"{redesign_cost.broken(self.first)} fails: trying wider limits")
+        self.progress(f"{broken(self.first)} fails: trying wider limits")
         asked = replace(self.request, setpoint_ramp=self.request.setpoint_ramp or "none",
                         conditions=loosen_conditions(self.request.conditions, looser))
         return self._taken(

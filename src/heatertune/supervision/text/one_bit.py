@@ -11,8 +11,7 @@ from typing import Final
 import numpy as np
 
 from heatertune.compiled import compile_function
-from heatertune.plc.cpu.one_bit.assembler import Names, OneBitProgram, assemble, disassemble
-from heatertune.plc.cpu.one_bit.machine import START, Wiring, scan
+from heatertune.plc.cpu.one_bit.machine import START, Names, OneBitProgram, Wiring, assemble, disassemble, scan
 from heatertune.supervision.faulty_loops import Ran
 from heatertune.supervision.monitor import STATE, Numbers, alarms
 

@@ -12,7 +12,7 @@ import numpy as np
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.plc import Words
-from heatertune.plc.cpu.s7_200.cycle import cycle_ms
+from heatertune.plc.cpu.s7_200.io_and_cycle import cycle_ms
 from heatertune.plc.s7_200_pid.words import FULL
 from heatertune.supervision.faulty_loops import Card, Ran
 from heatertune.supervision.monitor import ALARMS, STATE, Numbers, alarms

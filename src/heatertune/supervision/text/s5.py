@@ -146,7 +146,7 @@ def _sum(printer: _S5MonitorPrinter) -> Iterator[str]:
 
 
 class S5Text:
-    """The listing in its CPU, see `heatertune.supervision.text.program_check.Text`."""
+    """The listing in its CPU, see `heatertune.supervision.text.program_check.LoadedText`."""
 
     def __init__(self, listing: str) -> None:
         """Load it; raise InputError where it has what the CPU does not know."""

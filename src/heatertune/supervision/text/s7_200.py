@@ -109,7 +109,7 @@ def _percent(cycle_ms: int, power: str) -> Iterator[Network]:
 
 
 class S7200Text:
-    """The subroutines in their CPU, see `heatertune.supervision.text.program_check.Text`."""
+    """The subroutines in their CPU, see `heatertune.supervision.text.program_check.LoadedText`."""
 
     def __init__(self, text: str, statements: Statements, target: str, per_count: int, cycle_ms: int) -> None:
         """Load them; raise InputError where they have what the CPU does not know."""

@@ -7,8 +7,7 @@ from typing import Final
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300 import source as awl
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE
-from heatertune.plc.cpu.s7_300.machine import S7300Cpu
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, S7300Cpu
 from heatertune.plc.print.statements import Set
 from heatertune.plc.print.stl import S7300Printer
 from heatertune.plc.single_precision import word_of
@@ -88,9 +87,8 @@ def _block(statements: Statements, real: bool) -> Iterator[str]:
         f"FUNCTION_BLOCK FB {_NUMBER}", "TITLE =monitor of the heater; it does not replace a thermal cut-out",
         "VERSION : 0.1", "VAR_INPUT", "  PV : INT ;  // analog value", f"  OUT : {kind[0]} ;  // {kind[1]}", "END_VAR",
         "VAR_OUTPUT", *_declared(OUTPUTS), "END_VAR", "VAR", *_declared({**INPUTS, **statements.cells}), "END_VAR",
-        "BEGIN", "NETWORK", "TITLE =reading and power in whole percent",
-        "      L     #PV;", "      ITD   ;", "      T     #READING;",
-        *(_PERCENT_OF_REAL if real else _PERCENT_OF_INT).splitlines())
+        "BEGIN", "NETWORK", "TITLE =reading and power in whole percent", "      L     #PV;", "      ITD   ;",
+        "      T     #READING;", *(_PERCENT_OF_REAL if real else _PERCENT_OF_INT).splitlines())
     for group in statements.each_call:
         yield from ("NETWORK", f"TITLE ={group.title}", *printer.print_group(group))
     yield from ("NETWORK", "TITLE =is a block over?", printer.next("L", "#IN_BLOCK"),
@@ -110,7 +108,7 @@ def _instance() -> list[str]:
 
 
 class S7300Text:
-    """The source in its CPU, see `heatertune.supervision.text.program_check.Text`."""
+    """The source in its CPU, see `heatertune.supervision.text.program_check.LoadedText`."""
 
     def __init__(self, source: str, *, real: bool) -> None:
         """Load it; raise InputError where it has what the CPU does not know."""

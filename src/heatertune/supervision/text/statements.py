@@ -14,16 +14,7 @@ from heatertune.errors import InputError
 from heatertune.plc.print.statements import Group, if_
 from heatertune.supervision.monitor import ALARMS, Numbers
 
-__all__ = [
-    "INPUTS",
-    "MARGIN",
-    "OUTPUTS",
-    "WIDE",
-    "Statements",
-    "alarms_told",
-    "check_reach",
-    "statements_of",
-]
+__all__ = ["INPUTS", "MARGIN", "OUTPUTS", "WIDE", "Statements", "alarms_told", "check_reach", "statements_of"]
 
 
 #: what the monitor is given, what it gives

@@ -57,8 +57,7 @@ def written(statements: Statements, head: list[str], *, low_degC: float, step_de
         f"{''.join(map(_printed, statements.each_call))}"
         f"  IF In_Block >= {statements.block} THEN\n{_indented(''.join(map(_printed, statements.each_block)))}"
         "  END_IF;\nEND_IF;\n")
-    return (comment(*head, *_by_hand())
-            + function_block(BlockSource(_NAME, declarations, body)))
+    return (comment(*head, *_by_hand()) + function_block(BlockSource(_NAME, declarations, body)))
 
 
 def _by_hand() -> list[str]:
@@ -92,7 +91,7 @@ def _indented(lines: str) -> str:
 
 
 class StructuredText:
-    """The block in a machine for structured text, see `heatertune.supervision.text.program_check.Text`."""
+    """The block in a machine for structured text, see `heatertune.supervision.text.program_check.LoadedText`."""
 
     def __init__(self, text: str, *, low_degC: float, step_degC: float) -> None:
         """Load it; raise InputError where it has what the machine does not know."""

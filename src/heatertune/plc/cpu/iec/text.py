@@ -15,26 +15,12 @@ from typing import Final, NamedTuple
 from heatertune.errors import InputError
 
 __all__ = [
-    "Arm",
-    "Assignment",
-    "Branches",
-    "Call",
-    "Expression",
-    "Literal",
-    "Name",
-    "Operation",
-    "ProgramUnit",
-    "Statement",
-    "Value",
-    "Variable",
-    "body_of",
-    "literal",
-    "units",
+    "Arm", "Assignment", "Branches", "Call", "Expression", "Literal", "Name", "Operation", "ProgramUnit", "Statement",
+    "Value", "Variable", "body_of", "literal", "units",
 ]
 
 #: weakest first; all of them go from left to right
-_INFIX: Final = (
-    ("OR",), ("AND",), ("=", "<>"), ("<", ">", "<=", ">="), ("+", "-"), ("*", "/", "MOD"))
+_INFIX: Final = (("OR",), ("AND",), ("=", "<>"), ("<", ">", "<=", ">="), ("+", "-"), ("*", "/", "MOD"))
 _FUNCTIONS: Final = ("ABS", "TRUNC", "DINT_TO_REAL", "UINT_TO_REAL", "TIME_TO_REAL")
 _SECTIONS: Final = ("VAR_INPUT", "VAR_OUTPUT", "VAR")
 _KINDS: Final = ("FUNCTION_BLOCK", "PROGRAM")

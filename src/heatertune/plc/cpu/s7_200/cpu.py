@@ -1,16 +1,11 @@
-"""An S7-200 at work: a block of an assembled program, carried out on its memory.
+"""An S7-200 CPU: its instructions, and a block of an assembled program run on its memory.
 
-Followed: S7-200 System Manual C79000-G7076-C233-01, chapters 5 (memory) and 9 (instructions). Plain functions of
-numbers and bytes, run as they are or compiled with the loop they stand in, the same bit for bit.
+Source: S7-200 System Manual C79000-G7076-C233-01, chapters 5 (memory) and 9; integer instructions pp. 9-70 to 9-77,
+REAL and PID pp. 9-76 and 9-84 to 9-91. Plain functions of numbers and bytes, run as they are or compiled,
+bit-identical.
 
-Integer instructions of the S7-200 (System Manual C79000-G7076-C233-01, pp. 9-70 to 9-77): widths and overflow.
-
-Words and double words are signed Python integers. The sums return the result and whether SM1.1 (overflow) is set; an
-overflow leaves the output operand as it was or, with `wrap`, writes the wrapped result.
-
-The numbers by which assembler and CPU know the instructions, grouped as the CPU tells them apart.
-
-REAL and PID instructions of an S7-200 (System Manual C79000-G7076-C233-01, pp. 9-76 and 9-84 to 9-91).
+Words and double words are signed. Sums return the result and SM1.1 (overflow); on overflow the output operand is
+unchanged or, with `wrap`, wrapped.
 """
 
 from __future__ import annotations
@@ -39,57 +34,14 @@ from heatertune.plc.cpu.s7_200.memory import (
 from heatertune.plc.single_precision import divide_single, real_of, single
 
 __all__ = [
-    "ADD_D",
-    "ADD_W",
-    "AND_D",
-    "ASSIGN",
-    "ATCH",
-    "CALL",
-    "CRETI",
-    "DIV",
-    "DIV_R",
-    "DTCH",
-    "DTR",
-    "END",
-    "ENI",
-    "ITD",
-    "LAST_LOAD",
-    "LAST_MOVE",
-    "LAST_REAL",
-    "LAST_SHIFT",
-    "LAST_SUM",
-    "LD",
-    "LDD",
-    "LDR",
-    "LDW",
-    "MOV_B",
-    "MOV_D",
-    "MOV_W",
-    "MUL",
-    "MUL_R",
-    "PID",
-    "PLS",
-    "RELATIONS",
-    "ROUND",
-    "ROW",
-    "SET",
-    "SHIFT_D",
-    "SUB_D",
-    "SUB_W",
-    "XOR_D",
-    "S7200Program",
-    "add_integers",
-    "calculate",
-    "carry_out",
-    "divide_integers",
-    "flag",
-    "high_word",
-    "multiply_integers",
-    "to_signed",
+    "ADD_D", "ADD_W", "AND_D", "ASSIGN", "ATCH", "CALL", "CRETI", "DIV", "DIV_R", "DTCH", "DTR", "END", "ENI", "ITD",
+    "LAST_LOAD", "LAST_MOVE", "LAST_REAL", "LAST_SHIFT", "LAST_SUM", "LD", "LDD", "LDR", "LDW", "MOV_B", "MOV_D",
+    "MOV_W", "MUL", "MUL_R", "PID", "PLS", "RELATIONS", "ROUND", "ROW", "SET", "SHIFT_D", "SUB_D", "SUB_W", "XOR_D",
+    "S7200Program", "add_integers", "calculate", "carry_out", "divide_integers", "flag", "high_word",
+    "multiply_integers", "to_signed",
 ]
 
 
-_WORD: Final = 1 << 16
 
 
 def to_signed(value: int, bits: int) -> int:

@@ -1,11 +1,8 @@
-"""Numbers in the memory of an S7-200, high byte first; words and double words are signed.
+"""The memory of an S7-200: addresses, and numbers (high byte first; words and double words are signed).
 
-Plain functions of numbers and bytes, which run compiled too.
-
-Addresses of an S7-200: name → place in one memory (System Manual C79000-G7076-C233-01, chapter 5).
-
-V, SM, I and Q words hold their high byte first; byte and word access to an accumulator means its low end. Behind the
-areas lies what the CPU keeps for itself and no instruction addresses.
+Source: System Manual C79000-G7076-C233-01, chapter 5. All areas share one array; byte and word access to an
+accumulator is to its low end. Behind the areas lies internal state of the CPU that no instruction addresses. Plain
+functions of numbers and bytes, which can be compiled.
 """
 
 from __future__ import annotations
@@ -17,29 +14,8 @@ from typing import Final, NamedTuple
 from heatertune.plc.single_precision import real_of, word_of
 
 __all__ = [
-    "ATTACHED",
-    "BEGUN",
-    "CYCLE",
-    "ENABLED",
-    "EVENTS",
-    "FAULTS",
-    "PULSED",
-    "SIZE",
-    "V_BEGIN",
-    "V_END",
-    "WHOLE",
-    "WIDTH",
-    "MemoryCell",
-    "bit",
-    "cell",
-    "constant",
-    "double",
-    "number",
-    "put_double",
-    "put_real",
-    "put_word",
-    "real",
-    "word",
+    "ATTACHED", "BEGUN", "CYCLE", "ENABLED", "EVENTS", "FAULTS", "PULSED", "SIZE", "V_BEGIN", "V_END", "WHOLE", "WIDTH",
+    "MemoryCell", "bit", "cell", "constant", "double", "number", "put_double", "put_real", "put_word", "real", "word",
     "write_number",
 ]
 

@@ -1,21 +1,12 @@
-"""A CPU that runs STL source: the statements that heatertune's own programs use, and no others.
+"""An S7-300 CPU that runs STL source: the statements that heatertune's own programs use, and no others.
 
-Accumulators hold 32 bits; what they mean, a statement says. OS is set by a REAL result that is no normal number, and
-cleared by JOS (Statement List for S7-300 and S7-400, reference manual).
+Holds the timer and analog modules (CPU 31x manual), REAL arithmetic with the status bit OS, the translation of
+statements to a Python function, and the bytes of a data block (high byte first, words by absolute address).
 
-REAL as an S7-300/400 computes it, with the status bit OS.
-
-Source: Statement List (STL) for S7-300 and S7-400, reference manual, floating-point math instructions: a result beyond
-the largest number is infinite, a result too small to be a normal number is 0, an undefined one is not a number; each of
-these sets OV and OS.
-
-The statements of the S7-300 as text of a Python function, see `heatertune.plc.cpu.statements`.
-
-An accumulator holds 32 bits, and most of what stands in one is a REAL. What a statement makes has a local name of its
-own, as bits or as a number; it becomes the other one where a statement asks for that, and the accumulators themselves
-are written where another part reads them.
-
-The bytes of a data block, high byte first: words by their absolute addresses.
+Source: Statement List (STL) for S7-300 and S7-400, reference manual. A REAL result beyond the largest number is
+infinite, one too small for a normal number is 0, an undefined one is not a number; each sets OV and OS, and JOS clears
+OS. Accumulators hold 32 bits, and the statement decides what they mean: the translation keeps bits and numbers in
+local variables and converts only where a statement needs the other form.
 """
 
 from __future__ import annotations
@@ -29,6 +20,7 @@ from struct import Struct
 from typing import Any, Final, Literal, NamedTuple
 
 from heatertune.errors import InputError
+from heatertune.pid.values import Timer
 from heatertune.plc.cpu.s7_300.source import (
     LAST,
     MemberPlace,
@@ -41,13 +33,35 @@ from heatertune.plc.cpu.s7_300.source import (
     statements,
 )
 from heatertune.plc.cpu.statements import Accumulators, Run, StatementLine, Translation
+from heatertune.plc.inputs import FOUR_TO_TWENTY, Range
 from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import divide_single, single
 from heatertune.plc.words import WordField
 
 __all__ = [
-    "BlockCall", "Firmware", "S7300Cpu", "TranslatedBlock", "clamp", "place", "quotient", "read", "real",
+    "FULL_SCALE", "INPUT_S", "RANGES", "TICK_S", "TIMER", "BlockCall", "Firmware", "S7300Cpu", "TranslatedBlock",
+    "clamp", "place", "quotient", "read", "real",
 ]
+
+
+#: analog value at the upper end of a module's nominal range
+FULL_SCALE: Final = 27648
+
+#: until an analog value is new: SM 331, eight channels at 50 Hz with wire-break check, 22 ms and 10 ms each (module
+#: data A5E00105505); OB35 reads it and writes the output directly, by L PIW and T PQB, whatever the cycle of OB1 [s]
+INPUT_S: Final = 8 * (0.022 + 0.010)
+
+#: 4 mA is 0; thermocouples and resistance thermometers give 0.1 °C per digit, in the climatic range 0.01 °C
+RANGES: Final = {
+    FOUR_TO_TWENTY: Range(), "thermocouple": Range(high_degC=2764.8), "rtd": Range(high_degC=2764.8),
+    "rtd-climatic": Range(high_degC=276.48),
+}
+
+#: OB35 is called every 1 ms to 1 min
+TIMER: Final = Timer(shortest_s=0.001, longest_s=60.0, step_s=0.001)
+
+#: OB35 as the exported program ticks where nobody asks for more: a half-wave of 50 Hz mains
+TICK_S: Final = 0.01
 
 
 _LEAST_NORMAL: Final = 2.0**-126

@@ -1,11 +1,10 @@
 """The program around a controller's block, in STL: restart, clock, broken sensor, setpoint, manual, switch.
 
-OB35 ticks; every so many ticks it calls the controller, and each tick the PWM. A broken sensor, or another interval of
-OB35 than the proof's, puts the heater off at once, and the controller begins anew afterwards, as after a restart.
+OB35 runs at the resolution of the proven PWM; it calls the PWM at each tick and the controller every so many ticks. If
+the sensor is broken, or OB35 has another interval than in the proof, the heater is off at once, and the controller
+starts afterwards as after a restart.
 
-How the heater is switched: by a PWM block of the export's own, by FB43 PULSEGEN, or behind an analog output.
-
-OB35 ticks at the resolution of the PWM that was proven; every so many ticks it calls the controller.
+The heater is switched by a PWM block of the export, by FB43 PULSEGEN, or behind an analog output.
 """
 
 from __future__ import annotations
@@ -16,11 +15,10 @@ from typing import Final, NamedTuple
 
 from heatertune.plc.core import count
 from heatertune.plc.cpu.s7_300 import source as awl
-from heatertune.plc.cpu.s7_300.hardware import FULL_SCALE, RANGES
+from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, RANGES
 from heatertune.plc.cpu.s7_300.source import BlockMember, values
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
-from heatertune.plc.print.parts import setpoint_ramp
-from heatertune.plc.print.statements import renamed
+from heatertune.plc.print.statements import renamed, setpoint_ramp
 from heatertune.plc.print.stl import S7300Printer
 from heatertune.plc.pwm import Actuator, pulse_ends
 from heatertune.plc.ramp import Number, Ramp
@@ -28,21 +26,8 @@ from heatertune.plc.single_precision import real_of, word_of
 from heatertune.plc.words import Certificate, Words
 
 __all__ = [
-    "ANALOG",
-    "DATA",
-    "LEAST",
-    "OWN",
-    "PULSEGEN",
-    "PWM_DATA",
-    "BlockProgram",
-    "PwmSource",
-    "by_hand",
-    "counts_of",
-    "like",
-    "pwm_block",
-    "pwm_members",
-    "pwm_source",
-    "whole_number",
+    "ANALOG", "DATA", "LEAST", "OWN", "PULSEGEN", "PWM_DATA", "BlockProgram", "PwmSource", "by_hand", "counts_of",
+    "like", "pwm_block", "pwm_members", "pwm_source", "whole_number",
 ]
 
 
@@ -239,11 +224,9 @@ def pwm_block(number: int, data: int, switch: PwmSource, *, real: bool) -> list[
     body = _STATEMENTS.format(t=kind[0], count=_COUNT_OF_REALS if real else _COUNT_OF_INTS)
     return [
         f"FUNCTION_BLOCK FB {number}", "TITLE =PWM of the heater, called each tick: nearest count, halves up",
-        "VERSION : 0.1",
-        *declared.splitlines(), *(_OF_REALS.splitlines() if real else []), "BEGIN", *body.splitlines(),
-        "END_FUNCTION_BLOCK", "",
-        f"DATA_BLOCK DB {data}", "TITLE =instance of the heater's PWM", "VERSION : 0.1", f"FB {number}", "BEGIN",
-        *values(pwm_members(switch, real=real)), "END_DATA_BLOCK", "",
+        "VERSION : 0.1", *declared.splitlines(), *(_OF_REALS.splitlines() if real else []), "BEGIN", *body.splitlines(),
+        "END_FUNCTION_BLOCK", "", f"DATA_BLOCK DB {data}", "TITLE =instance of the heater's PWM", "VERSION : 0.1",
+        f"FB {number}", "BEGIN", *values(pwm_members(switch, real=real)), "END_DATA_BLOCK", "",
     ]
 
 
@@ -252,9 +235,8 @@ def pwm_members(switch: PwmSource, *, real: bool) -> list[BlockMember]:
     kind = "REAL" if real else "INT"
     return [
         BlockMember("POWER", kind, 0, ""), BlockMember("HEAT", "BOOL", 0, ""),
-        BlockMember("PERIOD", "DINT", switch.per_period, ""),
-        BlockMember("LEAST", kind, switch.least, ""), BlockMember("MOST", kind, switch.most, ""),
-        BlockMember("TICK", "DINT", 0, ""),
+        BlockMember("PERIOD", "DINT", switch.per_period, ""), BlockMember("LEAST", kind, switch.least, ""),
+        BlockMember("MOST", kind, switch.most, ""), BlockMember("TICK", "DINT", 0, ""),
         BlockMember("COUNT", "DINT", 0, ""),
     ]
 
@@ -365,27 +347,21 @@ class BlockProgram:
             "ORGANIZATION_BLOCK OB 35", "TITLE =cyclic interrupt: one tick", "VERSION : 0.1", *_TOLD.splitlines(),
             *(f"  {each} ;" for each in self.temporaries),
             *([] if self.ramp is None else [f"  {each} ;" for each in _RAMP_TEMPORARIES]), "END_VAR", "BEGIN",
-            "NETWORK", "TITLE =is this the interval of the proof?",
-            "      L     #OB35_EXC_FREQ;", f"      L     {at['TICK_MS']};", "      <>I   ;",
-            f"      =     {at['WRONG_CLOCK']};", "      JC    off;",
+            "NETWORK", "TITLE =is this the interval of the proof?", "      L     #OB35_EXC_FREQ;",
+            f"      L     {at['TICK_MS']};", "      <>I   ;", f"      =     {at['WRONG_CLOCK']};", "      JC    off;",
             "NETWORK", f"TITLE =a broken wire reads 32767 or {low}: heater off, begin anew when it is back",
             "      L     PIW 256;", "      T     #reading;", "      L     32767;", "      ==I   ;",
-            f"      =     {at['FAULT']};", "      JC    off;",
-            "      L     #reading;", *broken, f"      =     {at['FAULT']};",
-            "      JCN   good;", f"off:  CALL  FC {_ANEW};", "      BEU   ;",
-            "NETWORK", "TITLE =is the controller due?",
-            f"good: L     {at['TICKS']};", "      L     L#0;", "      >D    ;", "      JC    wait;",
-            f"      A     {at['AUTO']};", "      JC    auto;",
-            "NETWORK", "TITLE =manual", *self.manual(at),
-            *self._begins_again, "      JU    turn;",
-            "NETWORK", "TITLE =automatic", "auto: NOP   0;", *self._led,
-            "NETWORK", "TITLE =one call of the controller", "turn: NOP   0;", *self.call(at),
-            f"      L     {self.output};", f"      T     {at['POWER']};",
-            "NETWORK", "TITLE =ticks to the next call",
+            f"      =     {at['FAULT']};", "      JC    off;", "      L     #reading;", *broken,
+            f"      =     {at['FAULT']};", "      JCN   good;", f"off:  CALL  FC {_ANEW};", "      BEU   ;", "NETWORK",
+            "TITLE =is the controller due?", f"good: L     {at['TICKS']};", "      L     L#0;", "      >D    ;",
+            "      JC    wait;", f"      A     {at['AUTO']};", "      JC    auto;", "NETWORK", "TITLE =manual",
+            *self.manual(at), *self._begins_again, "      JU    turn;", "NETWORK", "TITLE =automatic", "auto: NOP   0;",
+            *self._led, "NETWORK", "TITLE =one call of the controller", "turn: NOP   0;", *self.call(at),
+            f"      L     {self.output};", f"      T     {at['POWER']};", "NETWORK", "TITLE =ticks to the next call",
             f"wait: L     {at['TICKS']};", "      L     L#1;", "      +D    ;", f"      T     {at['TICKS']};",
             f"      L     {at['PER_CALL']};", "      <D    ;", "      JC    out;", "      L     L#0;",
-            f"      T     {at['TICKS']};",
-            "NETWORK", "TITLE =the heater's switch", "out:  NOP   0;", *self._switched, "END_ORGANIZATION_BLOCK",
+            f"      T     {at['TICKS']};", "NETWORK", "TITLE =the heater's switch", "out:  NOP   0;", *self._switched,
+            "END_ORGANIZATION_BLOCK",
         ]
 
     @property
@@ -449,10 +425,9 @@ class BlockProgram:
         temporaries = {name: f"#{name.lower()}" for name in ("READING", "SIZE", "AHEAD", "BACK", "END")}
         printer = S7300Printer({**at, **temporaries}, words=("READING", *_RAMP.values()))
         return [f"      A     {at['BEGUN']};", "      JC    go;", "      L     #reading;",
-                f"      T     {at['LED']};  // setpoint ramp begins at the reading",
-                f"      L     {self.ramp.calls};", f"      T     {at['COUNTDOWN']};", "      SET   ;",
-                f"      =     {at['BEGUN']};", "go:   NOP   0;", *printer.print_groups(moves),
-                printer.next("NOP", "0")]
+                f"      T     {at['LED']};  // setpoint ramp begins at the reading", f"      L     {self.ramp.calls};",
+                f"      T     {at['COUNTDOWN']};", "      SET   ;", f"      =     {at['BEGUN']};", "go:   NOP   0;",
+                *printer.print_groups(moves), printer.next("NOP", "0")]
 
     @property
     def _switched(self) -> list[str]:

@@ -73,9 +73,7 @@ class _BlockText(NamedTuple):
     number: int | None
     members: list[_AwlAssignments]
 
-def read_source(
-    text: str, fields: Sequence[WordField], source: str, export: Callable[[Words, str], str]
-) -> ReadBack:
+def read_source(text: str, fields: Sequence[WordField], source: str, export: Callable[[Words, str], str]) -> ReadBack:
     """Return the words in the one data block of a source that has them, and what else it assigns.
 
     What a statement outside loads into the same block (L …; T DBn.DBDm;) must be the same.
@@ -172,9 +170,7 @@ def _members(code: str, line: int, source: str) -> Iterator[_AwlAssignments]:
         raise wrong(source, line, "member", rest, "NAME := VALUE ;")
 
 
-def _transferred(
-    text: str, block: _BlockText, fields: Sequence[WordField]
-) -> Iterator[tuple[int, WordField, str]]:
+def _transferred(text: str, block: _BlockText, fields: Sequence[WordField]) -> Iterator[tuple[int, WordField, str]]:
     """Yield what statements of the source load into words of the block."""
     places = {field.address.upper(): field for field in fields}
     loaded: str | None = None

@@ -1,11 +1,7 @@
-"""Statements, literals and declarations of an STL source; the latter as bits and bytes.
+"""STL source files of STEP 7: statements, literals, declarations with their bits and bytes, and data blocks.
 
-AWL source text of STEP 7: literals, comments, lines.
-
-Form: Programming with STEP 7, chapter 13, STL source files: blocks that are called stand before their callers, an
-instance data block after its function block; plain ASCII, CRLF. International mnemonics.
-
-A data block of the program's own: its members, where STEP 7 puts them, and its source.
+Form: Programming with STEP 7, chapter 13: called blocks stand before their callers, an instance data block after its
+function block; plain ASCII, CRLF; international mnemonics.
 """
 
 from __future__ import annotations
@@ -23,25 +19,8 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.words import Certificate, WordField, Words
 
 __all__ = [
-    "LAST",
-    "BlockMember",
-    "MemberPlace",
-    "as_real",
-    "bits",
-    "bits_of",
-    "block",
-    "constant",
-    "head",
-    "literal",
-    "member_places",
-    "numbered_lines",
-    "operands",
-    "real",
-    "s5_time",
-    "signed_number",
-    "statements",
-    "table",
-    "text",
+    "LAST", "BlockMember", "MemberPlace", "as_real", "bits", "bits_of", "block", "constant", "head", "literal",
+    "member_places", "numbered_lines", "operands", "real", "signed_number", "statements", "table", "text",
 ]
 
 
@@ -65,21 +44,12 @@ def literal(format_: str, value: Number) -> str:
     return real(value)
 
 
-def s5_time(seconds: float) -> str | None:
-    """Return an S5TIME literal, None for a time that its three digits at 10 ms, 100 ms or 1 s cannot hold."""
-    ms = round(1000 * seconds)
-    fits = any(ms % step == 0 and 0 < ms <= 999 * step for step in (10, 100, 1000))
-    return f"S5T#{ms}MS" if fits else None
-
-
 def head(title: str, words: Words, certificate: Certificate, *facts: str) -> list[str]:
     """Return the comment lines at the beginning of a source."""
     s = words.scaling
     lines = [
-        title,
-        f"sensor {s.low_degC:g}..{s.high_degC:g} degC = 0..27648 at the analog input; 0..27648 = 0..100 % power",
-        *facts, *certificate.head,
-        "STL source, international mnemonics; not tried in STEP 7",
+        title, f"sensor {s.low_degC:g}..{s.high_degC:g} degC = 0..27648 at the analog input; 0..27648 = 0..100 % power",
+        *facts, *certificate.head, "STL source, international mnemonics; not tried in STEP 7",
     ]
     return [f"// {line}" for line in lines]
 
@@ -95,9 +65,7 @@ def table(fields: Iterable[WordField], words: Words) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(["address", "name", "format", "value", "comment"])
-    writer.writerows(
-        [f.address, f.name, f.format, literal(f.format, words.values[f.name]), f.comment] for f in fields
-    )
+    writer.writerows([f.address, f.name, f.format, literal(f.format, words.values[f.name]), f.comment] for f in fields)
     return out.getvalue()
 
 
