@@ -4,7 +4,7 @@ import random
 
 import numpy as np
 import pytest
-from tests.bench import messy
+from tests.bench import drawn_exports as messy
 
 from heatertune.errors import LogError
 from heatertune.log import read_log
@@ -168,7 +168,7 @@ def test_tags_whose_names_tell_nothing_are_asked_for(tmp_path):
 
 @pytest.mark.parametrize("writer", messy.WRITERS, ids=lambda writer: writer.__name__)
 def test_a_messy_export_is_read_to_its_truth_or_refused_in_one_line(tmp_path, writer):
-    # the truth is the writer's, which shares nothing with the reader; tests/bench/messy.py writes hundreds
+    # the truth is the writer's, which shares nothing with the reader; tests/bench/drawn_exports.py writes hundreds
     for number in range(3):
         assert messy.judged(tmp_path, writer(random.Random(f"test-{number}")), number) in ("read", "refused")
 

@@ -5,7 +5,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from tests.bench import messy
+from tests.bench import drawn_exports as messy
 from tests.studio.conftest import MALFORMED
 
 from heatertune.log import read_log
