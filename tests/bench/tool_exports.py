@@ -272,7 +272,7 @@ def _():
 def _():
     run = steps(OVEN)
     cells = table(run, ("Time", "Temp C", "Power %"), lambda s: f"{int(s) // 60:02d}:{int(s) % 60:02d}")
-    return "timer.csv", text(spoil(cells)), OVEN
+    return "timer.csv", text(spoil(cells)), OVEN, {"--time-unit": "mm:ss"}
 
 
 @writes("minutes and seconds", "hostile")
@@ -281,7 +281,7 @@ def _():
     heater = Heater(0.6, 1500, 120)
     run = steps(heater, every=60, plan=((0, 0), (600, 60), (7000, 20)), until=13000)
     cells = table(run, ("Time", "Temp C", "Power %"), lambda s: f"{int(s) // 3600:02d}:{int(s) % 3600 // 60:02d}")
-    return "timer.csv", text(cells), heater, {"--log-interval": "60"}
+    return "timer.csv", text(cells), heater, {"--time-unit": "hh:mm"}
 
 
 @writes("12-hour dates", "clean")
@@ -724,13 +724,14 @@ def _():
 
 @writes("Repetier", "hostile")
 def _():
-    # the power in counts of 255 and the target only in the commands
-    return "repetier.txt", "\n".join(_repetier(counts=255)) + "\n", HOTEND, {"--power-full-scale": "255"}
+    # the host shows a printer with Marlin, whose counts end at 127
+    return "repetier.txt", "\n".join(_repetier(marlin=True)) + "\n", HOTEND
 
 
-def _repetier(counts: int = 127) -> list[str]:
+def _repetier(*, marlin: bool = False) -> list[str]:
     run = controlled(HOTEND, HOT, every=2)
-    return [f"{iso(s, digits=3)[11:]}: T:{d:.2f} /{t:.0f} B:21.90 /0 B@:0 @:{round(p / 100 * counts)}" for s, d, p, t in run.rows]
+    sent = [f"@:{round(1.27 * p)} B@:0" if marlin else f"B@:0 @:{round(2.55 * p)}" for p in run.power]
+    return [f"{iso(s, digits=3)[11:]}: T:{d:.2f} /{t:.0f} B:21.90 /0 {power}" for (s, d, _, t), power in zip(run.rows, sent, strict=True)]
 
 
 # ---- kilns, roasters, home automation ----------------------------------------------------------------------------------
@@ -878,8 +879,9 @@ def _():
 def _():
     lines = _esphome(steps(OVEN), colour=True)
     lines[0:0] = ["INFO ESPHome 2024.12.2", "INFO Starting log output from oven.local using esphome API", "[09:57:59][I][app:100]: ESPHome version 2024.12.2 compiled on Dec 12 2024"]
-    lines[200:200] = ["[10:03:00][W][api.connection:1606]: Can't send to client", "[10:03:00][E][max6675.sensor:038]: Got invalid thermocouple reading!",
-                      "[10:03:00][D][sensor:094]: 'Oven Temperature': Sending state nan °C with 1 decimals of accuracy"]
+    clock = lines[200][7:17]
+    lines[200:200] = [f"{clock}[W][api.connection:1606]: Can't send to client", f"{clock}[E][max6675.sensor:038]: Got invalid thermocouple reading!",
+                      f"{clock}[D][sensor:094]: 'Oven Temperature': Sending state nan °C with 1 decimals of accuracy"]
     return "esphome.log", "\n".join(lines)[:-30], OVEN
 
 
@@ -948,7 +950,8 @@ def _():
 def _():
     lines = [each for s, d, p, _ in steps(OVEN).rows for each in (
         f"zone,name=1 PV={d:.1f},OP={p:g} {1773482280 + int(s)}", f"zone,name=2 PV={18 + (s % 9) / 10:.1f},OP=0 {1773482280 + int(s)}")]
-    return "zones.lp", "\n".join(lines) + "\n", OVEN, {"--tag": "zone,name=1", "--power-full-scale": "100"}
+    return "zones.lp", "\n".join(lines) + "\n", OVEN, {
+        "--tag": "zone,name=1 PV", "--power-tag": "zone,name=1 OP", "--power-full-scale": "100"}
 
 
 @writes("Home Assistant", "clean")

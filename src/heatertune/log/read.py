@@ -18,9 +18,10 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError, LogError, OutOfRange
 from heatertune.log.cells import Sheet, is_number, plain_cells, read_sheet
-from heatertune.log.cleaning import no_readings, one_run, tell_gaps
+from heatertune.log.cleaning import no_readings, one_run, tell_gaps, without_strays, without_unreadable_power
 from heatertune.log.columns import (
     ASSUMED,
+    CLOCK_UNITS,
     NO_COLUMN,
     TIME_UNITS,
     Array,
@@ -32,6 +33,7 @@ from heatertune.log.columns import (
     likely_time_unit,
     numbers,
     power_of,
+    quoted,
     seconds,
     with_dates,
     with_names,
@@ -60,6 +62,8 @@ _SHOWN: Final = 5  # line numbers in messages
 _MOST_LOST: Final = 0.1  # share of the rows that a clock with coarse steps may cost
 _MOST_TAGS: Final = 100
 _HOUR_S: Final = 3600.0
+_MOSTLY: Final = 0.9
+_FEW_TIMES: Final = 3
 _TOLD: Final = 0.95  # of the instants that a column has to distinguish
 
 
@@ -94,11 +98,14 @@ def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -
 
 
 def _put_back_repeats(steps: Array) -> str:
-    """Return the remedy if a clock was set back once by an hour, as at the end of daylight saving time, or nothing."""
+    """Return the remedy where rows may be counted: the clock was set back a few times, otherwise they are even."""
     usual = float(np.median(steps))
-    if np.count_nonzero(steps < 0) > 1 or not abs(float(steps.min()) + _HOUR_S - usual) <= max(usual, 1.0):
+    even = np.mean(np.abs(steps - usual) <= 0.5 * usual) > _MOSTLY
+    if usual <= 0.0 or not even or np.count_nonzero(steps < 0) > _FEW_TIMES:
         return ""
-    return f"; where the clock was put back by an hour (end of summer time), --log-interval {usual:g} counts the rows"
+    hour = abs(float(steps.min()) + _HOUR_S - usual) <= max(usual, 1.0)
+    reason = " by an hour (end of summer time)" if hour else ""
+    return f"; where the clock was put back{reason}, --log-interval {usual:g} counts the rows"
 
 
 def _otherwise(sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows) -> list[int]:
@@ -117,7 +124,7 @@ def _demand_one_heater(
             raise LogError(
                 f"line {sheet.lines[other[0]]} is of the same instant as the row before, with another reading; column "
                 f"{name!r} tells them apart ({', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''})",
-                file=sheet.file, expected=f"--tag {_quoted(tags[0])} --tag-column {_quoted(name)} to read one of them")
+                file=sheet.file, expected=f"--tag {quoted(tags[0])} --tag-column {quoted(name)} to read one of them")
     if len(other) > _MOST_LOST * len(sheet.rows):
         problem = f"{len(other)} rows of {len(sheet.rows)} share an instant with another reading, the first:"
         raise cell_error(sheet, columns, "time", other[0], problem,
@@ -132,10 +139,6 @@ def _tags(sheet: Sheet, i: int, dropped: Rows, firsts: Rows) -> list[str]:
         return []
     apart = sum(sheet.rows[row][i] != sheet.rows[first][i] for row, first in zip(dropped, firsts, strict=True))
     return tags if apart >= _TOLD * len(dropped) else []
-
-
-def _quoted(text: str) -> str:
-    return f'"{text}"' if " " in text else text
 
 
 #: unit of a temperature → how it is written
@@ -207,6 +210,7 @@ def taken_of(
         "time": clock, "temperature": SIGNS[temperature.name] + (f", {grounds}" if temperature.assumed else ""),
         "power": "" if power is None else power.written, "setpoint": "", "disturbance": "",
     }
+    lost = tagged.lost + sheet.lost
     used = {role: (_names(sheet, columns, role), how[role]) for role in columns.index if role in how}
     if clock == "counted":
         used["time"] = ("row", f"{options['sample_time_s']:g} s")
@@ -214,7 +218,7 @@ def taken_of(
         used.pop("power", None)
     return ReadSummary(
         file=file, rows=len(time), interval_s=float(np.median(np.diff(time))) if len(time) > 1 else 0.0, columns=used,
-        rows_read=counts.read + tagged.lost, left_out=counts.read + tagged.lost + counts.put_back - len(time),
+        rows_read=counts.read + lost, left_out=counts.read + lost + counts.put_back - len(time),
         repeats=counts.repeats, repaired=counts.filled, unused=tagged.unused or _unused(sheet, columns, tagged, clock),
         reading=_reading(sheet, columns, tagged, written, options), assumed=_assumed(written, time), stated=stated,
     )
@@ -263,7 +267,7 @@ def _reading(
         reading |= {f"{role}_column": NO_COLUMN for role in ("power", "setpoint") if role not in columns.index}
     reading |= tagged.options
     unit = written.clock.partition(",")[0]
-    if unit in TIME_UNITS:
+    if unit in TIME_UNITS or unit in CLOCK_UNITS:
         reading["time_unit"] = unit
     reading["temperature_unit"] = written.temperature.name
     if written.power is not None:
@@ -342,15 +346,19 @@ def read_log(
     columns = find_columns(sheet, tagged.wanted or wanted, counted=asked.sample_time_s is not None)
     sheet, columns = with_dates(sheet, columns, None if tagged.is_long else asked.date_column)
     repairs = [*sheet.repairs, *columns.notes]
+    if asked.sample_time_s is None:
+        sheet = without_strays(sheet, columns, repairs)
     time, clock = seconds(sheet, columns, asked.time_unit, asked.sample_time_s, repairs)
     sheet, time = forwards(sheet, time, repairs)
     sheet, time, chosen_run = one_run(sheet, time, asked.run, repairs)
     sheet, time, edges = without_blank_power(sheet, columns, time, repairs)
+    sheet, time, edges = without_unreadable_power(sheet, columns, time, edges, repairs)
     raw = _readings(sheet, columns, time, edges, skip_empty=asked.skip_empty)
     kept, repeats = kept_rows(sheet, columns, time, repairs)
-    kept &= ~no_readings(sheet, columns, raw, time, repairs)
-    unit = _temperature_unit(sheet, columns, asked.temperature_unit, raw[kept], repairs, doubts)
-    setpoint, filled = _setpoint(sheet, columns, unit.name, repairs)
+    kept &= ~no_readings(sheet, columns, raw, time, repairs, skip_empty=asked.skip_empty)
+    raw *= asked.temperature_scale or 1.0
+    unit = _temperature_unit(sheet, columns, asked, raw[kept], repairs, doubts)
+    setpoint, filled = _setpoint(sheet, columns, unit.name, asked.temperature_scale or 1.0, repairs)
     disturbance, held = _disturbance(sheet, columns, repairs)
     power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts)
     series = _Series(
@@ -366,7 +374,8 @@ def read_log(
         written=FileNotation(clock, unit, power, stated_units(asked)),
         counts=RowCounts(read=len(time), repeats=repeats, filled=filled + held, put_back=len(lines) - int(kept.sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
-                 "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above)},
+                 "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
+                 "temperature_scale": asked.temperature_scale},
     )
     log = _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
     return replace(log, power_late_s=late_s) if late_s else log
@@ -382,7 +391,7 @@ def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_
     explained = bool(np.any(edges)) and all(
         edge or not says_nothing(row[place]) for edge, row in zip(edges, sheet.rows, strict=True))
     raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves out rows whose cell is empty)",
-                  holes=skip_empty or explained, blank="a number (--skip-empty leaves such rows out)")
+                  holes=skip_empty or explained, blank="a number (--skip-empty leaves such rows out)", lenient=True)
     return at_edges(time, raw, edges)
 
 
@@ -498,10 +507,12 @@ def _errata(table: BuiltIn, sheet: Sheet, apply: bool, doubts: list[str]) -> She
 
 
 def _temperature_unit(
-    sheet: Sheet, columns: Columns, given: str | None, values: Array, repairs: list[str], doubts: list[str]
+    sheet: Sheet, columns: Columns, asked: ReadSettings, values: Array, repairs: list[str], doubts: list[str]
 ) -> TemperatureUnit:
-    name, named = columns.names["temperature"], columns.unit("temperature")
-    unit, scaled = given or named, is_scaled("temperature", name)
+    name, named, given = columns.names["temperature"], columns.unit("temperature"), asked.temperature_unit
+    unit, scaled = given or named, is_scaled("temperature", name) and asked.temperature_scale is None
+    if asked.temperature_scale is not None:
+        repairs.append(f"The temperature was multiplied by {asked.temperature_scale:g}, as stated.")
     if unit is not None and not (scaled and given is None):
         if unit != "degC":
             repairs.append(f"The temperature is in {unit} {'as stated' if given else 'by its name'} and was converted "
@@ -513,7 +524,7 @@ def _temperature_unit(
     least, most = _POSSIBLE_DEGC
     if columns.is_foreign("temperature") or lowest >= _KELVIN or lowest < least or highest > most:
         raise LogError(f"readings from {lowest:g} up to {highest:g} whose unit is not known", file=sheet.file,
-                       column=name, expected="--temperature-unit degC, degF or K, or 0.1degC for tenths")
+                       column=name, expected=f"--temperature-unit {_by_room(first)}")
     if not scaled and _starts_at_room(values):
         repairs.append(f"The temperature has no unit in the file; taken as °C, because it starts at {first:g}, a room "
                        "temperature only in °C.")
@@ -524,6 +535,12 @@ def _temperature_unit(
         sign = SIGNS["degF" if likely == "degC" else likely]
         doubts.append(f"The first reading, {first:g}, taken as °C, would be a room temperature in {sign}.")
     return TemperatureUnit("degC", assumed=True, likely=likely)
+
+
+def _by_room(first: float) -> str:
+    """Return the units to choose from, the one first in which the first reading is a room's temperature."""
+    likely = next((unit for unit in _TO_DEGC if _ROOM_DEGC[0] <= _TO_DEGC[unit](first) <= _ROOM_DEGC[1]), "degC")
+    return ", ".join([likely, *(unit for unit in _TO_DEGC if unit != likely)][:-1]) + f" or {[*_TO_DEGC][-1]}"
 
 
 def _starts_at_room(values: Array) -> bool:
@@ -555,7 +572,9 @@ def _temperature(
     return values
 
 
-def _setpoint(sheet: Sheet, columns: Columns, unit: str, repairs: list[str]) -> tuple[Array | None, int]:
+def _setpoint(
+    sheet: Sheet, columns: Columns, unit: str, scale: float, repairs: list[str]
+) -> tuple[Array | None, int]:
     """Return the setpoint, in the temperature's unit unless its name states another, and the number of filled cells.
 
     Empty cells repeat the last value; those before the first value take the first.
@@ -567,6 +586,7 @@ def _setpoint(sheet: Sheet, columns: Columns, unit: str, repairs: list[str]) -> 
         repairs.append("The column of the setpoint is empty; no setpoint was read.")
         return None, 0
     own = columns.unit("setpoint") or unit
+    raw = raw * scale
     if own != unit:
         repairs.append(f"The setpoint is in {own} by its name.")
     everywhere = np.ones(len(raw), dtype=np.bool_)

@@ -1,0 +1,90 @@
+"""What a parser of a format returns, and what several parsers need."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+__all__ = ["LINE_STAMP", "BinaryFormat", "FormatTable", "Line", "TextFormat", "line_stamp", "matching"]
+
+#: number of a line in the file, and its content
+Line = tuple[int, str]
+_FEWEST: Final = 2
+_SAMPLE: Final = 5000  # lines in which a format has to show itself
+
+#: the time at the beginning of a line of a log, also after the prefix of syslog: [10:00:00.123], 2026-03-01 10:00:00,123
+LINE_STAMP: Final = re.compile(r"(\d{4}-\d\d-\d\d[T ])?\d\d:\d\d:\d\d(?:[.,]\d{1,6})?")
+_STAMP_WITHIN: Final = 80
+
+
+class FormatTable(NamedTuple):
+    """A file as a table.
+
+    Attributes:
+        header: column names with their units.
+        rows: cells, all of one length.
+        lines: line number of each row.
+        repairs: how it was read, and skipped content, one sentence each.
+        sessions: line number with which each session of the program begins, if there are several.
+        session: the session that is read if the user asks for none, 1 = first.
+    """
+
+    header: tuple[str, ...]
+    rows: list[list[str]]
+    lines: list[int]
+    repairs: list[str]
+    sessions: tuple[int, ...] = ()
+    session: int | None = None
+
+
+class TextFormat(NamedTuple):
+    """A format of text files.
+
+    Attributes:
+        name: shown to people.
+        recognises: whether lines are of this format.
+        read: file, lines and the tag that the user asks for → the table.
+    """
+
+    name: str
+    recognises: Callable[[Sequence[Line]], bool]
+    read: Callable[[Path, Sequence[Line], str | None], FormatTable]
+
+
+class BinaryFormat(NamedTuple):
+    """A format of files that are no text.
+
+    Attributes:
+        name: shown to people.
+        magic: how such files begin.
+        read: file, content and the tag that the user asks for → the table.
+    """
+
+    name: str
+    magic: tuple[bytes, ...]
+    read: Callable[[Path, bytes, str | None], FormatTable]
+
+
+def matching(pattern: re.Pattern[str]) -> Callable[[Sequence[Line]], bool]:
+    """Return a test whether at least two of the first lines hold a pattern."""
+
+    def recognises(lines: Sequence[Line]) -> bool:
+        hits = 0
+        for _, line in lines[:_SAMPLE]:
+            hits += pattern.search(line) is not None
+            if hits >= _FEWEST:
+                return True
+        return False
+
+    return recognises
+
+
+def line_stamp(line: str) -> str:
+    """Return the time stamp near the beginning of a line of a log, with a decimal point, or ""."""
+    found = LINE_STAMP.search(line[:_STAMP_WITHIN])
+    if found is None:
+        return ""
+    dated = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d{1,6})?").search(line[:_STAMP_WITHIN])
+    return (dated or found)[0].replace(",", ".")
