@@ -472,11 +472,7 @@ def blanks(chance: random.Random) -> Messy:
     word = chance.choice(["", "NaN", "unavailable", "null", "---", "#N/A"])
     degC = [word if k in lost else f"{y:.1f}" for k, y in enumerate(truth.degC)]
     text = table(["time [s]", "T [°C]", "power [%]"], [truth.time_s, degC, truth.power])
-    if chance.random() < 0.4:
-        return Messy("blanks not asked for", text, None, named="--skip-empty")
-    kept = [k for k in range(100) if k not in lost]
-    return Messy("blanks left out", text, Truth([truth.time_s[k] for k in kept], [truth.degC[k] for k in kept],
-                                                [truth.power[k] for k in kept]), {"skip_empty": True})
+    return Messy("blanks left out", text, without(truth, lost), {"skip_empty": True} if chance.random() < 0.5 else {})
 
 
 def two_ovens(chance: random.Random) -> Messy:
@@ -492,8 +488,10 @@ def two_ovens(chance: random.Random) -> Messy:
 def odd_lines(chance: random.Random) -> Messy:
     truth = heater(chance, 60, 2.0)
     lines = table(["time [s]", "T [°C]", "power [%]"], [truth.time_s, truth.degC, truth.power], ";").splitlines()
-    lines.insert(chance.choice([30, len(lines)]), chance.choice(["EOF", "End of export", "Summary;3", "Stopped;;", "1.234,5;20;30", "12;20;30;40;50"]))
-    return Messy("odd line", "\n".join(lines) + "\n", None, named="line ")
+    odd = chance.choice(["EOF", "End of export", "Summary;3", "Stopped;;", "1.234,5;20;30", "12;20;30;40;50"])
+    lines.insert(chance.choice([30, len(lines)]), odd)
+    truth.setpoint, is_reading = None, odd.startswith("1.234")
+    return Messy("odd line", "\n".join(lines) + "\n", None if is_reading else truth, named="line " if is_reading else "")
 
 
 def summer_time(chance: random.Random) -> Messy:
@@ -658,17 +656,23 @@ def odd_flags(chance: random.Random) -> Messy:
     return Messy("odd flags", text, None, named="--quality-column")
 
 
+def without(truth: Truth, lost: set[int]) -> Truth:
+    """Return the truth without some rows, which a reader has to leave out."""
+    kept = [k for k in range(len(truth.time_s)) if k not in lost]
+    return Truth([truth.time_s[k] for k in kept], [truth.degC[k] for k in kept], [truth.power[k] for k in kept])
+
+
 def broken(chance: random.Random) -> Messy:
     truth = heater(chance, 60, 2.0)
     lines = table(["time [s]", "T [°C]", "power [%]"], [truth.time_s, truth.degC, truth.power]).splitlines()
     k = chance.randint(5, 55)
     cells = lines[k].split(",")
     lines[k], named = chance.choice([
-        (",".join(cells[:2]), f"line {k + 1}"), (f"{cells[0]},warm,{cells[2]}", "warm"), (f"{cells[0]},,{cells[2]}", f"line {k + 1}"),
-        (f"{cells[0]},{cells[1]},on", f"line {k + 1}"), (f"{cells[0]},{cells[1]} °F,{cells[2]}", f"line {k + 1}"),
-        (f"{cells[0]},1.234,5,{cells[2]}", f"line {k + 1}"), (f'{cells[0]},"{cells[1]},{cells[2]}', f"line {k + 1}"),
+        (",".join(cells[:2]), ""), (f"{cells[0]},warm,{cells[2]}", ""), (f"{cells[0]},,{cells[2]}", ""),
+        (f"{cells[0]},{cells[1]},on", f"line {k + 1}"), (f"{cells[0]},{cells[1]} °F,{cells[2]}", ""),
+        (f"{cells[0]},1.234,5,{cells[2]}", ""), (f'{cells[0]},"{cells[1]},{cells[2]}', ""),
     ])
-    return Messy("broken", "\n".join(lines) + "\n", None, named=named)
+    return Messy("broken", "\n".join(lines) + "\n", None if named else without(truth, {k - 1}), named=named)
 
 
 def coarse_clock(chance: random.Random) -> Messy:

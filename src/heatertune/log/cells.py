@@ -165,7 +165,8 @@ def _drop_partial_rows(
     if not partial or not whole:
         return 0
     within = [k for k in partial if k < whole[-1]]
-    if len(within) > max(_FEW, _FEW_SHARE * len(rows)) or len(partial) - len(within) > _MOST_BELOW:
+    is_above = partial[0] < whole[0]  # names that are not as many as the columns, or a reading that was cut
+    if is_above or len(within) > max(_FEW, _FEW_SHARE * len(rows)) or len(partial) - len(within) > _MOST_BELOW:
         raise _other_width(file, lines[partial[0]], rows[partial[0]], width, lines[whole[0]])
     shown = ", ".join(str(lines[k]) for k in partial[:_SHOWN_LINES])
     more = f" and {len(partial) - _SHOWN_LINES} more" if len(partial) > _SHOWN_LINES else ""
@@ -391,7 +392,7 @@ def _decoded(path: Path, data: bytes, repairs: list[str]) -> str:
     wide = _without_mark(data)
     if data.startswith(_UTF16) or wide:
         try:
-            text = data.decode(wide or "utf-16")
+            text = data.decode("utf-16" if data.startswith(_UTF16) else wide)
         except UnicodeDecodeError as problem:
             raise LogError("the file is not valid UTF-16 text", file=path) from problem
         repairs.append("The file is UTF-16.")

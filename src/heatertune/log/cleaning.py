@@ -44,6 +44,7 @@ _MOST_LOOSE: Final = 0.3  # share of the rows
 
 
 _MOST_STRAYS: Final = 0.02  # share of the rows
+_FEW_STRAYS: Final = 3
 _MOST_BELOW: Final = 40  # rows of statistics
 _TIME_BEGINS: Final = frozenset("0123456789+-.[")
 
@@ -56,7 +57,7 @@ def without_strays(sheet: Sheet, columns: Columns, repairs: list[str]) -> Sheet:
     strays = [k for k, row in enumerate(sheet.rows) if row[place][:1] not in _TIME_BEGINS]
     last = next((k for k in reversed(range(len(sheet.rows))) if sheet.rows[k][place][:1] in _TIME_BEGINS), -1)
     within = [k for k in strays if k < last]
-    if not strays or last < 0 or len(within) > _MOST_STRAYS * len(sheet.rows) or len(strays) - len(within) > _MOST_BELOW:
+    if not strays or last < 0 or len(within) > max(_FEW_STRAYS, _MOST_STRAYS * len(sheet.rows)) or len(strays) - len(within) > _MOST_BELOW:
         return sheet
     lines = ", ".join(str(sheet.lines[k]) for k in strays[:_SHOWN])
     repairs.append(f"{count(len(strays), 'row')} without a time left out (line {lines}"

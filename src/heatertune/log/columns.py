@@ -309,7 +309,7 @@ def numbers(
     if holes:
         cells = ["nan" if says_nothing(cell) else cell for cell in cells]
     if lenient and (strange := {cell for cell in set(cells) if not _is_usable(cell)}):
-        if sum(cell in strange for cell in cells) <= _MOST_TEXT * len(cells):
+        if sum(cell in strange and not (holes and cell == "nan") for cell in cells) <= _MOST_TEXT * len(cells):
             cells, holes = ["nan" if cell in strange else cell for cell in cells], True
     try:
         values = np.array([_float(cell) for cell in cells], dtype=np.float64)
@@ -353,9 +353,9 @@ def _float(cell: str) -> float:
 
 
 def _is_usable(cell: str) -> bool:
-    """Return whether a cell is a finite number, or an empty one that has been accepted."""
+    """Return whether a cell is a finite number."""
     try:
-        return cell == "nan" or abs(_float(cell)) < _BEYOND
+        return abs(_float(cell)) < _BEYOND
     except ValueError:
         return False
 
