@@ -104,8 +104,8 @@ def judge(export: Export, folder: Path) -> tuple[str, list[str]]:
         right = is_right(model, export)
         if right:
             return (REMEDY if turn else RIGHT), said
-        if "no-power" in findings and export.true_fault == "power":
-            return RIGHT, said  # it says that the power is missing, which is so
+        if right is None and export.true_fault in findings:
+            return RIGHT, said  # it says what is missing: the power, readings in time
         shown = {name: (model[name], model[f"{name}_ci95"]) for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s")}
         if "unit-assumed" in findings and turn + 1 < _TURNS and (more := asked_for(question, export, options)):
             options += more

@@ -248,6 +248,53 @@ def _():
     return "two.csv", text(cells), OVEN, {"--temperature-column": "T1", "--power-column": "Q1 [%]"}
 
 
+@writes("slow log", "hostile")
+def _():
+    # once in ten minutes a heater of two: each pulse is a jump and the opposite jump
+    heater = Heater(0.6, 120, 10)
+    plan = ((0, 0), (20000, 60), (50000, 0), (90000, 40), (130000, 0))
+    return "slow.csv", text(table(steps(heater, every=600, plan=plan, until=160000), ("time [s]", "Temp [°C]", "Heater [%]"), point)), heater, {}, "faster-than-log"
+
+
+@writes("ambient beside it", "hostile")
+def _():
+    # the oven's own column has a name that says nothing
+    run, chance = steps(OVEN), random.Random(6)
+    cells = [["Time [s]", "Ambient temp [°C]", "Zone 1", "Heater [%]"]]
+    cells += [[point(s), point(21 + s / 4000 + chance.gauss(0, 0.1)), point(d), f"{p:g}"] for s, d, p, _ in run.rows]
+    return "oven.csv", text(cells), OVEN, {"--temperature-column": "Zone 1", "--temperature-unit": "degC"}
+
+
+@writes("coarse clock", "hostile")
+def _():
+    # four rows a second, stamped in whole seconds
+    heater = Heater(2.4, 40, 3)
+    run = steps(heater, every=1, plan=((0, 0), (60, 60), (600, 20)), until=1200)
+    cells = table(run, ("Time", "Temp [°C]", "Power [%]"), lambda s: iso(s / 4))
+    fast = Heater(2.4, 10, 0.75)
+    return "fast.csv", text(cells), fast
+
+
+@writes("names above too few", "hostile")
+def _():
+    # an unnamed column of numbers of the rows in front, as a data frame writes its index with a wrong header
+    run = steps(OVEN)
+    lines = ["time [s],Temp [°C],Heater [%]", *(f"{k},{s},{d:.1f},{p:g}" for k, (s, d, p, _) in enumerate(run.rows))]
+    return "frame.csv", "\n".join(lines) + "\n", OVEN, {
+        "--time-column": "2", "--temperature-column": "3", "--power-column": "4", "--time-unit": "s", "--power-full-scale": "100",
+        "--temperature-unit": "degC"}
+
+
+@writes("display switched to °F", "hostile")
+def _():
+    # someone changed the unit of the display in the middle
+    run = steps(OVEN)
+    cells = table(run, ("time [s]", "Temp", "Heater [%]"), point)
+    for row in cells[401:]:
+        row[1] = point(1.8 * float(row[1]) + 32)
+    return "oven.csv", text(cells), OVEN, {"--until": "780", "--temperature-unit": "degC"}, "jump"
+
+
 @writes("two delimiters", "messy")
 def _():
     run = steps(OVEN)
@@ -1120,8 +1167,8 @@ def _():
     # numbers of channels in place of names
     run = steps(OVEN)
     lines = ["Ch.,,CH0001,CH0002", "Unit,,C,"]
-    lines += [f"{stamped('%Y/%m/%d')(s)},{stamped('%H:%M:%S')(s)},{d:.1f},{p / 25 + 1:.3f}" for s, d, p, _ in run.rows]
-    return "dx.csv", "\r\n".join(lines) + "\r\n", OVEN, {"--temperature-column": "CH0001", "--power-column": "none", "--power-full-scale": "5"}
+    lines += [f"{stamped('%Y/%m/%d')(s)},{stamped('%H:%M:%S')(s)},{d:.1f},{p / 10:.3f}" for s, d, p, _ in run.rows]
+    return "dx.csv", "\r\n".join(lines) + "\r\n", OVEN, {"--temperature-column": "CH0001", "--power-column": "CH0002", "--power-full-scale": "10"}
 
 
 @writes("Testo", "clean")
@@ -1143,7 +1190,7 @@ def _():
 def _():
     # without a heater's channel: only the temperature was measured
     cells = table(steps(OVEN), ("Datum", "°C"), stamped("%d.%m.%Y %H:%M:%S"), number=comma)
-    return "testo.csv", text([row[:2] for row in cells], ";", end="\r\n").encode("cp1252"), OVEN, {}, "power"
+    return "testo.csv", text([row[:2] for row in cells], ";", end="\r\n").encode("cp1252"), OVEN, {}, "no-power"
 
 
 def _hobo(run: Run, *, spoilt: bool = False) -> list[str]:

@@ -43,8 +43,9 @@ __all__ = [
 _UNIT: Final = re.compile(
     r"[\[(]?(m?s|sec|min|h|°?[CFK]|deg ?[CF]|%|pct|m?V|m?A|k?W|[-–/]|bool|u?s?d?l?int|l?real|float|d?word|string"
     r"|date|time|datetime|double)?[\])]?", re.IGNORECASE)
-_UNIT_WORD: Final = re.compile(r"(span/)?units?|einheit(en)?|eu", re.IGNORECASE)
+_UNIT_WORD: Final = re.compile(r"(span/)?units?|einheit(en)?|eu|tag( no\.?)?|ch\.?", re.IGNORECASE)
 _HEADER_SAMPLE: Final = 50  # rows at the end that define the form of a reading
+_LEAST_NAMED: Final = 0.4  # share of the columns: a pair of columns for each channel has one name
 _MOST_TITLES: Final = 200  # rows above the first reading
 _FEW: Final = 3  # rows that are not whole, at most, or this share of all
 _FEW_SHARE: Final = 0.02
@@ -104,7 +105,7 @@ def _names_row(rows: Sequence[list[str]], words: Sequence[int]) -> int | None:
     """Return which row of words names the columns: the one with the most roles, the last of equals."""
     if not words:
         return None
-    named = [k for k in words if not _is_units(rows[k]) and sum(map(bool, rows[k])) >= len(rows[k]) / 2]
+    named = [k for k in words if not _is_units(rows[k]) and sum(map(bool, rows[k])) >= len(rows[k]) * _LEAST_NAMED]
     named = named or list(words[:1])
     return max(named, key=lambda k: (len({role_of(cell) for cell in rows[k]} - {None}), k))
 
@@ -114,7 +115,7 @@ def _is_units(row: Sequence[str]) -> bool:
 
 
 def _without_word(row: Sequence[str]) -> list[str]:
-    """Return a row of units without the word that says so in its first cell."""
+    """Return a row of units or names without the word that says so in its first cell, as recorders write it."""
     return ["" if i == 0 and _UNIT_WORD.fullmatch(cell) else cell for i, cell in enumerate(row)]
 
 
@@ -133,12 +134,17 @@ def _named(
     lines: Sequence[int], rows: Sequence[list[str]], chosen: int, below: Sequence[int], repairs: list[str]
 ) -> tuple[str, ...]:
     """Return the names, with the units of a row below them."""
-    names = list(rows[chosen])
+    names = list(rows[chosen]) if all(rows[chosen]) else _without_word(rows[chosen])
     for k in below:
-        if any(map(_UNIT.fullmatch, filter(None, rows[k]))):
+        filled = list(filter(None, _without_word(rows[k])))
+        fills = not names[0] and rows[k][0] and not _UNIT_WORD.fullmatch(rows[k][0])
+        if not fills and sum(_UNIT.fullmatch(cell) is not None for cell in filled) > len(filled) / 2:
             repairs.append(f"Line {lines[k]} was read as the units of the columns.")
             units = [unit.strip("[]() ") for unit in _without_word(rows[k])]
             names = [f"{name} [{unit}]" if unit.strip("-–/") else name for name, unit in zip(names, units, strict=True)]
+        elif not all(names):
+            repairs.append(f"Line {lines[k]} was read as the names of the columns that have none above it.")
+            names = [name or below_it for name, below_it in zip(names, rows[k], strict=True)]
         else:
             repairs.append(f"Line {lines[k]}, below the names of the columns, skipped.")
     return tuple(names)
@@ -167,7 +173,12 @@ def _drop_partial_rows(
     within = [k for k in partial if k < whole[-1]]
     is_above = partial[0] < whole[0]  # names that are not as many as the columns, or a reading that was cut
     if is_above or len(within) > max(_FEW, _FEW_SHARE * len(rows)) or len(partial) - len(within) > _MOST_BELOW:
-        raise _other_width(file, lines[partial[0]], rows[partial[0]], width, lines[whole[0]])
+        error = _other_width(file, lines[partial[0]], rows[partial[0]], width, lines[whole[0]])
+        if is_above:
+            skipped = f"{width} as in line {lines[whole[0]]} (--skip-rows {lines[whole[0]] - 1} skips what is above it)"
+            error = LogError(f"{count(len(rows[partial[0]]), 'cell')} in this row", file=file, line=lines[partial[0]],
+                             expected=skipped)
+        raise error
     shown = ", ".join(str(lines[k]) for k in partial[:_SHOWN_LINES])
     more = f" and {len(partial) - _SHOWN_LINES} more" if len(partial) > _SHOWN_LINES else ""
     repairs.append(f"{count(len(partial), 'row')} with another number of cells left out (line {shown}{more}).")
@@ -242,6 +253,7 @@ class Sheet:
         pwm_period_s: PWM period stated in a recording, 0 if unknown [s].
         recorded: whether `heatertune record` wrote it; its rows are readings even if the value did not change.
         lost: number of rows that were left out as damaged or not whole.
+        part: part of the file that the user asked for by a tag: a sheet of a workbook.
         sessions: line number with which each session of a program begins, if there are several.
         session: the session that is read if the user asks for none, 1 = first.
     """
@@ -257,6 +269,7 @@ class Sheet:
     pwm_period_s: float = 0.0
     recorded: bool = False
     lost: int = 0
+    part: str = ""
     sessions: tuple[int, ...] = ()
     session: int | None = None
 
@@ -324,7 +337,7 @@ def _sheet_of(path: Path, table: FormatTable, repairs: list[str], damaged: int, 
     else:
         partial = _drop_partial_rows(path, lines, rows, len(header), repairs)
     return Sheet(file=str(path), header=header, comment=(), rows=rows, lines=lines, repairs=tuple(repairs), above=above,
-                 lost=damaged + partial, sessions=table.sessions, session=table.session)
+                 lost=damaged + partial, part=table.part, sessions=table.sessions, session=table.session)
 
 
 def _with_closed_quotes(

@@ -40,6 +40,7 @@ _STARTS_TIMES: Final = 2.0  # the largest other step
 _ALONE_TIMES: Final = 4.0
 _SHOWN: Final = 5
 _MOST_EDGES: Final = 8  # of a loose probe
+_ROWS_BEFORE: Final = 3
 _MOST_LOOSE: Final = 0.3  # share of the rows
 
 
@@ -141,7 +142,8 @@ def _restarts(time: Array) -> list[int]:
 
 
 def no_readings(
-    sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str], *, skip_empty: bool = False
+    sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str], *,
+    moves: Mask | None = None, skip_empty: bool = False
 ) -> Mask:
     """Return a mask of the rows without a valid temperature, shape (n,), and list them in the repairs.
 
@@ -152,6 +154,7 @@ def no_readings(
             sensor.
         time: of each row, shape (n,) [s].
         repairs: list to which omitted rows are added.
+        moves: the rows in which the power moves, shape (n,); None if it is not logged.
         skip_empty: whether the user accepts any number of rows without a reading.
 
     Raises:
@@ -165,7 +168,8 @@ def no_readings(
     lost = empty | is_open | stuck
     loose = np.zeros_like(lost)
     kept = np.flatnonzero(~lost)
-    loose[kept[_loose(raw[kept], time[kept])]] = True
+    if moves is not None:
+        loose[kept[_loose(raw[kept], time[kept], moves[kept])]] = True
     lost |= loose
     refused = (lost & ~empty if skip_empty else lost) & ~loose
     if np.count_nonzero(refused) > _MOST_LOST * len(raw) or np.all(lost):
@@ -234,11 +238,11 @@ def _stuck(values: Array, time: Array) -> Mask:
     return stuck
 
 
-def _loose(values: Array, time: Array) -> Mask:
+def _loose(values: Array, time: Array, moves: Mask) -> Mask:
     """Return which readings lie between a jump and the opposite jump, both larger than any other change by far.
 
     A probe that hangs in the air reads the room, and jumps back when it is put in again. No heater jumps up; cold goods
-    let it fall at once, but it never returns at once.
+    let it fall at once, but it never returns at once. In a slow log it may, where the power moves just before.
     """
     n = len(values)
     loose = np.zeros(n, dtype=np.bool_)
@@ -251,7 +255,8 @@ def _loose(values: Array, time: Array) -> Mask:
         return loose
     others = float(np.delete(sizes, edges).max())
     opposite = np.all(np.sign(steps[edges[::2]]) == -np.sign(steps[edges[1::2]]))
-    at_once = np.all(pauses[edges] <= _PAUSE_TIMES * np.median(pauses))
+    at_once = np.all(pauses[edges] <= _PAUSE_TIMES * np.median(pauses)) and not any(
+        np.any(moves[max(edge - _ROWS_BEFORE, 0):edge + 2]) for edge in edges)
     if not opposite or not at_once or sizes[edges].min() <= _ALONE_TIMES * others:
         return loose
     for begin, end in zip(edges[::2], edges[1::2], strict=True):

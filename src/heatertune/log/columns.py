@@ -107,11 +107,13 @@ def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool
         _by_name(sheet, index, absent, notes)
     else:
         _by_numbers(sheet, index, absent | ({"time"} if counted else set()), notes)
+    if sheet.header and "temperature" in index and "temperature" not in wanted:
+        _demand_own_temperature(sheet, index)
     if "temperature" not in index:
         listed = ", ".join(sheet.header) or f"{len(sheet.rows[0])} columns without names"
         expected = "--temperature-column NAME or N"
         raise LogError(f"no column is a temperature ({listed})", file=sheet.file, expected=expected)
-    if sheet.header and not {"power"} & {*index, *absent}:
+    if not {"power"} & {*index, *absent}:
         _demand_no_likely_power(sheet, index)
     names = {role: sheet.header[i] if sheet.header else f"{i + 1}" for role, i in index.items()}
     units = {role: sheet.units[i] for role, i in index.items() if sheet.units and sheet.units[i]}
@@ -125,6 +127,7 @@ _NO_POWER: Final = re.compile(
     r"|fault|error|quality|valid|mode|state|status|signal|rssi|cpu|memory|disk|light|pressure|druck|\bno\b|nr|index|segment"
     r"|step|run|cycle|batch|zone|slot)")
 _FEW_CHANGES: Final = 0.1  # of the rows: a power that is set rather than measured
+_FEW_LEVELS: Final = 12
 _MOST_TEXT: Final = 0.1
 
 
@@ -144,7 +147,8 @@ def likely_power(name: str, cells: Sequence[str], *, in_percent: bool = False) -
         return False
     changes = np.count_nonzero(np.diff(values)) / len(values)
     in_percent |= unit_in_name("power", name) == "100"
-    return bool(values.min() >= 0.0 and (in_percent or (values.min() == 0.0 and changes <= _FEW_CHANGES)))
+    is_set = changes <= _FEW_CHANGES and len(np.unique(values)) <= _FEW_LEVELS
+    return bool(values.min() >= 0.0 and (in_percent or is_set or (values.min() == 0.0 and changes <= _FEW_CHANGES)))
 
 
 def _demand_no_likely_power(sheet: Sheet, index: Mapping[str, int]) -> None:
@@ -153,13 +157,43 @@ def _demand_no_likely_power(sheet: Sheet, index: Mapping[str, int]) -> None:
     Raises:
         LogError: there is one, or several.
     """
-    likely = [i for i, name in enumerate(sheet.header) if i not in index.values() and role_of(name) is None
+    names = sheet.header or [""] * len(sheet.rows[0])
+    likely = [i for i, name in enumerate(names) if i not in index.values() and role_of(name) is None
               and likely_power(name, [row[i] for row in sheet.rows], in_percent=bool(
                   sheet.units and _PERCENT.fullmatch(sheet.units[i])))]
     if likely:
-        names = [quoted(sheet.header[i]) if sheet.header[i] else str(i + 1) for i in likely]
+        names = [quoted(names[i]) if names[i] else str(i + 1) for i in likely]
         raise LogError(f"no column is named as the power, but {' or '.join(names)} may be it by its numbers",
                        file=sheet.file, expected=f"--power-column {names[0]}, or --power-column none")
+
+
+def _demand_own_temperature(sheet: Sheet, index: Mapping[str, int]) -> None:
+    """Refuse to take a room's or a board's temperature for the heater's where another column may hold that.
+
+    Raises:
+        LogError: the only temperature by its name is such a one, and a column without a role holds many values.
+    """
+    name = sheet.header[index["temperature"]]
+    if not is_second_choice(name):
+        return
+    others = [i for i, head in enumerate(sheet.header) if i not in index.values() and role_of(head) is None
+              and _is_measured([row[i] for row in sheet.rows])]
+    if others:
+        names = [quoted(sheet.header[i]) if sheet.header[i] else str(i + 1) for i in others]
+        raise LogError(f"the only temperature by its name is {name!r}, but {' or '.join(names)} may be the heater's",
+                       file=sheet.file, expected=f"--temperature-column {names[0]}, or --temperature-column {quoted(name)}")
+
+
+_MEASURED: Final = 10  # values, at least
+
+
+def _is_measured(cells: Sequence[str]) -> bool:
+    """Return whether a column holds numbers of many values, that do not only grow."""
+    try:
+        values = np.array([cell for cell in cells if not says_nothing(cell)], dtype=np.float64)
+    except ValueError:
+        return False
+    return len(np.unique(values)) > _MEASURED and bool(np.any(np.diff(values) < 0.0))
 
 
 def quoted(text: str) -> str:
@@ -183,6 +217,9 @@ def choose_column(sheet: Sheet, role: str, column: str | int) -> int:
     text = str(column).strip()
     if text in sheet.header:
         return sheet.header.index(text)
+    plain = [i for i, name in enumerate(sheet.header) if name.rpartition(" [")[0] == text]
+    if len(plain) == 1:  # the unit was put behind the name
+        return plain[0]
     width = len(sheet.header or sheet.rows[0])
     if text.isdecimal() and 1 <= int(text) <= width:
         return int(text) - 1
@@ -251,9 +288,9 @@ def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], notes: li
     free = [i for i in range(len(sheet.rows[0])) if i not in index.values()]
     if "time" not in index and "time" not in absent:
         growing = [i for i in free if _grows(sheet, i)]
-        if growing:  # several: by custom the time is written first
-            index["time"] = growing[0]
-            free.remove(growing[0])
+        if growing:  # several: by custom the time is written first, but for the numbers of the rows
+            index["time"] = growing[1 if len(growing) > 1 and _counts_rows(sheet, growing[0]) else 0]
+            free.remove(index["time"])
     for role, sign in (("temperature", _DEGREES), ("power", _PERCENT)):
         signed = [i for i in free if sheet.units and sign.fullmatch(sheet.units[i])]
         if role not in index and role not in absent and len(signed) == 1:
@@ -268,6 +305,12 @@ def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], notes: li
             index |= {"power": held, "temperature": moving}
     places = ", ".join(f"{role} = column {i + 1}" for role, i in sorted(index.items(), key=lambda pair: pair[1]))
     notes.append(f"The file has no header; by their numbers: {places}.")
+
+
+def _counts_rows(sheet: Sheet, i: int) -> bool:
+    """Return whether a column holds 0, 1, 2 … or 1, 2, 3 …, the numbers of the rows."""
+    first = sheet.rows[0][i]
+    return first in ("0", "1") and all(row[i] == str(k) for k, row in enumerate(sheet.rows, start=int(first)))
 
 
 def _grows(sheet: Sheet, i: int) -> bool:

@@ -97,6 +97,43 @@ def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -
     return kept, len(dropped) - len(other)
 
 
+def _spread_instants(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> Array:
+    """Return times, those of rows of one instant spread up to the next one where a clock is coarser than the interval.
+
+    Each instant then has equally many rows, but for the first and the last, and the rows differ in their readings alone.
+    """
+    steps = np.diff(time)
+    begins = np.flatnonzero(np.concatenate([[True], steps != 0.0]))
+    counts = np.diff([*begins, len(time)])
+    if len(begins) < _LEAST_INSTANTS or np.any(steps < 0) or not _is_even(counts[1:-1], np.diff(time[begins])[1:]):
+        return time
+    dropped = np.setdiff1d(np.arange(len(time)), begins)
+    firsts = begins[np.searchsorted(begins, dropped, side="right") - 1]
+    names = range(len(sheet.rows[0]))
+    if len(_otherwise(sheet, columns, dropped, firsts)) <= _MOST_LOST * len(time) or any(_tags(sheet, i, dropped, firsts) for i in names if i not in columns.index.values()):
+        return time
+    usual = float(np.median(np.diff(time[begins])))
+    spread, most = time.copy(), float(np.median(counts[1:-1]))
+    for k, (begin, number) in enumerate(zip(begins, counts, strict=True)):
+        end = time[begins[k + 1]] if k + 1 < len(begins) else time[begin] + usual
+        each = (end - time[begin]) / max(number, most)
+        late = (max(most - number, 0.0) if k == 0 else 0.0) * each  # a log begins within an instant
+        spread[begin:begin + number] += late + each * np.arange(number)
+    repairs.append(f"The clock shows one instant for {most:g} rows; they were spread evenly up to the next one.")
+    return spread
+
+
+_LEAST_INSTANTS: Final = 10
+
+
+def _is_even(counts: npt.NDArray[np.intp], lengths: Array) -> bool:
+    """Return whether each instant has two or more rows, the same number but for one, and lasts as long."""
+    if not len(counts) or np.median(counts) < 2 or not len(lengths):  # noqa: PLR2004
+        return False
+    usual = float(np.median(counts))
+    return bool(np.all(np.abs(counts - usual) <= 1.0) and np.mean(np.abs(lengths - np.median(lengths)) <= 0.0) > _MOSTLY)
+
+
 def _put_back_repeats(steps: Array) -> str:
     """Return the remedy where rows may be counted: the clock was set back a few times, otherwise they are even."""
     usual = float(np.median(steps))
@@ -336,7 +373,7 @@ def read_log(
     if asked.disturbance_column is not None:
         wanted["disturbance"] = asked.disturbance_column
     tags = TagSelection(
-        temperature=asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag, column=asked.tag_column,
+        temperature=None if sheet.part else asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag, column=asked.tag_column,
         quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column, date=asked.date_column)
     tagged = by_tags(sheet, tags, asked.time_unit)
     if tagged.is_long and "disturbance" in wanted:
@@ -351,11 +388,13 @@ def read_log(
     time, clock = seconds(sheet, columns, asked.time_unit, asked.sample_time_s, repairs)
     sheet, time = forwards(sheet, time, repairs)
     sheet, time, chosen_run = one_run(sheet, time, asked.run, repairs)
+    time = _spread_instants(sheet, columns, time, repairs)
     sheet, time, edges = without_blank_power(sheet, columns, time, repairs)
     sheet, time, edges = without_unreadable_power(sheet, columns, time, edges, repairs)
     raw = _readings(sheet, columns, time, edges, skip_empty=asked.skip_empty)
     kept, repeats = kept_rows(sheet, columns, time, repairs)
-    kept &= ~no_readings(sheet, columns, raw, time, repairs, skip_empty=asked.skip_empty)
+    kept &= ~no_readings(sheet, columns, raw, time, repairs, moves=_power_moves(sheet, columns),
+                         skip_empty=asked.skip_empty)
     raw *= asked.temperature_scale or 1.0
     unit = _temperature_unit(sheet, columns, asked, raw[kept], repairs, doubts)
     setpoint, filled = _setpoint(sheet, columns, unit.name, asked.temperature_scale or 1.0, repairs)
@@ -375,7 +414,7 @@ def read_log(
         counts=RowCounts(read=len(time), repeats=repeats, filled=filled + held, put_back=len(lines) - int(kept.sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
-                 "temperature_scale": asked.temperature_scale},
+                 "temperature_scale": asked.temperature_scale, "tag": sheet.part or None},
     )
     log = _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
     return replace(log, power_late_s=late_s) if late_s else log
@@ -393,6 +432,21 @@ def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_
     raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves out rows whose cell is empty)",
                   holes=skip_empty or explained, blank="a number (--skip-empty leaves such rows out)", lenient=True)
     return at_edges(time, raw, edges)
+
+
+def _power_moves(sheet: Sheet, columns: Columns) -> Mask | None:
+    """Return in which rows the power moves by more than a tenth of its range, shape (n,); None if it is not logged."""
+    if "power" not in columns.index:
+        return None
+    cells = [row[columns.index["power"]] for row in sheet.rows]
+    try:
+        values = np.array(on_or_off(cells) or cells, dtype=np.float64)
+    except ValueError:
+        return None
+    return np.abs(np.diff(values, prepend=values[:1])) > _MOVES * float(np.ptp(values))
+
+
+_MOVES: Final = 0.1
 
 
 def _put_back(

@@ -89,13 +89,14 @@ def _workbook(path: Path, data: bytes, tag: str | None) -> FormatTable:
     kept = [(number, row) for number, row in rows if any(row)]
     others = [each for each in sheets if each != name]
     passed = f"; other sheets: {', '.join(others[:_SHOWN])} (--tag)" if others else ""
-    return FormatTable((), [row for _, row in kept], [number for number, _ in kept], [f"Workbook: sheet {name!r} read{passed}."])
+    return FormatTable((), [row for _, row in kept], [number for number, _ in kept],
+                       [f"Workbook: sheet {name!r} read{passed}."], part=name if tag == name else "")
 
 
 def _arrow(path: Path, data: bytes, _: str | None) -> FormatTable:
     """Return a table of Parquet or Feather; an index that was saved with it is a column of it."""
     try:
-        from pyarrow import ArrowException, feather, parquet
+        from pyarrow import ArrowException, feather, parquet, timestamp, types
     except ImportError as problem:
         raise _missing(path, "fleet", "pyarrow") from problem
     try:
@@ -103,7 +104,9 @@ def _arrow(path: Path, data: bytes, _: str | None) -> FormatTable:
     except (ArrowException, OSError, ValueError) as problem:
         raise LogError("a table that cannot be read", file=path, expected="a whole .parquet or .feather file") from problem
     kind = "Parquet" if data.startswith(b"PAR1") else "Feather"
-    return _of_columns(path, kind, stored.column_names, [column.to_pylist() for column in stored.columns])
+    columns = [column.cast(timestamp("us", column.type.tz), safe=False) if types.is_timestamp(column.type) else column
+               for column in stored.columns]
+    return _of_columns(path, kind, stored.column_names, [column.to_pylist() for column in columns])
 
 
 def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
@@ -121,9 +124,9 @@ def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
     vectors = {name: value for name, value in variables.items() if getattr(value, "ndim", 0) == 1 and value.dtype.kind in "fiub"}
     length = max(map(len, vectors.values()), default=0)
     longest = max(matrices, key=lambda name: max(matrices[name].shape), default="") if tag not in matrices else str(tag)
-    if longest and max(matrices[longest].shape) > length:
+    if longest and (tag == longest or max(matrices[longest].shape) > length):
         matrix = matrices[longest] if len(matrices[longest]) >= matrices[longest].shape[1] else matrices[longest].T
-        return _of_columns(path, "MATLAB", (), matrix.T.tolist())
+        return _of_columns(path, "MATLAB", (), matrix.T.tolist())._replace(part=longest if tag == longest else "")
     chosen = {name: value.tolist() for name, value in vectors.items() if len(value) == length}
     return _of_columns(path, "MATLAB", tuple(chosen), list(chosen.values()))
 

@@ -37,7 +37,7 @@ def _kiln(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
 
 
 #: [10:00:00][D][sensor:094]: 'Oven': Sending state 20.5 °C with 1 decimals of accuracy; also of a switch: ON
-_ESPHOME: Final = re.compile(r"\[[A-Z]\]\[(\w[\w.]*):?\d*\]: '([^']+)':? (?:- )?Sending state:? ?(?:([^\s]+)(?: (\S+) with)?)?")
+_ESPHOME: Final = re.compile(r"\[[A-Z]\]\[(\w[\w.]*):?\d*\]: '([^']+)':? (?:- )?Sending state:? ?(?:([^\s]+)(?: (\S*)( with))?)?")
 _CLIMATE: Final = re.compile(r"\[[A-Z]\]\[climate:?\d*\]: +(Current|Target) Temperature: (-?[\d.]+) ?°C")
 _COLOUR: Final = re.compile(r"\x1b\[[\d;]*m|\033\[[\d;]*m|\[[\d;]+m")
 
@@ -51,8 +51,8 @@ def _esphome(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
         found = _ESPHOME.search(line)
         if found is not None and found[3] is None:
             climate = found[2]
-        elif found is not None:
-            rows.append([line_stamp(line), found[2], f"{found[3]} {found[4] or ''}".strip()])
+        elif found is not None and (found[5] or found[1] != "sensor"):  # else the line is cut off
+            rows.append([line_stamp(line), found[2], "" if found[3] == "nan" else f"{found[3]} {found[4] or ''}".strip()])
             lines.append(number)
         elif (part := _CLIMATE.search(line)) is not None and (part[1] == "Target" or not has_sensor):
             rows.append([line_stamp(line), f"{climate} {part[1].lower()} temperature", f"{part[2]} °C"])

@@ -29,6 +29,7 @@ class FormatTable(NamedTuple):
         repairs: how it was read, and skipped content, one sentence each.
         sessions: line number with which each session of the program begins, if there are several.
         session: the session that is read if the user asks for none, 1 = first.
+        part: the part of the file that the user asked for by a tag, a sheet of a workbook, if it is no tag of a row.
     """
 
     header: tuple[str, ...]
@@ -37,6 +38,7 @@ class FormatTable(NamedTuple):
     repairs: list[str]
     sessions: tuple[int, ...] = ()
     session: int | None = None
+    part: str = ""
 
 
 class TextFormat(NamedTuple):
