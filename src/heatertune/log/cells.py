@@ -353,7 +353,8 @@ def _with_closed_quotes(
     if len(opened) > max(1, _FEW_SHARE * len(numbered)):
         raise LogError("a quotation mark that is not closed", file=path, line=opened[0],
                        expected="--skip-rows if it is above the table, else a closed one")
-    repairs.append(f"{count(len(opened), 'line')} with a quotation mark that is not closed left out (line {opened[0]}).")
+    lines = count(len(opened), "line")
+    repairs.append(f"{lines} with a quotation mark that is not closed left out (line {opened[0]}).")
     return [pair for pair in numbered if pair[0] not in set(opened)], len(opened)
 
 

@@ -51,18 +51,19 @@ _TIME_BEGINS: Final = frozenset("0123456789+-.[")
 
 
 def without_strays(sheet: Sheet, columns: Columns, repairs: list[str]) -> Sheet:
-    """Return the sheet without the few rows whose cell of the time is a word or empty: means and extremes, a message."""
+    """Return the sheet without the few rows whose time is a word or empty: means and extremes, a message."""
     if "time" not in columns.index:
         return sheet
     place = columns.index["time"]
     strays = [k for k, row in enumerate(sheet.rows) if row[place][:1] not in _TIME_BEGINS]
     last = next((k for k in reversed(range(len(sheet.rows))) if sheet.rows[k][place][:1] in _TIME_BEGINS), -1)
     within = [k for k in strays if k < last]
-    if not strays or last < 0 or len(within) > max(_FEW_STRAYS, _MOST_STRAYS * len(sheet.rows)) or len(strays) - len(within) > _MOST_BELOW:
+    most = max(_FEW_STRAYS, _MOST_STRAYS * len(sheet.rows))
+    if not strays or last < 0 or len(within) > most or len(strays) - len(within) > _MOST_BELOW:
         return sheet
     lines = ", ".join(str(sheet.lines[k]) for k in strays[:_SHOWN])
-    repairs.append(f"{count(len(strays), 'row')} without a time left out (line {lines}"
-                   f"{f' and {len(strays) - _SHOWN} more' if len(strays) > _SHOWN else ''}).")
+    more = f" and {len(strays) - _SHOWN} more" if len(strays) > _SHOWN else ""
+    repairs.append(f"{count(len(strays), 'row')} without a time left out (line {lines}{more}).")
     kept = sorted({*range(len(sheet.rows))} - {*strays})
     return replace(sheet.picked(kept), lost=sheet.lost + len(strays))
 

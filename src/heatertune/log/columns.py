@@ -181,7 +181,8 @@ def _demand_own_temperature(sheet: Sheet, index: Mapping[str, int]) -> None:
     if others:
         names = [quoted(sheet.header[i]) if sheet.header[i] else str(i + 1) for i in others]
         raise LogError(f"the only temperature by its name is {name!r}, but {' or '.join(names)} may be the heater's",
-                       file=sheet.file, expected=f"--temperature-column {names[0]}, or --temperature-column {quoted(name)}")
+                       file=sheet.file,
+                       expected=f"--temperature-column {names[0]}, or --temperature-column {quoted(name)}")
 
 
 _MEASURED: Final = 10  # values, at least
@@ -247,7 +248,7 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[
 
 
 def _is_text(sheet: Sheet, role: str, i: int) -> bool:
-    """Return whether a column contradicts its name: words in "control mode", numbers in "data", a date in Portuguese."""
+    """Return whether a column contradicts its name: words in "control mode", numbers in "data" (Portuguese: date)."""
     cell = sheet.rows[0][i]
     if role == "time":
         return is_second_choice(sheet.header[i]) and is_number(cell) and not _is_sheet_day(cell)
@@ -351,8 +352,10 @@ def numbers(
     cells = [row[i] for row in sheet.rows]
     if holes:
         cells = ["nan" if says_nothing(cell) else cell for cell in cells]
-    if lenient and (strange := {cell for cell in set(cells) if not _is_usable(cell)}):
-        if sum(cell in strange and not (holes and cell == "nan") for cell in cells) <= _MOST_TEXT * len(cells):
+    if lenient:
+        strange = {cell for cell in set(cells) if not _is_usable(cell)}
+        few = sum(cell in strange and not (holes and cell == "nan") for cell in cells) <= _MOST_TEXT * len(cells)
+        if strange and few:
             cells, holes = ["nan" if cell in strange else cell for cell in cells], True
     try:
         values = np.array([_float(cell) for cell in cells], dtype=np.float64)
@@ -490,7 +493,7 @@ def seconds(
     two = _two_numbers(sheet, columns, cells, unit)
     if two == "mm:ss":
         repairs.append("The time was read as minutes and seconds.")
-        return numbers_of_minutes(cells), two
+        return _minutes_and_seconds(cells), two
     if not is_number(cells[0]) and (stamp(cells[0]) is not None or month_first(cells)):
         repairs.append("Time stamps were converted to seconds from the first row.")
         return _from_stamps(sheet, columns, cells, repairs), two or "stamps"
@@ -508,7 +511,8 @@ def _two_numbers(sheet: Sheet, columns: Columns, cells: Sequence[str], unit: str
     if unit in CLOCK_UNITS:
         return unit
     name = columns.names["time"]
-    if _MINUTES_NAMED.search(name) or max(int(cell.partition(":")[0]) for cell in cells) > _MOST_HOURS or "." in cells[0]:
+    longest = max(int(cell.partition(":")[0]) for cell in cells)
+    if _MINUTES_NAMED.search(name) or longest > _MOST_HOURS or "." in cells[0]:
         return "mm:ss"
     if _HOURS_NAMED.search(name):
         return "hh:mm"
@@ -518,7 +522,7 @@ def _two_numbers(sheet: Sheet, columns: Columns, cells: Sequence[str], unit: str
     return ""
 
 
-def numbers_of_minutes(cells: Sequence[str]) -> Array:
+def _minutes_and_seconds(cells: Sequence[str]) -> Array:
     """Return times such as 12:30 as minutes and seconds [s], shape (n,)."""
     parts = [cell.partition(":") for cell in cells]
     return np.array([60.0 * int(minutes) + float(seconds) for minutes, _, seconds in parts])
@@ -707,7 +711,8 @@ def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], 
     if why:
         likely = [scale for scale in _FULL_SCALES if largest <= scale][:_SHOWN_SCALES] if largest > 100.0 else []
         perhaps = f" ({' or '.join(map(str, likely))}?)" if likely else ""
-        raise LogError(f"a power up to {largest:g} {why}", file=sheet.file, column=name, expected=_EXPECTED.format(perhaps))
+        raise LogError(f"a power up to {largest:g} {why}", file=sheet.file, column=name,
+                       expected=_EXPECTED.format(perhaps))
     repairs.append("The power has no unit in the file; taken as percent (otherwise: --power-full-scale).")
     if 0.0 < largest <= _SMALL:
         doubts.append(f"The power, taken as percent, never exceeds {largest:g} %: were it volts or amperes, "

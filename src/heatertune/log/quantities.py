@@ -14,8 +14,7 @@ from typing import Final
 __all__ = [
     "NOTHING", "ROLES", "STAMPS", "is_clock", "is_date", "is_day_or_month", "is_foreign", "is_hours_or_minutes",
     "is_number", "is_quantity", "is_scaled", "is_second_choice", "month_first", "month_or_day_first", "on_or_off",
-    "plain_name",
-    "plain_quantities", "role_of", "says_nothing", "stamp", "unit_in_name",
+    "plain_name", "plain_quantities", "role_of", "says_nothing", "stamp", "unit_in_name",
 ]
 
 
@@ -27,11 +26,12 @@ _LONGEST: Final = 1000
 #: looked for in this order: "set point (degC)" is no temperature, "heater temperature" no power; t is a time, T is not
 _NAMES: Final[dict[str, re.Pattern[str]]] = {
     "setpoint": re.compile(
-        r"(?i:set.?(point|temp|value)|temp\w* ?set\b|\bt?sp\d*\b|(target|working) ?sp\b|soll|target|consign[ea]|设定|設定|목표|설정|уставк"
-        r"|заданн|zadan|žádan|börvärde|asetusarvo|ayar değeri|riferimento)"),
+        r"(?i:set.?(point|temp|value)|temp\w* ?set\b|\bt?sp\d*\b|(target|working) ?sp\b|soll|target|consign[ea]"
+        r"|设定|設定|목표|설정|уставк|заданн|zadan|žádan|börvärde|asetusarvo|ayar değeri|riferimento)"),
     "time": re.compile(
         r"(?i:time|zeit|\bdate|datum|elapsed|^milli|^sec|^minutes?$|^hours?$|^m?s$|^tage$|^days?$"
-        r"|last.?(chang|updat)ed|^(tiempo|tempo|tijd|tid|czas|čas|zaman|aika|hora|heure|fecha|godzina|data|дата|время)\b"
+        r"|last.?(chang|updat)ed|^(tiempo|tempo|tijd|tid|czas|čas|zaman|aika|hora|heure|fecha|godzina|data)\b"
+        r"|^(дата|время)\b"
         r"|时间|日期|時刻|日時|時間|年月日|시간|날짜|^temps ?[\[(/] ?(s|sec|ms|min|h)\b)|^ts$|^t$|^[tT] ?[\[(/ ] ?(s|sec|ms|min|h)\b"),
     "temperature": re.compile(
         r"(?i:temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|out|duty|%))|°[cf]"
@@ -145,9 +145,12 @@ _NOON = re.compile(r"(\d{1,2})(:\d\d.*?) ?([AaPp])\.?[Mm]\.?")
 _DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./](\d{4}|\d\d)")
 _SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(\d{4}|\d\d)(?!\d)")
 #: 2026年03月14日 09時58分00秒, and the same in Korean
-_CHARACTERS: Final = str.maketrans({**dict.fromkeys("年月년월", "-"), **dict.fromkeys("時分시분", ":"), **dict.fromkeys("日일秒초")})
+_CHARACTERS: Final = str.maketrans(
+    {**dict.fromkeys("年月년월", "-"), **dict.fromkeys("時分시분", ":"), **dict.fromkeys("日일秒초")})
 _MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-_NAMED_MONTH = re.compile(r"(?:[A-Z][a-z]{2},? )?(?:(\d{1,2})[- ]([A-Z][a-z]{2})[a-z]*[- ,]+(\d{4})|([A-Z][a-z]{2})[a-z]* (\d{1,2}),? (\d{4})),? *(.*)")
+_NAMED_MONTH = re.compile(
+    r"(?:[A-Z][a-z]{2},? )?(?:(\d{1,2})[- ]([A-Z][a-z]{2})[a-z]*[- ,]+(\d{4})"
+    r"|([A-Z][a-z]{2})[a-z]* (\d{1,2}),? (\d{4})),? *(.*)")
 _THOUSANDTHS = re.compile(r"(:\d\d:\d\d):(\d{1,3})$")
 
 
@@ -281,7 +284,8 @@ NOTHING: Final = frozenset((
 ))
 _ON: Final = frozenset((
     "true", "on", "yes", "ja", "ein", "an", "wahr", "heating", "high", "active", "aktiv", "run", "running", "ligado",
-    "marche", "encendido", "acceso", "aan", "вкл", "включено", "zał", "zapnuto", "på", "päällä", "açık", "オン", "开", "켜짐"))
+    "marche", "encendido", "acceso", "aan", "вкл", "включено", "zał", "zapnuto", "på", "päällä", "açık", "オン", "开",
+    "켜짐"))
 _OFF: Final = frozenset(("false", "off", "no", "nein", "aus", "falsch", "idle", "low", "inactive", "inaktiv", "stop",
     "stopped", "standby", "desligado", "arrêt", "apagado", "spento", "uit", "выкл", "выключено", "wył", "vypnuto", "av",
     "pois", "kapalı", "オフ", "关", "꺼짐"))

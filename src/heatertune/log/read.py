@@ -100,7 +100,7 @@ def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -
 def _spread_instants(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> Array:
     """Return times, those of rows of one instant spread up to the next one where a clock is coarser than the interval.
 
-    Each instant then has equally many rows, but for the first and the last, and the rows differ in their readings alone.
+    Each instant then has equally many rows, but for the first and the last, and no column tells them apart.
     """
     steps = np.diff(time)
     begins = np.flatnonzero(np.concatenate([[True], steps != 0.0]))
@@ -110,7 +110,8 @@ def _spread_instants(sheet: Sheet, columns: Columns, time: Array, repairs: list[
     dropped = np.setdiff1d(np.arange(len(time)), begins)
     firsts = begins[np.searchsorted(begins, dropped, side="right") - 1]
     names = range(len(sheet.rows[0]))
-    if len(_otherwise(sheet, columns, dropped, firsts)) <= _MOST_LOST * len(time) or any(_tags(sheet, i, dropped, firsts) for i in names if i not in columns.index.values()):
+    differ = len(_otherwise(sheet, columns, dropped, firsts)) > _MOST_LOST * len(time)
+    if not differ or any(_tags(sheet, i, dropped, firsts) for i in names if i not in columns.index.values()):
         return time
     usual = float(np.median(np.diff(time[begins])))
     spread, most = time.copy(), float(np.median(counts[1:-1]))
@@ -128,10 +129,11 @@ _LEAST_INSTANTS: Final = 10
 
 def _is_even(counts: npt.NDArray[np.intp], lengths: Array) -> bool:
     """Return whether each instant has two or more rows, the same number but for one, and lasts as long."""
-    if not len(counts) or np.median(counts) < 2 or not len(lengths):  # noqa: PLR2004
+    if not len(counts) or np.median(counts) < 2 or not len(lengths):
         return False
     usual = float(np.median(counts))
-    return bool(np.all(np.abs(counts - usual) <= 1.0) and np.mean(np.abs(lengths - np.median(lengths)) <= 0.0) > _MOSTLY)
+    alike = np.mean(lengths == np.median(lengths)) > _MOSTLY
+    return bool(np.all(np.abs(counts - usual) <= 1.0) and alike)
 
 
 def _put_back_repeats(steps: Array) -> str:
@@ -373,7 +375,8 @@ def read_log(
     if asked.disturbance_column is not None:
         wanted["disturbance"] = asked.disturbance_column
     tags = TagSelection(
-        temperature=None if sheet.part else asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag, column=asked.tag_column,
+        temperature=None if sheet.part else asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag,
+        column=asked.tag_column,
         quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column, date=asked.date_column)
     tagged = by_tags(sheet, tags, asked.time_unit)
     if tagged.is_long and "disturbance" in wanted:

@@ -214,8 +214,8 @@ def by_tags(sheet: Sheet, asked: TagSelection, time_unit: str | None) -> TagTabl
 
 
 def _with_long_header(sheet: Sheet) -> Sheet:
-    """Return a table without names with those of a long one, if its columns are a time, few texts again and again, a value."""
-    if sheet.header or not MIN_TAG_COLUMNS <= len(sheet.rows[0]):
+    """Return a table without names with those of a long one, if its cells are a time, one of few texts, and a value."""
+    if sheet.header or len(sheet.rows[0]) < _LEAST_COLUMNS:
         return sheet
     some = sheet.rows[:_SAMPLE_ROWS]
     clocks = [i for i in range(len(some[0])) if all(stamp(row[i]) is not None for row in some)]
@@ -231,7 +231,7 @@ def _with_long_header(sheet: Sheet) -> Sheet:
                    repairs=(*sheet.repairs, note))
 
 
-MIN_TAG_COLUMNS: Final = 3
+_LEAST_COLUMNS: Final = 3
 _SAMPLE_ROWS: Final = 50
 
 
@@ -431,7 +431,7 @@ def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: TagSelection) -> 
                            expected=f"{_OPTIONS[role]}, one of {listed}")
     free = [name for name in tags if name not in wanted.values()]
     in_degrees = _tags_in_degrees(sheet, tag, asked)
-    tag_of = {}
+    tag_of: dict[str, str] = {}
     for role, name in wanted.items():
         likely = [tag_name for tag_name in free if _role_of_tag(tag_name) == role]
         if role == "temperature":
@@ -461,7 +461,8 @@ def _tags_in_degrees(sheet: Sheet, tag: int, asked: TagSelection) -> frozenset[s
     first: dict[str, str] = {}
     for row in sheet.rows:
         first.setdefault(row[tag], row[value])
-    return frozenset(name for name, cell in first.items() if is_quantity(cell) and unit_in_name("temperature", f"[{cell.split()[-1]}]"))
+    return frozenset(name for name, cell in first.items()
+                     if is_quantity(cell) and unit_in_name("temperature", f"[{cell.split()[-1]}]"))
 
 
 def _demand_no_likely_power(sheet: Sheet, tags: Sequence[str], tag: int, asked: TagSelection) -> None:
@@ -472,16 +473,17 @@ def _demand_no_likely_power(sheet: Sheet, tags: Sequence[str], tag: int, asked: 
     """
     value = places(sheet, asked)[1]
     cells: dict[str, list[str]] = {name: [] for name in tags if _role_of_tag(name) is None}
-    for row in sheet.rows if value is not None else ():
+    if value is None:
+        return
+    for row in sheet.rows:
         if row[tag] in cells:
             cells[row[tag]].append(row[value])
-    plain = {name: plain_quantities(column) for name, column in cells.items()}
-    likely = [name for name, column in cells.items() if column and likely_power(
-        name, column if (figures := plain[name]) is None else figures[0],
-        in_percent=(figures := plain[name]) is not None and figures[1] == "%")]
+    plain = {name: plain_quantities(column) or (column, "", False) for name, column in cells.items() if column}
+    likely = [name for name, (figures, unit, _) in plain.items() if likely_power(name, figures, in_percent=unit == "%")]
     if likely:
-        raise LogError(f"no tag is named as the power, but {' or '.join(map(quoted, likely[:_SHOWN]))} may be it by its values",
-                       file=sheet.file, expected=f"--power-tag {quoted(likely[0])} or --power-tag none")
+        names = " or ".join(map(quoted, likely[:_SHOWN]))
+        raise LogError(f"no tag is named as the power, but {names} may be it by its values", file=sheet.file,
+                       expected=f"--power-tag {quoted(likely[0])} or --power-tag none")
 
 
 def _role_of_tag(name: str) -> str | None:

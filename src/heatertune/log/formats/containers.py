@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import gzip
 import io
+import math
 import zlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -40,7 +41,7 @@ def decompressed(path: Path, data: bytes, repairs: list[str]) -> bytes:
     except (EOFError, zlib.error, gzip.BadGzipFile) as problem:
         rest = _rest(data)
         if not rest:
-            raise LogError("a compressed file that cannot be unpacked", file=path, expected="a whole .gz file") from problem
+            raise LogError("a compressed file that is damaged", file=path, expected="a whole .gz file") from problem
         repairs.append("The compressed file is cut off; what it holds up to there was read.")
         return rest
     return b"".join(blocks)
@@ -57,7 +58,7 @@ def _rest(data: bytes) -> bytes:
 
 def _cell(value: Any) -> str:
     """Return a value of a container as a cell of a text file."""
-    if value is None or (isinstance(value, float) and value != value):
+    if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -82,8 +83,9 @@ def _workbook(path: Path, data: bytes, tag: str | None) -> FormatTable:
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))
         sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
     except (CalamineError, OSError, ValueError) as problem:
-        raise LogError("a workbook that cannot be read", file=path, expected="an .xlsx, .xls or .ods file") from problem
-    numbers = {name: sum(isinstance(cell, int | float) for row in rows for cell in row) for name, rows in sheets.items()}
+        raise LogError("a workbook that is damaged", file=path, expected="an .xlsx, .xls or .ods file") from problem
+    numbers = {name: sum(isinstance(cell, int | float) for row in rows for cell in row)
+               for name, rows in sheets.items()}
     name = tag if tag in sheets else max(numbers, key=lambda each: numbers[each], default="")
     rows = [(number, [_cell(cell) for cell in row]) for number, row in enumerate(sheets.get(name, ()), start=1)]
     kept = [(number, row) for number, row in rows if any(row)]
@@ -100,10 +102,10 @@ def _arrow(path: Path, data: bytes, _: str | None) -> FormatTable:
     except ImportError as problem:
         raise _missing(path, "fleet", "pyarrow") from problem
     try:
-        stored = parquet.read_table(io.BytesIO(data)) if data.startswith(b"PAR1") else feather.read_table(io.BytesIO(data))
+        kind, library = ("Parquet", parquet) if data.startswith(b"PAR1") else ("Feather", feather)
+        stored = library.read_table(io.BytesIO(data))
     except (ArrowException, OSError, ValueError) as problem:
-        raise LogError("a table that cannot be read", file=path, expected="a whole .parquet or .feather file") from problem
-    kind = "Parquet" if data.startswith(b"PAR1") else "Feather"
+        raise LogError("a table that is damaged", file=path, expected="a whole .parquet or .feather file") from problem
     columns = [column.cast(timestamp("us", column.type.tz), safe=False) if types.is_timestamp(column.type) else column
                for column in stored.columns]
     return _of_columns(path, kind, stored.column_names, [column.to_pylist() for column in columns])
@@ -114,18 +116,22 @@ def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
     from scipy.io import loadmat
 
     try:
-        variables = {name: value for name, value in loadmat(io.BytesIO(data), squeeze_me=True).items() if name[:2] != "__"}
+        stored = loadmat(io.BytesIO(data), squeeze_me=True)
     except (NotImplementedError, ValueError, TypeError, OSError) as problem:
-        raise LogError("a .mat file that cannot be read", file=path, expected="a file saved with -v7, or as text") from problem
+        raise LogError("a .mat file that cannot be read", file=path, expected="one saved with -v7, or text") from problem
+    variables = {name: value for name, value in stored.items() if name[:2] != "__"}
     for name, value in list(variables.items()):
         if getattr(value, "dtype", None) is not None and value.dtype.names and value.shape == ():
             variables |= {f"{name}.{field}": value[field].item() for field in value.dtype.names}
-    matrices = {name: value for name, value in variables.items() if getattr(value, "ndim", 0) == 2 and len(value) > 1}
-    vectors = {name: value for name, value in variables.items() if getattr(value, "ndim", 0) == 1 and value.dtype.kind in "fiub"}
+    numbers = {name: value for name, value in variables.items() if getattr(value, "size", 0) > 1
+               and value.dtype.kind in "fiub"}
+    matrices = {name: value for name, value in numbers.items() if value.ndim > 1}
+    vectors = {name: value for name, value in numbers.items() if value.ndim == 1}
     length = max(map(len, vectors.values()), default=0)
-    longest = max(matrices, key=lambda name: max(matrices[name].shape), default="") if tag not in matrices else str(tag)
+    longest = str(tag) if tag in matrices else max(matrices, key=lambda name: max(matrices[name].shape), default="")
     if longest and (tag == longest or max(matrices[longest].shape) > length):
-        matrix = matrices[longest] if len(matrices[longest]) >= matrices[longest].shape[1] else matrices[longest].T
+        matrix = matrices[longest]
+        matrix = matrix if len(matrix) >= matrix.shape[1] else matrix.T
         return _of_columns(path, "MATLAB", (), matrix.T.tolist())._replace(part=longest if tag == longest else "")
     chosen = {name: value.tolist() for name, value in vectors.items() if len(value) == length}
     return _of_columns(path, "MATLAB", tuple(chosen), list(chosen.values()))

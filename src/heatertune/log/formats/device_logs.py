@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -37,9 +37,10 @@ def _kiln(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
 
 
 #: [10:00:00][D][sensor:094]: 'Oven': Sending state 20.5 °C with 1 decimals of accuracy; also of a switch: ON
-_ESPHOME: Final = re.compile(r"\[[A-Z]\]\[(\w[\w.]*):?\d*\]: '([^']+)':? (?:- )?Sending state:? ?(?:([^\s]+)(?: (\S*)( with))?)?")
+_ESPHOME: Final = re.compile(r"\[[A-Z]\]\[(\w[\w.]*):?\d*\]: '([^']+)':? (?:- )?Sending state:? ?"
+                             r"(?:([^\s]+)(?: (\S*)( with))?)?")
 _CLIMATE: Final = re.compile(r"\[[A-Z]\]\[climate:?\d*\]: +(Current|Target) Temperature: (-?[\d.]+) ?°C")
-_COLOUR: Final = re.compile(r"\x1b\[[\d;]*m|\033\[[\d;]*m|\[[\d;]+m")
+_COLOUR: Final = re.compile(r"\x1b?\[[\d;]+m")
 
 
 def _esphome(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
@@ -52,7 +53,8 @@ def _esphome(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
         if found is not None and found[3] is None:
             climate = found[2]
         elif found is not None and (found[5] or found[1] != "sensor"):  # else the line is cut off
-            rows.append([line_stamp(line), found[2], "" if found[3] == "nan" else f"{found[3]} {found[4] or ''}".strip()])
+            value = "" if found[3] == "nan" else f"{found[3]} {found[4] or ''}"
+            rows.append([line_stamp(line), found[2], value.strip()])
             lines.append(number)
         elif (part := _CLIMATE.search(line)) is not None and (part[1] == "Target" or not has_sensor):
             rows.append([line_stamp(line), f"{climate} {part[1].lower()} temperature", f"{part[2]} °C"])
@@ -62,10 +64,11 @@ def _esphome(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
 
 
 #: measurement,tag=…,tag=… field=value,field=value 1741557600000000000
-_POINT: Final = re.compile(r"((?:[^\s,\\]|\\.)+(?:,(?:[^\s=,\\]|\\.)+=(?:[^\s,\\]|\\.)+)*) "
-                           r"((?:[^\s=,\\]|\\.)+=(?:\"(?:[^\"\\]|\\.)*\"|[^\s,\"]+)(?:,(?:[^\s=,\\]|\\.)+=(?:\"(?:[^\"\\]|\\.)*\"|[^\s,\"]+))*)"
-                           r" (\d{9,19})\s*")
-_FIELD: Final = re.compile(r"((?:[^\s=,\\]|\\.)+)=(\"(?:[^\"\\]|\\.)*\"|[^\s,\"]+)")
+_KEY: Final = r"(?:[^\s=,\\]|\\.)+"
+_FIELD_VALUE: Final = r"(?:\"(?:[^\"\\]|\\.)*\"|[^\s,\"]+)"
+_POINT: Final = re.compile(
+    rf"((?:[^\s,\\]|\\.)+(?:,{_KEY}=(?:[^\s,\\]|\\.)+)*) ({_KEY}={_FIELD_VALUE}(?:,{_KEY}={_FIELD_VALUE})*) (\d{{9,19}})\s*")
+_FIELD: Final = re.compile(rf"({_KEY})=({_FIELD_VALUE})")
 
 
 def _line_protocol(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
@@ -76,7 +79,7 @@ def _line_protocol(_: Path, numbered: Sequence[Line], __: str | None) -> FormatT
     for number, found in points:
         for name, value in _FIELD.findall(found[2]):
             if not value.startswith('"'):
-                rows.append([found[3], f"{found[1]} {name}" if several else name, value.removesuffix("i").removesuffix("u")])
+                rows.append([found[3], f"{found[1]} {name}" if several else name, value.rstrip("iu")])
                 lines.append(number)
     repairs = [f"Line protocol of InfluxDB: {count(len(points), 'point')} read, {len(numbered) - len(points)} other "
                "lines passed over."]
@@ -107,7 +110,7 @@ def _reading(name: str, cell: str) -> str:
 
 
 def _bean_first(names: Sequence[str]) -> list[str]:
-    """Return the names, the bean's temperature before the environment's: the first temperature is the one that is read."""
+    """Return the names, the bean's temperature before the environment's: of several the first one is read."""
     return sorted(names, key=lambda name: (name.startswith("ET "), name.startswith("BT ") is False))
 
 
@@ -143,27 +146,40 @@ def _json(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
     """Return the records of JSON as a table: one in each line, or the longest list of records in the whole text."""
     records, lines, lost = _json_records(numbered)
     if not records:
-        raise LogError("JSON without records", file=path, expected="an object with time and temperature in each line, or a list of such")
-    notes = [f"JSON: {count(len(records), 'record')} read" + (f", {count(lost, 'line')} that are none left out." if lost else ".")]
+        raise LogError("JSON without records", file=path,
+                       expected="an object with time and temperature in each line, or a list of such")
+    left = f", {count(lost, 'line')} that are none left out" if lost else ""
+    notes = [f"JSON: {count(len(records), 'record')} read{left}."]
     flat = [dict(_flat(record)) for record in records]
+    names = _field_names(flat)
     if all("pidstats.out" in record and "runtime" in record for record in flat):
-        names = {"runtime": "runtime [s]", "temperature": "temperature", "pidstats.out": "power [0...1]", "target": "target"}
+        names = _KILN_FIELDS
         notes.append("Its pidstats are kiln-controller's; the power is their out.")
-    else:
-        topics = sum("topic" in record and "payload" in record for record in flat) > len(flat) / 2
-        names = {name: name.rpartition(".")[2] for record in flat for name in record}
-        if topics:
-            names = {name: "value" if name == "payload" else short for name, short in names.items() if not name.startswith("_")}
-        if len(set(names.values())) < len(names):
-            names = {name: name for name in names}
-        names = {name: short for name, short in names.items() if topics or role_of(short) is not None or _varies(flat, name)}
     rows = [[record.get(name, "") for name in names] for record in flat]
     return FormatTable(tuple(names.values()), rows, lines, notes)
 
 
+_KILN_FIELDS: Final = {
+    "runtime": "runtime [s]", "temperature": "temperature", "pidstats.out": "power [0...1]", "target": "target"}
+
+
+def _field_names(records: Sequence[Mapping[str, str]]) -> dict[str, str]:
+    """Return field → name of its column: without the records around it, where that is unique; MQTT's payload is a value.
+
+    Fields without a role that never change are left out.
+    """
+    names = {name: name.rpartition(".")[2] for record in records for name in record}
+    if sum("topic" in record and "payload" in record for record in records) > len(records) / 2:
+        return {name: "value" if name == "payload" else name for name in names if not name.startswith("_")}
+    if len(set(names.values())) < len(names):
+        names = {name: name for name in names}
+    return {name: short for name, short in names.items() if role_of(short) is not None or _varies(records, name)}
+
+
 def _json_records(numbered: Sequence[Line]) -> tuple[list[Mapping[str, Any]], list[int], int]:
     """Return the records, the line of each, and how many lines hold none."""
-    records, lines = [], []
+    records: list[Mapping[str, Any]] = []
+    lines: list[int] = []
     for number, line in numbered:
         try:
             record = json.loads(line.strip().rstrip(","))
@@ -197,7 +213,10 @@ def _flat(record: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, st
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{name}.")
         elif not isinstance(value, list):
-            yield f"{prefix}{name}", "" if value is None else "true" if value is True else "false" if value is False else str(value)
+            yield f"{prefix}{name}", _JSON_WORDS.get(str(value), str(value))
+
+
+_JSON_WORDS: Final = {"None": "", "True": "true", "False": "false"}
 
 
 def _varies(records: Sequence[Mapping[str, str]], name: str) -> bool:
@@ -210,11 +229,15 @@ def _starts_as_json(lines: Sequence[Line]) -> bool:
 
 
 def _is_artisan(lines: Sequence[Line]) -> bool:
-    return len(lines) > 2 and re.match(r"Date:.*\tUnit:[CF]\t", lines[0][1]) is not None and lines[1][1].startswith("Time1\t")
+    return len(lines) > _TITLES and re.match(r"Date:.*\tUnit:[CF]\t", lines[0][1]) is not None and (
+        lines[1][1].startswith("Time1\t"))
 
 
-_is_profile: Final[Callable[[Sequence[Line]], bool]] = lambda lines: bool(lines) and _ALOG.match(  # noqa: E731
-    "\n".join(line for _, line in lines[:2000])) is not None
+_TITLES: Final = 2
+
+
+def _is_profile(lines: Sequence[Line]) -> bool:
+    return bool(lines) and _ALOG.match("\n".join(line for _, line in lines[:2000])) is not None
 
 
 DEVICE_LOGS: Final = (

@@ -14,8 +14,9 @@ Line = tuple[int, str]
 _FEWEST: Final = 2
 _SAMPLE: Final = 5000  # lines in which a format has to show itself
 
-#: the time at the beginning of a line of a log, also after the prefix of syslog: [10:00:00.123], 2026-03-01 10:00:00,123
-LINE_STAMP: Final = re.compile(r"(\d{4}-\d\d-\d\d[T ])?\d\d:\d\d:\d\d(?:[.,]\d{1,6})?")
+#: the time in a line of a log: [10:00:00.123], 2026-03-01 10:00:00,123
+_CLOCK: Final = r"\d\d:\d\d:\d\d(?:[.,]\d{1,6})?"
+LINE_STAMP: Final = (re.compile(rf"\d{{4}}-\d\d-\d\d[T ]{_CLOCK}"), re.compile(_CLOCK))
 _STAMP_WITHIN: Final = 80
 
 
@@ -84,9 +85,6 @@ def matching(pattern: re.Pattern[str]) -> Callable[[Sequence[Line]], bool]:
 
 
 def line_stamp(line: str) -> str:
-    """Return the time stamp near the beginning of a line of a log, with a decimal point, or ""."""
-    found = LINE_STAMP.search(line[:_STAMP_WITHIN])
-    if found is None:
-        return ""
-    dated = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d{1,6})?").search(line[:_STAMP_WITHIN])
-    return (dated or found)[0].replace(",", ".")
+    """Return the time near the beginning of a line of a log, one with a date before others, or ""."""
+    found = next((match for pattern in LINE_STAMP if (match := pattern.search(line[:_STAMP_WITHIN]))), None)
+    return "" if found is None else found[0].replace(",", ".")

@@ -1,10 +1,11 @@
-"""Exports of laboratories and plants whose table needs more than the names of its columns: LabVIEW, Ignition, traces."""
+"""Exports of laboratories and plants that are more than a table below names: LabVIEW, Ignition, traces."""
 
 from __future__ import annotations
 
 import csv
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -39,16 +40,18 @@ def _labview(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable
             rows.append([cell.replace(decimal, ".") for cell in cells[:len(names)]])
             lines.append(number)
     if not rows:
-        raise LogError("no segment with X_Value and readings", file=path, expected="a measurement file of LabVIEW with one X column")
-    header = ["time [s]" if name == "X_Value" else f"{name} [{unit}]" if (unit := units[k - 1] if 0 < k <= len(units) else "")
-              else name for k, name in enumerate(names)]
+        raise LogError("no segment with X_Value and readings", file=path,
+                       expected="a measurement file of LabVIEW with one X column")
+    units = ["", *units, *[""] * len(names)]
+    header = ["time [s]" if name == "X_Value" else f"{name} [{units[k]}]" if units[k] else name
+              for k, name in enumerate(names)]
     return FormatTable(tuple(header), rows, lines, [f"Measurement of LabVIEW: {count(len(begins), 'segment')} read."])
 
 
 def _ignition(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the data set of Ignition: #NAMES, #TYPES and #ROWS stand above the rows."""
     cells = [(number, row) for number, line in numbered for row in csv.reader([line.replace("\0", "")])]
-    names = next(row for (_, before), (_, row) in zip(cells, cells[1:], strict=False) if before[0] == "#NAMES")
+    names = next(row for (_, before), (_, row) in pairwise(cells) if before[0] == "#NAMES")
     rows = next(k for k, (_, row) in enumerate(cells) if row[0] == "#ROWS") + 1
     kept = [(number, row) for number, row in cells[rows:] if len(row) == len(names)]
     return FormatTable(tuple(names), [row for _, row in kept], [number for number, _ in kept],
@@ -76,7 +79,7 @@ def _paired(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
                 lines.append(number)
     order = sorted(range(len(rows)), key=lambda k: lines[k])
     return FormatTable((head[0], "tag", "value"), [rows[k] for k in order], [lines[k] for k in order],
-                       [f"Each of {count(len(head) // 2, 'variable')} has a column of times of its own; each was read with it."])
+                       [f"Each of {count(len(head) // 2, 'variable')} was read with its own column of times."])
 
 
 def _pair_separator(line: str) -> str:
@@ -89,13 +92,17 @@ def _has_pairs(lines: Sequence[Line]) -> bool:
         return False
     head = [cell.strip('" ') for cell in lines[0][1].split(_pair_separator(lines[0][1]))]
     times = head[::2]
-    return len(head) >= 4 and len(head) % 2 == 0 and len(set(times)) == 1 and role_of(times[0]) == "time" and not any(
-        role_of(name) == "time" for name in head[1::2])
+    return len(times) > 1 and len(head) == 2 * len(times) and len(set(times)) == 1 and role_of(times[0]) == "time" and (
+        "time" not in map(role_of, head[1::2]))
+
+
+def _within(lines: Sequence[Line], pattern: str) -> bool:
+    return any(re.match(pattern, line) for _, line in lines)
 
 
 PLANT_EXPORTS: Final = (
-    TextFormat("measurement of LabVIEW", lambda lines: any(line.startswith(_END_OF_HEADER) for _, line in lines[:60]), _labview),
-    TextFormat("data set of Ignition", lambda lines: any(re.match(r'"?#NAMES"?', line) for _, line in lines[:5]), _ignition),
+    TextFormat("measurement of LabVIEW", lambda lines: _within(lines[:60], re.escape(_END_OF_HEADER)), _labview),
+    TextFormat("data set of Ignition", lambda lines: _within(lines[:5], '"?#NAMES"?'), _ignition),
     TextFormat("trace of CODESYS", lambda lines: len(lines) > 3 and lines[0][1].strip() == "CoDeSys Trace", _codesys),
     TextFormat("table with a time for each variable", _has_pairs, _paired),
 )

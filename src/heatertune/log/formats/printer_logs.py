@@ -36,7 +36,7 @@ _MOVED_DEGC: Final = 5.0  # more than the noise of a thermistor or a warming roo
 _PAUSE_S: Final = 30.0  # without statistics: the host was restarted
 
 
-class _Reading(NamedTuple):
+class _StatsReading(NamedTuple):
     """A reading of one heater in a line of statistics: line number, cells, and as numbers."""
 
     line: int
@@ -47,12 +47,12 @@ class _Reading(NamedTuple):
 
 
 def _klippy(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTable:
-    heaters: dict[str, list[_Reading]] = {}
+    heaters: dict[str, list[_StatsReading]] = {}
     for number, line in numbered:
         found = _STATS.match(line)
         for name, target, degC, pwm in _HEATER.findall(line[found.end():]) if found is not None else ():
             cells = [found[1], name, degC, pwm, target] if found is not None else []
-            heaters.setdefault(name, []).append(_Reading(number, cells, float(cells[0]), float(degC), float(pwm)))
+            heaters.setdefault(name, []).append(_StatsReading(number, cells, float(cells[0]), float(degC), float(pwm)))
     sessions = {name: _sessions(readings) for name, readings in heaters.items()}
     moved = {name: max(map(_movement, parts)) for name, parts in sessions.items()}
     wanted, why = _heater_to_read(path, moved, tag)
@@ -71,9 +71,9 @@ def _klippy(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTabl
         tuple(part[0].line for part in parts) if len(parts) > 1 else (), best + 1 if len(parts) > 1 else None)
 
 
-def _sessions(readings: Sequence[_Reading]) -> list[list[_Reading]]:
+def _sessions(readings: Sequence[_StatsReading]) -> list[list[_StatsReading]]:
     """Return the readings of each run of the host: its clock begins again, or the statistics pause."""
-    parts: list[list[_Reading]] = []
+    parts: list[list[_StatsReading]] = []
     for reading in readings:
         if not parts or not 0.0 <= reading.time_s - parts[-1][-1].time_s <= _PAUSE_S:
             parts.append([])
@@ -81,7 +81,7 @@ def _sessions(readings: Sequence[_Reading]) -> list[list[_Reading]]:
     return parts
 
 
-def _movement(readings: Sequence[_Reading]) -> float:
+def _movement(readings: Sequence[_StatsReading]) -> float:
     """Return by how much a heater moved under power [°C]; 0 without power: a warming neighbour is no test."""
     if not any(reading.pwm for reading in readings):
         return 0.0
@@ -98,8 +98,8 @@ def _heater_to_read(path: Path, moved: Mapping[str, float], tag: str | None) -> 
     if wanted not in moved:
         problem = "the printer has several heaters" if tag is None else "the printer has no such heater"
         raise LogError(problem, file=path, value=", ".join(moved) if tag is None else tag,
-                       expected=f"--tag and one of {', '.join((heated if tag is None else None) or moved)}")
-    return wanted, ""
+                       expected=f"--tag and one of {', '.join((heated if tag is None else []) or moved)}")
+    return str(wanted), ""
 
 
 def _klipper_test(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
@@ -138,48 +138,51 @@ _PART: Final = re.compile(r"(?:^|[\s:])([TBC]\d?): ?(-?\d+(?:\.\d+)?) */ ?(-?\d+
 _SMOOTHIE: Final = re.compile(r"(?:^|[\s:])([TBC]\d?):-?[\d.]+ */ ?-?[\d.]+ @(\d+)")
 _SENT: Final = re.compile(r"(?<!\w)([TBC]?)@(\d?):(-?\d+)")
 _MARLIN_FULL: Final = 127  # Marlin's soft PWM has seven bits
-_REPETIER_FULL: Final = 255
+_EIGHT_BITS_FULL: Final = 255
 
 
-def _serial(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTable:
-    """Return the reports of one heater: T, T0, T1 …, B; the power is the number behind its @.
+def _reports(numbered: Sequence[Line]) -> tuple[dict[str, list[tuple[int, list[str]]]], int]:
+    """Return heater → line number and cells of its reports, and the count of full power.
 
     Marlin reports 0…127 with the hot end's @ before the bed's, Repetier 0…255 with the bed's first, Smoothieware 0…255
     behind each heater.
     """
     heaters: dict[str, list[tuple[int, list[str]]]] = {}
-    largest, repetier = 0, False
+    full = _MARLIN_FULL
     for number, line in numbered:
         if _REPORT.search(line) is None:
             continue
         sent = {letter + digit: int(value) for letter, digit, value in _SENT.findall(line)}
-        if not sent:
-            sent = {name: int(value) for name, value in _SMOOTHIE.findall(line)}
-            repetier |= bool(sent)
-        largest = max([largest, *sent.values()])
-        repetier |= [*sent][:2] == ["B", ""]
+        behind = {name: int(value) for name, value in _SMOOTHIE.findall(line)}
+        if (behind and not sent) or [*sent][:2] == ["B", ""] or max(sent.values(), default=0) > _MARLIN_FULL:
+            full = _EIGHT_BITS_FULL
+        sent = sent or behind
         for name, degC, target in _PART.findall(line):
             power = sent.get(name, sent.get(name[1:], sent.get("") if name in ("T", "T0") else None))
             if power is not None:
                 heaters.setdefault(name, []).append((number, [line_stamp(line), name, degC, str(power), target]))
-    if len(heaters) > 1 and heaters.get("T0") and heaters.get("T"):
-        del heaters["T"]  # the same hot end twice
+    if "T0" in heaters:
+        heaters.pop("T", None)  # the same hot end twice
+    return heaters, full
+
+
+def _serial(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTable:
+    """Return the reports of one heater: T, T0, T1 …, B; the power is the number behind its @."""
+    heaters, full = _reports(numbered)
     moved = {name: _reported_movement(rows) for name, rows in heaters.items()}
     if not moved:
         raise LogError("the lines report temperatures without the power behind @", file=path,
                        expected="reports such as T:20.5 /60.0 @:64, which M105 and M155 make")
     hot = [name for name, by_degC in moved.items() if by_degC > _MOVED_DEGC]
-    if tag is None and len(hot) != 1 and len(moved) > 1:
-        raise LogError("the printer has several heaters", file=path, value=", ".join(moved),
-                       expected=f"--tag and one of {', '.join(hot or moved)}")
+    if tag not in heaters and (tag is not None or (len(hot) != 1 and len(moved) > 1)):
+        problem = "the printer has several heaters" if tag is None else "the printer has no such heater"
+        raise LogError(problem, file=path, value=", ".join(moved) if tag is None else tag,
+                       expected=f"--tag and one of {', '.join((hot if tag is None else []) or moved)}")
     wanted = tag or (hot or [*moved])[0]
-    if wanted not in heaters:
-        raise LogError("the printer has no such heater", file=path, value=wanted,
-                       expected=f"--tag and one of {', '.join(heaters)}")
-    full = _REPETIER_FULL if repetier or largest > _MARLIN_FULL else _MARLIN_FULL
     rows = heaters[wanted]
     stamps = all(cells[0] for _, cells in rows)
-    others = f"; other heaters: {', '.join(name for name in heaters if name != wanted)} (--tag)" if len(moved) > 1 else ""
+    names = ", ".join(name for name in heaters if name != wanted)
+    others = f"; other heaters: {names} (--tag)" if names else ""
     return FormatTable(
         (*(("time",) if stamps else ()), "name", "temperature [degC]", f"power [0...{full}]", "setpoint [degC]"),
         [cells if stamps else cells[1:] for _, cells in rows], [number for number, _ in rows],
