@@ -32,7 +32,8 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
         r"(?i:time|zeit|\bdate|datum|elapsed|^milli|^sec|^minutes?$|^hours?$|^m?s$|^tage$|^days?$"
         r"|last.?(chang|updat)ed|^(tiempo|tempo|tijd|tid|czas|čas|zaman|aika|hora|heure|fecha|godzina|data)\b"
         r"|^(дата|время)\b"
-        r"|时间|日期|時刻|日時|時間|年月日|시간|날짜|^temps ?[\[(/] ?(s|sec|ms|min|h)\b)|^ts$|^t$|^[tT] ?[\[(/ ] ?(s|sec|ms|min|h)\b"),
+        r"|时间|日期|時刻|日時|時間|年月日|시간|날짜|^temps ?[\[(/] ?(s|sec|ms|min|h)\b)"
+        r"|^ts$|^t$|^[tT] ?[\[(/ ] ?(s|sec|ms|min|h)\b"),
     "temperature": re.compile(
         r"(?i:temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|out|duty|%))|°[cf]"
         r"|deg ?[cf]|kelvin|thermocouple|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値|온도)"

@@ -92,7 +92,7 @@ def _workbook(path: Path, data: bytes, tag: str | None) -> FormatTable:
     others = [each for each in sheets if each != name]
     passed = f"; other sheets: {', '.join(others[:_SHOWN])} (--tag)" if others else ""
     return FormatTable((), [row for _, row in kept], [number for number, _ in kept],
-                       [f"Workbook: sheet {name!r} read{passed}."], part=name if tag == name else "")
+                       [f"Workbook: sheet {name!r} read{passed}."], part=str(name) if tag == name else "")
 
 
 def _arrow(path: Path, data: bytes, _: str | None) -> FormatTable:
@@ -100,7 +100,7 @@ def _arrow(path: Path, data: bytes, _: str | None) -> FormatTable:
     try:
         from pyarrow import ArrowException, feather, parquet, timestamp, types
     except ImportError as problem:
-        raise _missing(path, "fleet", "pyarrow") from problem
+        raise _missing(path, "parquet", "pyarrow") from problem
     try:
         kind, library = ("Parquet", parquet) if data.startswith(b"PAR1") else ("Feather", feather)
         stored = library.read_table(io.BytesIO(data))
@@ -118,7 +118,7 @@ def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
     try:
         stored = loadmat(io.BytesIO(data), squeeze_me=True)
     except (NotImplementedError, ValueError, TypeError, OSError) as problem:
-        raise LogError("a .mat file that cannot be read", file=path, expected="one saved with -v7, or text") from problem
+        raise LogError("an unknown kind of .mat file", file=path, expected="one saved with -v7, or text") from problem
     variables = {name: value for name, value in stored.items() if name[:2] != "__"}
     for name, value in list(variables.items()):
         if getattr(value, "dtype", None) is not None and value.dtype.names and value.shape == ():
@@ -132,7 +132,7 @@ def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
     if longest and (tag == longest or max(matrices[longest].shape) > length):
         matrix = matrices[longest]
         matrix = matrix if len(matrix) >= matrix.shape[1] else matrix.T
-        return _of_columns(path, "MATLAB", (), matrix.T.tolist())._replace(part=longest if tag == longest else "")
+        return _of_columns(path, "MATLAB", (), matrix.T.tolist())._replace(part=str(tag) if tag == longest else "")
     chosen = {name: value.tolist() for name, value in vectors.items() if len(value) == length}
     return _of_columns(path, "MATLAB", tuple(chosen), list(chosen.values()))
 

@@ -59,7 +59,8 @@ def _esphome(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
         elif (part := _CLIMATE.search(line)) is not None and (part[1] == "Target" or not has_sensor):
             rows.append([line_stamp(line), f"{climate} {part[1].lower()} temperature", f"{part[2]} °C"])
             lines.append(number)
-    repairs = [f"Log of ESPHome: {count(len(rows), 'state')} read, {len(numbered) - len(rows)} other lines passed over."]
+    others = len(numbered) - len(rows)
+    repairs = [f"Log of ESPHome: {count(len(rows), 'state')} read, {others} other lines passed over."]
     return FormatTable(("time", "name", "value"), rows, lines, repairs)
 
 
@@ -67,7 +68,8 @@ def _esphome(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
 _KEY: Final = r"(?:[^\s=,\\]|\\.)+"
 _FIELD_VALUE: Final = r"(?:\"(?:[^\"\\]|\\.)*\"|[^\s,\"]+)"
 _POINT: Final = re.compile(
-    rf"((?:[^\s,\\]|\\.)+(?:,{_KEY}=(?:[^\s,\\]|\\.)+)*) ({_KEY}={_FIELD_VALUE}(?:,{_KEY}={_FIELD_VALUE})*) (\d{{9,19}})\s*")
+    rf"((?:[^\s,\\]|\\.)+(?:,{_KEY}=(?:[^\s,\\]|\\.)+)*) "
+    rf"({_KEY}={_FIELD_VALUE}(?:,{_KEY}={_FIELD_VALUE})*) (\d{{9,19}})\s*")
 _FIELD: Final = re.compile(rf"({_KEY})=({_FIELD_VALUE})")
 
 
@@ -164,9 +166,9 @@ _KILN_FIELDS: Final = {
 
 
 def _field_names(records: Sequence[Mapping[str, str]]) -> dict[str, str]:
-    """Return field → name of its column: without the records around it, where that is unique; MQTT's payload is a value.
+    """Return field → name of its column: without the records around it, where that is unique.
 
-    Fields without a role that never change are left out.
+    MQTT's payload is the value of a long table. Fields without a role that never change are left out.
     """
     names = {name: name.rpartition(".")[2] for record in records for name in record}
     if sum("topic" in record and "payload" in record for record in records) > len(records) / 2:
