@@ -4,10 +4,10 @@ import importlib.util
 from pathlib import Path
 
 import pytest
-from tests.bench.messy import ACCUSED, REMEDY, RIGHT, STUCK, WRONG, judge, printed
-from tests.bench.tool_exports import LEVELS, WRITERS, exports
 
 from heatertune.cli import main
+from tests.bench.messy import ACCUSED, REMEDY, RIGHT, STUCK, WRONG, judge, printed
+from tests.bench.tool_exports import LEVELS, WRITERS, exports
 
 #: tools whose exports say all that a fit needs: no question may be left
 SAY_ALL = ("12-hour dates", "xlsx", "compressed CSV", "klippy.log", "OctoPrint serial.log", "Repetier", "HOBO", "Artisan CSV")

@@ -323,7 +323,7 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
                  above=above, pwm_period_s=period_s, recorded=recorded, lost=damaged + cut + partial)
 
 
-def _sheet_of(path: Path, table: FormatTable, repairs: list[str], damaged: int, skip_rows: int = 0) -> Sheet:
+def _sheet_of(path: Path, table: FormatTable, repairs: list[str], lost: int, skip_rows: int = 0) -> Sheet:
     """Return the sheet of a table that a format's parser made; one without a header is searched for it."""
     repairs += table.repairs
     whole = [k for k, row in enumerate(table.rows) if table.lines[k] > skip_rows or table.header]
@@ -337,7 +337,7 @@ def _sheet_of(path: Path, table: FormatTable, repairs: list[str], damaged: int, 
     else:
         partial = _drop_partial_rows(path, lines, rows, len(header), repairs)
     return Sheet(file=str(path), header=header, comment=(), rows=rows, lines=lines, repairs=tuple(repairs), above=above,
-                 lost=damaged + partial, part=table.part, sessions=table.sessions, session=table.session)
+                 lost=lost + partial, part=table.part, sessions=table.sessions, session=table.session)
 
 
 def _with_closed_quotes(

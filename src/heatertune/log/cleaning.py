@@ -74,6 +74,13 @@ def without_unreadable_power(
     """Return sheet, times and edges without the few rows whose power is no power: blank, Err, NULL.
 
     The power before is held through them, as through any row that is missing.
+
+    Args:
+        sheet: the cells.
+        columns: which column is what.
+        time: of each row, shape (n,) [s].
+        edges: the rows that hold another power but no temperature, shape (n,).
+        repairs: list to which omitted rows are added.
     """
     if "power" not in columns.index:
         return sheet, time, edges

@@ -40,11 +40,11 @@ from heatertune.log.quantities import (
     stamp,
     unit_in_name,
 )
+from heatertune.log.unnamed_columns import demand_no_likely_power, demand_own_temperature
 
 __all__ = [
     "ASSUMED", "CLOCK_UNITS", "NO_COLUMN", "TIME_UNITS", "Array", "Columns", "Power", "cell_error", "choose_column",
-    "find_columns", "forwards", "likely_power", "likely_time_unit", "numbers", "power_of", "quoted", "seconds",
-    "with_dates", "with_names",
+    "find_columns", "forwards", "likely_time_unit", "numbers", "power_of", "seconds", "with_dates", "with_names",
 ]
 
 
@@ -108,98 +108,18 @@ def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool
     else:
         _by_numbers(sheet, index, absent | ({"time"} if counted else set()), notes)
     if sheet.header and "temperature" in index and "temperature" not in wanted:
-        _demand_own_temperature(sheet, index)
+        demand_own_temperature(sheet, index)
     if "temperature" not in index:
         listed = ", ".join(sheet.header) or f"{len(sheet.rows[0])} columns without names"
         expected = "--temperature-column NAME or N"
         raise LogError(f"no column is a temperature ({listed})", file=sheet.file, expected=expected)
     if not {"power"} & {*index, *absent}:
-        _demand_no_likely_power(sheet, index)
+        demand_no_likely_power(sheet, index)
     names = {role: sheet.header[i] if sheet.header else f"{i + 1}" for role, i in index.items()}
     units = {role: sheet.units[i] for role, i in index.items() if sheet.units and sheet.units[i]}
     for role, unit in units.items():
         _demand_one_unit(sheet, role, names[role], unit)
     return Columns(index=index, names=names, notes=tuple(notes), units=units)
-
-
-_NO_POWER: Final = re.compile(
-    r"(?i:humid|feucht|moist|\brh\b|r\.h\.|batter|akku|\bsoc\b|level|füllst|fan|lüfter|ventil|flow|durchfl|door|tür|alarm"
-    r"|fault|error|quality|valid|mode|state|status|signal|rssi|cpu|memory|disk|light|pressure|druck|\bno\b|nr|index|segment"
-    r"|step|run|cycle|batch|zone|slot)")
-_FEW_CHANGES: Final = 0.1  # of the rows: a power that is set rather than measured
-_FEW_LEVELS: Final = 12
-_MOST_TEXT: Final = 0.1
-
-
-def likely_power(name: str, cells: Sequence[str], *, in_percent: bool = False) -> bool:
-    """Return whether a column that nobody has named a power may be one by its content.
-
-    Its cells are on and off, or percent by name or unit; or they are numbers from 0 up that stand and change at once.
-    """
-    written = [cell for cell in cells if not says_nothing(cell)]
-    if len(written) < len(cells) * (1.0 - _MOST_TEXT) or len(set(written)) < 2 or _NO_POWER.search(name):
-        return False
-    if on_or_off(written) is not None:
-        return True
-    try:
-        values = np.array(written, dtype=np.float64)
-    except ValueError:
-        return False
-    changes = np.count_nonzero(np.diff(values)) / len(values)
-    in_percent |= unit_in_name("power", name) == "100"
-    is_set = changes <= _FEW_CHANGES and len(np.unique(values)) <= _FEW_LEVELS
-    return bool(values.min() >= 0.0 and (in_percent or is_set or (values.min() == 0.0 and changes <= _FEW_CHANGES)))
-
-
-def _demand_no_likely_power(sheet: Sheet, index: Mapping[str, int]) -> None:
-    """Refuse to pass over the one column that may be the power.
-
-    Raises:
-        LogError: there is one, or several.
-    """
-    names = sheet.header or [""] * len(sheet.rows[0])
-    likely = [i for i, name in enumerate(names) if i not in index.values() and role_of(name) is None
-              and likely_power(name, [row[i] for row in sheet.rows], in_percent=bool(
-                  sheet.units and _PERCENT.fullmatch(sheet.units[i])))]
-    if likely:
-        names = [quoted(names[i]) if names[i] else str(i + 1) for i in likely]
-        raise LogError(f"no column is named as the power, but {' or '.join(names)} may be it by its numbers",
-                       file=sheet.file, expected=f"--power-column {names[0]}, or --power-column none")
-
-
-def _demand_own_temperature(sheet: Sheet, index: Mapping[str, int]) -> None:
-    """Refuse to take a room's or a board's temperature for the heater's where another column may hold that.
-
-    Raises:
-        LogError: the only temperature by its name is such a one, and a column without a role holds many values.
-    """
-    name = sheet.header[index["temperature"]]
-    if not is_second_choice(name):
-        return
-    others = [i for i, head in enumerate(sheet.header) if i not in index.values() and role_of(head) is None
-              and _is_measured([row[i] for row in sheet.rows])]
-    if others:
-        names = [quoted(sheet.header[i]) if sheet.header[i] else str(i + 1) for i in others]
-        raise LogError(f"the only temperature by its name is {name!r}, but {' or '.join(names)} may be the heater's",
-                       file=sheet.file,
-                       expected=f"--temperature-column {names[0]}, or --temperature-column {quoted(name)}")
-
-
-_MEASURED: Final = 10  # values, at least
-
-
-def _is_measured(cells: Sequence[str]) -> bool:
-    """Return whether a column holds numbers of many values, that do not only grow."""
-    try:
-        values = np.array([cell for cell in cells if not says_nothing(cell)], dtype=np.float64)
-    except ValueError:
-        return False
-    return len(np.unique(values)) > _MEASURED and bool(np.any(np.diff(values) < 0.0))
-
-
-def quoted(text: str) -> str:
-    """Return a name as a command line needs it."""
-    return text if re.fullmatch(r"[\w./:=+-]+", text) else f'"{text}"'
 
 
 def _demand_one_unit(sheet: Sheet, role: str, name: str, unit: str) -> None:
@@ -327,6 +247,7 @@ def _grows(sheet: Sheet, i: int) -> bool:
 
 
 Array = npt.NDArray[np.float64]
+_MOST_TEXT: Final = 0.1  # share of the cells
 _BEYOND: Final = 1e30  # no instant and no reading; units can still be converted without overflow
 
 

@@ -250,7 +250,7 @@ def month_or_day_first(cells: Sequence[str]) -> str:
         except ValueError:
             return ""
         longest[order] = max(abs(after - before) for before, after in pairwise(days))
-    order = min(longest, key=lambda each: longest[each])
+    order = min(longest, key=lambda first: longest[first])
     return order if longest[order] <= _DAY_BY_DAY and max(longest.values()) > _MONTH_BY_MONTH else ""
 
 

@@ -17,16 +17,7 @@ import numpy.typing as npt
 
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet
-from heatertune.log.columns import (
-    NO_COLUMN,
-    Array,
-    Columns,
-    choose_column,
-    likely_power,
-    quoted,
-    seconds,
-    with_dates,
-)
+from heatertune.log.columns import NO_COLUMN, Array, Columns, choose_column, seconds, with_dates
 from heatertune.log.on_change import good_rows, is_quality, on_change
 from heatertune.log.quantities import (
     is_number,
@@ -40,6 +31,7 @@ from heatertune.log.quantities import (
     stamp,
     unit_in_name,
 )
+from heatertune.log.unnamed_columns import likely_power, quoted
 from heatertune.units import count
 
 __all__ = ["HeldSeries", "TagSelection", "TagTable", "by_tags", "changes_twice", "hold_series", "places"]
@@ -453,9 +445,9 @@ def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: TagSelection) -> 
     return tag_of
 
 
-def _tags_in_degrees(sheet: Sheet, tag: int, asked: TagSelection) -> frozenset[str]:
+def _tags_in_degrees(sheet: Sheet, tag: int, selection: TagSelection) -> frozenset[str]:
     """Return the tags whose first value bears the unit of a temperature."""
-    value = places(sheet, asked)[1]
+    value = places(sheet, selection)[1]
     if value is None:
         return frozenset()
     first: dict[str, str] = {}
@@ -465,13 +457,13 @@ def _tags_in_degrees(sheet: Sheet, tag: int, asked: TagSelection) -> frozenset[s
                      if is_quantity(cell) and unit_in_name("temperature", f"[{cell.split()[-1]}]"))
 
 
-def _demand_no_likely_power(sheet: Sheet, tags: Sequence[str], tag: int, asked: TagSelection) -> None:
+def _demand_no_likely_power(sheet: Sheet, tags: Sequence[str], tag: int, selection: TagSelection) -> None:
     """Refuse to pass over a tag that may be the power by its values, see `likely_power`.
 
     Raises:
         LogError: there is one, or several.
     """
-    value = places(sheet, asked)[1]
+    value = places(sheet, selection)[1]
     cells: dict[str, list[str]] = {name: [] for name in tags if _role_of_tag(name) is None}
     if value is None:
         return

@@ -86,7 +86,7 @@ def _workbook(path: Path, data: bytes, tag: str | None) -> FormatTable:
         raise LogError("a workbook that is damaged", file=path, expected="an .xlsx, .xls or .ods file") from problem
     numbers = {name: sum(isinstance(cell, int | float) for row in rows for cell in row)
                for name, rows in sheets.items()}
-    name = tag if tag in sheets else max(numbers, key=lambda each: numbers[each], default="")
+    name = tag if tag in sheets else max(numbers, key=lambda title: numbers[title], default="")
     rows = [(number, [_cell(cell) for cell in row]) for number, row in enumerate(sheets.get(name, ()), start=1)]
     kept = [(number, row) for number, row in rows if any(row)]
     others = [each for each in sheets if each != name]

@@ -7,7 +7,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from heatertune.errors import LogError
 from heatertune.log.formats.format_table import FormatTable, Line, TextFormat, line_stamp, matching
@@ -15,6 +15,8 @@ from heatertune.log.quantities import role_of
 from heatertune.units import count
 
 __all__ = ["DEVICE_LOGS"]
+
+_Record = Mapping[str, object]
 
 
 #: kiln-controller, lib/oven.py: temp=66.00, target=65.00, …, heat_on=0.00, heat_off=2.00, run_time=0
@@ -178,9 +180,9 @@ def _field_names(records: Sequence[Mapping[str, str]]) -> dict[str, str]:
     return {name: short for name, short in names.items() if role_of(short) is not None or _varies(records, name)}
 
 
-def _json_records(numbered: Sequence[Line]) -> tuple[list[Mapping[str, Any]], list[int], int]:
+def _json_records(numbered: Sequence[Line]) -> tuple[list[_Record], list[int], int]:
     """Return the records, the line of each, and how many lines hold none."""
-    records: list[Mapping[str, Any]] = []
+    records: list[_Record] = []
     lines: list[int] = []
     for number, line in numbered:
         try:
@@ -200,7 +202,7 @@ def _json_records(numbered: Sequence[Line]) -> tuple[list[Mapping[str, Any]], li
     return longest, list(range(1, len(longest) + 1)), 0
 
 
-def _lists(value: Any) -> Iterator[list[Mapping[str, Any]]]:
+def _lists(value: object) -> Iterator[list[_Record]]:
     """Yield each list of records within a value."""
     if isinstance(value, list) and value and all(isinstance(part, dict) for part in value):
         yield value
@@ -209,7 +211,7 @@ def _lists(value: Any) -> Iterator[list[Mapping[str, Any]]]:
             yield from _lists(part)
 
 
-def _flat(record: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+def _flat(record: _Record, prefix: str = "") -> Iterator[tuple[str, str]]:
     """Yield name and cell of each value, of nested records with the names before it."""
     for name, value in record.items():
         if isinstance(value, dict):
