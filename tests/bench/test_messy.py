@@ -1,13 +1,16 @@
 """A cut of the exports of many tools: the shortest runs; the others are `long`."""
 
 import importlib.util
+import random
 from pathlib import Path
 
 import pytest
 
 from heatertune.cli import main
+from heatertune.errors import LogError
+from heatertune.log import read_log
 from tests.bench.messy import ACCUSED, REMEDY, RIGHT, STUCK, WRONG, judge, printed
-from tests.bench.tool_exports import LEVELS, WRITERS, exports
+from tests.bench.tool_exports import LEVELS, WRITERS, damage, exports
 
 #: tools whose exports say all that a fit needs: no question may be left
 SAY_ALL = ("12-hour dates", "xlsx", "compressed CSV", "klippy.log", "OctoPrint serial.log", "Repetier", "HOBO", "Artisan CSV")
@@ -56,6 +59,21 @@ def test_the_bench_sees_a_wrong_heater_and_a_refusal(tmp_path):
     assert "2 exports: 1 right at once" in table
     assert "1 WRONG HEATER, 0 FALSE ACCUSATION" in table
     assert ACCUSED not in table.split("2 exports")[0]
+
+
+@pytest.mark.long(15)
+def test_no_damage_to_an_export_ends_in_anything_but_a_log_or_one_line():
+    made = list(exports())
+    outcomes = set()
+    for number in range(800):
+        chance = random.Random(f"damage-{number}")
+        export = chance.choice(made)
+        try:
+            outcomes.add(len(read_log(export.name, content=damage(export.content, chance)).time_s) > 0)
+        except LogError as problem:
+            outcomes.add("refused")
+            assert "\n" not in str(problem)
+    assert outcomes == {True, "refused"}
 
 
 def test_a_workbook_without_its_library_names_the_extra(tmp_path, monkeypatch, capsys):

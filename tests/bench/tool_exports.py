@@ -1110,7 +1110,7 @@ def _():
     # the process value as the card has it, the output as PID_Compact's Output_PER
     cells = [["Sample", "Relative time [ms]", "PID_Compact_1.ScaledInput", "PID_Compact_1.Output_PER"]]
     cells += [[str(k), str(int(1000 * s)), point(d, 4), str(round(p * 276.48))] for k, (s, d, p, _) in enumerate(steps(OVEN).rows)]
-    return "trace.csv", text(cells, ";"), OVEN, {"--temperature-column": "PID_Compact_1.ScaledInput", "--power-full-scale": "27648"}
+    return "trace.csv", text(cells, ";"), OVEN, {"--power-full-scale": "27648"}
 
 
 def _codesys(run: Run) -> list[str]:
@@ -1292,3 +1292,24 @@ def _add_language(language: str) -> None:
 
 for each in LANGUAGES:
     _add_language(each)
+
+
+def damage(content: bytes, chance: random.Random) -> bytes:
+    """Return a file with some of its bytes or lines lost, doubled, mixed or replaced."""
+    kind = chance.randrange(5)
+    if kind == 0:
+        return content[: chance.randrange(len(content))]
+    if kind == 1:
+        changed = bytearray(content)
+        for _ in range(chance.randrange(1, 12)):
+            changed[chance.randrange(len(changed))] = chance.randrange(256)
+        return bytes(changed)
+    lines = content.split(b"\n")
+    if kind == 2:
+        del lines[chance.randrange(len(lines)) :: chance.randrange(1, 50)]
+    elif kind == 3:
+        begin = chance.randrange(len(lines))
+        lines[begin:begin] = lines[begin // 2 : begin // 2 + 30]
+    else:
+        chance.shuffle(lines)
+    return b"\n".join(lines)

@@ -168,8 +168,10 @@ def _drop_partial_rows(
     """
     whole = [k for k, row in enumerate(rows) if len(row) == width]
     partial = [k for k, row in enumerate(rows) if len(row) != width]
-    if not partial or not whole:
+    if not partial:
         return 0
+    if not whole:
+        raise LogError("the file holds a header and no readings", file=file, expected="at least 20 rows")
     within = [k for k in partial if k < whole[-1]]
     is_above = partial[0] < whole[0]  # names that are not as many as the columns, or a reading that was cut
     if is_above or len(within) > max(_FEW, _FEW_SHARE * len(rows)) or len(partial) - len(within) > _MOST_BELOW:

@@ -549,6 +549,7 @@ def forwards(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Arra
 _SWITCH: Final = re.compile(
     r"relay|relais|\bssr\b|switch|schalter|[_ ](on|ein|state|status|active|aktiv)$", re.IGNORECASE)
 _PWM: Final = re.compile("pwm", re.IGNORECASE)
+_PERCENT_FULL: Final = 100.0
 _SHOWN_SCALES: Final = 3
 _SMALL: Final = 12.0  # a power in percent that never exceeds this may be volts of 0…10 V or amperes
 _EXPECTED: Final = "--power-full-scale with the reading at full power{}, or --power-column none"
@@ -590,6 +591,8 @@ def power_of(
     expected = "a number, or on and off in every row (--power-column none if there is no power)"
     values = numbers(sheet, columns, "power", expected)
     named = None if is_scaled("power", columns.names["power"]) else columns.unit("power")
+    if named == "27648" and float(np.max(values)) <= _PERCENT_FULL:
+        named = None  # a column of that name that was converted
     if named == "100" and "power" not in columns.units and 0.0 < float(np.max(values)) <= 1.0:
         named = None  # a column named in percent that holds shares, as a spreadsheet exports it
     full_scale = given or (float(named) if named else _assumed(sheet, columns, values, repairs, doubts))

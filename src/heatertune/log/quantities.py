@@ -36,7 +36,7 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
         r"|^ts$|^t$|^[tT] ?[\[(/ ] ?(s|sec|ms|min|h)\b"),
     "temperature": re.compile(
         r"(?i:temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|out|duty|%))|°[cf]"
-        r"|deg ?[cf]|kelvin|thermocouple|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値|온도)"
+        r"|deg ?[cf]|kelvin|thermocouple|scaled.?input|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値|온도)"
         r"|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b|\bT\d*$"),
     "power": re.compile(
         r"(?i:power|duty|heat(er|ing)|pwm|output|\bc[vo]\d*\b|\bop\d*\b|^[uq]\d*($|[ \[(/])|leistung"
@@ -73,9 +73,10 @@ _UNITS: Final[dict[str, tuple[tuple[str, re.Pattern[str]], ...]]] = {
         ("s", re.compile(rf"\b(seconds|sekunden)\b{_ALONE}")),
     ),
     "power": (
+        ("27648", re.compile(r"\boutput per$")),  # Siemens: Output_PER of PID_Compact is an analogue output
         ("255", re.compile(r"255|8.?bit|pwm.*counts")),
         ("1", re.compile(r"0\s*(\.\.\.?|…|-|–|to)\s*1\b(?!00)|fraction|p\.?u\.?\b")),
-        ("100", re.compile(r"%|pct|percent|prozent|0\s*(\.\.\.?|…|-|–|to)\s*100\b")),
+        ("100", re.compile(r"main\.(active|working)out|%|pct|percent|prozent|0\s*(\.\.\.?|…|-|–|to)\s*100\b")),
     ),
 }
 

@@ -104,11 +104,12 @@ def _arrow(path: Path, data: bytes, _: str | None) -> FormatTable:
     try:
         kind, library = ("Parquet", parquet) if data.startswith(b"PAR1") else ("Feather", feather)
         stored = library.read_table(io.BytesIO(data))
-    except (ArrowException, OSError, ValueError) as problem:
+        columns = [column.cast(timestamp("us", column.type.tz), safe=False) if types.is_timestamp(column.type)
+                   else column for column in stored.columns]
+        cells = [column.to_pylist() for column in columns]
+    except (ArrowException, OSError, ValueError, OverflowError) as problem:
         raise LogError("a table that is damaged", file=path, expected="a whole .parquet or .feather file") from problem
-    columns = [column.cast(timestamp("us", column.type.tz), safe=False) if types.is_timestamp(column.type) else column
-               for column in stored.columns]
-    return _of_columns(path, kind, stored.column_names, [column.to_pylist() for column in columns])
+    return _of_columns(path, kind, stored.column_names, cells)
 
 
 def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:

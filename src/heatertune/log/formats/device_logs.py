@@ -95,13 +95,16 @@ def _artisan_csv(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTab
     unit = "degF" if "Unit:F" in numbered[0][1] else "degC"
     header = numbered[1][1].split("\t")
     kept = [(number, line.split("\t")) for number, line in numbered[2:]]
-    whole = [(number, cells) for number, cells in kept if len(cells) == len(header) and ":" in cells[0]]
+    whole = [(number, cells) for number, cells in kept if len(cells) == len(header) and _MINUTES.fullmatch(cells[0])]
     places = [i for i, name in enumerate(header) if i and name not in ("Time2", "Event", "")]
     names = [f"{header[i]} temperature [{unit}]" if header[i] in ("ET", "BT") else header[i] for i in places]
     rows = [[_of_minutes(cells[0]), *(_reading(header[i], cells[i]) for i in places)] for _, cells in whole]
     repairs = [f"CSV of Artisan: {count(len(rows), 'row')} read, {len(kept) - len(rows)} others left out."]
     return FormatTable(("time [s]", *_bean_first(names)), [_in_order(row, names) for row in rows],
                        [number for number, _ in whole], repairs)
+
+
+_MINUTES: Final = re.compile(r"[0-9]{1,4}:[0-9]{2}(\.[0-9]+)?")
 
 
 def _of_minutes(cell: str) -> str:
@@ -149,13 +152,13 @@ def _artisan_profile(path: Path, numbered: Sequence[Line], _: str | None) -> For
 def _json(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
     """Return the records of JSON as a table: one in each line, or the longest list of records in the whole text."""
     records, lines, lost = _json_records(numbered)
-    if not records:
+    flat = [dict(_flat(record)) for record in records]
+    names = _field_names(flat)
+    if not names:
         raise LogError("JSON without records", file=path,
                        expected="an object with time and temperature in each line, or a list of such")
     left = f", {count(lost, 'line')} that are none left out" if lost else ""
     notes = [f"JSON: {count(len(records), 'record')} read{left}."]
-    flat = [dict(_flat(record)) for record in records]
-    names = _field_names(flat)
     if all("pidstats.out" in record and "runtime" in record for record in flat):
         names = _KILN_FIELDS
         notes.append("Its pidstats are kiln-controller's; the power is their out.")
