@@ -194,3 +194,24 @@ def test_short_pulses_of_a_heater_that_is_logged_slowly_are_no_spikes(tmp_path):
         y += (1.0 - np.exp(-30.0 / 90.0)) * (20.0 + 60.0 * on - y)
     rows = [[f"{30 * k}", f"{v:.1f}", "50"] for k, v in enumerate(values)]
     assert len(_read(tmp_path, rows).time_s) == 150
+
+
+def _with_loose_probe(rows, begin, end):
+    for k in range(begin, end):
+        rows[k][1] = f"{21.0 + 0.1 * (k % 3):.1f}"
+    return rows
+
+
+def test_a_probe_that_hung_in_the_air_is_left_out_and_told(tmp_path):
+    rows = [[f"{k}", f"{20 + 0.5 * min(k, 80):.1f}", "60"] for k in range(120)]
+    log = _read(tmp_path, _with_loose_probe(rows, 60, 80))
+    assert (len(log.time_s), log.taken.left_out) == (100, 20)
+    assert "20 rows between two opposite jumps, as of a loose probe, left out (line 62: 21" in _told(log)
+
+
+@pytest.mark.parametrize("dead_rows", [0, 1, 10])
+def test_a_pulse_that_a_fast_heater_follows_is_no_loose_probe(tmp_path, dead_rows):
+    # a time constant far below the interval: the readings are the power's, later by the dead time
+    power = [60 if 40 <= k < 60 else 0 for k in range(120)]
+    rows = [[f"{k}", f"{20 + 0.5 * power[max(k - dead_rows, 0)] + 0.1 * (k % 3):.1f}", f"{power[k]}"] for k in range(120)]
+    assert len(_read(tmp_path, rows).time_s) == 120

@@ -249,8 +249,12 @@ def test_minutes_and_seconds_are_not_taken_for_hours_and_minutes(tmp_path):
     assert read_log(path, **read_log(path, time_unit="hh:mm").taken.reading).time_s[1] == 60.0
     named = _write(tmp_path, "time (mm:ss),temp_C\n" + "\n".join(rows))
     assert read_log(named).time_s[1] == 1.0
-    long = [f"{k // 60}:{k % 60:02d},{20 + k / 100}" for k in range(1500)]  # 24:59 is no time of day
-    assert read_log(_write(tmp_path, "time,temp_C\n" + "\n".join(long))).time_s[-1] == 1499.0
+    long = [f"{k // 60}:{k % 60:02d},{20 + k / 100}" for k in range(7000)]  # a kiln may be fired for 25 hours, not for 116
+    assert read_log(_write(tmp_path, "time,temp_C\n" + "\n".join(long))).time_s[-1] == 6999.0
+    path = _write(tmp_path, "time,temp_C\n" + "\n".join(long[600:1500]))
+    with pytest.raises(LogError, match="hours and minutes or minutes and seconds"):
+        read_log(path)
+    assert read_log(path, time_unit="hh:mm").time_s[-1] == 60.0 * 1499.0
     dated = "date,time,temp_C\n" + "\n".join(f"2026-03-01,{row}" for row in rows)
     assert read_log(_write(tmp_path, dated)).time_s[1] == 60.0
 

@@ -101,6 +101,12 @@ def test_rows_of_a_clock_too_coarse_are_spread_and_a_row_now_and_then_is_told(tm
     assert any("1 of them with another reading" in told for told in log.repairs)
 
 
+def test_two_sensors_in_the_rows_of_one_instant_are_not_spread(tmp_path):
+    two = [(2.0 * (k // 2), y if k % 2 else 20.0, u) for k, (_, y, u) in enumerate(ROWS)]
+    with pytest.raises(LogError, match=r"rows of 60 share an instant"):
+        _read(tmp_path, _table("time_s,temp_C,duty_pct", two))
+
+
 def test_repeated_rows_lose_nothing(tmp_path):
     taken = _read(tmp_path, _table("time_s,temp_C,duty_pct", [row for row in ROWS for _ in (1, 2)])).taken
     assert (taken.left_out, taken.repeats, taken.repaired_share) == (60, 60, 0.0)

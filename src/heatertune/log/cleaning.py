@@ -265,6 +265,10 @@ def _loose(values: Array, time: Array, moves: Mask) -> Mask:
     opposite = np.all(np.sign(steps[edges[::2]]) == -np.sign(steps[edges[1::2]]))
     at_once = np.all(pauses[edges] <= _PAUSE_TIMES * np.median(pauses)) and not any(
         np.any(moves[max(edge - _ROWS_BEFORE, 0):edge + 2]) for edge in edges)
+    spacings = np.diff(np.flatnonzero(moves))
+    if any(np.any(np.abs(spacings - (end - begin)) <= _ROWS_BEFORE) for begin, end in zip(
+            edges[::2], edges[1::2], strict=True)):
+        return loose  # a pulse of the power, which a fast heater follows after its dead time
     if not opposite or not at_once or sizes[edges].min() <= _ALONE_TIMES * others:
         return loose
     for begin, end in zip(edges[::2], edges[1::2], strict=True):

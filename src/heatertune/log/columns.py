@@ -343,7 +343,8 @@ _TWO_NUMBERS: Final = re.compile(r"\d{1,3}:\d\d(\.\d+)?")
 CLOCK_UNITS: Final = ("mm:ss", "hh:mm")
 _MINUTES_NAMED: Final = re.compile(r"(?i)\bm{1,3}:ss?\b|\bmin:se?c")
 _HOURS_NAMED: Final = re.compile(r"(?i)\bhh?:mm\b|\bh:min")
-_MOST_HOURS: Final = 23
+_MOST_HOURS: Final = 99  # of a firing that is timed in hours and minutes
+_LAST_HOUR: Final = 23
 #: unit → its length [s]
 TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0, "d": 86400.0}
 _EPOCH: Final = 1e8  # beyond three years in seconds the numbers are a calendar's
@@ -412,20 +413,20 @@ def seconds(
         raise LogError("the file has no time column", file=sheet.file, expected=expected)
     cells = [row[columns.index["time"]] for row in sheet.rows]
     two = _two_numbers(sheet, columns, cells, unit)
-    if two == "mm:ss":
-        repairs.append("The time was read as minutes and seconds.")
-        return _minutes_and_seconds(cells), two
+    if two:
+        repairs.append(f"The time was read as {two}.")
+        return _past_midnight((60.0 if two == "hh:mm" else 1.0) * _sixties(cells), repairs), two
     if not is_number(cells[0]) and (stamp(cells[0]) is not None or month_first(cells)):
         repairs.append("Time stamps were converted to seconds from the first row.")
-        return _from_stamps(sheet, columns, cells, repairs), two or "stamps"
+        return _from_stamps(sheet, columns, cells, repairs), "stamps"
     return _from_numbers(sheet, columns, unit, repairs)
 
 
 def _two_numbers(sheet: Sheet, columns: Columns, cells: Sequence[str], unit: str | None) -> str:
-    """Return "mm:ss" or "hh:mm" for times of two numbers, "" for others: as stated, by the name, or by more than 23.
+    """Return "mm:ss" or "hh:mm" for times of two numbers, "" for others: as stated, by the name, or by more than 99.
 
     Raises:
-        LogError: neither says it, and the times begin at 00:00 or so, as those of a timer.
+        LogError: neither says it, and they are a timer's: they begin at 00:00 or so, or pass 23:59.
     """
     if "date" in columns.index or not all(map(_TWO_NUMBERS.fullmatch, cells)):
         return ""
@@ -437,14 +438,14 @@ def _two_numbers(sheet: Sheet, columns: Columns, cells: Sequence[str], unit: str
         return "mm:ss"
     if _HOURS_NAMED.search(name):
         return "hh:mm"
-    if is_hours_or_minutes(cells[0]):
+    if is_hours_or_minutes(cells[0]) or longest > _LAST_HOUR:
         raise cell_error(sheet, columns, "time", 0, "a time that may be hours and minutes or minutes and seconds:",
                          "--time-unit mm:ss or --time-unit hh:mm")
     return ""
 
 
-def _minutes_and_seconds(cells: Sequence[str]) -> Array:
-    """Return times such as 12:30 as minutes and seconds [s], shape (n,)."""
+def _sixties(cells: Sequence[str]) -> Array:
+    """Return times such as 12:30 as minutes and seconds [s], or hours and minutes [min], shape (n,)."""
     parts = [cell.partition(":") for cell in cells]
     return np.array([60.0 * int(minutes) + float(seconds) for minutes, _, seconds in parts])
 

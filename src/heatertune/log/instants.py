@@ -73,6 +73,8 @@ def spread_instants(sheet: Sheet, columns: Columns, time: Array, repairs: list[s
     differ = len(_otherwise(sheet, columns, dropped, firsts)) > _MOST_LOST * len(time)
     if not differ or any(_tags(sheet, i, dropped, firsts) for i in names if i not in columns.index.values()):
         return time
+    if _zigzags(sheet, columns, dropped):
+        return time
     usual = float(np.median(np.diff(time[begins])))
     spread, most = time.copy(), float(np.median(counts[1:-1]))
     for k, (begin, number) in enumerate(zip(begins, counts, strict=True)):
@@ -85,6 +87,15 @@ def spread_instants(sheet: Sheet, columns: Columns, time: Array, repairs: list[s
 
 
 _LEAST_INSTANTS: Final = 10
+_LARGEST_STEP: Final = 0.05  # of the range
+
+
+def _zigzags(sheet: Sheet, columns: Columns, later: Rows) -> bool:
+    """Return whether the rows of one instant are of several sensors: their readings differ as much as the log's."""
+    cells = [row[columns.index["temperature"]] for row in sheet.rows]
+    known = np.array([float(cell) if is_number(cell) and "," not in cell else np.nan for cell in cells])
+    steps = np.abs(known[later] - known[later - 1])
+    return bool(np.nanmedian(steps) > _LARGEST_STEP * (np.nanmax(known) - np.nanmin(known)))
 
 
 def _is_even(counts: npt.NDArray[np.intp], lengths: Array) -> bool:

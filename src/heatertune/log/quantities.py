@@ -36,7 +36,8 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
         r"|^ts$|^t$|^[tT] ?[\[(/ ] ?(s|sec|ms|min|h)\b"),
     "temperature": re.compile(
         r"(?i:temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|out|duty|%))|°[cf]"
-        r"|deg ?[cf]|kelvin|thermocouple|scaled.?input|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値|온도)"
+        r"|deg ?[cf]|kelvin|thermocouple|scaled.?input|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値"
+        r"|온도)"
         r"|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b|\bT\d*$"),
     "power": re.compile(
         r"(?i:power|duty|heat(er|ing)|pwm|output|\bc[vo]\d*\b|\bop\d*\b|^[uq]\d*($|[ \[(/])|leistung"
