@@ -59,10 +59,13 @@ class ReadSettings:
     temperature_unit: str | None = option(
         None, str, "unit of the temperature", flag="--temperature-unit",
         choices=("degC", "degF", "K", "0.1degC", "0.01degC", "0.1degF"))
+    temperature_scale: float | None = option(
+        None, float, "factor from a reading to its unit, 0.1 for tenths", flag="--temperature-scale", metavar="X",
+        above=0.0)
     power_full_scale: float | None = option(
         None, float, "reading at full power: 1, 100, 255 …", flag="--power-full-scale", metavar="X", above=0.0)
     time_unit: str | None = option(
-        None, str, "unit of the time", flag="--time-unit", choices=("s", "ms", "min", "h", "d"))
+        None, str, "unit of the time", flag="--time-unit", choices=("s", "ms", "min", "h", "d", "mm:ss", "hh:mm"))
     sample_time_s: float | None = option(
         None, float, "interval of a log without time column", unit="s", flag="--log-interval", above=0.0)
     tag: str | None = option(

@@ -37,7 +37,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tes
 
 from heatertune.cli import main, parser
 from heatertune.compiled import dispatch
-from tests.bench import messy
+from tests.bench import drawn_exports as messy
 from tests.bench.documents import write_all
 
 COUNTS: Final = {"logs": 20_000, "documents": 10_000, "options": 6_000}

@@ -413,11 +413,11 @@ def test_bad_input_gets_one_line_status_2_and_writes_nothing(run, tmp_path, monk
     design = {"schema": "heatertune/pid/2", "gain_pct_per_degC": 2.0, "integral_time_s": 300.0, "derivative_time_s": 0.0}
     words = {"K": 99999, "R": 1024, "TI": 20, "TD": 0, "W": 0, "STEU": 33, "YH": 0, "BGOG": 2047, "BGUG": 0}
     files = {
-        "empty.csv": "", "text.csv": "time_s,temp_C\n" + "\n".join([rows[0], "10,warm", *rows[2:]]),
+        "empty.csv": "", "text.csv": "time_s,temp_C\n" + "\n".join([rows[0], *(f"{10 * k},warm" for k in range(1, 5)), *rows[5:]]),
         "backwards.csv": "time_s,temp_C\n" + "\n".join([*rows[:20], "5,3", *rows[21:]]),
         "few.csv": "time_s,temp_C\n" + "\n".join(rows[:19]),
         "constant.csv": "time_s,temp_C\n" + "\n".join(f"{k},20" for k in range(30)),
-        "nan.csv": "time_s,temp_C\n" + "\n".join([*rows[:3], "30,nan", *rows[4:]]),
+        "nan.csv": "time_s,temp_C\n" + "\n".join([*rows[:3], *(f"{10 * k},nan" for k in range(3, 7)), *rows[7:]]),
         "held.csv": "time_s,temp_C,duty_pct\n" + "\n".join(f"{row},50" for row in rows),
         "pid.json": json.dumps(design | {"sample_time_s": 10.0}),
         "fast.json": json.dumps(design | {"sample_time_s": 0.01}),

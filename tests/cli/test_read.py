@@ -6,7 +6,7 @@ import shlex
 
 import numpy as np
 import pytest
-from tests.bench import messy
+from tests.bench import drawn_exports as messy
 from tests.conftest import heater_log
 
 from heatertune.cli import parser

@@ -13,6 +13,7 @@ LIBRARIES = {
     **dict.fromkeys(("casadi", "control", "llvmlite", "matplotlib", "numba", "pandas", "scipy"),
                     "it takes 0.03 to 1 s to load, and few commands need it"),
     **dict.fromkeys(("distributed", "pyarrow", "shtab"), "an extra that only one command needs"),
+    "python_calamine": "an extra that only workbooks need",
     **dict.fromkeys(("ctypes", "difflib", "importlib.metadata", "tomllib", "traceback"), "some ms of each start, for what is rare"),
     "tty": "there are no pseudo-terminals on Windows",
 }

@@ -56,23 +56,23 @@ def test_what_is_no_reading_of_the_heater_is_left_out_by_line_and_value(tmp_path
     assert len(log.power_pct) == 120 - len(cells)
 
 
-def test_rows_without_a_reading_are_refused_unless_they_may_be_left_out(tmp_path):
-    for cell in ("", "nan"):
-        rows = _rows()
-        rows[40][1] = cell
-        with pytest.raises(LogError, match=r"line 42, column temp_C.*--skip-empty"):
-            _read(tmp_path, rows)
-
-
-@pytest.mark.parametrize("cell", ["--.-", "warm", "inf"])
-def test_the_way_on_from_a_word_in_place_of_a_reading_works(tmp_path, cell):
+@pytest.mark.parametrize("cell", ["", "nan", "--.-", "warm", "inf", "OPEN", "+OVER", "NULL", "Err"])
+def test_a_few_rows_without_a_reading_are_left_out_and_counted(tmp_path, cell):
     rows = _rows()
     rows[40][1] = cell
-    for skip_empty in (False, True):  # --skip-empty alone doesn't help: the message may not name it alone
-        with pytest.raises(LogError, match=r"line 42, column temp_C.*leaves out rows whose cell is empty"):
-            _read(tmp_path, rows, skip_empty=skip_empty)
-    rows[40][1] = ""
-    assert len(_read(tmp_path, rows, skip_empty=True).time_s) == 119
+    log = _read(tmp_path, rows)
+    assert (len(log.time_s), log.taken.left_out) == (119, 1)
+    assert "1 row without a reading left out (line 42)" in _told(log)
+
+
+@pytest.mark.parametrize("cell", ["", "NaN"])
+def test_the_way_on_from_many_rows_without_a_reading_works(tmp_path, cell):
+    rows = _rows()
+    for k in range(0, 120, 2):
+        rows[k][1] = cell
+    with pytest.raises(LogError, match="--skip-empty"):
+        _read(tmp_path, rows)
+    assert len(_read(tmp_path, rows, skip_empty=True).time_s) == 60
 
 
 def test_four_readings_apart_are_no_spike_but_what_the_heater_did(tmp_path):
@@ -194,3 +194,24 @@ def test_short_pulses_of_a_heater_that_is_logged_slowly_are_no_spikes(tmp_path):
         y += (1.0 - np.exp(-30.0 / 90.0)) * (20.0 + 60.0 * on - y)
     rows = [[f"{30 * k}", f"{v:.1f}", "50"] for k, v in enumerate(values)]
     assert len(_read(tmp_path, rows).time_s) == 150
+
+
+def _with_loose_probe(rows, begin, end):
+    for k in range(begin, end):
+        rows[k][1] = f"{21.0 + 0.1 * (k % 3):.1f}"
+    return rows
+
+
+def test_a_probe_that_hung_in_the_air_is_left_out_and_told(tmp_path):
+    rows = [[f"{k}", f"{20 + 0.5 * min(k, 80):.1f}", "60"] for k in range(120)]
+    log = _read(tmp_path, _with_loose_probe(rows, 60, 80))
+    assert (len(log.time_s), log.taken.left_out) == (100, 20)
+    assert "20 rows between two opposite jumps, as of a loose probe, left out (line 62: 21" in _told(log)
+
+
+@pytest.mark.parametrize("dead_rows", [0, 1, 10])
+def test_a_pulse_that_a_fast_heater_follows_is_no_loose_probe(tmp_path, dead_rows):
+    # a time constant far below the interval: the readings are the power's, later by the dead time
+    power = [60 if 40 <= k < 60 else 0 for k in range(120)]
+    rows = [[f"{k}", f"{20 + 0.5 * power[max(k - dead_rows, 0)] + 0.1 * (k % 3):.1f}", f"{power[k]}"] for k in range(120)]
+    assert len(_read(tmp_path, rows).time_s) == 120

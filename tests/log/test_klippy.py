@@ -1,5 +1,7 @@
 """What a printer writes of its heaters: klippy.log, heattest.txt and heattest.csv, as klippy's own format strings make them."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -64,10 +66,15 @@ def test_another_heater_is_read_by_its_name(tmp_path, order):
         read_log(path, tag="bed")
 
 
-def test_of_several_heaters_none_of_which_is_the_extruder_one_has_to_be_named(tmp_path):
-    path = tmp_path / "klippy.log"
+def test_of_several_heated_ones_none_of_which_is_the_extruder_one_has_to_be_named(tmp_path):
+    path, bed = tmp_path / "klippy.log", iter(np.linspace(20.0, 60.0, 1000))
     path.write_text(_stats().replace("extruder:", "chamber:"))
-    with pytest.raises(LogError, match="several heaters 'heater_bed, chamber'"):
+    log = read_log(path)  # the bed was never heated: there is no question
+    assert np.max(log.temperature_degC) > 150.0
+    assert "'chamber' read, the only heater that was heated" in " ".join(log.repairs)
+    both = re.sub(r"heater_bed: target=0 temp=\S+ pwm=\S+", lambda _: f"heater_bed: target=60 temp={next(bed):.1f} pwm=0.500", _stats())
+    path.write_text(both.replace("extruder:", "chamber:"))
+    with pytest.raises(LogError, match="several heaters 'heater_bed, chamber'; expected --tag and one of heater_bed, chamber"):
         read_log(path)
     assert np.max(read_log(path, tag="chamber").temperature_degC) > 150.0
 
@@ -116,11 +123,46 @@ def test_a_damaged_heattest_is_refused(tmp_path, damage, named):
         read_log(path)
 
 
-def test_a_kalico_row_that_is_cut_is_refused_by_its_line(tmp_path):
+def test_a_kalico_row_that_is_cut_costs_this_row(tmp_path):
     path = tmp_path / "heattest.csv"
-    path.write_text("time, temp, pwm, target\n" + "".join(f"{k}.0, 20.0, 0.0, 210.0\n" for k in range(30)) + "30.0, 20.0\n")
-    with pytest.raises(LogError, match="line 32"):
-        read_log(path)
+    path.write_text("time, temp, pwm, target\n" + "".join(f"{k}.0, {20 + k}.0, 1.0, 210.0\n" for k in range(30)) + "30.0, 50.0\n")
+    log = read_log(path)
+    assert (len(log.time_s), log.taken.left_out) == (30, 1)
+    assert "(line 32)" in " ".join(log.repairs)
+
+
+def _started(begin_s, heaters, seconds):
+    """Return a session of klippy.log; heaters: name → function of the second → target, temperature and power."""
+    lines = ["Starting Klippy...", "===== Config file =====", "[extruder]", "=======================", f"Loaded MCU 'mcu' at {begin_s:.1f}"]
+    for k in range(seconds):
+        parts = [f"{name}: target={target:.0f} temp={temp:.1f} pwm={pwm:.3f}" for name, (target, temp, pwm) in ((n, f(k)) for n, f in heaters.items())]
+        lines.append(f"Stats {begin_s + k:.1f}: gcodein=0  mcu: mcu_awake=0.004 {' '.join(parts)} sysload=0.17 cputime=8.1")
+    return lines
+
+
+def _idle(_):
+    return 0, 21.0, 0.0
+
+
+def _ramp(k):
+    return 60, min(21.0 + 0.1 * max(k - 30, 0), 60.0), 0.5 if k >= 30 else 0.0
+
+
+@pytest.mark.parametrize("begins", [(300.0, 1200.0, 9000.0), (9000.0, 40.0, 30.0)])  # restarts of the host, and of the computer
+def test_of_several_sessions_the_one_in_which_the_heater_moved_is_read(tmp_path, begins):
+    first = _started(begins[0], {"extruder": _idle, "heater_bed": _idle}, 700)  # the longest
+    second = _started(begins[1], {"extruder": _idle, "heater_bed": _ramp}, 500)
+    third = _started(begins[2], {"extruder": _idle, "heater_bed": _idle}, 200)
+    path = tmp_path / "klippy.log"
+    path.write_text("\n".join([*first, *second, *third]) + "\n")
+    log = read_log(path)
+    assert (log.time_s[0], len(log.time_s)) == (begins[1], 500)
+    assert log.temperature_degC.max() == 60.0
+    said = " ".join(log.repairs)
+    assert "'heater_bed' read, the only heater that was heated" in said
+    assert "run 2 was read, in which the heater moved most: --run reads another" in said
+    again = read_log(path, **log.taken.reading)
+    assert again.time_s.tolist() == log.time_s.tolist()
 
 
 def test_a_table_that_speaks_of_stats_is_a_table(tmp_path):

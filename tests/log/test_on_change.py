@@ -84,10 +84,13 @@ def test_a_power_in_a_row_of_its_own_keeps_its_instant_and_a_reading_that_does_n
     assert any("rows in which it stood were put back, 5 s apart" in told for told in log.repairs)
 
 
-def test_an_empty_power_of_a_log_at_an_interval_is_refused_as_before():
+def test_an_empty_power_of_a_log_at_an_interval_costs_its_row():
     rows = [f"{t},{20 + 0.1 * t:.1f},{'' if t == 30 else 60}" for t in range(60)]
+    log = rows_of("\n".join(["time_s,temp_C,power_pct", *rows]))
+    assert (len(log.time_s), log.taken.left_out) == (59, 1)
+    many = [f"{t},{20 + 0.1 * t:.1f},{'' if t % 5 == 3 else 60}" for t in range(60)]
     with pytest.raises(LogError, match="an empty cell"):
-        rows_of("\n".join(["time_s,temp_C,power_pct", *rows]))
+        rows_of("\n".join(["time_s,temp_C,power_pct", *many]))
 
 
 def test_a_reading_that_is_lost_where_the_power_changes_does_not_move_the_power():

@@ -4,7 +4,7 @@ import random
 
 import numpy as np
 import pytest
-from tests.bench import messy
+from tests.bench import drawn_exports as messy
 
 from heatertune.errors import LogError
 from heatertune.log import read_log
@@ -85,14 +85,26 @@ def test_rows_of_two_zones_are_refused_with_the_column_that_tells_them_apart(tmp
     assert any("60 whose 'side' is 'right'" in told for told in log.repairs)
 
 
-def test_a_clock_too_coarse_for_its_rows_is_refused_and_a_row_now_and_then_is_told(tmp_path):
+def test_rows_of_a_clock_too_coarse_are_spread_and_a_row_now_and_then_is_told(tmp_path):
     coarse = [(2.0 * (k // 2), y, u) for k, (_, y, u) in enumerate(ROWS)]
-    with pytest.raises(LogError, match=r"30 rows of 60 share an instant.*--log-interval"):
-        _read(tmp_path, _table("time_s,temp_C,duty_pct", coarse))
+    log = _read(tmp_path, _table("time_s,temp_C,duty_pct", coarse))
+    assert log.time_s.tolist() == [float(k) for k in range(60)]  # two rows in each two seconds: one a second
+    assert any("The clock shows one instant for 2 rows" in told for told in log.repairs)
+    begun = _read(tmp_path, _table("time_s,temp_C,duty_pct", coarse[1:]))
+    assert begun.time_s.tolist() == [float(k) for k in range(1, 60)]  # the first row is the second one of its instant
+    uneven = [(2.0 * (k // 2) if k % 10 < 5 else 2.0 * (k // 5), y, u) for k, (_, y, u) in enumerate(ROWS)]
+    with pytest.raises(LogError, match=r"rows of 60 share an instant.*--log-interval|backwards"):
+        _read(tmp_path, _table("time_s,temp_C,duty_pct", uneven))
     once = [*ROWS[:20], (ROWS[19][0], *ROWS[20][1:]), *ROWS[21:]]
     log = _read(tmp_path, _table("time_s,temp_C,duty_pct", once))
     assert len(log.time_s) == 59
     assert any("1 of them with another reading" in told for told in log.repairs)
+
+
+def test_two_sensors_in_the_rows_of_one_instant_are_not_spread(tmp_path):
+    two = [(2.0 * (k // 2), y if k % 2 else 20.0, u) for k, (_, y, u) in enumerate(ROWS)]
+    with pytest.raises(LogError, match=r"rows of 60 share an instant"):
+        _read(tmp_path, _table("time_s,temp_C,duty_pct", two))
 
 
 def test_repeated_rows_lose_nothing(tmp_path):
@@ -168,7 +180,7 @@ def test_tags_whose_names_tell_nothing_are_asked_for(tmp_path):
 
 @pytest.mark.parametrize("writer", messy.WRITERS, ids=lambda writer: writer.__name__)
 def test_a_messy_export_is_read_to_its_truth_or_refused_in_one_line(tmp_path, writer):
-    # the truth is the writer's, which shares nothing with the reader; tests/bench/messy.py writes hundreds
+    # the truth is the writer's, which shares nothing with the reader; tests/bench/drawn_exports.py writes hundreds
     for number in range(3):
         assert messy.judged(tmp_path, writer(random.Random(f"test-{number}")), number) in ("read", "refused")
 

@@ -246,3 +246,16 @@ def test_a_heater_may_pass_the_value_that_an_open_sensor_gives():
     values[57:63] = 1024.0
     left = log_of(np.arange(101.0), values, np.full(101, 50.0), head=head)
     assert np.array_equal(left.temperature_degC, np.delete(values, [20, 21, 22, *range(57, 63)]))
+
+
+def test_a_factor_of_the_temperature_is_the_users_and_is_repeated(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,PV_x10,SP_x10,OP [%]\n" + "\n".join(f"{k},{203 + 2 * k},600,60" for k in range(40)))
+    log = read_log(path, temperature_scale=0.1)
+    assert log.temperature_degC.tolist() == pytest.approx([20.3 + 0.2 * k for k in range(40)])
+    assert set(log.setpoint_degC) == {60.0}
+    assert "temperature" not in log.taken.assumed  # it starts at a room's temperature once it is scaled
+    again = read_log(path, **log.taken.reading)
+    assert again.temperature_degC.tolist() == log.temperature_degC.tolist()
+    fahrenheit = read_log(path, temperature_scale=0.2, temperature_unit="degF")
+    assert fahrenheit.temperature_degC[0] == pytest.approx((40.6 - 32) / 1.8)

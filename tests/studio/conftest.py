@@ -34,7 +34,7 @@ def work(heater, step_log, monkeypatch):
     return Work(session)
 
 
-MALFORMED = b"time_s,temperature_degC\n0,20\n5,warm\n" + b"".join(b"%d,21\n" % t for t in range(10, 200, 5))
+MALFORMED = b"time_s,temperature_degC\n0,20\n" + b"".join(b"%d,warm\n" % t for t in range(5, 40, 5)) + b"".join(b"%d,21\n" % t for t in range(40, 200, 5))
 
 
 @pytest.fixture

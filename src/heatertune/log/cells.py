@@ -1,9 +1,8 @@
-"""Text file → rows of cells, each with its line number.
+"""File → rows of cells, each with its line number.
 
-Also header lines (titles, column names, units) and two special formats. Klipper and Kalico logs become one table: the
-Stats lines of klippy.log, one per second, and the files that PID_CALIBRATE writes with WRITE_FILE=1 (heattest.txt of
-Klipper, heattest.csv of Kalico, whose second table contains the peaks). Any other text passes unchanged. Logs of
-`heatertune record` may contain incomplete lines of a killed process, and marked gaps.
+Also header lines (titles, column names, units) and rows that are no readings: damaged, cut off, or below the table. The
+formats of `heatertune.log.formats` have parsers of their own. Logs of `heatertune record` may contain incomplete lines
+of a killed process, and marked gaps.
 """
 
 from __future__ import annotations
@@ -12,36 +11,57 @@ import codecs
 import csv
 import io
 import re
-from bisect import bisect_right
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 from heatertune.errors import LogError
+from heatertune.log.formats import BINARY_FORMATS, TEXT_FORMATS
+from heatertune.log.formats.containers import decompressed
+from heatertune.log.formats.format_table import FormatTable
 from heatertune.log.quantities import is_number, is_quantity, plain_quantities, role_of, says_nothing, stamp
 from heatertune.units import count
 from heatertune.writing import read_bytes
 
 __all__ = [
-    "MARK", "SWITCHED", "TORN", "PrinterTable", "Sheet", "is_number", "plain_cells", "printer_table", "pwm_period_of",
-    "read_sheet", "take_header", "without_torn",
+    "MARK",
+    "SWITCHED",
+    "TORN",
+    "Sheet",
+    "is_number",
+    "plain_cells",
+    "pwm_period_of",
+    "read_sheet",
+    "take_header",
+    "without_torn",
 ]
 
 
 _UNIT: Final = re.compile(
     r"[\[(]?(m?s|sec|min|h|°?[CFK]|deg ?[CF]|%|pct|m?V|m?A|k?W|[-–/]|bool|u?s?d?l?int|l?real|float|d?word|string"
     r"|date|time|datetime|double)?[\])]?", re.IGNORECASE)
+_UNIT_WORD: Final = re.compile(r"(span/)?units?|einheit(en)?|eu|tag( no\.?)?|ch\.?", re.IGNORECASE)
 _HEADER_SAMPLE: Final = 50  # rows at the end that define the form of a reading
+_LEAST_NAMED: Final = 0.4  # share of the columns: a pair of columns for each channel has one name
 _MOST_TITLES: Final = 200  # rows above the first reading
+_FEW: Final = 3  # rows that are not whole, at most, or this share of all
+_FEW_SHARE: Final = 0.02
+_MOST_BELOW: Final = 40  # lines below a table: means, extremes, a signature
+_SHOWN_LINES: Final = 5
 
 
-def take_header(file: Path, lines: list[int], rows: list[list[str]], repairs: list[str]) -> tuple[tuple[str, ...], int]:
-    """Remove all lines above the readings; return the column names with units, and the other lines.
+def take_header(
+    file: Path, lines: list[int], rows: list[list[str]], repairs: list[str]
+) -> tuple[tuple[str, ...], int, int]:
+    """Remove all lines above the readings, and rows that are not whole.
+
+    Return the column names with units, the number of the last line above them, and how many rows were removed.
 
     Raises:
-        LogError: a row with a different number of cells from the readings.
+        LogError: many rows with a different number of cells from the readings.
     """
     width = Counter(len(row) for row in rows[-_HEADER_SAMPLE:]).most_common(1)[0][0]
     first = _first_reading(rows, width)
@@ -58,8 +78,7 @@ def take_header(file: Path, lines: list[int], rows: list[list[str]], repairs: li
         repairs.append(f"{count(titles, 'title line')} above the table skipped (up to line {above}).")
     del rows[:begin], lines[:begin]
     _drop_repeats(names, lines, rows, repairs)
-    _demand_one_width(file, lines, rows, width)
-    return names, above
+    return names, above, _drop_partial_rows(file, lines, rows, width, repairs)
 
 
 def _first_reading(rows: Sequence[list[str]], width: int) -> int:
@@ -86,13 +105,18 @@ def _names_row(rows: Sequence[list[str]], words: Sequence[int]) -> int | None:
     """Return which row of words names the columns: the one with the most roles, the last of equals."""
     if not words:
         return None
-    named = [k for k in words if not _is_units(rows[k]) and sum(map(bool, rows[k])) >= len(rows[k]) / 2]
+    named = [k for k in words if not _is_units(rows[k]) and sum(map(bool, rows[k])) >= len(rows[k]) * _LEAST_NAMED]
     named = named or list(words[:1])
     return max(named, key=lambda k: (len({role_of(cell) for cell in rows[k]} - {None}), k))
 
 
 def _is_units(row: Sequence[str]) -> bool:
-    return all(map(_UNIT.fullmatch, row))
+    return all(map(_UNIT.fullmatch, _without_word(row)))
+
+
+def _without_word(row: Sequence[str]) -> list[str]:
+    """Return a row of units or names without the word that says so in its first cell, as recorders write it."""
+    return ["" if i == 0 and _UNIT_WORD.fullmatch(cell) else cell for i, cell in enumerate(row)]
 
 
 def _is_title(row: Sequence[str], width: int) -> bool:
@@ -102,7 +126,7 @@ def _is_title(row: Sequence[str], width: int) -> bool:
 
 
 def _other_width(file: Path, line: int, row: Sequence[str], width: int, like: int) -> LogError:
-    expected = f"{width} as in line {like} (a line that is no reading may begin with #)"
+    expected = f"{width} as in line {like} (--skip-empty leaves out such rows)"
     return LogError(f"{count(len(row), 'cell')} in this row", file=file, line=line, expected=expected)
 
 
@@ -110,12 +134,17 @@ def _named(
     lines: Sequence[int], rows: Sequence[list[str]], chosen: int, below: Sequence[int], repairs: list[str]
 ) -> tuple[str, ...]:
     """Return the names, with the units of a row below them."""
-    names = list(rows[chosen])
+    names = list(rows[chosen]) if all(rows[chosen]) else _without_word(rows[chosen])
     for k in below:
-        if any(map(_UNIT.fullmatch, filter(None, rows[k]))):
+        filled = list(filter(None, _without_word(rows[k])))
+        fills = not names[0] and rows[k][0] and not _UNIT_WORD.fullmatch(rows[k][0])
+        if not fills and sum(_UNIT.fullmatch(cell) is not None for cell in filled) > len(filled) / 2:
             repairs.append(f"Line {lines[k]} was read as the units of the columns.")
-            units = [unit.strip("[]() ") for unit in rows[k]]
+            units = [unit.strip("[]() ") for unit in _without_word(rows[k])]
             names = [f"{name} [{unit}]" if unit.strip("-–/") else name for name, unit in zip(names, units, strict=True)]
+        elif not all(names):
+            repairs.append(f"Line {lines[k]} was read as the names of the columns that have none above it.")
+            names = [name or below_it for name, below_it in zip(names, rows[k], strict=True)]
         else:
             repairs.append(f"Line {lines[k]}, below the names of the columns, skipped.")
     return tuple(names)
@@ -130,109 +159,34 @@ def _drop_repeats(names: Sequence[str], lines: list[int], rows: list[list[str]],
         del rows[k], lines[k]
 
 
-def _demand_one_width(file: Path, lines: Sequence[int], rows: Sequence[list[str]], width: int) -> None:
-    like = next((line for line, row in zip(lines, rows, strict=True) if len(row) == width), 0)
-    for line, row in zip(lines, rows, strict=True):
-        if len(row) != width:
-            raise _other_width(file, line, row, width, like)
+def _drop_partial_rows(
+    file: Path, lines: list[int], rows: list[list[str]], width: int, repairs: list[str]
+) -> int:
+    """Remove rows with another number of cells: a row that was cut, statistics below the table; return how many.
 
-
-#: begins a line of klippy.log: seconds of the host's clock
-_STATS: Final = re.compile(r"Stats (\d+\.\d+): ")
-_HEATER: Final = re.compile(r"(?:^|\s)(\S+): target=(-?\d+) temp=(-?\d+\.\d+) pwm=(\d\.\d+)(?=\s|$)")
-_PWM: Final = re.compile(r"pwm: (-?\d+\.\d+) (-?\d+\.\d+)\s*")
-_TEMPERATURE: Final = re.compile(r"(-?\d+\.\d+) (-?\d+\.\d+)\s*")
-_KALICO: Final = re.compile(r"time, temp, pwm, target\s*")
-_PEAKS: Final = re.compile(r"sample, low time, low, high time, high, max power\s*")
-
-#: the default heater
-_USUAL: Final = "extruder"
-_HEADER: Final = ("time [s]", "temperature [degC]", "power [0...1]")
-_LEAST: Final = 2
-
-_Line = tuple[int, str]
-
-
-class PrinterTable(NamedTuple):
-    """Table of one heater: column names, cells, line number of each row, and skipped content."""
-
-    header: tuple[str, ...]
-    rows: list[list[str]]
-    lines: list[int]
-    repairs: list[str]
-
-
-def printer_table(path: Path, numbered: Sequence[_Line], tag: str | None) -> PrinterTable | None:
-    """Return a printer's table of one heater; None if the lines are not from a printer.
-
-    Args:
-        path: the file, for error messages.
-        numbered: number and content of each line.
-        tag: the heater's name, "extruder", "heater_bed"; None: the extruder if there is one, otherwise the only heater.
-
-    Raises:
-        LogError: no such heater; several heaters without an extruder; an incomplete line.
+    Many of them within the table may be readings whose commas were taken for separators.
     """
-    stats = [(number, found, line) for number, line in numbered if (found := _STATS.match(line)) is not None]
-    if sum(_HEATER.search(line) is not None for _, _, line in stats[:50]) >= _LEAST:
-        return _of_stats(path, len(numbered), stats, tag)
-    if numbered and tag is None:
-        if _PWM.fullmatch(numbered[0][1]):
-            return _of_test(path, numbered)
-        if _KALICO.fullmatch(numbered[0][1]):
-            return _of_kalico(numbered)
-    return None
-
-
-def _of_stats(path: Path, total: int, stats: Sequence[tuple[int, re.Match[str], str]], tag: str | None) -> PrinterTable:
-    heaters: dict[str, list[tuple[int, list[str]]]] = {}
-    for number, found, line in stats:
-        for name, target, temperature, pwm in _HEATER.findall(line[found.end():]):
-            heaters.setdefault(name, []).append((number, [found[1], name, temperature, pwm, target]))
-    wanted = tag or (_USUAL if _USUAL in heaters else None) or (next(iter(heaters)) if len(heaters) == 1 else None)
-    if wanted not in heaters:
-        problem = "the printer has several heaters" if tag is None else "the printer has no such heater"
-        raise LogError(problem, file=path, value=", ".join(heaters) if tag is None else tag,
-                       expected=f"--tag and one of {', '.join(heaters)}")
-    rows = heaters[wanted]
-    repairs = [f"klippy.log: {count(len(rows), 'line')} Stats of {wanted!r} read, {total - len(rows)} others passed "
-               "over; power is what was sent last before each of them."]
-    others = [name for name in heaters if name != wanted]
-    if others:
-        repairs.append(f"Other heaters in it: {', '.join(others)} (--tag).")
-    header = (_HEADER[0], "name", *_HEADER[1:], "setpoint [degC]")
-    return PrinterTable(header, [row for _, row in rows], [number for number, _ in rows], repairs)
-
-
-def _of_test(path: Path, numbered: Sequence[_Line]) -> PrinterTable:
-    """Return the readings of heattest.txt, each with the power that is in effect."""
-    times, powers, rows, lines = [], [], [], []
-    for number, line in numbered:
-        sent, read = _PWM.fullmatch(line), _TEMPERATURE.fullmatch(line)
-        if sent is not None:
-            times.append(float(sent[1]))
-            powers.append(sent[2])
-        elif read is not None:
-            before = bisect_right(times, float(read[1]))
-            rows.append([read[1], read[2], powers[before - 1] if before else "0.000"])
-            lines.append(number)
-        elif line.strip():
-            raise LogError("a line that PID_CALIBRATE does not write", file=path, line=number, value=line[:60],
-                           expected="pwm, time and duty, or time and temperature")
-    if times != sorted(times):
-        raise LogError("the times of pwm do not rise", file=path, expected="the file of one PID_CALIBRATE")
-    repairs = [f"heattest.txt of PID_CALIBRATE: {count(len(times), 'change')} of the power, each from its instant on."]
-    return PrinterTable(_HEADER, rows, lines, repairs)
-
-
-def _of_kalico(numbered: Sequence[_Line]) -> PrinterTable:
-    """Return the first table of heattest.csv."""
-    end = next((k for k, (_, line) in enumerate(numbered) if _PEAKS.fullmatch(line)), len(numbered))
-    kept = [(number, [cell.strip() for cell in line.split(",")]) for number, line in numbered[1:end] if line.strip()]
-    peaks = count(len(numbered) - end, "line")
-    repairs = [f"heattest.csv of Kalico's PID_CALIBRATE: {peaks} of its peaks passed over."]
-    return PrinterTable((*_HEADER, "setpoint [degC]"), [row for _, row in kept], [number for number, _ in kept],
-                        repairs)
+    whole = [k for k, row in enumerate(rows) if len(row) == width]
+    partial = [k for k, row in enumerate(rows) if len(row) != width]
+    if not partial:
+        return 0
+    if not whole:
+        raise LogError("the file holds a header and no readings", file=file, expected="at least 20 rows")
+    within = [k for k in partial if k < whole[-1]]
+    is_above = partial[0] < whole[0]  # names that are not as many as the columns, or a reading that was cut
+    if is_above or len(within) > max(_FEW, _FEW_SHARE * len(rows)) or len(partial) - len(within) > _MOST_BELOW:
+        error = _other_width(file, lines[partial[0]], rows[partial[0]], width, lines[whole[0]])
+        if is_above:
+            skipped = f"{width} as in line {lines[whole[0]]} (--skip-rows {lines[whole[0]] - 1} skips what is above it)"
+            error = LogError(f"{count(len(rows[partial[0]]), 'cell')} in this row", file=file, line=lines[partial[0]],
+                             expected=skipped)
+        raise error
+    shown = ", ".join(str(lines[k]) for k in partial[:_SHOWN_LINES])
+    more = f" and {len(partial) - _SHOWN_LINES} more" if len(partial) > _SHOWN_LINES else ""
+    repairs.append(f"{count(len(partial), 'row')} with another number of cells left out (line {shown}{more}).")
+    for k in reversed(partial):
+        del rows[k], lines[k]
+    return len(partial)
 
 
 #: begins the first line
@@ -266,10 +220,23 @@ def without_torn(text: str, repairs: list[str]) -> str:
     return "\n".join(lines)
 
 
-_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f\x7f]")  # but the escape of coloured logs
+_MOST_STRANGE: Final = 0.005  # share of control characters other than NUL: more is no text
+_HEAD: Final = 1 << 16  # bytes looked at to find the encoding
+_NEARLY_ALL: Final = 0.9
+_WORDS = re.compile(r"[^\t;,|\"\[\](){}/]+")
+#: encoding → its name in messages; of equals the first
+_ENCODINGS: Final = {
+    "latin-1": "Latin-1", "cp932": "Japanese (cp932)", "gb18030": "Chinese (GB 18030)", "cp949": "Korean (cp949)",
+    "cp1250": "Central European (cp1250)", "cp1251": "Cyrillic (cp1251)", "cp1254": "Turkish (cp1254)",
+}
 _BEFORE_CLOCK = re.compile(r"(?<=\d) (?=\d{1,2}:\d\d)")
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _SAMPLE = 50  # lines looked at to find the separator
+_FEW_LINES: Final = 20
+_MARKS: Final = ("\t", ";", "|", ",")
+_ALIKE: Final = 0.05
+_MOST_WORDS: Final = 0.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,6 +254,10 @@ class Sheet:
         above: lines above the column names, or above the readings of unnamed columns.
         pwm_period_s: PWM period stated in a recording, 0 if unknown [s].
         recorded: whether `heatertune record` wrote it; its rows are readings even if the value did not change.
+        lost: number of rows that were left out as damaged or not whole.
+        part: part of the file that the user asked for by a tag: a sheet of a workbook.
+        sessions: line number with which each session of a program begins, if there are several.
+        session: the session that is read if the user asks for none, 1 = first.
     """
 
     file: str
@@ -299,6 +270,10 @@ class Sheet:
     above: int = 0
     pwm_period_s: float = 0.0
     recorded: bool = False
+    lost: int = 0
+    part: str = ""
+    sessions: tuple[int, ...] = ()
+    session: int | None = None
 
     def picked(self, places: Sequence[int]) -> Sheet:
         """Return some of the rows, in the order given."""
@@ -306,24 +281,30 @@ class Sheet:
 
 
 def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag: str | None = None) -> Sheet:
-    """Return the cells of a CSV file, or of a printer's log; with `content`, the path only names it.
+    """Return the cells of a file; with `content`, the path only names it.
 
-    `tag` is the heater of a printer's log, see `heatertune.log.cells.printer_table`.
+    `tag` is the heater of a printer's log or the sheet of a workbook, see `heatertune.log.formats`.
 
     Raises:
-        LogError: the file cannot be read, is empty, is no text, or a row has another number of cells than the others.
+        LogError: the file cannot be read, is empty, is no text, or many rows have another number of cells than the
+            others.
     """
-    text, repairs = _text(path, content)
+    repairs: list[str] = []
+    data = decompressed(path, _content(path, content), repairs)
+    binary = next((kind for kind in BINARY_FORMATS if data.startswith(kind.magic)), None)
+    if binary is not None:
+        return _sheet_of(path, binary.read(path, data, tag), repairs, 0, skip_rows)
+    text = _text(path, data, repairs)
     period_s, recorded = 0.0, text.startswith(MARK)
     if recorded:
         period_s = pwm_period_of(text)
         text = without_torn(text, repairs)
-    numbered, passed = _written_lines(text, skip_rows)
-    log = printer_table(path, numbered, tag)
-    if log is not None:
-        _demand_cells(path, log)
-        return Sheet(file=str(path), header=log.header, comment=(), rows=log.rows, lines=log.lines,
-                     repairs=(*repairs, *log.repairs))
+    numbered, passed, damaged = _written_lines(text, skip_rows)
+    if damaged:
+        repairs.append(f"{count(damaged, 'line')} with NUL bytes or other control characters left out.")
+    kind = next((kind for kind in TEXT_FORMATS if kind.recognises(numbered)), None)
+    if kind is not None:
+        return _sheet_of(path, kind.read(path, numbered, tag), repairs, damaged)
     kept = [(i, line) for i, line in numbered if line.strip(" \t,;") and not line.lstrip().startswith("#")]
     if kept and kept[0][1].strip('" ').lower() in ("sep=;", "sep=,", "sep=\t", "sep=|"):  # written by spreadsheets
         del kept[0]
@@ -331,27 +312,68 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
     if passed := passed + len(numbered) - len(kept):
         repairs.append(f"{count(passed, 'line')} without readings (blank, comment) skipped.")
+    kept, cut = _with_closed_quotes(path, kept, repairs)
     lines, texts = [i for i, _ in kept], [line for _, line in kept]
     separator = _separator(texts[-_SAMPLE:])
     rows = _without_empty_ends([row or [""] for row in _split(path, lines, texts, separator)], repairs)
     begin = lines[0]
-    header, above = take_header(path, lines, rows, repairs)
+    header, above, partial = take_header(path, lines, rows, repairs)
     comment: tuple[str, ...] = ()
     if rows and not header:
         comment = _comment_above([pair for pair in numbered if pair[0] < begin], separator, len(rows[0]))
     return Sheet(file=str(path), header=header, comment=comment, rows=rows, lines=lines, repairs=tuple(repairs),
-                 above=above, pwm_period_s=period_s, recorded=recorded)
+                 above=above, pwm_period_s=period_s, recorded=recorded, lost=damaged + cut + partial)
 
 
-def _written_lines(text: str, skip_rows: int) -> tuple[list[tuple[int, str]], int]:
-    """Return number and content of the lines to look at, and how many are not: megabytes of those take no memory.
+def _sheet_of(path: Path, table: FormatTable, repairs: list[str], lost: int, skip_rows: int = 0) -> Sheet:
+    """Return the sheet of a table that a format's parser made; one without a header is searched for it."""
+    repairs += table.repairs
+    whole = [k for k, row in enumerate(table.rows) if table.lines[k] > skip_rows or table.header]
+    rows, lines = [table.rows[k] for k in whole], [table.lines[k] for k in whole]
+    header, above, partial = table.header, 0, 0
+    if not rows:
+        raise LogError("the file is empty", file=path, expected="rows of time and temperature")
+    if not header:
+        rows = _without_empty_ends(rows, repairs)
+        header, above, partial = take_header(path, lines, rows, repairs)
+    else:
+        partial = _drop_partial_rows(path, lines, rows, len(header), repairs)
+    return Sheet(file=str(path), header=header, comment=(), rows=rows, lines=lines, repairs=tuple(repairs), above=above,
+                 lost=lost + partial, part=table.part, sessions=table.sessions, session=table.session)
 
-    Blank lines are not looked at, and of comments in a row only the last, which may name the columns.
+
+def _with_closed_quotes(
+    path: Path, numbered: list[tuple[int, str]], repairs: list[str]
+) -> tuple[list[tuple[int, str]], int]:
+    """Return the lines without those that open a quotation and do not close it, and how many those are.
+
+    The reader would join such a line with the next one.
+    """
+    opened = [number for number, line in numbered if line.count('"') % 2]
+    if not opened:
+        return numbered, 0
+    if len(opened) > max(1, _FEW_SHARE * len(numbered)):
+        raise LogError("a quotation mark that is not closed", file=path, line=opened[0],
+                       expected="--skip-rows if it is above the table, else a closed one")
+    lines = count(len(opened), "line")
+    repairs.append(f"{lines} with a quotation mark that is not closed left out (line {opened[0]}).")
+    return [pair for pair in numbered if pair[0] not in set(opened)], len(opened)
+
+
+def _written_lines(text: str, skip_rows: int) -> tuple[list[tuple[int, str]], int, int]:
+    """Return number and content of the lines to look at, how many are not, and how many are damaged.
+
+    Megabytes of lines that are not looked at take no memory: blank ones, and of comments in a row all but the last,
+    which may name the columns. A logger that lost its power leaves NUL bytes in its file.
     """
     numbered: list[tuple[int, str]] = []
-    passed, after_comment = 0, False
+    passed, damaged, after_comment = 0, 0, False
+    clean = _CONTROL.search(text) is None
     for number, line in enumerate(io.StringIO(text, newline=None), start=1):
         if number <= skip_rows:
+            continue
+        if not clean and _CONTROL.search(line):
+            damaged += 1
             continue
         is_comment, is_blank = line.startswith("#"), not line.strip(" \t,;\n")
         if is_blank or (is_comment and after_comment):
@@ -362,46 +384,93 @@ def _written_lines(text: str, skip_rows: int) -> tuple[list[tuple[int, str]], in
             numbered.pop()
         numbered.append((number, line.rstrip("\n")))
         after_comment = is_comment
-    return numbered, passed
+    return numbered, passed, damaged
 
 
-def _demand_cells(path: Path, log: PrinterTable) -> None:
-    for line, row in zip(log.lines, log.rows, strict=True):
-        if len(row) != len(log.header):
-            raise LogError(f"{count(len(row), 'cell')} in this row", file=path, line=line,
-                           expected=f"{len(log.header)}: {', '.join(log.header)}")
-
-
-def _text(path: Path, content: bytes | None) -> tuple[str, list[str]]:
+def _content(path: Path, content: bytes | None) -> bytes:
     try:
-        data = read_bytes(path) if content is None else content
+        return read_bytes(path) if content is None else content
     except OSError as problem:
         raise LogError(f"cannot be read: {problem.strerror}", file=path) from problem
-    text, repairs = _decoded(path, data)
-    if _CONTROL.search(text):
+
+
+def _text(path: Path, data: bytes, repairs: list[str]) -> str:
+    text = _decoded(path, data, repairs).removesuffix("\x1a")  # the end of a file of DOS
+    written = len(text) - text.count("\0")
+    strange = len(_CONTROL.findall(text)) - (len(text) - written) if _CONTROL.search(text) else 0
+    if strange > _MOST_STRANGE * written or (text and not written):
         expected = "a text file with one row per reading (UTF-8, Latin-1, or UTF-16 with its byte order mark)"
         raise LogError("the file is binary", file=path, expected=expected)
-    return text, repairs
+    return text
 
 
-def _decoded(path: Path, data: bytes) -> tuple[str, list[str]]:
-    if data.startswith(_UTF16):
+def _decoded(path: Path, data: bytes, repairs: list[str]) -> str:
+    wide = _without_mark(data)
+    if data.startswith(_UTF16) or wide:
         try:
-            return data.decode("utf-16"), ["The file is UTF-16."]
+            text = data.decode("utf-16" if data.startswith(_UTF16) else wide)
         except UnicodeDecodeError as problem:
             raise LogError("the file is not valid UTF-16 text", file=path) from problem
+        repairs.append("The file is UTF-16.")
+        return text
     try:
-        return data.decode("utf-8-sig"), []
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return data.decode("latin-1"), ["The file is not UTF-8 and was read as Latin-1."]
+        encoding = _encoding(data)
+        repairs.append(f"The file is not UTF-8 and was read as {_ENCODINGS[encoding]}.")
+        return data.decode(encoding, errors="replace")
+
+
+def _without_mark(data: bytes) -> str:
+    """Return the kind of UTF-16 if every other byte is zero, though no mark says so, or ""."""
+    head = data[:_HEAD // 8]
+    for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
+        every = head[first::2]
+        if len(every) > _SAMPLE and every.count(0) > _NEARLY_ALL * len(every) and head.count(0) < 0.6 * len(head):
+            return encoding
+    return ""
+
+
+def _encoding(data: bytes) -> str:
+    """Return the encoding in which most names of columns are words for time, temperature or power, or Latin-1."""
+    head = data[:_HEAD].rsplit(b"\n", 1)[0] if b"\n" in data[:_HEAD] else data[:_HEAD]
+
+    def roles(encoding: str) -> int:
+        try:
+            lines = head.decode(encoding).splitlines()[:_SAMPLE]
+        except UnicodeDecodeError:
+            return -1
+        words = {word for line in lines for word in _WORDS.findall(line) if not word.isascii()}
+        return sum(role_of(word.strip()) is not None for word in words)
+
+    return max(_ENCODINGS, key=roles)
 
 
 def _separator(lines: Sequence[str]) -> str | None:
-    """Return the separator that nearly all lines contain; None: white space, or a single column."""
-    for candidate in ("\t", ";", "|", ","):
-        if sum(candidate in line for line in lines) > 0.8 * len(lines):
-            return None if candidate == "," and _is_spaced(lines[-1]) else candidate
-    return None
+    """Return the separator, of several that nearly all lines contain the one that leaves the most values.
+
+    Two characters: both separate cells, as where one program writes the stamp and another one the rest. None: white
+    space, or a single column.
+    """
+    marks = [mark for mark in _MARKS if sum(mark in line for line in lines) > 0.8 * len(lines)]
+    if "," in marks and _is_spaced(lines[-1]):
+        marks.remove(",")
+    if len(marks) < 2:
+        return marks[0] if marks else None
+    shares = {mark: _share_of_values(lines, mark) for mark in marks}
+    best = next(mark for mark in marks if shares[mark] > max(shares.values()) - _ALIKE)
+    both = max((one + other for one, other in combinations(marks, 2)), key=lambda mark: _share_of_values(lines, mark))
+    return both if shares[best] < _MOST_WORDS and _share_of_values(lines, both) > _NEARLY_ALL else best
+
+
+def _share_of_values(lines: Sequence[str], mark: str) -> float:
+    """Return the share of the cells that are numbers, quantities or times."""
+    cells = [cell.strip(' "') for line in lines[-_FEW_LINES:] for cell in _one_mark(line, mark).split(mark[-1])]
+    return sum(says_nothing(cell) or _is_value(cell) for cell in cells) / max(len(cells), 1)
+
+
+def _one_mark(line: str, mark: str) -> str:
+    return line.replace(mark[0], mark[-1]) if len(mark) > 1 else line
 
 
 def _is_spaced(line: str) -> bool:
@@ -413,10 +482,9 @@ def _is_spaced(line: str) -> bool:
 def _split(path: Path, lines: Sequence[int], texts: Sequence[str], separator: str | None) -> list[list[str]]:
     if separator is None:
         return [_BEFORE_CLOCK.sub("T", text).split() for text in texts]
-    for line, text in zip(lines, texts, strict=True):
-        if text.count('"') % 2:  # else the reader would join this line and the next
-            raise LogError("a quotation mark that is not closed", file=path, line=line)
-    reader = csv.reader(texts, delimiter=separator, skipinitialspace=True)
+    if len(separator) > 1:
+        texts = [_one_mark(text, separator) for text in texts]
+    reader = csv.reader(texts, delimiter=separator[-1], skipinitialspace=True)
     try:
         return [[cell.strip() for cell in row] for row in reader]
     except csv.Error as problem:
@@ -436,7 +504,7 @@ def _without_empty_ends(rows: list[list[str]], repairs: list[str]) -> list[list[
 
 def _comment_above(above: Sequence[tuple[int, str]], separator: str | None, width: int) -> tuple[str, ...]:
     text = next((text.strip() for _, text in reversed(above) if text.strip()), "")
-    cells = [cell.strip(' "') for cell in text.lstrip("# ").split(separator)]
+    cells = [cell.strip(' "') for cell in text.lstrip("# ").split(separator and separator[-1])]
     return tuple(cells) if text.startswith("#") and len(cells) == width and not any(map(is_number, cells)) else ()
 
 

@@ -14,12 +14,13 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import LogError
-from heatertune.log.cells import Sheet
+from heatertune.log.cells import Sheet, is_number
 from heatertune.log.columns import Columns, cell_error
+from heatertune.log.quantities import on_or_off
 from heatertune.log.values import MIN_SAMPLES
 from heatertune.units import count
 
-__all__ = ["no_readings", "one_run", "tell_gaps"]
+__all__ = ["no_readings", "one_run", "tell_gaps", "without_strays", "without_unreadable_power"]
 
 Mask = npt.NDArray[np.bool_]
 
@@ -39,9 +40,69 @@ _STARTS: Final = (0.0, 85.0, 32.0, 185.0)  # °C and °F
 _STARTS_TIMES: Final = 2.0  # the largest other step
 _ALONE_TIMES: Final = 4.0
 _SHOWN: Final = 5
+_MOST_EDGES: Final = 8  # of a loose probe
+_ROWS_BEFORE: Final = 3
+_MOST_LOOSE: Final = 0.3  # share of the rows
 
 
-def one_run(sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]) -> tuple[Sheet, Array, int | None]:
+_MOST_STRAYS: Final = 0.02  # share of the rows
+_FEW_STRAYS: Final = 3
+_MOST_BELOW: Final = 40  # rows of statistics
+_TIME_BEGINS: Final = frozenset("0123456789+-.[")
+
+
+def without_strays(sheet: Sheet, columns: Columns, repairs: list[str]) -> Sheet:
+    """Return the sheet without the few rows whose time is a word or empty: means and extremes, a message."""
+    if "time" not in columns.index:
+        return sheet
+    place = columns.index["time"]
+    strays = [k for k, row in enumerate(sheet.rows) if row[place][:1] not in _TIME_BEGINS]
+    last = next((k for k in reversed(range(len(sheet.rows))) if sheet.rows[k][place][:1] in _TIME_BEGINS), -1)
+    within = [k for k in strays if k < last]
+    most = max(_FEW_STRAYS, _MOST_STRAYS * len(sheet.rows))
+    if not strays or last < 0 or len(within) > most or len(strays) - len(within) > _MOST_BELOW:
+        return sheet
+    lines = ", ".join(str(sheet.lines[k]) for k in strays[:_SHOWN])
+    more = f" and {len(strays) - _SHOWN} more" if len(strays) > _SHOWN else ""
+    repairs.append(f"{count(len(strays), 'row')} without a time left out (line {lines}{more}).")
+    kept = sorted({*range(len(sheet.rows))} - {*strays})
+    return replace(sheet.picked(kept), lost=sheet.lost + len(strays))
+
+
+def without_unreadable_power(
+    sheet: Sheet, columns: Columns, time: Array, edges: Mask, repairs: list[str]
+) -> tuple[Sheet, Array, Mask]:
+    """Return sheet, times and edges without the few rows whose power is no power: blank, Err, NULL.
+
+    The power before is held through them, as through any row that is missing.
+
+    Args:
+        sheet: the cells.
+        columns: which column is what.
+        time: of each row, shape (n,) [s].
+        edges: the rows that hold another power but no temperature, shape (n,).
+        repairs: list to which omitted rows are added.
+    """
+    if "power" not in columns.index:
+        return sheet, time, edges
+    place = columns.index["power"]
+    kinds = {row[place] for row in sheet.rows}
+    switched = {kind for kind in kinds if on_or_off([kind]) is not None}
+    usable = switched if switched else {kind for kind in kinds if is_number(kind) and kind.lower() != "nan"}
+    strange = np.array([row[place] not in usable for row in sheet.rows], dtype=np.bool_)
+    if not np.any(strange) or np.count_nonzero(strange) > _MOST_LOST * len(strange):
+        return sheet, time, edges
+    rows = np.flatnonzero(strange)
+    lines = ", ".join(f"line {sheet.lines[row]}" for row in rows[:_SHOWN])
+    more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
+    repairs.append(f"{count(len(rows), 'row')} without a power left out ({lines}{more}).")
+    kept = np.flatnonzero(~strange)
+    return replace(sheet.picked(kept.tolist()), lost=sheet.lost + len(rows)), time[kept], edges[kept]
+
+
+def one_run(
+    sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]
+) -> tuple[Sheet, Array, int | None]:
     """Return the rows of one run, their times, and the number of the run, None if there is only one.
 
     The run is the requested one (1 = first), otherwise the longest.
@@ -52,21 +113,29 @@ def one_run(sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]) -
     Raises:
         LogError: a run that does not exist.
     """
-    starts = _restarts(time)
+    starts = _session_starts(sheet) or _restarts(time)
     if wanted is not None and not 1 <= wanted <= len(starts):
         raise LogError(f"run {wanted}", file=sheet.file, expected=f"1…{len(starts)}, as many runs as the file holds")
     if len(starts) == 1:
         return sheet, time, wanted
     ends = [*starts[1:], len(time)]
     lengths = [end - start for start, end in zip(starts, ends, strict=True)]
-    chosen = int(np.argmax(lengths)) if wanted is None else wanted - 1
+    best = sheet.session is not None and len(starts) == len(sheet.sessions)
+    chosen = sheet.session - 1 if best and wanted is None and sheet.session else (
+        int(np.argmax(lengths)) if wanted is None else wanted - 1)
     begin, end = starts[chosen], ends[chosen]
-    why = "the longest" if wanted is None else "as asked"
+    why = "as asked" if wanted is not None else "in which the heater moved most" if best else "the longest"
     repairs.append(
         f"The file holds {len(starts)} runs (from lines {', '.join(str(sheet.lines[k]) for k in starts)}); run "
         f"{chosen + 1} was read, {why}: --run reads another."
     )
     return replace(sheet, rows=sheet.rows[begin:end], lines=sheet.lines[begin:end]), time[begin:end], chosen + 1
+
+
+def _session_starts(sheet: Sheet) -> list[int]:
+    """Return the row with which each session begins that the file itself marks, empty if it marks none."""
+    starts = [next((k for k, line in enumerate(sheet.lines) if line >= begin), -1) for begin in sheet.sessions]
+    return starts if starts and starts[0] == 0 and len(set(starts)) == len(starts) and -1 not in starts else []
 
 
 def _restarts(time: Array) -> list[int]:
@@ -81,7 +150,10 @@ def _restarts(time: Array) -> list[int]:
     return starts
 
 
-def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str]) -> Mask:
+def no_readings(
+    sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str], *,
+    moves: Mask | None = None, skip_empty: bool = False
+) -> Mask:
     """Return a mask of the rows without a valid temperature, shape (n,), and list them in the repairs.
 
     Args:
@@ -91,6 +163,8 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs
             sensor.
         time: of each row, shape (n,) [s].
         repairs: list to which omitted rows are added.
+        moves: the rows in which the power moves, shape (n,); None if it is not logged.
+        skip_empty: whether the user accepts any number of rows without a reading.
 
     Raises:
         LogError: more than a tenth of the rows are lost.
@@ -101,18 +175,27 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs
     stuck = np.zeros_like(empty)
     stuck[kept[_stuck(raw[kept], time[kept])]] = True
     lost = empty | is_open | stuck
-    if np.count_nonzero(lost) > _MOST_LOST * len(raw):
-        row = int(np.flatnonzero(lost)[0])
+    loose = np.zeros_like(lost)
+    kept = np.flatnonzero(~lost)
+    if moves is not None:
+        loose[kept[_loose(raw[kept], time[kept], moves[kept])]] = True
+    lost |= loose
+    refused = (lost & ~empty if skip_empty else lost) & ~loose
+    if np.count_nonzero(refused) > _MOST_LOST * len(raw) or np.all(lost):
+        row = int(np.flatnonzero(refused)[0])
         what = _FAR_VALUE if stuck[row] else "without a reading,"
-        problem = f"{count(int(np.count_nonzero(lost)), 'row')} of {len(raw)} {what} the first:"
-        raise cell_error(sheet, columns, "temperature", row, problem, "a log with a reading in nine rows of ten")
+        problem = f"{count(int(np.count_nonzero(refused)), 'row')} of {len(raw)} {what} the first:"
+        raise cell_error(sheet, columns, "temperature", row, problem, "a log with a reading in nine rows of ten" + (
+            " (--skip-empty leaves out those without one)" if np.any(refused & empty) else ""))
     spikes = np.zeros_like(lost)
     kept = np.flatnonzero(~lost)
     spikes[kept[_spikes(raw[kept])]] = True
     ends = np.zeros_like(lost)
     kept = np.flatnonzero(~(lost | spikes))
     ends[kept[_wild_ends(raw[kept], time[kept])]] = True
-    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"), (stuck, _FAR_VALUE),
+    kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"),
+             (stuck, _FAR_VALUE),
+             (loose, "between two opposite jumps, as of a loose probe,"),
              (spikes, "with a spike"), (ends, "at an end of the log, far from all others,"))
     for mask, what in kinds:
         if np.any(mask):
@@ -162,6 +245,38 @@ def _stuck(values: Array, time: Array) -> Mask:
         if at_once and lengths.min() >= _SHORTEST_STAND and steps[edges].min() > least:
             stuck |= there
     return stuck
+
+
+def _loose(values: Array, time: Array, moves: Mask) -> Mask:
+    """Return which readings lie between a jump and the opposite jump, both larger than any other change by far.
+
+    A probe that hangs in the air reads the room, and jumps back when it is put in again. No heater jumps up; cold goods
+    let it fall at once, but it never returns at once. In a slow log it may, where the power moves just before.
+    """
+    n = len(values)
+    loose = np.zeros(n, dtype=np.bool_)
+    if n < 2 * MIN_SAMPLES:
+        return loose
+    steps = np.diff(values)
+    sizes, pauses = np.abs(steps), np.diff(time)
+    edges = np.flatnonzero(sizes > _SPIKE_SHARE * float(np.ptp(values)))
+    if not len(edges) or len(edges) % 2 or len(edges) > _MOST_EDGES:
+        return loose
+    others = float(np.delete(sizes, edges).max())
+    opposite = np.all(np.sign(steps[edges[::2]]) == -np.sign(steps[edges[1::2]]))
+    at_once = np.all(pauses[edges] <= _PAUSE_TIMES * np.median(pauses)) and not any(
+        np.any(moves[max(edge - _ROWS_BEFORE, 0):edge + 2]) for edge in edges)
+    spacings = np.diff(np.flatnonzero(moves))
+    if any(np.any(np.abs(spacings - (end - begin)) <= _ROWS_BEFORE) for begin, end in zip(
+            edges[::2], edges[1::2], strict=True)):
+        return loose  # a pulse of the power, which a fast heater follows after its dead time
+    if not opposite or not at_once or sizes[edges].min() <= _ALONE_TIMES * others:
+        return loose
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        loose[begin + 1:end + 1] = True
+    lengths = edges[1::2] - edges[::2]
+    short = np.count_nonzero(loose) <= _MOST_LOOSE * n and lengths.min() > _LONGEST_SPIKE
+    return loose if short else np.zeros(n, dtype=np.bool_)
 
 
 def _spikes(values: Array) -> npt.NDArray[np.intp]:

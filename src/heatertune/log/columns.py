@@ -28,16 +28,18 @@ from heatertune.log.quantities import (
     is_scaled,
     is_second_choice,
     month_first,
+    month_or_day_first,
     on_or_off,
     role_of,
     says_nothing,
     stamp,
     unit_in_name,
 )
+from heatertune.log.unnamed_columns import demand_no_likely_power, demand_own_temperature
 
 __all__ = [
-    "ASSUMED", "NO_COLUMN", "TIME_UNITS", "Columns", "Power", "cell_error", "choose_column", "find_columns",
-    "forwards", "likely_time_unit", "numbers", "power_of", "seconds", "with_dates", "with_names",
+    "ASSUMED", "CLOCK_UNITS", "NO_COLUMN", "TIME_UNITS", "Columns", "Power", "cell_error", "choose_column",
+    "find_columns", "forwards", "likely_time_unit", "numbers", "power_of", "seconds", "with_dates", "with_names",
 ]
 
 
@@ -100,10 +102,14 @@ def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool
         _by_name(sheet, index, absent, notes)
     else:
         _by_numbers(sheet, index, absent | ({"time"} if counted else set()), notes)
+    if sheet.header and "temperature" in index and "temperature" not in wanted:
+        demand_own_temperature(sheet, index)
     if "temperature" not in index:
         listed = ", ".join(sheet.header) or f"{len(sheet.rows[0])} columns without names"
         expected = "--temperature-column NAME or N"
         raise LogError(f"no column is a temperature ({listed})", file=sheet.file, expected=expected)
+    if not {"power"} & {*index, *absent}:
+        demand_no_likely_power(sheet, index)
     names = {role: sheet.header[i] if sheet.header else f"{i + 1}" for role, i in index.items()}
     units = {role: sheet.units[i] for role, i in index.items() if sheet.units and sheet.units[i]}
     for role, unit in units.items():
@@ -127,6 +133,9 @@ def choose_column(sheet: Sheet, role: str, column: str | int) -> int:
     text = str(column).strip()
     if text in sheet.header:
         return sheet.header.index(text)
+    plain = [i for i, name in enumerate(sheet.header) if name.rpartition(" [")[0] == text]
+    if len(plain) == 1:  # the unit was put behind the name
+        return plain[0]
     width = len(sheet.header or sheet.rows[0])
     if text.isdecimal() and 1 <= int(text) <= width:
         return int(text) - 1
@@ -141,6 +150,8 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[
         role = role_of(name)
         if role in by_role and i not in taken and not _is_text(sheet, role, i):
             by_role[role].append(i)
+    if not by_role.get("time", True) and "time" not in index and (clock := _clock_by_content(sheet, taken)) is not None:
+        by_role["time"] = [clock]
     for role, candidates in by_role.items():
         if role in index or not candidates:
             continue
@@ -152,10 +163,31 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[
 
 
 def _is_text(sheet: Sheet, role: str, i: int) -> bool:
-    """Return whether a possible power column contains words, as "control mode" with auto and manual."""
+    """Return whether a column contradicts its name: words in "control mode", numbers in "data" (Portuguese: date)."""
     cell = sheet.rows[0][i]
+    if role == "time":
+        return is_second_choice(sheet.header[i]) and is_number(cell) and not _is_sheet_day(cell)
     return role == "power" and is_second_choice(sheet.header[i]) and not (
         is_number(cell) or says_nothing(cell) or on_or_off([cell]))
+
+
+def _is_sheet_day(cell: str) -> bool:
+    """Return whether a number may be a date as spreadsheets count them."""
+    low, high = _SHEET_DAYS
+    return low < float(cell.replace(",", ".")) < high
+
+
+def _clock_by_content(sheet: Sheet, taken: set[int]) -> int | None:
+    """Return the first column whose cells are all times, whatever its name: with a date, otherwise times of day."""
+    some = [*sheet.rows[:_SAMPLE], *sheet.rows[-_SAMPLE:-1]]
+    columns = [i for i in range(len(sheet.rows[0])) if i not in taken and not is_number(sheet.rows[0][i])]
+    clocks = [i for i in columns if sum(stamp(row[i]) is not None and not is_date(row[i]) for row in some)
+              > _NEARLY_ALL * len(some)]
+    return min(clocks, key=lambda i: (is_clock(sheet.rows[0][i]), i), default=None)
+
+
+_SAMPLE: Final = 20  # rows looked at at each end
+_NEARLY_ALL: Final = 0.9
 
 
 def _is_second(role: str, name: str) -> bool:
@@ -163,14 +195,23 @@ def _is_second(role: str, name: str) -> bool:
     return is_second_choice(name) or (role in ("temperature", "power") and is_foreign(role, name))
 
 
+_DEGREES: Final = re.compile(r"(°|deg|º) ?[CF]|℃|℉", re.IGNORECASE)
+_PERCENT: Final = re.compile("%|pct", re.IGNORECASE)
+
+
 def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[str]) -> None:
     """Deduce roles: the always increasing column is the time; of two others, the constant one is the power."""
     free = [i for i in range(len(sheet.rows[0])) if i not in index.values()]
     if "time" not in index and "time" not in absent:
         growing = [i for i in free if _grows(sheet, i)]
-        if growing:  # several: by custom the time is written first
-            index["time"] = growing[0]
-            free.remove(growing[0])
+        if growing:  # several: by custom the time is written first, but for the numbers of the rows
+            index["time"] = growing[1 if len(growing) > 1 and _counts_rows(sheet, growing[0]) else 0]
+            free.remove(index["time"])
+    for role, sign in (("temperature", _DEGREES), ("power", _PERCENT)):
+        signed = [i for i in free if sheet.units and sign.fullmatch(sheet.units[i])]
+        if role not in index and role not in absent and len(signed) == 1:
+            index[role] = signed[0]
+            free.remove(signed[0])
     levels = {i: len({row[i] for row in sheet.rows}) for i in free}
     if "temperature" not in index and len(free) == 1 and levels[free[0]] > 3:  # fewer: a power that is switched
         index["temperature"] = free[0]
@@ -180,6 +221,12 @@ def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], notes: li
             index |= {"power": held, "temperature": moving}
     places = ", ".join(f"{role} = column {i + 1}" for role, i in sorted(index.items(), key=lambda pair: pair[1]))
     notes.append(f"The file has no header; by their numbers: {places}.")
+
+
+def _counts_rows(sheet: Sheet, i: int) -> bool:
+    """Return whether a column holds 0, 1, 2 … or 1, 2, 3 …, the numbers of the rows."""
+    first = sheet.rows[0][i]
+    return first in ("0", "1") and all(row[i] == str(k) for k, row in enumerate(sheet.rows, start=int(first)))
 
 
 def _grows(sheet: Sheet, i: int) -> bool:
@@ -194,12 +241,13 @@ def _grows(sheet: Sheet, i: int) -> bool:
     return bool(np.all(steps >= 0.0) and np.count_nonzero(steps > 0.0) > 0.9 * len(steps))
 
 
+_MOST_TEXT: Final = 0.1  # share of the cells
 _BEYOND: Final = 1e30  # no instant and no reading; units can still be converted without overflow
 
 
 def numbers(
     sheet: Sheet, columns: Columns, role: str, expected: str = "a number", *, holes: bool = False,
-    blank: str | None = None
+    blank: str | None = None, lenient: bool = False
 ) -> Array:
     """Return a column as finite numbers, shape (n,), one for each row.
 
@@ -210,6 +258,7 @@ def numbers(
         expected: the expected content, for the error message.
         blank: the expected content instead of an empty cell or a "no value" mark; None: `expected`.
         holes: whether an empty cell or a "no value" mark becomes NaN instead of an error.
+        lenient: whether a few other cells that are no finite numbers become NaN, too.
 
     Raises:
         LogError: a cell that is empty (without `holes`), not a number, not finite or beyond 1e30.
@@ -218,6 +267,11 @@ def numbers(
     cells = [row[i] for row in sheet.rows]
     if holes:
         cells = ["nan" if says_nothing(cell) else cell for cell in cells]
+    if lenient:
+        strange = {cell for cell in set(cells) if not _is_usable(cell)}
+        few = sum(cell in strange and not (holes and cell == "nan") for cell in cells) <= _MOST_TEXT * len(cells)
+        if strange and few:
+            cells, holes = ["nan" if cell in strange else cell for cell in cells], True
     try:
         values = np.array([_float(cell) for cell in cells], dtype=np.float64)
     except ValueError:
@@ -259,6 +313,14 @@ def _float(cell: str) -> float:
     return float(cell)
 
 
+def _is_usable(cell: str) -> bool:
+    """Return whether a cell is a finite number."""
+    try:
+        return abs(_float(cell)) < _BEYOND
+    except ValueError:
+        return False
+
+
 def _is_float(cell: str) -> bool:
     try:
         _float(cell)
@@ -270,6 +332,13 @@ def _is_float(cell: str) -> bool:
 #: suffix of the notation of a number with an unknown unit
 ASSUMED: Final = ", assumed"
 
+#: times of two numbers: the option that says which → name of the first and the second
+_TWO_NUMBERS: Final = re.compile(r"\d{1,3}:\d\d(\.\d+)?")
+CLOCK_UNITS: Final = ("mm:ss", "hh:mm")
+_MINUTES_NAMED: Final = re.compile(r"(?i)\bm{1,3}:ss?\b|\bmin:se?c")
+_HOURS_NAMED: Final = re.compile(r"(?i)\bhh?:mm\b|\bh:min")
+_MOST_HOURS: Final = 99  # of a firing that is timed in hours and minutes
+_LAST_HOUR: Final = 23
 #: unit → its length [s]
 TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0, "d": 86400.0}
 _EPOCH: Final = 1e8  # beyond three years in seconds the numbers are a calendar's
@@ -303,7 +372,7 @@ def with_dates(sheet: Sheet, columns: Columns, wanted: str | int | None) -> tupl
         if not free:
             raise LogError("no column of dates", file=sheet.file, value=str(wanted), expected="--date-column NAME or N")
     elif sheet.header:
-        free = [i for i in free if role_of(sheet.header[i]) == "time"]
+        free = [i for i in free if role_of(sheet.header[i]) == "time"] or free
     if len(free) != 1:
         return sheet, columns
     for row in sheet.rows:
@@ -337,13 +406,42 @@ def seconds(
         expected = "--log-interval with the seconds between two rows, or --time-column"
         raise LogError("the file has no time column", file=sheet.file, expected=expected)
     cells = [row[columns.index["time"]] for row in sheet.rows]
+    two = _two_numbers(sheet, columns, cells, unit)
+    if two:
+        repairs.append(f"The time was read as {two}.")
+        return _past_midnight((60.0 if two == "hh:mm" else 1.0) * _sixties(cells), repairs), two
     if not is_number(cells[0]) and (stamp(cells[0]) is not None or month_first(cells)):
-        if "date" not in columns.index and is_hours_or_minutes(cells[0]):
-            raise cell_error(sheet, columns, "time", 0, "a time that may be hours and minutes or minutes and seconds:",
-                          f"{STAMPS}, or --log-interval with the seconds between two rows")
         repairs.append("Time stamps were converted to seconds from the first row.")
         return _from_stamps(sheet, columns, cells, repairs), "stamps"
     return _from_numbers(sheet, columns, unit, repairs)
+
+
+def _two_numbers(sheet: Sheet, columns: Columns, cells: Sequence[str], unit: str | None) -> str:
+    """Return "mm:ss" or "hh:mm" for times of two numbers, "" for others: as stated, by the name, or by more than 99.
+
+    Raises:
+        LogError: neither says it, and they are a timer's: they begin at 00:00 or so, or pass 23:59.
+    """
+    if "date" in columns.index or not all(map(_TWO_NUMBERS.fullmatch, cells)):
+        return ""
+    if unit in CLOCK_UNITS:
+        return unit
+    name = columns.names["time"]
+    longest = max(int(cell.partition(":")[0]) for cell in cells)
+    if _MINUTES_NAMED.search(name) or longest > _MOST_HOURS or "." in cells[0]:
+        return "mm:ss"
+    if _HOURS_NAMED.search(name):
+        return "hh:mm"
+    if is_hours_or_minutes(cells[0]) or longest > _LAST_HOUR:
+        raise cell_error(sheet, columns, "time", 0, "a time that may be hours and minutes or minutes and seconds:",
+                         "--time-unit mm:ss or --time-unit hh:mm")
+    return ""
+
+
+def _sixties(cells: Sequence[str]) -> Array:
+    """Return times such as 12:30 as minutes and seconds [s], or hours and minutes [min], shape (n,)."""
+    parts = [cell.partition(":") for cell in cells]
+    return np.array([60.0 * int(minutes) + float(seconds) for minutes, _, seconds in parts])
 
 
 def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: list[str]) -> tuple[Array, str]:
@@ -355,6 +453,8 @@ def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: lis
         return (values - values[0]) * epoch[1], epoch[0]
     if unit is None and (columns.is_foreign("time") or epoch is not None or _are_days(values, named)):
         raise cell_error(sheet, columns, "time", 0, "a time in an unknown unit:", "--time-unit s, ms, min, h or d")
+    if unit in CLOCK_UNITS:
+        raise cell_error(sheet, columns, "time", 0, f"a number, not {unit}:", "--time-unit s, ms, min, h or d")
     time_unit = unit or named or "s"
     if time_unit != "s":
         repairs.append(f"The time is in {time_unit} {'as stated' if unit else 'by its name'} and was converted to "
@@ -400,6 +500,10 @@ def _from_stamps(sheet: Sheet, columns: Columns, cells: Sequence[str], repairs: 
     if month_first(cells):
         repairs.append("The dates are read with the month first.")
         cells = [month_first((cell,), turn=True) or cell for cell in cells]
+    elif is_day_or_month(cells) and (order := month_or_day_first(cells)):
+        repairs.append(f"The dates are read with the {order} first: so they follow each other day by day.")
+        if order == "month":
+            cells = [month_first((cell,), turn=True) or cell for cell in cells]
     elif is_day_or_month(cells):
         raise cell_error(sheet, columns, "time", 0, "a date that may be day first or month first:",
                       f"{STAMPS}, or --log-interval with the seconds between two rows")
@@ -440,8 +544,13 @@ def forwards(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Arra
 _SWITCH: Final = re.compile(
     r"relay|relais|\bssr\b|switch|schalter|[_ ](on|ein|state|status|active|aktiv)$", re.IGNORECASE)
 _PWM: Final = re.compile("pwm", re.IGNORECASE)
+_PERCENT_FULL: Final = 100.0
+_SHOWN_SCALES: Final = 3
 _SMALL: Final = 12.0  # a power in percent that never exceeds this may be volts of 0…10 V or amperes
-_EXPECTED: Final = "--power-full-scale with the reading at full power, or --power-column none"
+_EXPECTED: Final = "--power-full-scale with the reading at full power{}, or --power-column none"
+#: readings at full power that devices have: PWM of 8 bits, converters of 10 and 12 bits, tenths and hundredths of
+#: a percent, the analogue modules of an S7, 15 and 16 bits
+_FULL_SCALES: Final = (255, 1000, 1023, 4095, 10000, 27648, 32767, 65535)
 
 
 class Power(NamedTuple):
@@ -477,6 +586,8 @@ def power_of(
     expected = "a number, or on and off in every row (--power-column none if there is no power)"
     values = numbers(sheet, columns, "power", expected)
     named = None if is_scaled("power", columns.names["power"]) else columns.unit("power")
+    if named == "27648" and float(np.max(values)) <= _PERCENT_FULL:
+        named = None  # a column of that name that was converted
     if named == "100" and "power" not in columns.units and 0.0 < float(np.max(values)) <= 1.0:
         named = None  # a column named in percent that holds shares, as a spreadsheet exports it
     full_scale = given or (float(named) if named else _assumed(sheet, columns, values, repairs, doubts))
@@ -517,7 +628,10 @@ def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], 
         (_PWM.search(name) is not None and not np.any(values % 1.0), "may be percent or counts of 255"),
     ) if holds), None)
     if why:
-        raise LogError(f"a power up to {largest:g} {why}", file=sheet.file, column=name, expected=_EXPECTED)
+        likely = [scale for scale in _FULL_SCALES if largest <= scale][:_SHOWN_SCALES] if largest > 100.0 else []
+        perhaps = f" ({' or '.join(map(str, likely))}?)" if likely else ""
+        raise LogError(f"a power up to {largest:g} {why}", file=sheet.file, column=name,
+                       expected=_EXPECTED.format(perhaps))
     repairs.append("The power has no unit in the file; taken as percent (otherwise: --power-full-scale).")
     if 0.0 < largest <= _SMALL:
         doubts.append(f"The power, taken as percent, never exceeds {largest:g} %: were it volts or amperes, "

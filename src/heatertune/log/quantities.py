@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from datetime import datetime
+from datetime import date, datetime
+from itertools import pairwise
 from typing import Final
 
 __all__ = [
     "NOTHING", "ROLES", "STAMPS", "is_clock", "is_date", "is_day_or_month", "is_foreign", "is_hours_or_minutes",
-    "is_number", "is_quantity", "is_scaled", "is_second_choice", "month_first", "on_or_off", "plain_name",
-    "plain_quantities", "role_of", "says_nothing", "stamp", "unit_in_name",
+    "is_number", "is_quantity", "is_scaled", "is_second_choice", "month_first", "month_or_day_first", "on_or_off",
+    "plain_name", "plain_quantities", "role_of", "says_nothing", "stamp", "unit_in_name",
 ]
 
 
@@ -24,20 +25,32 @@ _LONGEST: Final = 1000
 
 #: looked for in this order: "set point (degC)" is no temperature, "heater temperature" no power; t is a time, T is not
 _NAMES: Final[dict[str, re.Pattern[str]]] = {
-    "setpoint": re.compile(r"(?i:set.?(point|temp|value)|temp\w* ?set\b|\bt?sp\d*\b|soll|target)"),
-    "time": re.compile(r"(?i:time|zeit|\bdate|datum|elapsed|^milli|^sec|^minutes?$|^hours?$|^m?s$|^tage$|^days?$"
-                       r"|last.?(chang|updat)ed)|^t$|^[tT] ?[\[(/ ] ?(s|sec|ms|min|h)\b"),
-    "temperature": re.compile(r"(?i:temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|duty|%))|°[cf]"
-                              r"|deg ?[cf]|kelvin|thermocouple)|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b|\bT\d*$"),
-    "power": re.compile(r"(?i:power|duty|heat(er|ing)|pwm|output|\bc[vo]\d*\b|\bop\d*\b|^[uq]\d*($|[ \[(/])|leistung"
-                        r"|stell|heiz|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
-                        r"|^control( signal| value)?$|manipulat|ausgang"
-                        r"|relais|relay|\bssr\b|^heat$|\bout\d*\b)|\bMV\d*\b"),
+    "setpoint": re.compile(
+        r"(?i:set.?(point|temp|value)|temp\w* ?set\b|\bt?sp\d*\b|(target|working) ?sp\b|soll|target|consign[ea]"
+        r"|设定|設定|목표|설정|уставк|заданн|zadan|žádan|börvärde|asetusarvo|ayar değeri|riferimento)"),
+    "time": re.compile(
+        r"(?i:time|zeit|\bdate|datum|elapsed|^milli|^sec|^minutes?$|^hours?$|^m?s$|^tage$|^days?$"
+        r"|last.?(chang|updat)ed|^(tiempo|tempo|tijd|tid|czas|čas|zaman|aika|hora|heure|fecha|godzina|data)\b"
+        r"|^(дата|время)\b"
+        r"|时间|日期|時刻|日時|時間|年月日|시간|날짜|^temps ?[\[(/] ?(s|sec|ms|min|h)\b)"
+        r"|^ts$|^t$|^[tT] ?[\[(/ ] ?(s|sec|ms|min|h)\b"),
+    "temperature": re.compile(
+        r"(?i:temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|out|duty|%))|°[cf]"
+        r"|deg ?[cf]|kelvin|thermocouple|scaled.?input|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値"
+        r"|온도)"
+        r"|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b|\bT\d*$"),
+    "power": re.compile(
+        r"(?i:power|duty|heat(er|ing)|pwm|output|\bc[vo]\d*\b|\bop\d*\b|^[uq]\d*($|[ \[(/])|leistung"
+        r"|stell|heiz|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
+        r"|^control( signal| value)?$|manipulat|ausgang|\bactive ?out"
+        r"|relais|relay|\bssr\b|^heat$|\bout\d*\b|puissance|pot[eê]nci?a|potenza|vermogen|^moc\b|výkon|мощност|нагрев|功率|出力"
+        r"|输出|加热|加熱|操作量|ヒータ|effekt|^güç|출력|히터|^teho\b|saída|salida|sortie|uscita|aquec|calefac|chauff|riscald)"
+        r"|\bMV\d*\b"),
 }
 
 #: used only if nothing else has the role: a room's temperature, a date next to the time of day, an electric current
 _SECOND_CHOICE: Final = re.compile(
-    r"(?i:ambient|room|\bext|outside|umgebung|raum|junction|board|cpu|^dat(e|um)$|volt|watt|spannung|strom|\bcurrent"
+    r"(?i:ambient|room|\bext|outside|umgebung|raum|junction|board|cpu|^dat(e|um|a)$|^fecha$|^data\b|volt|watt|spannung|strom|\bcurrent"
     r"|\bamp(s|ere)?\b|^control|last.?updated)")
 
 #: after a unit of time in full: no second one follows, as in "hours, minutes and seconds"
@@ -50,23 +63,26 @@ _UNITS: Final[dict[str, tuple[tuple[str, re.Pattern[str]], ...]]] = {
         ("degC", re.compile(r"°\s*c|deg\s*c|celsius|[\[(/ ]c[\])]?$|temp(erature)?\d*c$")),
     ),
     "time": (
-        ("ms", re.compile(r"(^|[\[(/ ])m(illi)?s(ec(onds?)?)?\.?[\])]?$|^millis")),
-        ("min", re.compile(r"(^|[\[(/ ])min(ute[ns]?|s)?\.?[\])]?$")),
+        ("ms", re.compile(r"(^|[\[(/ ])m(illi)?s(ec(onds?)?)?\.?[\])]?$|^millis|[\[(]мс[\])]$")),
+        ("min", re.compile(r"(^|[\[(/ ])min(ute[ns]?|s)?\.?[\])]?$|[\[(](мин|分)[\])]$")),
         ("h", re.compile(r"(^|[\[(/ ])(h(ours?|rs?)?|std|stunden)\.?[\])]?$")),
         ("d", re.compile(r"(^|[\[(/ ])(d|days?|tage)\.?[\])]?$")),
-        ("s", re.compile(r"(^|[\[(/ ])s(e[ck](onds?|unden)?)?\.?[\])]?$")),
+        ("s", re.compile(r"(^|[\[(/ ])s(e[ck](onds?|unden)?)?\.?[\])]?$|[\[(](с|сек|秒|초)[\])]$")),
         ("ms", re.compile(rf"\b(milliseconds|millisekunden)\b{_ALONE}")),
         ("min", re.compile(rf"\b(minutes|minuten)\b{_ALONE}")),
         ("h", re.compile(rf"\b(hours|stunden)\b{_ALONE}")),
         ("s", re.compile(rf"\b(seconds|sekunden)\b{_ALONE}")),
     ),
     "power": (
+        ("27648", re.compile(r"\boutput per$")),  # Siemens: Output_PER of PID_Compact is an analogue output
         ("255", re.compile(r"255|8.?bit|pwm.*counts")),
         ("1", re.compile(r"0\s*(\.\.\.?|…|-|–|to)\s*1\b(?!00)|fraction|p\.?u\.?\b")),
-        ("100", re.compile(r"%|pct|percent|prozent|0\s*(\.\.\.?|…|-|–|to)\s*100\b")),
+        ("100", re.compile(r"main\.(active|working)out|%|pct|percent|prozent|0\s*(\.\.\.?|…|-|–|to)\s*100\b")),
     ),
 }
 
+#: the range of a power, as parsers of formats write it
+_FULL_SCALE: Final = re.compile(r"\[0\.\.\.(\d+)\]")
 #: units that are neither a temperature, a time nor a share of full power
 _FOREIGN: Final[dict[str, re.Pattern[str]]] = {
     "temperature": re.compile(r"%|pct|percent|counts?\b|\badc\b|[\[(/ ]m?[va][\])]?$|ohm|ω|\bbar\b"),
@@ -102,6 +118,8 @@ def unit_in_name(role: str, name: str) -> str | None:
     """Return the unit in a column's name, or None; for power its full scale."""
     lower = _CAPITALISED.sub(" ", plain_name(name)).lower()
     patterns = _UNITS.get("temperature" if role == "setpoint" else role, ())
+    if role == "power" and (full := _FULL_SCALE.search(lower)) is not None:
+        return full[1]
     units = (unit for unit, pattern in patterns if pattern.search(lower))
     return next(units, None)
 
@@ -129,6 +147,13 @@ _CLOCK = re.compile(r"\d{1,2}:\d\d(:\d\d([.,:]\d+)?)?( ?[AaPp]\.?[Mm]\.?)?")
 _NOON = re.compile(r"(\d{1,2})(:\d\d.*?) ?([AaPp])\.?[Mm]\.?")
 _DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./](\d{4}|\d\d)")
 _SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(\d{4}|\d\d)(?!\d)")
+#: 2026年03月14日 09時58分00秒, and the same in Korean
+_CHARACTERS: Final = str.maketrans(
+    {**dict.fromkeys("年月년월", "-"), **dict.fromkeys("時分시분", ":"), **dict.fromkeys("日일秒초")})
+_MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_NAMED_MONTH = re.compile(
+    r"(?:[A-Z][a-z]{2},? )?(?:(\d{1,2})[- ]([A-Z][a-z]{2})[a-z]*[- ,]+(\d{4})"
+    r"|([A-Z][a-z]{2})[a-z]* (\d{1,2}),? (\d{4})),? *(.*)")
 _THOUSANDTHS = re.compile(r"(:\d\d:\d\d):(\d{1,3})$")
 
 
@@ -151,6 +176,10 @@ def stamp(cell: str) -> datetime | None:
 
 
 def _moment(text: str) -> datetime | None:
+    if not text.isascii():
+        text = text.translate(_CHARACTERS).strip(": ")
+    if "A" <= text[:1] <= "Z" or "A" <= text[3:4] <= "Z" or "A" <= text[2:3] <= "Z":
+        text = _with_number_of_month(text)
     match = _DAY_FIRST.fullmatch(text)
     if match:
         day, month, year, clock = match.groups()
@@ -164,6 +193,17 @@ def _moment(text: str) -> datetime | None:
         day, mark, clock = text.partition(" ")
         text = f"{day}T{_clock(clock.lstrip())}" if mark and clock.strip() else day
     return datetime.fromisoformat(text)
+
+
+def _with_number_of_month(text: str) -> str:
+    """Return a date with the name of its month, 14-Mar-2026 or Mar 14, 2026, as ISO 8601 has it."""
+    found = _NAMED_MONTH.fullmatch(text)
+    if found is None:
+        return text
+    day, month, year = (found[1], found[2], found[3]) if found[1] else (found[5], found[4], found[6])
+    if month.lower() not in _MONTHS:
+        return text
+    return f"{year}-{_MONTHS.index(month.lower()) + 1:02d}-{day:0>2} {found[7]}".strip()
 
 
 def _clock(text: str) -> str:
@@ -197,6 +237,30 @@ def is_day_or_month(cells: Iterable[str]) -> bool:
     return len(dates) > 1 and all(int(first) <= 12 for first in dates.values())
 
 
+def month_or_day_first(cells: Sequence[str]) -> str:
+    """Return "month" or "day" if only with it first dates such as 03/04/2026 follow each other day by day, else "".
+
+    Of a log with a row or two for each date, which may be one of a month, nothing is inferred.
+    """
+    dates = list(dict.fromkeys(found.groups() for cell in cells if (found := _SLASHED.match(cell)) is not None))
+    if len(cells) < _ROWS_OF_DATE * len(dates):
+        return ""
+    longest = {}
+    for order, month, day in (("month", 0, 1), ("day", 1, 0)):
+        try:
+            days = [date(int(found[2]) % 100 + 2000, int(found[month]), int(found[day])).toordinal() for found in dates]
+        except ValueError:
+            return ""
+        longest[order] = max(abs(after - before) for before, after in pairwise(days))
+    order = min(longest, key=lambda first: longest[first])
+    return order if longest[order] <= _DAY_BY_DAY and max(longest.values()) > _MONTH_BY_MONTH else ""
+
+
+_ROWS_OF_DATE: Final = 4
+_DAY_BY_DAY: Final = 7  # days
+_MONTH_BY_MONTH: Final = 20
+
+
 def month_first(cells: Iterable[str], *, turn: bool = False) -> str:
     """Return the first date that can only be month first, day first then; with `turn` every slashed date is turned."""
     for cell in cells:
@@ -217,12 +281,17 @@ _QUANTITY: Final = re.compile(
 #: cells that say that they hold nothing
 NOTHING: Final = frozenset((
     "", "nan", "null", "none", "n/a", "na", "-", "--", "---", "unavailable", "unknown", "#n/a", "#nv", "no data",
-    "undefined", "bad", "bad input", "i/o timeout", "comm fail",
+    "undefined", "bad", "bad input", "i/o timeout", "comm fail", "#n/d", "#wert!", "#value!", "#valor!", "#div/0!", "#",
+    "----", "-----", "--.-", "--.--", "---.-", "err", "erro", "error", "open", "+over", "-over", "over", "nan.", "s.br",
+    "sbr", "nopv", "****",
 ))
 _ON: Final = frozenset((
-    "true", "on", "yes", "ja", "ein", "an", "wahr", "heating", "high", "active", "aktiv", "run", "running"))
+    "true", "on", "yes", "ja", "ein", "an", "wahr", "heating", "high", "active", "aktiv", "run", "running", "ligado",
+    "marche", "encendido", "acceso", "aan", "вкл", "включено", "zał", "zapnuto", "på", "päällä", "açık", "オン", "开",
+    "켜짐"))
 _OFF: Final = frozenset(("false", "off", "no", "nein", "aus", "falsch", "idle", "low", "inactive", "inaktiv", "stop",
-    "stopped", "standby"))
+    "stopped", "standby", "desligado", "arrêt", "apagado", "spento", "uit", "выкл", "выключено", "wył", "vypnuto", "av",
+    "pois", "kapalı", "オフ", "关", "꺼짐"))
 
 
 def is_number(cell: str) -> bool:

@@ -1,6 +1,6 @@
 """Read a log: a file, or the objects of a session (DataFrame, arrays), becomes a `Log`.
 
-Repeated rows of one instant are removed, rows of several heaters are refused, and all findings are collected.
+All findings of the reader are collected in one value.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, LogError, OutOfRange
-from heatertune.log.cells import Sheet, is_number, plain_cells, read_sheet
-from heatertune.log.cleaning import no_readings, one_run, tell_gaps
+from heatertune.log.cells import Sheet, plain_cells, read_sheet
+from heatertune.log.cleaning import no_readings, one_run, tell_gaps, without_strays, without_unreadable_power
 from heatertune.log.columns import (
     ASSUMED,
+    CLOCK_UNITS,
     NO_COLUMN,
     TIME_UNITS,
     Columns,
@@ -33,6 +34,7 @@ from heatertune.log.columns import (
     with_dates,
     with_names,
 )
+from heatertune.log.instants import kept_rows, spread_instants
 from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.tables import BUILT_IN, BuiltIn, built_in
@@ -47,94 +49,14 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 __all__ = [
-    "SIGNS", "FileNotation", "RowCounts", "TemperatureUnit", "kept_rows", "log_of", "read_log", "stated_units",
+    "SIGNS", "FileNotation", "RowCounts", "TemperatureUnit", "log_of", "read_log", "stated_units",
     "taken_of",
 ]
 
 
-Rows = npt.NDArray[np.intp]
-_SHOWN: Final = 5  # line numbers in messages
-_MOST_LOST: Final = 0.1  # share of the rows that a clock with coarse steps may cost
-_MOST_TAGS: Final = 100
-_HOUR_S: Final = 3600.0
-_TOLD: Final = 0.95  # of the instants that a column has to distinguish
-
-
-def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> tuple[npt.NDArray[np.bool_], int]:
-    """Return the rows to keep (the first of equal times), and how many of the others repeat the first.
-
-    The times [s] and the result are of shape (n,), one for each row.
-
-    Raises:
-        LogError: a time that goes backwards; many rows of one instant with different readings.
-    """
-    steps = np.diff(time)
-    if np.any(steps < 0):
-        row = int(np.flatnonzero(steps < 0)[0]) + 1
-        before = sheet.rows[row - 1][columns.index["time"]]
-        raise cell_error(sheet, columns, "time", row, "the time goes backwards:",
-                         f"not before {before}{_put_back_repeats(steps)}")
-    dropped = np.flatnonzero(steps == 0) + 1
-    kept = np.ones(len(time), dtype=np.bool_)
-    kept[dropped] = False
-    if not len(dropped):
-        return kept, 0
-    firsts = np.flatnonzero(kept)[np.cumsum(kept)[dropped] - 1]
-    other = _otherwise(sheet, columns, dropped, firsts)
-    if other:
-        _demand_one_heater(sheet, columns, dropped, firsts, other)
-    lines = ", ".join(str(sheet.lines[row]) for row in dropped[:_SHOWN])
-    lines += f" and {len(dropped) - _SHOWN} more" if len(dropped) > _SHOWN else ""
-    note = f"{count(len(dropped), 'row')} at the time of the row before dropped (line {lines})"
-    repairs.append(f"{note}; {len(other)} of them with another reading." if other else f"{note}.")
-    return kept, len(dropped) - len(other)
-
-
-def _put_back_repeats(steps: Array) -> str:
-    """Return the remedy if a clock was set back once by an hour, as at the end of daylight saving time, or nothing."""
-    usual = float(np.median(steps))
-    if np.count_nonzero(steps < 0) > 1 or not abs(float(steps.min()) + _HOUR_S - usual) <= max(usual, 1.0):
-        return ""
-    return f"; where the clock was put back by an hour (end of summer time), --log-interval {usual:g} counts the rows"
-
-
-def _otherwise(sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows) -> list[int]:
-    """Return the rows that read otherwise than the first of their instant."""
-    used = [i for role, i in columns.index.items() if role not in ("time", "date")]
-    return [row for row, first in zip(dropped, firsts, strict=True)
-            if any(sheet.rows[row][i] != sheet.rows[first][i] for i in used)]
-
-
-def _demand_one_heater(sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows, other: Sequence[int]) -> None:
-    for i in range(len(sheet.rows[0])):
-        if i not in columns.index.values() and (tags := _tags(sheet, i, dropped, firsts)):
-            name = sheet.header[i] if sheet.header else f"{i + 1}"
-            raise LogError(
-                f"line {sheet.lines[other[0]]} is of the same instant as the row before, with another reading; column "
-                f"{name!r} tells them apart ({', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''})",
-                file=sheet.file, expected=f"--tag {_quoted(tags[0])} --tag-column {_quoted(name)} to read one of them")
-    if len(other) > _MOST_LOST * len(sheet.rows):
-        problem = f"{len(other)} rows of {len(sheet.rows)} share an instant with another reading, the first:"
-        raise cell_error(sheet, columns, "time", other[0], problem,
-                      "a finer clock, or --log-interval with the seconds between two rows")
-
-
-def _tags(sheet: Sheet, i: int, dropped: Rows, firsts: Rows) -> list[str]:
-    """Return the few values of a column that differ within each instant; none if it does not distinguish rows."""
-    tags = list(dict.fromkeys(row[i] for row in sheet.rows))
-    figures = sum(is_number(tag) and not tag.isdigit() for tag in tags)
-    if not 2 <= len(tags) <= min(_MOST_TAGS, len(sheet.rows) / 4) or figures:
-        return []
-    apart = sum(sheet.rows[row][i] != sheet.rows[first][i] for row, first in zip(dropped, firsts, strict=True))
-    return tags if apart >= _TOLD * len(dropped) else []
-
-
-def _quoted(text: str) -> str:
-    return f'"{text}"' if " " in text else text
-
-
 #: unit of a temperature → how it is written
-SIGNS: Final = {"degC": "°C", "degF": "°F", "K": "K", "0.1degC": "0.1 °C", "0.01degC": "0.01 °C", "0.1degF": "0.1 °F"}
+SIGNS: Final = {
+    "degC": "°C", "degF": "°F", "K": "K", "0.1degC": "0.1 °C", "0.01degC": "0.01 °C", "0.1degF": "0.1 °F"}
 
 
 class TemperatureUnit(NamedTuple):
@@ -201,6 +123,7 @@ def taken_of(
         "time": clock, "temperature": SIGNS[temperature.name] + (f", {grounds}" if temperature.assumed else ""),
         "power": "" if power is None else power.written, "setpoint": "", "disturbance": "",
     }
+    lost = tagged.lost + sheet.lost
     used = {role: (_names(sheet, columns, role), how[role]) for role in columns.index if role in how}
     if clock == "counted":
         used["time"] = ("row", f"{options['sample_time_s']:g} s")
@@ -208,7 +131,7 @@ def taken_of(
         used.pop("power", None)
     return ReadSummary(
         file=file, rows=len(time), interval_s=float(np.median(np.diff(time))) if len(time) > 1 else 0.0, columns=used,
-        rows_read=counts.read + tagged.lost, left_out=counts.read + tagged.lost + counts.put_back - len(time),
+        rows_read=counts.read + lost, left_out=counts.read + lost + counts.put_back - len(time),
         repeats=counts.repeats, repaired=counts.filled, unused=tagged.unused or _unused(sheet, columns, tagged, clock),
         reading=_reading(sheet, columns, tagged, written, options), assumed=_assumed(written, time), stated=stated,
     )
@@ -257,7 +180,7 @@ def _reading(
         reading |= {f"{role}_column": NO_COLUMN for role in ("power", "setpoint") if role not in columns.index}
     reading |= tagged.options
     unit = written.clock.partition(",")[0]
-    if unit in TIME_UNITS:
+    if unit in TIME_UNITS or unit in CLOCK_UNITS:
         reading["time_unit"] = unit
     reading["temperature_unit"] = written.temperature.name
     if written.power is not None:
@@ -326,7 +249,8 @@ def read_log(
     if asked.disturbance_column is not None:
         wanted["disturbance"] = asked.disturbance_column
     tags = TagSelection(
-        temperature=asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag, column=asked.tag_column,
+        temperature=None if sheet.part else asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag,
+        column=asked.tag_column,
         quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column, date=asked.date_column)
     tagged = by_tags(sheet, tags, asked.time_unit)
     if tagged.is_long and "disturbance" in wanted:
@@ -336,15 +260,21 @@ def read_log(
     columns = find_columns(sheet, tagged.wanted or wanted, counted=asked.sample_time_s is not None)
     sheet, columns = with_dates(sheet, columns, None if tagged.is_long else asked.date_column)
     repairs = [*sheet.repairs, *columns.notes]
+    if asked.sample_time_s is None:
+        sheet = without_strays(sheet, columns, repairs)
     time, clock = seconds(sheet, columns, asked.time_unit, asked.sample_time_s, repairs)
     sheet, time = forwards(sheet, time, repairs)
     sheet, time, chosen_run = one_run(sheet, time, asked.run, repairs)
+    time = spread_instants(sheet, columns, time, repairs)
     sheet, time, edges = without_blank_power(sheet, columns, time, repairs)
+    sheet, time, edges = without_unreadable_power(sheet, columns, time, edges, repairs)
     raw = _readings(sheet, columns, time, edges, skip_empty=asked.skip_empty)
     kept, repeats = kept_rows(sheet, columns, time, repairs)
-    kept &= ~no_readings(sheet, columns, raw, time, repairs)
-    unit = _temperature_unit(sheet, columns, asked.temperature_unit, raw[kept], repairs, doubts)
-    setpoint, filled = _setpoint(sheet, columns, unit.name, repairs)
+    kept &= ~no_readings(sheet, columns, raw, time, repairs, moves=_power_moves(sheet, columns),
+                         skip_empty=asked.skip_empty)
+    raw *= asked.temperature_scale or 1.0
+    unit = _temperature_unit(sheet, columns, asked, raw[kept], repairs, doubts)
+    setpoint, filled = _setpoint(sheet, columns, unit.name, asked.temperature_scale or 1.0, repairs)
     disturbance, held = _disturbance(sheet, columns, repairs)
     power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts)
     series = _Series(
@@ -360,7 +290,8 @@ def read_log(
         written=FileNotation(clock, unit, power, stated_units(asked)),
         counts=RowCounts(read=len(time), repeats=repeats, filled=filled + held, put_back=len(lines) - int(kept.sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
-                 "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above)},
+                 "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
+                 "temperature_scale": asked.temperature_scale, "tag": sheet.part or None},
     )
     log = _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
     return replace(log, power_late_s=late_s) if late_s else log
@@ -376,8 +307,23 @@ def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_
     explained = bool(np.any(edges)) and all(
         edge or not says_nothing(row[place]) for edge, row in zip(edges, sheet.rows, strict=True))
     raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves out rows whose cell is empty)",
-                  holes=skip_empty or explained, blank="a number (--skip-empty leaves such rows out)")
+                  holes=skip_empty or explained, blank="a number (--skip-empty leaves such rows out)", lenient=True)
     return at_edges(time, raw, edges)
+
+
+def _power_moves(sheet: Sheet, columns: Columns) -> Mask | None:
+    """Return in which rows the power moves by more than a tenth of its range, shape (n,); None if it is not logged."""
+    if "power" not in columns.index:
+        return None
+    cells = [row[columns.index["power"]] for row in sheet.rows]
+    try:
+        values = np.array(on_or_off(cells) or cells, dtype=np.float64)
+    except ValueError:
+        return None
+    return np.abs(np.diff(values, prepend=values[:1])) > _MOVES * float(np.ptp(values))
+
+
+_MOVES: Final = 0.1
 
 
 def _put_back(
@@ -447,7 +393,9 @@ def _csv(frame: DataFrame) -> bytes:
     return str(frame.to_csv(index=not counted, index_label=label)).encode()
 
 
-def _opened(source: Path, table: BuiltIn | None, content: bytes | None, asked: ReadSettings) -> tuple[Sheet, list[str]]:
+def _opened(
+    source: Path, table: BuiltIn | None, content: bytes | None, asked: ReadSettings
+) -> tuple[Sheet, list[str]]:
     """Return the cells of a file with plain numbers, and the doubts about a built-in table."""
     sheet = with_names(read_sheet(table.path if table else source, content, asked.skip_rows, asked.tag))
     if not sheet.rows:
@@ -490,10 +438,12 @@ def _errata(table: BuiltIn, sheet: Sheet, apply: bool, doubts: list[str]) -> She
 
 
 def _temperature_unit(
-    sheet: Sheet, columns: Columns, given: str | None, values: Array, repairs: list[str], doubts: list[str]
+    sheet: Sheet, columns: Columns, settings: ReadSettings, values: Array, repairs: list[str], doubts: list[str]
 ) -> TemperatureUnit:
-    name, named = columns.names["temperature"], columns.unit("temperature")
-    unit, scaled = given or named, is_scaled("temperature", name)
+    name, named, given = columns.names["temperature"], columns.unit("temperature"), settings.temperature_unit
+    unit, scaled = given or named, is_scaled("temperature", name) and settings.temperature_scale is None
+    if settings.temperature_scale is not None:
+        repairs.append(f"The temperature was multiplied by {settings.temperature_scale:g}, as stated.")
     if unit is not None and not (scaled and given is None):
         if unit != "degC":
             repairs.append(f"The temperature is in {unit} {'as stated' if given else 'by its name'} and was converted "
@@ -505,7 +455,7 @@ def _temperature_unit(
     least, most = _POSSIBLE_DEGC
     if columns.is_foreign("temperature") or lowest >= _KELVIN or lowest < least or highest > most:
         raise LogError(f"readings from {lowest:g} up to {highest:g} whose unit is not known", file=sheet.file,
-                       column=name, expected="--temperature-unit degC, degF or K, or 0.1degC for tenths")
+                       column=name, expected=f"--temperature-unit {_by_room(first)}")
     if not scaled and _starts_at_room(values):
         repairs.append(f"The temperature has no unit in the file; taken as °C, because it starts at {first:g}, a room "
                        "temperature only in °C.")
@@ -516,6 +466,12 @@ def _temperature_unit(
         sign = SIGNS["degF" if likely == "degC" else likely]
         doubts.append(f"The first reading, {first:g}, taken as °C, would be a room temperature in {sign}.")
     return TemperatureUnit("degC", assumed=True, likely=likely)
+
+
+def _by_room(first: float) -> str:
+    """Return the units to choose from, the one first in which the first reading is a room's temperature."""
+    likely = next((unit for unit in _TO_DEGC if _ROOM_DEGC[0] <= _TO_DEGC[unit](first) <= _ROOM_DEGC[1]), "degC")
+    return ", ".join([likely, *(unit for unit in _TO_DEGC if unit != likely)][:-1]) + f" or {[*_TO_DEGC][-1]}"
 
 
 def _starts_at_room(values: Array) -> bool:
@@ -547,7 +503,9 @@ def _temperature(
     return values
 
 
-def _setpoint(sheet: Sheet, columns: Columns, unit: str, repairs: list[str]) -> tuple[Array | None, int]:
+def _setpoint(
+    sheet: Sheet, columns: Columns, unit: str, scale: float, repairs: list[str]
+) -> tuple[Array | None, int]:
     """Return the setpoint, in the temperature's unit unless its name states another, and the number of filled cells.
 
     Empty cells repeat the last value; those before the first value take the first.
@@ -559,6 +517,7 @@ def _setpoint(sheet: Sheet, columns: Columns, unit: str, repairs: list[str]) -> 
         repairs.append("The column of the setpoint is empty; no setpoint was read.")
         return None, 0
     own = columns.unit("setpoint") or unit
+    raw = raw * scale
     if own != unit:
         repairs.append(f"The setpoint is in {own} by its name.")
     everywhere = np.ones(len(raw), dtype=np.bool_)

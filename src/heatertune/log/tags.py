@@ -20,7 +20,19 @@ from heatertune.errors import LogError
 from heatertune.log.cells import Sheet
 from heatertune.log.columns import NO_COLUMN, Columns, choose_column, seconds, with_dates
 from heatertune.log.on_change import good_rows, is_quality, on_change
-from heatertune.log.quantities import is_second_choice, on_or_off, plain_name, plain_quantities, role_of, says_nothing
+from heatertune.log.quantities import (
+    is_number,
+    is_quantity,
+    is_second_choice,
+    on_or_off,
+    plain_name,
+    plain_quantities,
+    role_of,
+    says_nothing,
+    stamp,
+    unit_in_name,
+)
+from heatertune.log.unnamed_columns import likely_power, quoted
 from heatertune.units import count
 
 __all__ = ["HeldSeries", "TagSelection", "TagTable", "by_tags", "changes_twice", "hold_series", "places"]
@@ -175,6 +187,7 @@ def by_tags(sheet: Sheet, asked: TagSelection, time_unit: str | None) -> TagTabl
     Raises:
         LogError: tags or flags that are ambiguous or do not exist.
     """
+    sheet = _with_long_header(sheet)
     quality, options = _quality_place(sheet, asked), {}
     good = np.ones(len(sheet.rows), dtype=np.bool_) if quality is None else good_rows(sheet, quality)
     if quality is not None:
@@ -191,6 +204,28 @@ def by_tags(sheet: Sheet, asked: TagSelection, time_unit: str | None) -> TagTabl
     if not np.all(good):
         sheet = _without_bad(sheet, good)
     return TagTable(sheet=sheet, lost=int(np.count_nonzero(~good)), options=options)
+
+
+def _with_long_header(sheet: Sheet) -> Sheet:
+    """Return a table without names with those of a long one, if its cells are a time, one of few texts, and a value."""
+    if sheet.header or len(sheet.rows[0]) < _LEAST_COLUMNS:
+        return sheet
+    some = sheet.rows[:_SAMPLE_ROWS]
+    clocks = [i for i in range(len(some[0])) if all(stamp(row[i]) is not None for row in some)]
+    tags = [i for i in range(len(some[0])) if i not in clocks and not any(is_number(row[i]) for row in some)
+            and 1 < len({row[i] for row in sheet.rows}) <= len(sheet.rows) // 4]
+    values = [i for i in range(len(some[0])) if i not in (*clocks, *tags)
+              and sum(is_number(row[i]) or is_quantity(row[i]) for row in some) > len(some) / 2]
+    if len(clocks) != 1 or len(tags) != 1 or len(values) != 1:
+        return sheet
+    names = {clocks[0]: "time", tags[0]: "tag", values[0]: "value"}
+    note = "The file has no header; by its cells a table of time, tag and value."
+    return replace(sheet, header=tuple(names.get(i, f"column {i + 1}") for i in range(len(some[0]))),
+                   repairs=(*sheet.repairs, note))
+
+
+_LEAST_COLUMNS: Final = 3
+_SAMPLE_ROWS: Final = 50
 
 
 def _demand_long(sheet: Sheet, asked: TagSelection) -> None:
@@ -388,9 +423,12 @@ def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: TagSelection) -> 
             raise LogError(f"column {_name(sheet, tag)!r} holds no tag", file=sheet.file, value=name,
                            expected=f"{_OPTIONS[role]}, one of {listed}")
     free = [name for name in tags if name not in wanted.values()]
-    tag_of = {}
+    in_degrees = _tags_in_degrees(sheet, tag, asked)
+    tag_of: dict[str, str] = {}
     for role, name in wanted.items():
         likely = [tag_name for tag_name in free if _role_of_tag(tag_name) == role]
+        if role == "temperature":
+            likely += [tag_name for tag_name in free if _role_of_tag(tag_name) is None and tag_name in in_degrees]
         likely = [tag_name for tag_name in likely if not is_second_choice(tag_name)] or likely
         if len(tags) == 1 and role == "temperature" and _role_of_tag(tags[0]) in (None, "time"):
             likely = list(tags)
@@ -399,11 +437,46 @@ def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: TagSelection) -> 
                 f"no tag is plainly the {role} ({listed})")
             raise LogError(several, file=sheet.file, column=_name(sheet, tag),
                            expected=f"{_OPTIONS[role]} NAME" + ("" if role == "temperature" else " or none"))
+        if name is None and not likely and role == "power":
+            _demand_no_likely_power(sheet, [each for each in free if each not in tag_of.values()], tag, asked)
         if name is None and likely:
             tag_of[role] = likely[0]
         elif name not in (None, NO_COLUMN):
             tag_of[role] = name
     return tag_of
+
+
+def _tags_in_degrees(sheet: Sheet, tag: int, selection: TagSelection) -> frozenset[str]:
+    """Return the tags whose first value bears the unit of a temperature."""
+    value = places(sheet, selection)[1]
+    if value is None:
+        return frozenset()
+    first: dict[str, str] = {}
+    for row in sheet.rows:
+        first.setdefault(row[tag], row[value])
+    return frozenset(name for name, cell in first.items()
+                     if is_quantity(cell) and unit_in_name("temperature", f"[{cell.split()[-1]}]"))
+
+
+def _demand_no_likely_power(sheet: Sheet, tags: Sequence[str], tag: int, selection: TagSelection) -> None:
+    """Refuse to pass over a tag that may be the power by its values, see `likely_power`.
+
+    Raises:
+        LogError: there is one, or several.
+    """
+    value = places(sheet, selection)[1]
+    cells: dict[str, list[str]] = {name: [] for name in tags if _role_of_tag(name) is None}
+    if value is None:
+        return
+    for row in sheet.rows:
+        if row[tag] in cells:
+            cells[row[tag]].append(row[value])
+    plain = {name: plain_quantities(column) or (column, "", False) for name, column in cells.items() if column}
+    likely = [name for name, (figures, unit, _) in plain.items() if likely_power(name, figures, in_percent=unit == "%")]
+    if likely:
+        names = " or ".join(map(quoted, likely[:_SHOWN]))
+        raise LogError(f"no tag is named as the power, but {names} may be it by its values", file=sheet.file,
+                       expected=f"--power-tag {quoted(likely[0])} or --power-tag none")
 
 
 def _role_of_tag(name: str) -> str | None:

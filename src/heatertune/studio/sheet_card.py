@@ -153,12 +153,12 @@ class DroppedFile:
         try:
             log = _assuming(replace(read_log(plain, settings, content=content), source=plain), assumed)
         except HeatertuneError as refused:
-            problem = _spreadsheet(content) or str(refused)
+            problem = str(refused)
         given: dict[str, Any] = {"settings": settings, "assumptions": assumed, "log": log, "problem": problem}
         try:
             sheet = plain_cells(with_names(read_sheet(Path(plain), content, settings.skip_rows, settings.tag)))
         except (LogError, IndexError):
-            text = "" if _spreadsheet(content) else content[:_LINES * _LONGEST].decode("utf-8", "replace")
+            text = "" if b"\0" in content[:_LINES] else content[:_LINES * _LONGEST].decode("utf-8", "replace")
             lines = tuple(line[:_LONGEST] for line in text.splitlines()[:_LINES])
             return cls(name=plain, content=content, lines=lines, **given)
         reading = _reading(sheet, settings) if log is None or log.taken is None else log.taken.reading
@@ -286,10 +286,6 @@ def _assuming(log: Log, assumed: SheetAssumptions) -> Log:
         return log
     told = f"The power is not in the file; taken as {assumed.power_pct:g} % throughout, as you say."
     return replace(log, power_pct=np.full(len(log.time_s), assumed.power_pct), repairs=(*log.repairs, told))
-
-
-def _spreadsheet(content: bytes) -> str:
-    return "this is a workbook, not a text file; save the sheet as CSV and drop that" if content[:2] == b"PK" else ""
 
 
 def _reading(sheet: Sheet, settings: ReadSettings) -> dict[str, Any]:

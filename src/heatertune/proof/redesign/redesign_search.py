@@ -466,10 +466,10 @@ class RedesignSearch:
                     return mended
             wound = tuple(self.wound)
             if not self.dear and (wound or self._windup_alone):
-                mended = (self.unwound(wound) or (self.calmed(wound) if wound else None)
-                          or self.unwound(wound, sooner=True))
-                if mended is not None:
-                    return mended
+                found = (self.unwound(wound) or (self.calmed(wound) if wound else None)
+                         or self.unwound(wound, sooner=True))
+                if found is not None:
+                    return found
         if self.dear:
             best = min(self.dear, key=more)
             return self._ended(self.dear[0] if more(best) > _CHEAPER * more(self.dear[0]) else best)

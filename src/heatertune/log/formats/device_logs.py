@@ -1,0 +1,257 @@
+"""Logs of kilns, roasters, home automation and time-series databases: lines of text that name their values."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from heatertune.errors import LogError
+from heatertune.log.formats.format_table import FormatTable, Line, TextFormat, line_stamp, matching
+from heatertune.log.quantities import role_of
+from heatertune.units import count
+
+__all__ = ["DEVICE_LOGS"]
+
+_Record = Mapping[str, object]
+
+
+#: kiln-controller, lib/oven.py: temp=66.00, target=65.00, …, heat_on=0.00, heat_off=2.00, run_time=0
+_KILN: Final = re.compile(r"\btemp ?= ?(-?[\d.]+|nan|None), target=(-?[\d.]+).*\bheat_on=([\d.]+), heat_off=([\d.]+), "
+                          r"run_time=(-?[\d.]+)")
+
+
+def _kiln(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return the control lines; the power is the share of the interval in which the elements were on."""
+    rows, lines = [], []
+    for number, line in numbered:
+        found = _KILN.search(line)
+        if found is None:
+            continue
+        on, off = float(found[3]), float(found[4])
+        rows.append([found[5], found[1], f"{on / (on + off):.6g}" if on + off > 0.0 else "0", found[2]])
+        lines.append(number)
+    repairs = [f"Log of kiln-controller: {count(len(rows), 'line')} read; the power is heat_on of heat_on + heat_off."]
+    return FormatTable(("run_time [s]", "temp", "power [0...1]", "target"), rows, lines, repairs)
+
+
+#: [10:00:00][D][sensor:094]: 'Oven': Sending state 20.5 °C with 1 decimals of accuracy; also of a switch: ON
+_ESPHOME: Final = re.compile(r"\[[A-Z]\]\[(\w[\w.]*):?\d*\]: '([^']+)':? (?:- )?Sending state:? ?"
+                             r"(?:([^\s]+)(?: (\S*)( with))?)?")
+_CLIMATE: Final = re.compile(r"\[[A-Z]\]\[climate:?\d*\]: +(Current|Target) Temperature: (-?[\d.]+) ?°C")
+_COLOUR: Final = re.compile(r"\x1b?\[[\d;]+m")
+
+
+def _esphome(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return the states that are sent, as a long table; a climate's own temperature only where no sensor sends one."""
+    rows, lines, climate = [], [], ""
+    has_sensor = any("°C with" in line for _, line in numbered)
+    for number, raw in numbered:
+        line = _COLOUR.sub("", raw)
+        found = _ESPHOME.search(line)
+        if found is not None and found[3] is None:
+            climate = found[2]
+        elif found is not None and (found[5] or found[1] != "sensor"):  # else the line is cut off
+            value = "" if found[3] == "nan" else f"{found[3]} {found[4] or ''}"
+            rows.append([line_stamp(line), found[2], value.strip()])
+            lines.append(number)
+        elif (part := _CLIMATE.search(line)) is not None and (part[1] == "Target" or not has_sensor):
+            rows.append([line_stamp(line), f"{climate} {part[1].lower()} temperature", f"{part[2]} °C"])
+            lines.append(number)
+    others = len(numbered) - len(rows)
+    repairs = [f"Log of ESPHome: {count(len(rows), 'state')} read, {others} other lines passed over."]
+    return FormatTable(("time", "name", "value"), rows, lines, repairs)
+
+
+#: measurement,tag=…,tag=… field=value,field=value 1741557600000000000
+_KEY: Final = r"(?:[^\s=,\\]|\\.)+"
+_FIELD_VALUE: Final = r"(?:\"(?:[^\"\\]|\\.)*\"|[^\s,\"]+)"
+_POINT: Final = re.compile(
+    rf"((?:[^\s,\\]|\\.)+(?:,{_KEY}=(?:[^\s,\\]|\\.)+)*) "
+    rf"({_KEY}={_FIELD_VALUE}(?:,{_KEY}={_FIELD_VALUE})*) (\d{{9,19}})\s*")
+_FIELD: Final = re.compile(rf"({_KEY})=({_FIELD_VALUE})")
+
+
+def _line_protocol(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return a long table of the fields; where there is one series, a field alone is the tag."""
+    points = [(number, found) for number, line in numbered if (found := _POINT.fullmatch(line)) is not None]
+    several = len({found[1] for _, found in points}) > 1
+    rows, lines = [], []
+    for number, found in points:
+        for name, value in _FIELD.findall(found[2]):
+            if not value.startswith('"'):
+                rows.append([found[3], f"{found[1]} {name}" if several else name, value.rstrip("iu")])
+                lines.append(number)
+    repairs = [f"Line protocol of InfluxDB: {count(len(points), 'point')} read, {len(numbered) - len(points)} other "
+               "lines passed over."]
+    return FormatTable(("time", "tag", "value"), rows, lines, repairs)
+
+
+def _artisan_csv(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return the curves of Artisan's CSV; its -1 is a reading that failed, its Time1 minutes and seconds."""
+    unit = "degF" if "Unit:F" in numbered[0][1] else "degC"
+    header = numbered[1][1].split("\t")
+    kept = [(number, line.split("\t")) for number, line in numbered[2:]]
+    whole = [(number, cells) for number, cells in kept if len(cells) == len(header) and _MINUTES.fullmatch(cells[0])]
+    places = [i for i, name in enumerate(header) if i and name not in ("Time2", "Event", "")]
+    names = [f"{header[i]} temperature [{unit}]" if header[i] in ("ET", "BT") else header[i] for i in places]
+    rows = [[_of_minutes(cells[0]), *(_reading(header[i], cells[i]) for i in places)] for _, cells in whole]
+    repairs = [f"CSV of Artisan: {count(len(rows), 'row')} read, {len(kept) - len(rows)} others left out."]
+    return FormatTable(("time [s]", *_bean_first(names)), [_in_order(row, names) for row in rows],
+                       [number for number, _ in whole], repairs)
+
+
+_MINUTES: Final = re.compile(r"[0-9]{1,4}:[0-9]{2}(\.[0-9]+)?")
+
+
+def _of_minutes(cell: str) -> str:
+    minutes, _, seconds = cell.partition(":")
+    return f"{60 * int(minutes) + float(seconds):g}"
+
+
+def _reading(name: str, cell: str) -> str:
+    return "" if name in ("ET", "BT") and cell in ("-1", "-1.0", "-1.00") else cell
+
+
+def _bean_first(names: Sequence[str]) -> list[str]:
+    """Return the names, the bean's temperature before the environment's: of several the first one is read."""
+    return sorted(names, key=lambda name: (name.startswith("ET "), name.startswith("BT ") is False))
+
+
+def _in_order(row: Sequence[str], names: Sequence[str]) -> list[str]:
+    return [row[0], *(row[1 + list(names).index(name)] for name in _bean_first(names))]
+
+
+_ALOG: Final = re.compile(r"^\s*\{.*['\"]timex['\"]\s*:", re.DOTALL)
+
+
+def _artisan_profile(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
+    """Return the curves of Artisan's .alog: a dictionary of Python, or JSON."""
+    text = "\n".join(line for _, line in numbered)
+    try:
+        profile = json.loads(text) if '"timex"' in text else ast.literal_eval(text)
+        curves = {f"{name} temperature [deg{profile.get('mode', 'C')}]": profile[key]
+                  for name, key in (("BT", "temp2"), ("ET", "temp1"))}
+        for k, name in enumerate(profile.get("extraname1", ())):
+            if len(profile.get("extratemp1", ())) > k:
+                curves |= {name: profile["extratemp1"][k], profile["extraname2"][k]: profile["extratemp2"][k]}
+        times = profile["timex"]
+        whole = {name: values for name, values in curves.items() if len(values) == len(times)}
+        rows = [[repr(float(time)), *("" if values[k] == -1 else f"{values[k]}" for values in whole.values())]
+                for k, time in enumerate(times)]
+    except (ValueError, SyntaxError, KeyError, TypeError, IndexError, RecursionError) as problem:
+        raise LogError("a roast profile that cannot be read", file=path,
+                       expected="a file as Artisan saves it (.alog)") from problem
+    return FormatTable(("time [s]", *whole), rows, list(range(1, len(rows) + 1)),
+                       [f"Profile of Artisan: {count(len(rows), 'reading')} of {count(len(whole), 'curve')}."])
+
+
+def _json(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
+    """Return the records of JSON as a table: one in each line, or the longest list of records in the whole text."""
+    records, lines, lost = _json_records(numbered)
+    flat = [dict(_flat(record)) for record in records]
+    names = _field_names(flat)
+    if not names:
+        raise LogError("JSON without records", file=path,
+                       expected="an object with time and temperature in each line, or a list of such")
+    left = f", {count(lost, 'line')} that are none left out" if lost else ""
+    notes = [f"JSON: {count(len(records), 'record')} read{left}."]
+    if all("pidstats.out" in record and "runtime" in record for record in flat):
+        names = _KILN_FIELDS
+        notes.append("Its pidstats are kiln-controller's; the power is their out.")
+    rows = [[record.get(name, "") for name in names] for record in flat]
+    return FormatTable(tuple(names.values()), rows, lines, notes)
+
+
+_KILN_FIELDS: Final = {
+    "runtime": "runtime [s]", "temperature": "temperature", "pidstats.out": "power [0...1]", "target": "target"}
+
+
+def _field_names(records: Sequence[Mapping[str, str]]) -> dict[str, str]:
+    """Return field → name of its column: without the records around it, where that is unique.
+
+    MQTT's payload is the value of a long table. Fields without a role that never change are left out.
+    """
+    names = {name: name.rpartition(".")[2] for record in records for name in record}
+    if sum("topic" in record and "payload" in record for record in records) > len(records) / 2:
+        return {name: "value" if name == "payload" else name for name in names if not name.startswith("_")}
+    if len(set(names.values())) < len(names):
+        names = {name: name for name in names}
+    return {name: short for name, short in names.items() if role_of(short) is not None or _varies(records, name)}
+
+
+def _json_records(numbered: Sequence[Line]) -> tuple[list[_Record], list[int], int]:
+    """Return the records, the line of each, and how many lines hold none."""
+    records: list[_Record] = []
+    lines: list[int] = []
+    for number, line in numbered:
+        try:
+            record = json.loads(line.strip().rstrip(","))
+        except (ValueError, RecursionError):
+            continue
+        if isinstance(record, dict):
+            records.append(record)
+            lines.append(number)
+    if len(records) > len(numbered) / 2 and len(records) > 1:
+        return records, lines, len(numbered) - len(records)
+    try:
+        lists = list(_lists(json.loads("\n".join(line for _, line in numbered))))
+    except (ValueError, RecursionError):
+        return [], [], 0
+    longest = max(lists, key=len, default=[])
+    return longest, list(range(1, len(longest) + 1)), 0
+
+
+def _lists(value: object) -> Iterator[list[_Record]]:
+    """Yield each list of records within a value."""
+    if isinstance(value, list) and value and all(isinstance(part, dict) for part in value):
+        yield value
+    elif isinstance(value, list | dict):
+        for part in value.values() if isinstance(value, dict) else value:
+            yield from _lists(part)
+
+
+def _flat(record: _Record, prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Yield name and cell of each value, of nested records with the names before it."""
+    for name, value in record.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
+        elif not isinstance(value, list):
+            yield f"{prefix}{name}", _JSON_WORDS.get(str(value), str(value))
+
+
+_JSON_WORDS: Final = {"None": "", "True": "true", "False": "false"}
+
+
+def _varies(records: Sequence[Mapping[str, str]], name: str) -> bool:
+    return len({record.get(name, "") for record in records}) > 1
+
+
+def _starts_as_json(lines: Sequence[Line]) -> bool:
+    return bool(lines) and re.match(r"\s*(\[\s*$|\[?\s*\{)", lines[0][1]) is not None and any(
+        re.search(r"\"\s*:", line) for _, line in lines[:50])
+
+
+def _is_artisan(lines: Sequence[Line]) -> bool:
+    return len(lines) > _TITLES and re.match(r"Date:.*\tUnit:[CF]\t", lines[0][1]) is not None and (
+        lines[1][1].startswith("Time1\t"))
+
+
+_TITLES: Final = 2
+
+
+def _is_profile(lines: Sequence[Line]) -> bool:
+    return bool(lines) and _ALOG.match("\n".join(line for _, line in lines[:2000])) is not None
+
+
+DEVICE_LOGS: Final = (
+    TextFormat("log of kiln-controller", matching(_KILN), _kiln),
+    TextFormat("log of ESPHome", matching(_ESPHOME), _esphome),
+    TextFormat("line protocol of InfluxDB", matching(re.compile(rf"^{_POINT.pattern}$")), _line_protocol),
+    TextFormat("CSV of Artisan", _is_artisan, _artisan_csv),
+    TextFormat("profile of Artisan", _is_profile, _artisan_profile),
+    TextFormat("JSON", _starts_as_json, _json),
+)
