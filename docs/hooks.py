@@ -19,7 +19,7 @@ from markdown.extensions.toc import slugify
 
 from heatertune.cli import parser
 from heatertune.plc import GROUPS, TARGETS, controller_for
-from heatertune.plc.commissioning import commissioning
+from heatertune.plc.targets import commissioning
 from heatertune.proof.criteria import CRITERIA, LIMITS
 from heatertune.terms import TERMS, GlossaryTerm
 

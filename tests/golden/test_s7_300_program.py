@@ -18,8 +18,8 @@ from tests.golden.test_fb41 import _Float32, _stub
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
-from heatertune.plc.commissioning import commissioning
 from heatertune.plc.pwm import Actuator, on_time, pid_compact, pulsegen
+from heatertune.plc.targets import commissioning
 from heatertune.proof import simulate
 from heatertune.proof.scenario import PlcPower, delay_heater
 from heatertune.proof.test_sequence import LoopTiming, story_for

@@ -26,7 +26,7 @@ OTHERS = {
     **dict.fromkeys((("chain.stages", "model.fit"), ("chain.stages", "plc.s7_200_paper.laws"), ("model.fit", "model.power.disturbance_fit"),
                      ("plc.design", "pid.tune"), ("model.document", "model.reduction")),
                     "it loads an optimiser or compiles, and what is read or proven needs neither"),
-    **dict.fromkeys((("doctor", "log"), ("doctor", "log.tables"), ("doctor", "compiled")), "it may be what is broken"),
+    **dict.fromkeys((("doctor", "log"), ("doctor", "log.values"), ("doctor", "compiled")), "it may be what is broken"),
     ("compiled.dispatch", "compiled.numba_compiler"): "it loads Numba, which machine code on disk does not need",
     ("live.serve", "live.as511_server"): "only the protocol that is served is loaded",
     ("live.controller_block", "proof.words_file"): "a file that says where the signals are needs no proof's code",

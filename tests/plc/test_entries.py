@@ -16,9 +16,9 @@ from tests.plc.export_corpus import controller_exports
 from heatertune.errors import HeatertuneError
 from heatertune.pid.values import PidDesign
 from heatertune.plc import ALIKE, NAMES, Certificate, Scaling, controller_for
-from heatertune.plc.commissioning import commissioning
 from heatertune.plc.core import Sensor
 from heatertune.plc.keyed_entry import setpoint_entry, typed_words
+from heatertune.plc.targets import commissioning
 
 MAKES = ("pband", *ALIKE["pband"])
 #: how the file that is loaded first sets a word of that name; None: the values stand in statements of their own

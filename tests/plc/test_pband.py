@@ -13,10 +13,10 @@ from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOf
 from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import ALIKE, COOLING, NAMES, TARGETS, Certificate, Scaling, controller_for
-from heatertune.plc.commissioning import commissioning
 from heatertune.plc.dump_reader import read_machine
 from heatertune.plc.pband.makes import MAKES
 from heatertune.plc.pband.step import PbandAssumptions, PbandBlock, PbandState, step
+from heatertune.plc.targets import commissioning
 from heatertune.plc.words import with_pwm_period
 from heatertune.proof.design_request import with_pwm
 from heatertune.proof.redesign import DesignRequest, find_passing_design

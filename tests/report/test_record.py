@@ -16,7 +16,7 @@ from heatertune.errors import UnknownName
 from heatertune.log.values import Log
 from heatertune.model.values import model_by_hand
 from heatertune.plc import TARGETS, controller_for
-from heatertune.plc.commissioning import commissioning
+from heatertune.plc.targets import commissioning
 from heatertune.proof.spec_file import in_force
 from heatertune.report import render
 from heatertune.report.html import panels, panels_json, table, text_of, tick, with_code

@@ -17,7 +17,7 @@ from heatertune.chain.stages import fit
 from heatertune.codec import decode, read_document, read_toml
 from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.log import read_log
-from heatertune.log.tables import BUILT_IN
+from heatertune.log.values import BUILT_IN
 from heatertune.model.document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.document import from_document
 from heatertune.model.values import FittedModel, Fopdt, TwoLag, model_by_hand

@@ -16,7 +16,15 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.errors import InputError, LogError, OutOfRange
 from heatertune.log.cells import Sheet, plain_cells, read_sheet
-from heatertune.log.cleaning import no_readings, one_run, tell_gaps, without_strays, without_unreadable_power
+from heatertune.log.cleaning import (
+    kept_rows,
+    no_readings,
+    one_run,
+    spread_instants,
+    tell_gaps,
+    without_strays,
+    without_unreadable_power,
+)
 from heatertune.log.columns import (
     ASSUMED,
     CLOCK_UNITS,
@@ -34,12 +42,19 @@ from heatertune.log.columns import (
     with_dates,
     with_names,
 )
-from heatertune.log.instants import kept_rows, spread_instants
 from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
-from heatertune.log.tables import BUILT_IN, BuiltIn, built_in
 from heatertune.log.tags import TagSelection, TagTable, by_tags
-from heatertune.log.values import ABSOLUTE_ZERO_DEGC, UNIT_OPTIONS, Log, Option, ReadSummary
+from heatertune.log.values import (
+    ABSOLUTE_ZERO_DEGC,
+    BUILT_IN,
+    UNIT_OPTIONS,
+    BuiltIn,
+    Log,
+    Option,
+    ReadSummary,
+    built_in,
+)
 from heatertune.options import merge_options
 from heatertune.settings import ReadSettings
 from heatertune.units import count, degF_to_degC, kelvin_to_degC

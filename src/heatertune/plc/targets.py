@@ -1,10 +1,26 @@
-"""The controllers that come with heatertune: the one list of them, for the command line, the manual and the tests."""
+"""The names of all targets, and the text in a target's folder that leads through its commissioning."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
 from typing import Final
 
-__all__ = ["ALIKE", "COOLING", "FAITHFUL", "GROUPS", "NAMES", "REPAIRED", "TARGETS"]
+from heatertune.errors import UnknownName
+
+__all__ = [
+    "ALIKE",
+    "COOLING",
+    "FAITHFUL",
+    "GROUPS",
+    "NAMES",
+    "REPAIRED",
+    "TARGETS",
+    "Commissioning",
+    "commissioning",
+]
+
 
 #: what holds the controller → its controllers, by their names on the command line
 GROUPS: Final[dict[str, tuple[str, ...]]] = {
@@ -37,3 +53,45 @@ REPAIRED: Final[dict[str, str]] = {faithful: name for name, faithful in FAITHFUL
 #: every name on the command line → its package
 NAMES: Final[dict[str, str]] = TARGETS | {make: TARGETS[name] for name, makes in ALIKE.items() for make in makes} | {
     cooling: TARGETS[name] for name, cooling in COOLING.items()}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Commissioning:
+    """The steps of one controller.
+
+    Attributes:
+        facts: the source documents.
+        steps: section → its steps, in order.
+    """
+
+    facts: str
+    steps: Mapping[str, tuple[str, ...]]
+
+
+def commissioning(target: str) -> Commissioning:
+    """Return the steps of a target, read from its COMMISSIONING.md.
+
+    Raises:
+        UnknownName: no such target.
+    """
+    if target not in NAMES:
+        raise UnknownName("target", target, NAMES)
+    head, *parts = files(NAMES[target]).joinpath("COMMISSIONING.md").read_text(encoding="utf-8").split("\n## ")
+    steps = {}
+    for part in parts:
+        title, _, body = part.partition("\n")
+        steps[title.strip()] = tuple(" ".join(item.split()) for item in _items(body))
+    facts = " ".join(head.partition("\n")[2].split()).removeprefix("Facts: ")
+    return Commissioning(facts=facts, steps=steps)
+
+
+def _items(body: str) -> list[str]:
+    """Return the numbered items of a Markdown list, each with its continuation lines, without the numbers."""
+    items: list[str] = []
+    for line in body.strip().splitlines():
+        number, dot, rest = line.partition(". ")
+        if dot and number.isdigit():
+            items.append(rest)
+        else:
+            items[-1] += f" {line}"
+    return items

@@ -33,6 +33,8 @@ from heatertune.proof.trace import Trace
 __all__ = ["ComparisonResult", "as_exported", "compare_text"]
 
 _OF_A_TICK: Final = 1e-6
+#: of a power: where half a tick is wanted, a program that rounds in single precision may take either of two
+_OF_A_REAL: Final = 2.0**-22
 #: half a step of the clocks of programs that count in milliseconds [s]
 _OF_A_CLOCK_S: Final = 0.0005 + 1e-9
 #: of a run call by call, of its beginning tick by tick, and of all periods of the PWM: each less than a second, for a
@@ -335,13 +337,13 @@ class _Comparison:
         counts = self._text.tick_count() is not None
         ticked = _spread(outputs, min(_FULLY if counts else len(outputs), max(1, _MOST_OF_PWM // period)))
         looked = outputs if counts else sorted(ticked)
-        proven = [on_time(powers[output], 0.0, actuator.numbers)[0] / actuator.resolution_s for output in looked]
+        proven = [_ticks_on(powers[output], actuator) for output in looked]
         lengths = [length if output in ticked else 1 for output in looked]
         for output, wanted, (counted, on) in zip(looked, proven, self._periods(looked, period, lengths), strict=True):
-            made = [(counted, wanted), *([(on, min(wanted, length))] if output in ticked else [])]
+            made = [(counted, wanted), *([(on, [min(each, length) for each in wanted])] if output in ticked else [])]
             for ticks_on, right in made:
-                if ticks_on is not None and abs(ticks_on - right) > _OF_A_TICK:
-                    return f"{ticks_on:g} ticks of a period are on at {powers[output]:.6g} %; proven are {right:g}"
+                if ticks_on is not None and all(abs(ticks_on - each) > _OF_A_TICK for each in right):
+                    return f"{ticks_on:g} ticks of a period are on at {powers[output]:.6g} %; proven are {right[0]:g}"
         if not counts and len(ticked) < len(outputs):
             self._not_run.append(f"the exported PWM at {len(outputs) - len(ticked)} of {len(outputs)} powers")
         if length < period:
@@ -361,6 +363,12 @@ class _Comparison:
             begins = text.begin(output, period)
             counted = text.tick_count()
             yield counted, bool(begins) + sum(text.go_on() for _ in range(length - 1))
+
+
+def _ticks_on(power_pct: float, actuator: Actuator) -> list[float]:
+    """Return how many ticks of a period are on at a power [%], and at those that a REAL rounds to it."""
+    near = (power_pct * (1.0 + sign * _OF_A_REAL) for sign in (0.0, -1.0, 1.0))
+    return [on_time(power, 0.0, actuator.numbers)[0] / actuator.resolution_s for power in near]
 
 
 def _at_ends(powers: Mapping[Number, float], actuator: Actuator) -> dict[Number, float]:

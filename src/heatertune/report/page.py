@@ -19,9 +19,9 @@ from heatertune.codec import Document, decode
 from heatertune.model.findings import remedy_of
 from heatertune.options import options_of
 from heatertune.plc import OpenPoint, Scaling, controller_for
-from heatertune.plc.commissioning import commissioning
 from heatertune.plc.inputs import describe_range
 from heatertune.plc.keyed_entry import KeyedEntry
+from heatertune.plc.targets import commissioning
 from heatertune.proof.criteria import CRITERION, LIMITS
 from heatertune.proof.profile import Profile
 from heatertune.proof.verdict import blocking_findings, relaxed_clause, sample_lines, samples_told, told_of

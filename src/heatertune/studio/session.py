@@ -16,8 +16,7 @@ from typing import Any, Final, TypeVar
 from heatertune import chain
 from heatertune.chain.documents import read_documents
 from heatertune.errors import ExportRefused, HeatertuneError, InputError
-from heatertune.log.tables import BUILT_IN
-from heatertune.log.values import Log
+from heatertune.log.values import BUILT_IN, Log
 from heatertune.model.document import from_document
 from heatertune.model.values import FittedModel
 from heatertune.options import options_of

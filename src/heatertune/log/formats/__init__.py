@@ -7,8 +7,7 @@ for all formats alike.
 from typing import Final
 
 from heatertune.log.formats.containers import CONTAINERS
-from heatertune.log.formats.device_logs import DEVICE_LOGS
-from heatertune.log.formats.plant_exports import PLANT_EXPORTS
+from heatertune.log.formats.device_logs import DEVICE_LOGS, PLANT_EXPORTS
 from heatertune.log.formats.printer_logs import PRINTER_LOGS
 
 __all__ = ["BINARY_FORMATS", "TEXT_FORMATS"]

@@ -1,11 +1,8 @@
 """The design closed on the verdict: where the plain optimum fails, the least that makes it pass, and its price.
 
-Boosts to try: full power far from the setpoint, so that nothing is wound up on the way, nor in an open circuit.
-
-The gains stay, and with them what a disturbance costs; the way to the setpoint takes no longer than at full power. So
-where a boost keeps every limit, no other change is cheaper.
-
-Gains beside the optimum: on the bound of Ms or a tighter one, with another TN, by what they cost.
+A boost is full power far from the setpoint, so that nothing winds up on the way, nor in an open circuit. The gains
+stay, and with them what a disturbance costs; so where a boost keeps every limit, no other change is cheaper. Gains
+beside the optimum lie on the bound of Ms or a tighter one, with another TN; they are tried by what they cost.
 """
 
 from __future__ import annotations
@@ -527,9 +524,8 @@ class RedesignSearch:
             sooner: whether at shorter intervals than the design's, even below the log's: the boost ends by up to an
                 interval of full power too late.
         """
-        if not (self._boost_open and self.by_optimum and controller_for(self.request.target).has_boost):
-            return None
-        if sooner and self.interval_given:
+        has_boost = self._boost_open and controller_for(self.request.target).has_boost
+        if not (has_boost and self.by_optimum) or (sooner and self.interval_given):
             return None
         why = "what passes winds up in a long open circuit" if wound else f"{broken(self.first)} fails"
         self.progress(f"{why}: trying a boost with other gains")
