@@ -26,6 +26,7 @@ from heatertune.errors import InputError
 __all__ = ["MOST_BYTES", "display_name", "read_bytes", "read_text", "settle", "state_folder", "write_files"]
 
 
+_BLOCK: Final = 1 << 20
 #: of any file: a reading a second for some years
 MOST_BYTES: Final = 1 << 28
 _SURROGATE: Final = re.compile("[\ud800-\udfff]")
@@ -59,10 +60,12 @@ def _whole(file: BinaryIO, *, is_pipe: bool) -> bytes:
             if not first:
                 raise OSError(errno.EPIPE, "a pipe without a writer")
         os.set_blocking(file.fileno(), True)
-    data = (first if is_pipe else b"") + file.read(MOST_BYTES + 1)
-    if len(data) > MOST_BYTES:
-        raise OSError(errno.EFBIG, f"more than {MOST_BYTES >> 20} MB")
-    return data
+    data = bytearray(first if is_pipe else b"")
+    while more := file.read(_BLOCK):  # one call for the most bytes would take memory for all of them
+        data += more
+        if len(data) > MOST_BYTES:
+            raise OSError(errno.EFBIG, f"more than {MOST_BYTES >> 20} MB")
+    return bytes(data)
 
 
 def read_text(path: str | Path) -> str:

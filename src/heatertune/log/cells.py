@@ -12,7 +12,7 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -314,13 +314,14 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
         repairs.append(f"{count(passed, 'line')} without readings (blank, comment) skipped.")
     kept, cut = _with_closed_quotes(path, kept, repairs)
     lines, texts = [i for i, _ in kept], [line for _, line in kept]
+    before = [pair for pair in numbered if pair[0] < lines[0]]
+    del text, numbered, kept  # a long log is held as few times as can be
     separator = _separator(texts[-_SAMPLE:])
     rows = _without_empty_ends([row or [""] for row in _split(path, lines, texts, separator)], repairs)
-    begin = lines[0]
     header, above, partial = take_header(path, lines, rows, repairs)
     comment: tuple[str, ...] = ()
     if rows and not header:
-        comment = _comment_above([pair for pair in numbered if pair[0] < begin], separator, len(rows[0]))
+        comment = _comment_above(before, separator, len(rows[0]))
     return Sheet(file=str(path), header=header, comment=comment, rows=rows, lines=lines, repairs=tuple(repairs),
                  above=above, pwm_period_s=period_s, recorded=recorded, lost=damaged + cut + partial)
 
@@ -479,16 +480,23 @@ def _is_spaced(line: str) -> bool:
     return len(cells) > 1 and all(is_number(cell) and not cell.endswith(",") for cell in cells)
 
 
-def _split(path: Path, lines: Sequence[int], texts: Sequence[str], separator: str | None) -> list[list[str]]:
+def _split(path: Path, lines: Sequence[int], texts: list[str], separator: str | None) -> list[list[str]]:
     if separator is None:
         return [_BEFORE_CLOCK.sub("T", text).split() for text in texts]
     if len(separator) > 1:
         texts = [_one_mark(text, separator) for text in texts]
-    reader = csv.reader(texts, delimiter=separator[-1], skipinitialspace=True)
+    reader = csv.reader(_taken(texts), delimiter=separator[-1], skipinitialspace=True)
     try:
         return [[cell.strip() for cell in row] for row in reader]
     except csv.Error as problem:
         raise LogError(str(problem), file=path, line=lines[reader.line_num - 1]) from problem
+
+
+def _taken(texts: list[str]) -> Iterator[str]:
+    """Yield all of a list, and leave it empty: what was yielded need not be held."""
+    texts.reverse()
+    while texts:
+        yield texts.pop()
 
 
 def _without_empty_ends(rows: list[list[str]], repairs: list[str]) -> list[list[str]]:
