@@ -5,6 +5,7 @@ import io
 import numpy as np
 import pytest
 
+from heatertune.chain import stages
 from heatertune.log import read_log
 from heatertune.model.fit import fit, fit_together
 
@@ -67,6 +68,18 @@ def test_a_fit_that_contradicts_a_name_asks_for_the_unit_until_it_is_stated(scal
     assert part in findings_of(fit(read(text)))["unit-assumed"]
     stated = {"time_unit": "s", "temperature_unit": "degC", "power_full_scale": 100.0}
     assert "unit-assumed" not in findings_of(fit(read(text, **stated)))
+
+
+def test_a_fit_kept_from_before_the_unit_was_stated_is_not_taken_again(monkeypatch, tmp_path):
+    # the same numbers either way: what the message asks for must not end at the file of the cache
+    monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path))
+    text = heater_rows("time_s,temp_C,power_pct", time=5000.0)
+    assert "unit-assumed" in findings_of(stages.fit(read(text)))
+    assert list(tmp_path.rglob("*fit*"))
+    assert "unit-assumed" not in findings_of(stages.fit(read(text, time_unit="s")))
+    unnamed = heater_rows("Time,temp_C,power_pct")
+    assert "unit-assumed" in findings_of(stages.fit(read(unnamed)))
+    assert "unit-assumed" not in findings_of(stages.fit(read(unnamed, time_unit="s")))
 
 
 def test_a_heater_as_heaters_are_is_not_asked_about():
