@@ -313,3 +313,16 @@ def test_a_cell_of_a_million_characters_is_not_searched_for_names_for_hours(tmp_
     path.write_text("time_s temp_C " + "temp" * 300_000 + "\n" + "".join(f"{10 * k} {20 + k} 7\n" for k in range(30)))
     log = read_log(path)
     assert log.temperature_degC.tolist() == [20.0 + k for k in range(30)]
+
+
+def test_a_column_that_is_named_and_never_filled_is_left_out(tmp_path):
+    # LabVIEW writes a comment's name above, and no cell below it
+    rows = [f"{k}\t{22 + 0.1 * k:.2f}\t{60 if k > 20 else 0}" for k in range(60)]
+    path = tmp_path / "a.tsv"
+    path.write_text("\n".join(["time_s\ttemp_C\tpower_pct\tComment", *rows]))
+    log = read_log(path)
+    assert (len(log.time_s), log.temperature_degC[10], log.power_pct[30]) == (60, 23.0, 60.0)
+    assert "No row has cells for 'Comment'." in log.repairs
+    path.write_text("\n".join(["No\ttime_s\ttemp_C\tpower_pct", *rows]))  # which column lacks, nobody can tell
+    with pytest.raises(LogError, match="4 cells in this row; expected 3 as in line 2"):
+        read_log(path)

@@ -64,6 +64,10 @@ def take_header(
         LogError: many rows with a different number of cells from the readings.
     """
     width = Counter(len(row) for row in rows[-_HEADER_SAMPLE:]).most_common(1)[0][0]
+    empty = [name for name in rows[0][width:] if name]
+    if empty and _is_words(rows[0]) and not any(map(role_of, empty)):  # LabVIEW names a comment that no row holds
+        repairs.append(f"No row has cells for {', '.join(map(repr, empty))}.")
+        rows[0] = rows[0][:width]
     first = _first_reading(rows, width)
     words = [k for k in range(first) if len(rows[k]) == width and _is_words(rows[k])]
     chosen = _names_row(rows, words)
