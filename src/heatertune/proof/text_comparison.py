@@ -337,7 +337,7 @@ class _Comparison:
         counts = self._text.tick_count() is not None
         ticked = _spread(outputs, min(_FULLY if counts else len(outputs), max(1, _MOST_OF_PWM // period)))
         looked = outputs if counts else sorted(ticked)
-        proven = [_ticks_on(powers[output], actuator) for output in looked]
+        proven = [_ticks_on(output, powers[output], actuator) for output in looked]
         lengths = [length if output in ticked else 1 for output in looked]
         for output, wanted, (counted, on) in zip(looked, proven, self._periods(looked, period, lengths), strict=True):
             made = [(counted, wanted), *([(on, [min(each, length) for each in wanted])] if output in ticked else [])]
@@ -365,10 +365,10 @@ class _Comparison:
             yield counted, bool(begins) + sum(text.go_on() for _ in range(length - 1))
 
 
-def _ticks_on(power_pct: float, actuator: Actuator) -> list[float]:
-    """Return how many ticks of a period are on at a power [%], and at those that a REAL rounds to it."""
-    near = (power_pct * (1.0 + sign * _OF_A_REAL) for sign in (0.0, -1.0, 1.0))
-    return [on_time(power, 0.0, actuator.numbers)[0] / actuator.resolution_s for power in near]
+def _ticks_on(output: Number, power_pct: float, actuator: Actuator) -> list[float]:
+    """Return how many ticks of a period are on at an output; for a REAL, also at the powers [%] next to its own."""
+    near = (0.0,) if isinstance(output, int) else (0.0, -_OF_A_REAL, _OF_A_REAL)
+    return [on_time(power_pct * (1.0 + share), 0.0, actuator.numbers)[0] / actuator.resolution_s for share in near]
 
 
 def _at_ends(powers: Mapping[Number, float], actuator: Actuator) -> dict[Number, float]:
