@@ -18,12 +18,15 @@ import shutil
 import stat
 from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cache
+from io import BufferedIOBase
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from heatertune.errors import InputError
 
-__all__ = ["MOST_BYTES", "display_name", "read_bytes", "read_text", "settle", "state_folder", "write_files"]
+__all__ = [
+    "MOST_BYTES", "display_name", "read_beyond", "read_bytes", "read_text", "settle", "state_folder", "write_files",
+]
 
 
 _BLOCK: Final = 1 << 20
@@ -60,11 +63,20 @@ def _whole(file: BinaryIO, *, is_pipe: bool) -> bytes:
             if not first:
                 raise OSError(errno.EPIPE, "a pipe without a writer")
         os.set_blocking(file.fileno(), True)
-    data = bytearray(first if is_pipe else b"")
-    while more := file.read(_BLOCK):  # one call for the most bytes would take memory for all of them
-        data += more
-        if len(data) > MOST_BYTES:
-            raise OSError(errno.EFBIG, f"more than {MOST_BYTES >> 20} MB")
+    data = (first if is_pipe else b"") + read_beyond(file, MOST_BYTES)
+    if len(data) > MOST_BYTES:
+        raise OSError(errno.EFBIG, f"more than {MOST_BYTES >> 20} MB")
+    return data
+
+
+def read_beyond(file: BinaryIO | BufferedIOBase, most: int) -> bytes:
+    """Return the content of a stream; of one with more than so many bytes, more than these, for the caller to refuse.
+
+    It is read in blocks: one call for the most bytes would set memory aside for all of them.
+    """
+    data = bytearray()
+    while len(data) <= most and (block := file.read(_BLOCK)):
+        data += block
     return bytes(data)
 
 

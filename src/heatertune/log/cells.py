@@ -20,7 +20,7 @@ from typing import Final
 
 from heatertune.errors import LogError
 from heatertune.log.formats import BINARY_FORMATS, TEXT_FORMATS
-from heatertune.log.formats.containers import decompressed
+from heatertune.log.formats.containers import decompress
 from heatertune.log.formats.format_table import FormatTable
 from heatertune.log.quantities import is_number, is_quantity, plain_quantities, role_of, says_nothing, stamp
 from heatertune.units import count
@@ -294,7 +294,7 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
             others.
     """
     repairs: list[str] = []
-    data = decompressed(path, _content(path, content), repairs)
+    data = decompress(path, _content(path, content), repairs)
     binary = next((kind for kind in BINARY_FORMATS if data.startswith(kind.magic)), None)
     if binary is not None:
         return _sheet_of(path, binary.read(path, data, tag), repairs, 0, skip_rows)

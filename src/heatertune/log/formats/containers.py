@@ -14,16 +14,16 @@ from typing import Any, Final
 from heatertune.errors import LogError
 from heatertune.log.formats.format_table import BinaryFormat, FormatTable
 from heatertune.units import count
+from heatertune.writing import read_beyond
 
-__all__ = ["CONTAINERS", "decompressed"]
+__all__ = ["CONTAINERS", "decompress"]
 
 _GZIP: Final = b"\x1f\x8b"
 _MOST_UNPACKED: Final = 1 << 30
-_BLOCK: Final = 1 << 20
 _SHOWN: Final = 8
 
 
-def decompressed(path: Path, data: bytes, repairs: list[str]) -> bytes:
+def decompress(path: Path, data: bytes, repairs: list[str]) -> bytes:
     """Return the content of a .gz file; of a stream that was cut, what can be read.
 
     Raises:
@@ -31,20 +31,18 @@ def decompressed(path: Path, data: bytes, repairs: list[str]) -> bytes:
     """
     if not data.startswith(_GZIP):
         return data
-    blocks: list[bytes] = []
     try:
         with gzip.open(io.BytesIO(data)) as stream:
-            while block := stream.read(_BLOCK):
-                blocks.append(block)
-                if len(blocks) > _MOST_UNPACKED // _BLOCK:
-                    raise LogError("more than 1 GB when unpacked", file=path, expected="a smaller log")
+            content = read_beyond(stream, _MOST_UNPACKED)
     except (EOFError, zlib.error, gzip.BadGzipFile) as problem:
         rest = _rest(data)
         if not rest:
             raise LogError("a compressed file that is damaged", file=path, expected="a whole .gz file") from problem
         repairs.append("The compressed file is cut off; what it holds up to there was read.")
         return rest
-    return b"".join(blocks)
+    if len(content) > _MOST_UNPACKED:
+        raise LogError("more than 1 GB when unpacked", file=path, expected="a smaller log")
+    return content
 
 
 def _rest(data: bytes) -> bytes:
