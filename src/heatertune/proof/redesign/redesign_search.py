@@ -490,7 +490,7 @@ class RedesignSearch:
             self.first.proof, self.fitted_model.plants, asked.tune_settings, ramp_open=asked.setpoint_ramp is None,
             boost_open=self._boost_open,
             period_given=asked.switch_kind is not None or asked.conditions.pwm_period_s is not None,
-            interval_given=self.interval_given,
+            interval_given=self._interval_given,
             least_interval_s=min(self.fitted_model.log_interval_s, words.sample_time_s),
         ):
             mended = next(filter(None, map(self._changed, self._wholes(frame))), None)
@@ -498,7 +498,7 @@ class RedesignSearch:
                 yield mended
 
     @property
-    def interval_given(self) -> bool:
+    def _interval_given(self) -> bool:
         """Whether the user chose TA: it stays."""
         return self.request.tune_settings.sample_time_s is not None or self.request.interval_by_words
 
@@ -525,7 +525,7 @@ class RedesignSearch:
                 interval of full power too late.
         """
         has_boost = self._boost_open and controller_for(self.request.target).has_boost
-        if not (has_boost and self.by_optimum) or (sooner and self.interval_given):
+        if not (has_boost and self.by_optimum) or (sooner and self._interval_given):
             return None
         why = "what passes winds up in a long open circuit" if wound else f"{broken(self.first)} fails"
         self.progress(f"{why}: trying a boost with other gains")
