@@ -326,3 +326,12 @@ def test_a_column_that_is_named_and_never_filled_is_left_out(tmp_path):
     path.write_text("\n".join(["No\ttime_s\ttemp_C\tpower_pct", *rows]))  # which column lacks, nobody can tell
     with pytest.raises(LogError, match="4 cells in this row; expected 3 as in line 2"):
         read_log(path)
+
+
+@pytest.mark.parametrize(("name", "content"), [
+    ("a.mat", b"MATLAB 5.0 MAT-file, cut off"), ("a.xlsx", b"PK\3\4 cut off"), ("a.gz", b"\x1f\x8b\x08"), ("a.json", b'{"a":')])
+def test_a_file_of_a_known_format_that_is_cut_off_is_refused(tmp_path, name, content):
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(LogError, match=r"damaged|JSON without records|needs python-calamine"):
+        read_log(path)

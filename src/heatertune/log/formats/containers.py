@@ -112,12 +112,14 @@ def _arrow(path: Path, data: bytes, _: str | None) -> FormatTable:
 
 def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
     """Return the vectors of one length of a .mat file as columns, or the columns of its matrix or of a structure."""
-    from scipy.io import loadmat
+    from scipy.io import loadmat, matlab
 
     try:
         stored = loadmat(io.BytesIO(data), squeeze_me=True)
-    except (NotImplementedError, ValueError, TypeError, OSError) as problem:
-        raise LogError("an unknown kind of .mat file", file=path, expected="one saved with -v7, or text") from problem
+    except (matlab.MatReadError, zlib.error, NotImplementedError, ValueError, TypeError, OSError, LookupError,
+            ArithmeticError, MemoryError) as problem:
+        wanted = "a whole one, saved with -v7, or text"
+        raise LogError("an unknown or damaged .mat file", file=path, expected=wanted) from problem
     variables = {name: value for name, value in stored.items() if name[:2] != "__"}
     for name, value in list(variables.items()):
         if getattr(value, "dtype", None) is not None and value.dtype.names and value.shape == ():
