@@ -214,14 +214,14 @@ def test_a_period_holds_the_nearest_number_of_ticks(target):
         assert text.tick_count() == math.floor(Fraction(output) * ticks / full + Fraction(1, 2)), output
 
 
-def test_half_a_tick_may_be_rounded_either_way_by_a_text_in_single_precision(monkeypatch):
-    # 444 ticks in 0.888 s: the REAL nearest to 100/888 % is less than half a tick by 3e-10 of one, lost beside a REAL's 6e-8
+def test_a_little_below_half_a_tick_a_text_may_round_down(monkeypatch):
+    # 444 ticks in 0.888 s: the REAL nearest to 100/888 % is less than half a tick by 3e-10 of one, which on_time takes as half a tick
     design = PidDesign(gain_pct_per_degC=4.0, integral_time_s=30.0, derivative_time_s=0.0, sample_time_s=0.888, structure="pi", method="")
     controller = controller_for("weg")
     words, actuator = controller.encode(design, Scaling(low_degC=0.0, high_degC=150.0)), Actuator(pwm_period_s=0.888, resolution_s=0.002)
     trace = simulate(controller, words, PLANT, SHORT, actuator, {})
     assert compare_text(controller, words, trace) == ComparisonResult()
-    monkeypatch.setattr(of_text, "_OF_A_REAL", 0.0)
+    monkeypatch.setattr(of_text, "_BELOW_HALF", 0.0)
     assert "0 ticks of a period are on at 0.112613 %; proven are 1" in compare_text(controller, words, trace).departs
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from itertools import pairwise
 from typing import Any, Final, NamedTuple, cast
 
@@ -22,7 +23,7 @@ from heatertune.model.findings import Finding
 from heatertune.plc.controller import Controller, controller_for
 from heatertune.plc.exported import CallInputs, CallOutputs, CallResult, ExportedInPlc, Numbers, TextSettings
 from heatertune.plc.open_points import assumptions_from
-from heatertune.plc.pwm import Actuator, on_time, pulse_ends
+from heatertune.plc.pwm import INSTANT_S, Actuator, on_time, pulse_ends
 from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import real_of, word_of
 from heatertune.plc.words import Certificate, Words
@@ -33,8 +34,8 @@ from heatertune.proof.trace import Trace
 __all__ = ["ComparisonResult", "as_exported", "compare_text"]
 
 _OF_A_TICK: Final = 1e-6
-#: of a power: where half a tick is wanted, a program that rounds in single precision may take either of two
-_OF_A_REAL: Final = 2.0**-22
+#: of a tick: so little below half a tick `on_time` takes as half a tick, a program that rounds it may not
+_BELOW_HALF: Final = 2 * INSTANT_S
 #: half a step of the clocks of programs that count in milliseconds [s]
 _OF_A_CLOCK_S: Final = 0.0005 + 1e-9
 #: of a run call by call, of its beginning tick by tick, and of all periods of the PWM: each less than a second, for a
@@ -366,9 +367,11 @@ class _Comparison:
 
 
 def _ticks_on(output: Number, power_pct: float, actuator: Actuator) -> list[float]:
-    """Return how many ticks of a period are on at an output; for a REAL, also at the powers [%] next to its own."""
-    near = (0.0,) if isinstance(output, int) else (0.0, -_OF_A_REAL, _OF_A_REAL)
-    return [on_time(power_pct * (1.0 + share), 0.0, actuator.numbers)[0] / actuator.resolution_s for share in near]
+    """Return how many ticks of a period are on at an output; the one below, too, where `on_time` takes it as half."""
+    ticks = Fraction(power_pct) * round(actuator.pwm_period_s / actuator.resolution_s) / 100
+    on = on_time(power_pct, 0.0, actuator.numbers)[0] / actuator.resolution_s
+    lost = not isinstance(output, int) and 0 < on - Fraction(1, 2) - ticks < _BELOW_HALF
+    return [on, on - 1.0] if lost else [on]
 
 
 def _at_ends(powers: Mapping[Number, float], actuator: Actuator) -> dict[Number, float]:
