@@ -48,6 +48,8 @@ class ReadSettings:
         None, str, "column of the temperature", flag="--temperature-column", metavar=_COLUMN)
     power_column: str | int | None = option(
         None, str, "column of the heater power; none: no such column", flag="--power-column", metavar=_COLUMN)
+    power_log: str | None = option(
+        None, str, "file of the power, if it has one of its own", flag="--power-log", metavar="FILE")
     setpoint_column: str | int | None = option(
         None, str, "column of the setpoint; none: no such column", flag="--setpoint-column", metavar=_COLUMN)
     disturbance_column: str | int | None = option(

@@ -44,6 +44,7 @@ from heatertune.log.columns import (
 )
 from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
+from heatertune.log.second_file import with_power_rows
 from heatertune.log.tags import TagSelection, TagTable, by_tags
 from heatertune.log.values import (
     ABSOLUTE_ZERO_DEGC,
@@ -259,6 +260,9 @@ def read_log(
     named = isinstance(source, str) and source.lower() in BUILT_IN and content is None
     table = built_in(str(source).lower()) if named else None
     sheet, doubts = _opened(Path(source), table, content, asked)
+    power_log = asked.power_log
+    if power_log is not None:
+        sheet, asked = with_power_rows(sheet, _opened(Path(power_log), None, None, ReadSettings())[0], asked)
     given = (asked.time_column, asked.temperature_column, asked.power_column, asked.setpoint_column)
     wanted = {role: column for role, column in zip(ROLES, given, strict=True) if column is not None}
     if asked.disturbance_column is not None:
@@ -306,7 +310,7 @@ def read_log(
         counts=RowCounts(read=len(time), repeats=repeats, filled=filled + held, put_back=len(lines) - int(kept.sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
-                 "temperature_scale": asked.temperature_scale, "tag": sheet.part or None},
+                 "temperature_scale": asked.temperature_scale, "tag": sheet.part or None, "power_log": power_log},
     )
     log = _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
     return replace(log, power_late_s=late_s) if late_s else log

@@ -31,6 +31,7 @@ __all__ = ["DelaysKnown", "logged_range_degC", "reading_step_degC", "setpoint_of
 
 
 _EARLIER: Final = 0.5  # periods by which the heater's dead time may be longer than it looks
+_ROWS: Final = 2  # of the log by which a power may be late: one in which it changed, and one of a logger
 _LATE: Final = 0.05  # time constants by which a power may be late before gain and time constant are wrong as well
 _RIPPLE: Final = 0.25  # periods per time constant by which the gain may differ
 
@@ -61,8 +62,8 @@ def with_late_power(
 ) -> FittedModel:
     """Return the fit with a longer dead time as an option, because the power may have changed before its row.
 
-    It may have changed up to one row earlier, because the column may be one row late or a mean, and in a log that is
-    written on change up to the gap before that row.
+    Between two rows it may have changed at any instant, and the column may be one row late, or a mean: up to two rows
+    earlier. In a log that is written on change it may have changed up to the gap before that row.
 
     Args:
         fitted: as if the power column were exact.
@@ -71,12 +72,13 @@ def with_late_power(
         most_s: longest possible dead time, None if unknown [s].
         least_s: shortest plausible dead time [s].
     """
-    late_s = max(row_s, gap_s)
-    note = (f"The power column may be one row ({row_s:.3g} s) late, or the mean of the row before: the dead time may "
-            "be longer by that; its interval and the plausible heaters hold it.") if late_s == row_s else (
+    late_s = max(_ROWS * row_s, gap_s)
+    note = (f"The power may have changed up to {_ROWS} rows ({late_s:.3g} s) before the row that shows it: between two "
+            "rows, and the column may be a row late or a mean; the dead time may be longer by that; its interval "
+            "and the plausible heaters hold it.") if late_s > gap_s else (
             f"The power may have changed up to {late_s:.3g} s before the row that shows it: the dead time may be "
             "longer by as much; its interval and the plausible heaters hold that.")
-    part = "dead time longer by a row of the log" if late_s == row_s else "power changed before its row"
+    part = f"dead time longer by {_ROWS} rows of the log" if late_s > gap_s else "power changed before its row"
     dead = fitted.ci95.get("dead_time_s")
     later = [_later(each, _room(_dead_time_s(each), late_s, most_s), part)
              for each in _hardest(fitted.candidates, late_s)]
@@ -89,12 +91,12 @@ def with_late_power(
     )
 
 
-def _hardest(candidates: Sequence[Candidate], row_s: float) -> Iterator[Candidate]:
-    """Yield, for one lag and for two, the longest dead time, and the lowest ultimate gain with one more row."""
+def _hardest(candidates: Sequence[Candidate], late_s: float) -> Iterator[Candidate]:
+    """Yield, for one lag and for two, the longest dead time, and the lowest ultimate gain with so many seconds more."""
     for lags in sorted({len(each.model.lags_s) for each in candidates}):
         known = [each for each in candidates if len(each.model.lags_s) == lags]
         longest = max(known, key=_dead_time_s)
-        hardest = min(known, key=lambda each: _ultimate_gain(_later(each, row_s, "")))
+        hardest = min(known, key=lambda each: _ultimate_gain(_later(each, late_s, "")))
         yield longest
         if hardest is not longest:
             yield hardest
@@ -107,9 +109,9 @@ def _ultimate_gain(candidate: Candidate) -> float:
     return lost / abs(candidate.model.gain_degC_per_pct)
 
 
-def _room(dead_time_s: float, row_s: float, most_s: float | None) -> float:
-    """Return how much longer a dead time may be: one row, within the known maximum [s]."""
-    return row_s if most_s is None else max(min(row_s, most_s - dead_time_s), 0.0)
+def _room(dead_time_s: float, late_s: float, most_s: float | None) -> float:
+    """Return how much longer a dead time may be, within the known maximum [s]."""
+    return late_s if most_s is None else max(min(late_s, most_s - dead_time_s), 0.0)
 
 
 def _ends(candidates: Sequence[Candidate], period_s: float) -> Iterator[Candidate]:

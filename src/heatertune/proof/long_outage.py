@@ -37,6 +37,7 @@ __all__ = [
 _SHARES: Final = (0.85, 1.0, 1.7)  # of the time until full power is requested
 _LED: Final = 2.5  # the same, if a ramp moves the setpoint back
 _NEARLY: Final = (0.95, 0.98)  # of the time until a boost starts
+_AT_EDGE: Final = 5  # distances at which a firmware's window may end: setpoint and reading are rounded
 _NOT_YET: Final = (0.95, 0.98, 0.985, 0.99, 0.994, 0.998)  # of the distance at which a boost starts; a call may be late
 _LED_BY_P: Final = (0.5, 0.6, 0.7, 0.8, 0.95, 1.2, 1.6, 2.2, 3.2)  # of the distance at which P alone gives full power
 _COLD: Final = 0.95  # of the way to ambient: a heater is cold then, as at the restart in the test sequence
@@ -164,14 +165,27 @@ class OutageTiming(NamedTuple):
 
     def _with_more(self, lengths_s: list[float]) -> list[float]:
         """Return lengths in order, with more down to the shortest; with a boost, also lengths just before it starts."""
-        again_degC = self.controller.again_degC(self.words)
+        again_degC, edges_s = self.controller.again_degC(self.words), self._edges_s()
         if again_degC is not None and all(again_degC < abs(step) for _, step in self._steps):
-            falls = [time_to(again_degC / abs(step), *model.lags_s) for model, step in self._steps]
+            falls = self._falls_s(again_degC)
             lengths_s = [min(each, _NEARLY[-1] * max(falls)) for each in lengths_s]
-            lengths_s += [share * end for end in (min(falls), max(falls)) for share in _NEARLY]
+            lengths_s += edges_s or [share * end for end in (min(falls), max(falls)) for share in _NEARLY]
         (model, step), *_ = self._steps
-        more = self._more_degC(_COLD * abs(step), 0 if again_degC is None else _FEWEST_IN_MANY)
+        least = 0 if again_degC is None else _FEWEST_IN_MANY - len(edges_s) // 2
+        more = self._more_degC(_COLD * abs(step), least)
         return sorted({*lengths_s, *(time_to(far / abs(step), *model.lags_s) for far in more)})
+
+    def _edges_s(self) -> list[float]:
+        """Return lengths after which the reading leaves a firmware's window [s]: the overshoot rises up to there."""
+        nearest, farthest = self.controller.again_degC(self.words), self.controller.forgets_degC(self.words)
+        if nearest is None or farthest is None or any(farthest >= abs(step) for _, step in self._steps):
+            return []
+        ends = [self._falls_s(nearest + (farthest - nearest) * place / (_AT_EDGE - 1)) for place in range(_AT_EDGE)]
+        return [each for falls in ends for each in (min(falls), max(falls))]
+
+    def _falls_s(self, far_degC: float) -> list[float]:
+        """Return the times in which the readings of the heaters fall so far [s]."""
+        return [time_to(far_degC / abs(step), *model.lags_s) for model, step in self._steps]
 
     def _more_degC(self, farthest_degC: float, least: int) -> Iterator[float]:
         """Yield distances from the setpoint, from the end of a boost up to the farthest [°C].

@@ -1,0 +1,203 @@
+"""One log written in other ways gives the same heater: thinned to its changes, late by a row, as means, in two files.
+
+Real logs are read where they lie beside the project, drawn ones come from `on_change.py`. Each is written again and fitted;
+the intervals have to meet those of the log as it was, and of a drawn heater hold the truth. By hand:
+
+    python -m tests.bench.thinning [COUNT]      so many drawn logs, and all real ones
+"""
+
+from __future__ import annotations
+
+import random
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from heatertune.errors import HeatertuneError
+from heatertune.log import read_log
+from heatertune.log.values import Log
+from heatertune.model.fit import fit
+from heatertune.model.values import FittedModel
+from tests.bench import on_change
+
+REAL = Path(__file__).parents[3] / "shared" / "data" / "logs" / "normalised"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rows:
+    """A log as a logger that forgets nothing would have it: shape (n,) each.
+
+    Attributes:
+        time_s, temperature_degC: of the readings [s, °C].
+        power_s, power_pct: instants at which the power changes, and to what [s, %]; shape (m,).
+    """
+
+    time_s: np.ndarray
+    temperature_degC: np.ndarray
+    power_s: np.ndarray
+    power_pct: np.ndarray
+
+    def power(self, at_s: np.ndarray) -> np.ndarray:
+        """Return the power at instants [%]."""
+        return self.power_pct[np.maximum(np.searchsorted(self.power_s, at_s + 1e-9, side="right") - 1, 0)]
+
+    def mean_power(self, at_s: np.ndarray) -> np.ndarray:
+        """Return the mean of the power over the interval before each instant [%]."""
+        edges = np.concatenate([[at_s[0] - (at_s[1] - at_s[0])], at_s])
+        energy = np.concatenate([[0.0], np.cumsum(np.diff(self.power_s) * self.power_pct[:-1])])
+
+        def until(instant: np.ndarray) -> np.ndarray:
+            place = np.maximum(np.searchsorted(self.power_s, instant, side="right") - 1, 0)
+            return energy[place] + (instant - self.power_s[place]) * self.power_pct[place]
+
+        return np.diff(until(edges)) / np.diff(edges)
+
+
+def rows_of(log: Log) -> Rows:
+    """Return the rows of a log whose power is written with each reading."""
+    assert log.power_pct is not None
+    changed = np.concatenate([[True], np.diff(log.power_pct) != 0.0])
+    return Rows(time_s=log.time_s, temperature_degC=log.temperature_degC, power_s=log.time_s[changed], power_pct=log.power_pct[changed])
+
+
+def drawn_rows(case: on_change.Case, seed: int) -> Rows:
+    """Return the rows of a drawn heater; readings at each interval."""
+    times, values = on_change.readings(case, seed)
+    at, power = (np.array(column) for column in zip(*case.plan, strict=True))
+    return Rows(time_s=times, temperature_degC=values, power_s=at, power_pct=power)
+
+
+def _table(*columns: tuple[str, np.ndarray]) -> str:
+    lines = (",".join(f"{value:.10g}" for value in row) for row in zip(*(values for _, values in columns), strict=True))
+    return "\n".join([",".join(name for name, _ in columns), *lines]) + "\n"
+
+
+def plain(rows: Rows) -> list[str]:
+    """A row for each reading, with the power of that instant."""
+    return [_table(("time_s", rows.time_s), ("temp_C", rows.temperature_degC), ("power_pct", rows.power(rows.time_s)))]
+
+
+def late(rows: Rows) -> list[str]:
+    """The same with the power of the row before."""
+    power = rows.power(rows.time_s)
+    return [_table(("time_s", rows.time_s), ("temp_C", rows.temperature_degC), ("power_pct", np.concatenate([power[:1], power[:-1]])))]
+
+
+def mean(rows: Rows) -> list[str]:
+    """The same with the mean of the power since the row before."""
+    return [_table(("time_s", rows.time_s), ("temp_C", rows.temperature_degC), ("power_pct", rows.mean_power(rows.time_s)))]
+
+
+def mean_both(rows: Rows) -> list[str]:
+    """Every fourth row, with the means of temperature and power since the row before."""
+    count = len(rows.time_s) // 4
+    at = rows.time_s[3:4 * count:4]
+    temperature = rows.temperature_degC[:4 * count].reshape(count, 4).mean(axis=1)
+    return [_table(("time_s", at), ("temp_C", temperature), ("power_pct", rows.mean_power(at)))]
+
+
+def _changes(rows: Rows) -> np.ndarray:
+    kept = np.concatenate([[True], np.diff(rows.temperature_degC) != 0.0])
+    return np.flatnonzero(kept)
+
+
+def thinned(rows: Rows) -> list[str]:
+    """A long table with a row for each change of reading or power, at its instant."""
+    kept = _changes(rows)
+    events = [(at, "heater_power_pct", value) for at, value in zip(rows.power_s, rows.power_pct, strict=True)]
+    events += [(rows.time_s[k], "oven_temperature_C", rows.temperature_degC[k]) for k in kept]
+    lines = (f"{name},{value:.10g},{at:.10g}" for at, name, value in sorted(events))
+    return ["\n".join(["tag,value,time_s", *lines]) + "\n"]
+
+
+def blanks(rows: Rows) -> list[str]:
+    """A wide table with a cell where its value changes."""
+    kept = _changes(rows)
+    events: dict[float, list[str]] = {}
+    for at, value in zip(rows.power_s, rows.power_pct, strict=True):
+        events.setdefault(float(at), ["", ""])[1] = f"{value:.10g}"
+    for k in kept:
+        events.setdefault(float(rows.time_s[k]), ["", ""])[0] = f"{rows.temperature_degC[k]:.10g}"
+    return ["\n".join(["time_s,temp_C,power_pct", *(f"{at:.10g},{y},{u}" for at, (y, u) in sorted(events.items()))]) + "\n"]
+
+
+def two_files(rows: Rows) -> list[str]:
+    """The readings in one file, the changes of the power in another."""
+    return [_table(("time_s", rows.time_s), ("temp_C", rows.temperature_degC)), _table(("time_s", rows.power_s), ("power_pct", rows.power_pct))]
+
+
+WRITERS: tuple[Callable[[Rows], list[str]], ...] = (plain, thinned, blanks, late, mean, mean_both, two_files)
+
+
+def fitted(texts: list[str], folder: Path) -> FittedModel:
+    """Return the heater of a log in one file, or in two."""
+    files = [folder / name for name in ("log.csv", "power.csv")[:len(texts)]]
+    for file, text in zip(files, texts, strict=True):
+        file.write_text(text, encoding="utf-8")
+    return fit(read_log(files[0], power_full_scale=100.0, power_log=str(files[1]) if len(files) > 1 else None))
+
+
+def apart(one: FittedModel, other: FittedModel, slack: dict[str, float]) -> list[str]:
+    """Return the parameters whose intervals do not meet."""
+    out = []
+    for name, allowed in slack.items():
+        a, b = one.ci95[name], other.ci95[name]
+        if a is None or b is None:
+            continue
+        low, high = max(x for x in (a.low, b.low, -np.inf) if x is not None), min(x for x in (a.high, b.high, np.inf) if x is not None)
+        if low > high + allowed:
+            out.append(f"{name} {a.low}…{a.high} and {b.low}…{b.high}")
+    return out
+
+
+def blocks(model: FittedModel) -> list[str]:
+    """Return the findings of a fit that keep its designs from a PASS."""
+    return [finding.name for finding in model.findings if finding.kind.effect == "blocks"]
+
+
+def main(count: int, folder: Path) -> int:
+    tally = Counter[str]()
+    rng = random.Random(7)
+    cases = [(f"drawn {seed}", drawn_rows(case, seed), case) for seed in range(count) for case in [on_change.drawn(rng)]]
+    for path in sorted(REAL.glob("*.csv")) if REAL.is_dir() else []:
+        try:
+            log = read_log(path)
+        except HeatertuneError:
+            continue
+        if log.power_pct is not None:
+            cases.append((path.stem, rows_of(log), None))
+    for name, rows, case in cases:
+        base = None
+        for writer in WRITERS:
+            try:
+                model = fitted(writer(rows), folder)
+            except (HeatertuneError, TypeError) as problem:
+                tally[f"{writer.__name__}: refused"] += 1
+                print(f"{name} {writer.__name__} refused: {problem}", flush=True)
+                continue
+            base = base or model
+            interval = float(np.median(np.diff(rows.time_s)))
+            slack = {"gain_degC_per_pct": 0.02 * abs(base.model.gain_degC_per_pct), "time_constant_s": 0.02 * base.model.time_constant_s,
+                     "dead_time_s": 0.1 * interval}
+            wrong = apart(base, model, slack)
+            if case is not None:
+                wrong += on_change.missed(case, model)
+            blocked = blocks(model)
+            outcome = "blocked" if blocked else "WRONG" if wrong else "right"
+            tally[f"{writer.__name__}: {outcome}"] += 1
+            if wrong or (blocked and not blocks(base)):
+                print(f"{name} {writer.__name__} {outcome}: {wrong} {blocked} L {model.model.dead_time_s:.4g} (as it was {base.model.dead_time_s:.4g})",
+                      flush=True)
+    for key, number in sorted(tally.items()):
+        print(f"{key} {number}")
+    return sum(number for key, number in tally.items() if key.endswith("WRONG"))
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as made:
+        sys.exit(min(main(int(sys.argv[1]) if len(sys.argv) > 1 else 40, Path(made)), 1))
