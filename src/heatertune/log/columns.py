@@ -43,8 +43,9 @@ from heatertune.log.quantities import (
     stamp,
     unit_in_name,
 )
-from heatertune.log.unnamed_columns import demand_no_likely_power, demand_own_temperature
 from heatertune.log.side_columns import add_side_columns, is_cooling, is_fan
+from heatertune.log.unnamed_columns import demand_no_likely_power, demand_own_temperature
+from heatertune.units import count
 
 __all__ = [
     "ASSUMED", "CLOCK_UNITS", "NO_COLUMN", "TIME_UNITS", "Columns", "Power", "cell_error", "choose_column",
@@ -165,10 +166,9 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[
     for role, candidates in by_role.items():
         if role in index or not candidates:
             continue
-        if role == "power":  # a cooler's or a fan's only where nothing heats
-            candidates = [i for i in candidates if not (
-                is_cooling(sheet.header[i]) or is_fan(sheet.header[i]))] or candidates
-        best, *others = sorted(candidates, key=lambda i: _is_second(role, sheet.header[i]))
+        heats = [i for i in candidates if role != "power" or not (
+            is_cooling(sheet.header[i]) or is_fan(sheet.header[i]))]
+        best, *others = sorted(heats or candidates, key=lambda i: _is_second(role, sheet.header[i]))
         index[role] = best
         if others:
             unused = ", ".join(sheet.header[i] for i in others)
@@ -663,10 +663,10 @@ def _two_way(sheet: Sheet, columns: Columns, values: Array, full_scale: float, r
     if highest <= 0.0:
         raise LogError(f"a power from {lowest:g} up to {highest:g}, which never heats", file=sheet.file,
                        column=columns.names["power"],
-                       expected=f"for a cooler that is off at 0 --power-levels 0 {-full_scale:g} and --cooler, for a "
-                                f"heater that is off at {-full_scale:g} --power-levels {-full_scale:g} 0")
-    repairs.append(f"The power goes down to {lowest:g}; taken as a heater's above 0 and a cooler's below (a heater that "
-                   f"is off at {-full_scale:g}: --power-levels {-full_scale:g} {full_scale:g}).")
+                       expected=f"--power-levels 0 {-full_scale:g} and --cooler for a cooler that is off at 0, or "
+                                f"--power-levels {-full_scale:g} 0 for a heater that is off at {-full_scale:g}")
+    repairs.append(f"The power goes down to {lowest:g}; taken as a heater's above 0 and a cooler's below (a heater "
+                   f"that is off at {-full_scale:g}: --power-levels {-full_scale:g} {full_scale:g}).")
     return values
 
 
@@ -703,10 +703,10 @@ def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], 
     if zeros and (why is None or columns.is_foreign("power")) and (columns.is_foreign("power") or reaches_ends(
             values, zeros[0])):
         asked = " or ".join(f"--power-levels {low:g} {high:g}" for low, high in zeros)
-        raise LogError(f"a power from {float(np.min(values)):g} to {largest:g} {why or 'may be percent'}, or a signal "
-                       "with a live zero", file=sheet.file, column=name,
-                       expected=f"{asked} for such a signal, --power-full-scale with the reading at full power if it is "
-                                "0 without power, or --power-column none")
+        raise LogError(f"a power from {float(np.min(values)):g} to {largest:g} {why or 'may be percent'}, or a "
+                       "signal with a live zero", file=sheet.file, column=name,
+                       expected=f"{asked} for such a signal, --power-full-scale with the reading at full power if "
+                                "it is 0 without power, or --power-column none")
     if why:
         likely = [scale for scale in _FULL_SCALES if largest <= scale][:_SHOWN_SCALES] if largest > 100.0 else []
         perhaps = f" ({' or '.join(map(str, likely))}?)" if likely else ""

@@ -6,10 +6,11 @@ import re
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from heatertune.arrays import Array
 
-__all__ = ["BELOW_ZERO", "is_two_way", "live_zeros", "percent_between", "outside_levels", "reaches_ends"]
+__all__ = ["BELOW_ZERO", "is_two_way", "live_zeros", "outside_levels", "percent_between", "reaches_ends"]
 
 
 #: readings without power and at full power of signals with a live zero, and the unit of each
@@ -43,7 +44,7 @@ def reaches_ends(values: Array, ends: tuple[float, float]) -> bool:
     return bool(max(abs(np.min(values) - low), abs(np.max(values) - high)) < _REACHED * (high - low))
 
 
-def outside_levels(values: Array, levels: tuple[float, float]) -> Array:
+def outside_levels(values: Array, levels: tuple[float, float]) -> npt.NDArray[np.intp]:
     """Return the rows whose reading lies outside of the readings without power and at full power, shape (k,)."""
     share = _share(values, levels)
     return np.flatnonzero((share < -_TOLERANCE) | (share > 1.0 + _TOLERANCE))

@@ -192,7 +192,7 @@ class DroppedFile:
     def run(self) -> int | None:
         """Which of several runs is read, 1 = first; None: the file holds one."""
         run = None if self.log is None or self.log.taken is None else self.log.taken.reading.get("run")
-        return self.settings.run if run is None else int(run)
+        return run if isinstance(run, int) else self.settings.run
 
     @property
     def zone(self) -> str:
