@@ -315,6 +315,15 @@ class Log(NotebookDisplay):
             cooling_gain=self.cooling_gain,
         )
 
+    def demand_heater_alone(self, purpose: str) -> None:
+        """Refuse a log with a cooler's power for what knows the heater's alone.
+
+        Raises:
+            InputError: it has a cooler's power; `purpose` says what cannot use it, and another way.
+        """
+        if self.cooling_pct is not None:
+            raise InputError(f"{self.name}: the log holds the power of a cooler, {purpose}")
+
     def with_net_power(self, cooling_gain: float) -> Log:
         """Return the log with one power, that of the cooler below 0, as a heater of one gain has it.
 

@@ -118,6 +118,11 @@ class CoolingEffect:
         return low <= 0.0 <= high
 
     @property
+    def misleads(self) -> bool:
+        """Whether a fit that takes it as negative power of the heater does not give the heater either."""
+        return self.delta_bic_loss <= _SURE < self.delta_bic_own_lag - self.delta_bic
+
+    @property
     def doubts(self) -> tuple[str, ...]:
         """How it differs from negative power at the heater's input, a clause each; empty: the log shows nothing."""
         if self.delta_bic_loss > _SURE:
@@ -168,9 +173,9 @@ class LossEffect:
     def sentence(self) -> str:
         """The result as a sentence."""
         low, high = self.factor_ci95
-        better, than_power = self.delta_bic, self.delta_bic_as_power
+        at_strong, at_calm = f"at {self.strong:.3g}", f"at {self.calm:.3g}"
         return (
-            f"{self.column!r} multiplies the heat loss: at {self.strong:.3g} it is {1.0 + self.factor:.3g} times that at "
-            f"{self.calm:.3g} ({1.0 + low:.3g} … {1.0 + high:.3g}; BIC {better:.0f} below that of a heater without it, "
-            f"{than_power:.0f} below that of equivalent power). Its effect was taken out of the readings; the plausible "
-            f"heaters are those at {self.calm:.3g} and at {self.strong:.3g}.")
+            f"{self.column!r} multiplies the heat loss: {at_strong} it is {1.0 + self.factor:.3g} times that {at_calm} "
+            f"({1.0 + low:.3g} … {1.0 + high:.3g}; BIC {self.delta_bic:.0f} below that of a heater without it, "
+            f"{self.delta_bic_as_power:.0f} below that of equivalent power). Its effect was taken out of the readings; "
+            f"the plausible heaters are those {at_calm} and {at_strong}.")

@@ -96,6 +96,7 @@ def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str]
     if log.power_pct is None:
         raise InputError(f"{log.name}: the power was not logged, and no law is known by which a controller cools; log "
                          "the power")
+    log.demand_heater_alone("next to that of a heater: fit both, without --cooler")
     about, bounds = middle_degC(log), _bounds(given.ambient_degC)
     _check_given(mirrored_log(log, about), None, given.power_before_pct)
     turned = None if bounds is None else (2.0 * about - bounds[1], 2.0 * about - bounds[0])
@@ -300,8 +301,7 @@ def _refuse_disturbance(log: Log) -> None:
     if log.disturbance is not None:
         raise InputError(f"{log.name}: the effect of a disturbance can only be fitted from a single log that contains "
                          "the power; leave it out with --disturbance-column none, or log the power")
-    if log.cooling_pct is not None:
-        raise InputError(f"{log.name}: the power of a cooler can only be fitted from a single log: fit it separately")
+    log.demand_heater_alone("which can only be fitted from a single log: fit it separately")
 
 
 def _demand_laws(log: Log, laws: Sequence[ControllerLaw]) -> None:

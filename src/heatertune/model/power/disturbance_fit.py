@@ -104,10 +104,10 @@ def cooling_effect(log: Log) -> CoolingEffect:
         raise InputError(f"{log.name}: the cooler's power never changes, so its effect is unknown: log a step of it, "
                          "or leave it out: --cooling-column none")
     most = float(np.max(log.cooling_pct))
-    effect, _ = _effect(replace(log, disturbance=log.cooling_pct), 0.0, most,
-                        "the cooler is on whenever the heater is off, so their effects cannot be "
-                        "separated: log a while with both off; or read a signal of both as one power, 0 % at full cooling: --power-levels "
-                        f"{-most:g} 100", by_controller=True)
+    inseparable = (
+        "the cooler is on whenever the heater is off, so their effects cannot be separated: log a while with both off; "
+        f"or read a signal of both as one power, 0 % at full cooling: --power-levels {-most:g} 100")
+    effect, _ = _effect(replace(log, disturbance=log.cooling_pct), 0.0, most, inseparable, by_controller=True)
     low, high = effect.pct_per_unit_ci95
     coarse = abs(effect.pct_per_unit) * _NORMAL * math.hypot(_rounding(log.power_pct), _rounding(log.cooling_pct))
     return CoolingEffect(

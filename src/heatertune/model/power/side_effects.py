@@ -35,7 +35,9 @@ def cleared(log: Log) -> tuple[Log, DisturbanceEffect | None, LossEffect | None]
     """
     assert log.disturbance is not None
     name = ("disturbance" if log.taken is None else log.taken.columns["disturbance"][0]).strip("'")
-    multiplied = None if log.cooling_pct is not None else without_loss(log, name, log.disturbance)
+    log.demand_heater_alone(f"and {name!r} acts next to it: leave the latter out (--disturbance-column none) where it "
+                            "does not change, or log a step of each alone")
+    multiplied = without_loss(log, name, log.disturbance)
     if multiplied is not None:
         return replace(multiplied[0], disturbance=None), None, multiplied[1]
     return *without_disturbance(log), None
@@ -56,7 +58,7 @@ def in_its_room(log: Log, bounds: Bounds | None) -> tuple[Log, Bounds | None, tu
         return log, bounds, ("The column of the room's temperature was not used: " + (
             "the ambient is stated." if bounds is not None else "it is no colder than the heater."),)
     notes = f"The ambient was taken from the column of the room's temperature, {low:.3g}…{high:.3g} °C"
-    if high - low > _MOVES * float(np.ptp(log.temperature_degC)):
+    if log.cooling_pct is None and high - low > _MOVES * float(np.ptp(log.temperature_degC)):
         try:
             steady, effect = without_disturbance(replace(log, disturbance=room))
         except InputError:
@@ -116,8 +118,8 @@ def _earlier(time: Array, held: Array, lead_s: float) -> Array:
 
 
 def _with_cooling(fitted: FittedModel, name: str, effect: CoolingEffect) -> FittedModel:
-    remarks = [Remark("cooler", f"{name}: {effect.sentence}")]
-    if effect.doubts:
+    remarks = [Remark("cooler", f"{name}: {effect.sentence}{''.join(f' But {doubt}.' for doubt in effect.doubts)}")]
+    if effect.misleads:
         remarks.append(Remark("cooler-differs", f"{name}: {'; '.join(effect.doubts)}."))
     return replace(fitted, cooling=effect, notes=(*(remark.sentence for remark in remarks), *fitted.notes),
                    findings=(*fitted.findings, *findings_of(remarks)))
