@@ -316,7 +316,8 @@ def read_log(
         counts=RowCounts(read=len(time), repeats=repeats, filled=filled + held, put_back=len(lines) - int(kept.sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
-                 "temperature_scale": asked.temperature_scale, "tag": sheet.part or None},
+                 "temperature_scale": asked.temperature_scale, "decimal_comma": asked.decimal_comma,
+                 "tag": sheet.part or None},
     )
     log = _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
     return replace(log, power_late_s=late_s) if late_s else log
@@ -420,7 +421,8 @@ def _opened(
     source: Path, table: BuiltIn | None, content: bytes | None, asked: ReadSettings
 ) -> tuple[Sheet, list[str]]:
     """Return the cells of a file with plain numbers, and the doubts about a built-in table."""
-    sheet = with_names(read_sheet(table.path if table else source, content, asked.skip_rows, asked.tag))
+    sheet = with_names(read_sheet(table.path if table else source, content, asked.skip_rows, asked.tag,
+                                  asked.decimal_comma))
     if not sheet.rows:
         raise LogError("the file holds a header and no readings", file=sheet.file, expected="at least 20 rows")
     doubts = list(table.doubts if table else ())

@@ -156,7 +156,8 @@ class DroppedFile:
             problem = str(refused)
         given: dict[str, Any] = {"settings": settings, "assumptions": assumed, "log": log, "problem": problem}
         try:
-            sheet = plain_cells(with_names(read_sheet(Path(plain), content, settings.skip_rows, settings.tag)))
+            sheet = plain_cells(with_names(read_sheet(
+                Path(plain), content, settings.skip_rows, settings.tag, settings.decimal_comma)))
         except (LogError, IndexError):
             text = "" if b"\0" in content[:_LINES] else content[:_LINES * _LONGEST].decode("utf-8", "replace")
             lines = tuple(line[:_LONGEST] for line in text.splitlines()[:_LINES])
