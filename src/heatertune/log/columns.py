@@ -621,7 +621,8 @@ def power_of(
     percent = values if full_scale == 100.0 else values / full_scale * 100.0
     if two_way:
         stated = given or is_two_way(columns.names["power"])
-        written += ", it cools below 0" + ("" if stated else ASSUMED)
+        other = f" (off at {-full_scale:g}: --power-levels {-full_scale:g} {full_scale:g}){ASSUMED}"
+        written += ", it cools below 0" + ("" if stated else other)
     elif not (given or named):
         written += _grounds(columns.names["power"], values, full_scale)
     return Power(percent, full_scale, written, 255.0 if _PWM.search(columns.names["power"]) else 100.0)

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from heatertune.errors import LogError
-from heatertune.log.quantities import is_number, is_quantity, stamp
+from heatertune.log.quantities import is_number, is_quantity, role_of, stamp
 
 __all__ = ["join_decimals"]
 
@@ -40,8 +40,9 @@ def join_decimals(file: Path, rows: list[list[str]], stated: str | None, repairs
         LogError: several columns may be those with decimal commas, or one that is stated does not exist.
     """
     width = Counter(map(len, rows[-_SAMPLE:])).most_common(1)[0][0]
-    names = next((row for row in rows[:_SAMPLE] if 1 < len(row) < width and all(row) and not any(
-        is_number(cell) or is_quantity(cell) or stamp(cell) is not None for cell in row)), None)
+    words = [row for row in rows[:_SAMPLE] if 1 < len(row) < width and all(row) and not any(
+        is_number(cell) or is_quantity(cell) or stamp(cell) is not None for cell in row)]
+    names = max(words, key=lambda row: len({role_of(cell) for cell in row}), default=None)
     if stated is not None:
         columns = () if stated == "none" else _stated(file, stated, names)
     elif names is None:

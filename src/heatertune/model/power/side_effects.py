@@ -84,7 +84,7 @@ def fit_two_way(log: Log, fit_one: Callable[[Log], FittedModel]) -> tuple[Fitted
         still, loss = multiplied
         fitted = fit_one(still)
         effect = _as_power(effect, loss, fitted, log.temperature_degC[log.cooling_pct > 0.0])
-        return _with_cooling(with_loss(fitted, loss), log.name, effect), still
+        return _with_cooling(with_loss(fitted, loss), log, effect), still
     shifted = log if effect.at_once else replace(log, cooling_pct=_earlier(log.time_s, log.cooling_pct, effect.lead_s))
     gains = (effect.cooling_gain, *effect.cooling_gain_ci95)
     middle, *ends = (shifted.with_net_power(max(gain, 0.0)) for gain in gains)
@@ -92,7 +92,7 @@ def fit_two_way(log: Log, fit_one: Callable[[Log], FittedModel]) -> tuple[Fitted
     ci95 = {name: _hull([own, *(other.ci95.get(name) for other in others)]) for name, own in fitted.ci95.items()}
     parts = tuple(replace(fitted.candidates[0], model=other.model, part=f"cooling gain at its {end} end")
                   for other, end in zip(others, ("low", "high"), strict=True))
-    return _with_cooling(replace(fitted, ci95=ci95, candidates=(*fitted.candidates, *parts)), log.name, effect), middle
+    return _with_cooling(replace(fitted, ci95=ci95, candidates=(*fitted.candidates, *parts)), log, effect), middle
 
 
 def _hull(intervals: Sequence[Interval | None]) -> Interval | None:
@@ -117,7 +117,10 @@ def _earlier(time: Array, held: Array, lead_s: float) -> Array:
     return held[np.clip(rows, 0, len(held) - 1)]
 
 
-def _with_cooling(fitted: FittedModel, name: str, effect: CoolingEffect) -> FittedModel:
+def _with_cooling(fitted: FittedModel, log: Log, effect: CoolingEffect) -> FittedModel:
+    if log.taken is not None and "power" in log.taken.assumed:  # whether it cools below 0 has to be stated first
+        return replace(fitted, cooling=effect)
+    name = log.name
     remarks = [Remark("cooler", f"{name}: {effect.sentence}{''.join(f' But {doubt}.' for doubt in effect.doubts)}")]
     if effect.misleads:
         remarks.append(Remark("cooler-differs", f"{name}: {'; '.join(effect.doubts)}."))
