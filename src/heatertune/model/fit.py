@@ -81,8 +81,10 @@ def fit(
         used, effect, loss = _cleared(used, progress)
         progress(f"{log.name}: fitting one and two lags to the logged power")
         fit_one = partial(_fit_logged, bounds=bounds, power_before_pct=given.power_before_pct, seed=seed, delays=delays)
-        fitted, used = (fit_one(used), used) if used.cooling_pct is None else fit_two_way(used, fit_one)
-        fitted = with_relay(used, with_loss(fitted, loss), ambient_degC=_single(bounds))
+        if used.cooling_pct is None:
+            fitted = with_relay(used, with_loss(fit_one(used), loss), ambient_degC=_single(bounds))
+        else:
+            fitted, used = fit_two_way(used, fit_one)
         loop = loop_remarks(used)
         notes += side_notes
         notes += tuple(remark.sentence for remark in loop)

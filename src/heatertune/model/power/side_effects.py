@@ -106,7 +106,8 @@ def _as_power(effect: CoolingEffect, loss: LossEffect, fitted: FittedModel, cool
     model, ambient = fitted.model, fitted.model.ambient_degC
     assert ambient is not None
     per_degC = loss.factor / loss.strong / model.gain_degC_per_pct
-    low, middle, high = (float(per_degC * (np.quantile(cooled_degC, share) - ambient)) for share in (0.0, 0.5, 1.0))
+    low, middle, high = (max(float(per_degC * (np.quantile(cooled_degC, share) - ambient)), 0.0)
+                         for share in (0.0, 0.5, 1.0))
     return replace(effect, cooling_gain=middle, cooling_gain_ci95=(low, high),
                    delta_bic=loss.delta_bic, delta_bic_loss=loss.delta_bic_as_power)
 
