@@ -53,8 +53,12 @@ class ReadSettings:
     setpoint_column: str | int | None = option(
         None, str, "column of the setpoint; none: no such column", flag="--setpoint-column", metavar=_COLUMN)
     disturbance_column: str | int | None = option(
-        None, str, "column of a measured load (a flow, a fan, a door) whose effect is fitted",
+        None, str, "column of a measured load (a flow, a fan, a door) whose effect is fitted; none: no such column",
         flag="--disturbance-column", metavar=_COLUMN)
+    cooling_column: str | int | None = option(
+        None, str, "column of a cooler's power; none: no such column", flag="--cooling-column", metavar=_COLUMN)
+    ambient_column: str | int | None = option(
+        None, str, "column of the room's temperature; none: no such column", flag="--ambient-column", metavar=_COLUMN)
     date_column: str | int | None = option(
         None, str, "column of the date, if the time column contains only times of "
                    "day", flag="--date-column", metavar=_COLUMN)
@@ -66,10 +70,16 @@ class ReadSettings:
         above=0.0)
     power_full_scale: float | None = option(
         None, float, "reading at full power: 1, 100, 255 …", flag="--power-full-scale", metavar="X", above=0.0)
+    power_levels: tuple[float, float] | None = option(
+        None, float, "readings without power and at full power: 4 20, 1 5, -100 100 …", flag="--power-levels",
+        pair=("OFF", "FULL"))
     time_unit: str | None = option(
         None, str, "unit of the time", flag="--time-unit", choices=("s", "ms", "min", "h", "d", "mm:ss", "hh:mm"))
     sample_time_s: float | None = option(
         None, float, "interval of a log without time column", unit="s", flag="--log-interval", above=0.0)
+    decimal_comma: str | None = option(
+        None, str, "columns whose numbers have decimal commas that also separate the cells: their numbers (1 = first) "
+                   "or names, with commas between them; none: no column", flag="--decimal-comma", metavar="COLUMNS")
     tag: str | None = option(
         None, str, "tag of the temperature, if the file has rows of several tags", flag="--tag", metavar="NAME")
     power_tag: str | None = option(

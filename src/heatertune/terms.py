@@ -34,6 +34,7 @@ _SYMBOLS: Final = {
     "T2": "the smaller of two time constants, for example of the sensor",
     "L": "time before a change of the power shows in the temperature",
     "Ta": "steady temperature without power",
+    "kc/k": "effect of full cooling as a fraction of that of full heating",
     "k/T1": "initial slope of the temperature per percent of power; what a short log identifies best",
     "Le": "dead time plus what small time constants add to it",
     "Ku": "gain at which a P controller makes the loop oscillate continuously",

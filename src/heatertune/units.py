@@ -27,6 +27,7 @@ NOMENCLATURE: Final[dict[str, tuple[str, str, str]]] = {
     "second_time_constant_s": ("T2", "second time constant", "s"),
     "dead_time_s": ("L", "dead time", "s"),
     "ambient_degC": ("Ta", "ambient temperature", "°C"),
+    "cooling_gain": ("kc/k", "cooling gain", "of full heating"),
     "gain_per_time_constant_degC_per_s_pct": ("k/T1", "gain per time constant", "°C/(s·%)"),
     "effective_dead_time_s": ("Le", "effective dead time", "s"),
     "ultimate_gain_pct_per_degC": ("Ku", "ultimate gain", "%/°C"),

@@ -64,12 +64,25 @@ def asked_for(message: str, export: Export, stated: Sequence[str]) -> list[str]:
         if flag in stated:
             continue
         if flag in export.user:
-            return [flag, export.user[flag]]
+            return [flag, *_words(flag, export.user[flag])]
         if flag in _SWITCHES:
             return [flag]
         if value and not value.isupper() and "NAME" not in value:
             return [flag, value.strip("\"'.")]
     return []
+
+
+def _words(flag: str, value: str) -> list[str]:
+    """Return the words of an option's value: two of a pair of numbers."""
+    return value.split() if flag == "--power-levels" else [value]
+
+
+def _units(question: str, said: str, export: Export, options: Sequence[str]) -> list[str]:
+    """Return the options that state the units which are asked for."""
+    named = _FLAG.findall(question)
+    if "--power-levels" in export.user and "--power-levels" in said:  # the other way to read a power below 0
+        named = [("--power-levels", "")]
+    return [word for flag, value in named if flag not in options for word in (flag, *_words(flag, export.user.get(flag, value)))]
 
 
 def judge(export: Export, folder: Path) -> tuple[str, list[str]]:
@@ -96,8 +109,7 @@ def judge(export: Export, folder: Path) -> tuple[str, list[str]]:
         findings = {finding["name"] for finding in model["findings"]}
         question = next((line for line in err.splitlines() if "check and state them" in line), "")
         if "unit-assumed" in findings and question:
-            named = _FLAG.findall(question)
-            more = [word for flag, value in named if flag not in options for word in (flag, export.user.get(flag, value))]
+            more = _units(question, err, export, options)
             if more:
                 options += more
                 continue

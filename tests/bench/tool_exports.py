@@ -1269,6 +1269,173 @@ def _wincc(run: Run, power: Callable[[float], str] = comma) -> list[list[str]]:
     return cells
 
 
+# ---- coolers, fans, rooms, live zeros, decimal commas ------------------------------------------------------------------
+
+COOLING_GAIN = 0.6
+TWO_WAY = ((0, 0), (60, 60), (700, -40), (1400, 25), (2100, -20), (2700, 0))
+AIR = ((0, 0), (600, 100), (1200, 0), (1800, 60), (2400, 0))
+
+
+def with_sides(heater: Heater, *, plan: Sequence[tuple[int, float]] = TWO_WAY, air: Sequence[tuple[int, float]] = ((0, 0),), every: int = 2,
+               until: int = 3100, seed: int = 4, cooling_gain: float = COOLING_GAIN, loss: float = 0.0, drift: float = 0.0) -> tuple[Run, list[float], list[float]]:
+    """Log a heater that is cooled below 0 %, whose fan multiplies the loss, in a room that warms up: run, fan, room.
+
+    `loss` is by how much the full fan raises the loss; `drift` is how far the room warms up [°C].
+    """
+    chance, temperature, run, fan, rooms = random.Random(seed), heater.room, Run(heater, [], [], [], []), [], []
+
+    def at(course: Sequence[tuple[int, float]], second: float) -> float:
+        return next(level for begin, level in reversed(course) if begin <= max(second, 0))
+
+    for second in range(until):
+        room = heater.room + drift * min(second / 1500.0, 1.0)
+        if second % every == 0:
+            for column, value in ((run.seconds, second), (run.degC, temperature + chance.gauss(0.0, 0.05)), (run.power, at(plan, second)),
+                                  (run.setpoint, 55.0), (fan, at(air, second)), (rooms, room + chance.gauss(0.0, 0.05))):
+                column.append(value)
+        power = at(plan, second - heater.dead_time_s)
+        power = power if power > 0 else cooling_gain * power
+        blown = 1.0 + loss * at(air, second - heater.dead_time_s) / 100.0
+        temperature += (heater.gain * power - blown * (temperature - room)) / heater.time_constant_s
+    return run, fan, rooms
+
+
+def _beside(run: Run, header: Sequence[str], *columns: Sequence[str], number: Callable[[float], str] = point,
+            power: Callable[[float], str] = point) -> list[list[str]]:
+    cells = table(run, header, lambda second: f"{second:g}", number=number, power=power)
+    return [cells[0], *([*row, *more] for row, *more in zip(cells[1:], *columns, strict=True))]
+
+
+@writes("PID_Temp", "clean")
+def _():
+    run, _, _ = with_sides(OVEN)
+    return "pid_temp.csv", text(_beside(run, ("Time [s]", "PID_Temp_1.ProcessValue [°C]", "PID_Temp_1.PidOutputSum [%]"))), OVEN, {}, "cooler"
+
+
+@writes("PID_Temp", "messy")
+def _():
+    run, _, _ = with_sides(BED)
+    cool = [comma(max(-each, 0.0)) for each in run.power]
+    cells = _beside(run, ("Zeit [s]", "Istwert [°C]", "OutputHeat [%]", "OutputCool [%]"), cool, number=comma, power=lambda p: comma(max(p, 0.0)))
+    return "pid_temp.csv", text(spoil(cells, marks=MARKS[:3]), ";", end="\r\n"), BED, {}, "cooler"
+
+
+@writes("PID_Temp", "hostile")
+def _():
+    # no unit, and the same numbers may be a heater that is off at -100
+    run, _, _ = with_sides(OVEN)
+    cells = _beside(run, ("t", "PV", "Output"))
+    return "trace.csv", text(cells), OVEN, {"--time-unit": "s", "--temperature-unit": "degC", "--power-full-scale": "100"}, "cooler"
+
+
+@writes("Peltier rig", "messy")
+def _():
+    run, _, _ = with_sides(OVEN, every=5)
+    cells = _beside(run, ("time [s]", "T [°C]", "H-bridge output [-255...255]"), power=lambda p: f"{p * 2.55:.0f}")
+    return "peltier.csv", text(cells), OVEN, {"--power-full-scale": "255"}, "cooler"
+
+
+@writes("bipolar output", "hostile")
+def _():
+    # FB 43 with ST2BI_ON: -100 is off
+    run = steps(OVEN)
+    cells = table(run, ("time [s]", "Temp [°C]", "INV [%]"), point, power=lambda p: point(2.0 * p - 100.0))
+    return "bipolar.csv", text(cells), OVEN, {"--power-levels": "-100 100", "--power-column": "3"}
+
+
+@writes("fan", "clean")
+def _():
+    run, fan, _ = with_sides(OVEN, plan=((0, 0), (60, 60), (1500, 30)), air=AIR, loss=0.8)
+    return "fan.csv", text(_beside(run, ("time [s]", "Temp [°C]", "Heater [%]", "Fan [%]"), [f"{each:g}" for each in fan])), OVEN
+
+
+@writes("fan", "messy")
+def _():
+    run, fan, _ = with_sides(BED, plan=((0, 0), (60, 60), (1500, 30)), air=((0, 0), (900, 100), (2000, 0)), loss=0.5)
+    cells = _beside(run, ("Zeit [s]", "Temperatur [°C]", "Heizung [%]", "Lüfter"), ["EIN" if each else "AUS" for each in fan], number=comma, power=comma)
+    return "luefter.csv", text(cells, ";", end="\r\n"), BED
+
+
+@writes("fan", "hostile")
+def _():
+    # the fan's output is the heater's, in another unit: nothing tells the two apart
+    run = steps(OVEN)
+    return "fan.csv", text(_beside(run, ("time [s]", "Temp [°C]", "Heater [%]", "Fan [rpm]"), [f"{14.5 * each:g}" for each in run.power])), OVEN
+
+
+@writes("room", "clean")
+def _():
+    run, _, rooms = with_sides(OVEN, plan=((0, 0), (60, 60), (700, 20), (1500, 40)))
+    return "room.csv", text(_beside(run, ("time [s]", "Temp [°C]", "Heater [%]", "Room temp [°C]"), [point(each) for each in rooms])), OVEN
+
+
+@writes("room", "messy")
+def _():
+    run, _, rooms = with_sides(OVEN, plan=((0, 0), (60, 60), (700, 20), (1500, 40)), drift=6.0)
+    cells = _beside(run, ("Zeit [s]", "Ofen °C", "Heizung %", "Umgebung °C"), [comma(each) for each in rooms], number=comma, power=comma)
+    return "raum.csv", text(cells, ";"), OVEN
+
+
+@writes("room", "hostile")
+def _():
+    run, _, rooms = with_sides(OVEN, plan=((0, 30), (700, 60), (1500, 40)), drift=-4.0)
+    cells = _beside(run, ("time [s]", "oven temp (F)", "Output %", "ambient (F)"), [point(32.0 + 1.8 * each) for each in rooms],
+                    number=lambda d: point(32.0 + 1.8 * d))
+    return "room.csv", text(cells), OVEN, {"--power-before": "0"}
+
+
+@writes("4-20 mA", "clean")
+def _():
+    return "loop.csv", text(table(steps(OVEN), ("time [s]", "Temp [°C]", "Heater [mA]"), point, power=lambda p: f"{4 + 0.16 * p:.2f}")), OVEN, {
+        "--power-levels": "4 20"}
+
+
+@writes("4-20 mA", "messy")
+def _():
+    # the card's zero is low by 0.03 mA
+    cells = table(steps(OVEN), ("Zeit [s]", "Temperatur [°C]", "Stellstrom (mA)"), comma, number=comma, power=lambda p: comma(3.97 + 0.16 * p, 2))
+    return "strom.csv", text(cells, ";"), OVEN, {"--power-levels": "4 20"}
+
+
+@writes("4-20 mA", "hostile")
+def _():
+    # nothing says milliamperes, and both ends are reached
+    plan = ((0, 0), (60, 100), (400, 30))
+    return "loop.csv", text(table(steps(OVEN, plan=plan), ("time [s]", "Temp [°C]", "Output"), point, power=lambda p: f"{4 + 0.16 * p:.2f}")), OVEN, {
+        "--power-levels": "4 20"}
+
+
+@writes("1-5 V", "messy")
+def _():
+    return "daq.csv", text(table(steps(OVEN), ("time [s]", "Temp [°C]", "Control [V]"), point, power=lambda p: f"{1 + 0.04 * p:.3f}")), OVEN, {
+        "--power-levels": "1 5"}
+
+
+@writes("2-10 V", "hostile")
+def _():
+    # a range of 0-10 V would fit the numbers as well
+    return "valve.csv", text(table(steps(OVEN), ("time [s]", "Temp [°C]", "Heizung (V)"), point, power=lambda p: f"{2 + 0.08 * p:.2f}")), OVEN, {
+        "--power-levels": "2 10"}
+
+
+@writes("decimal commas between commas", "clean")
+def _():
+    return "log.csv", text(table(steps(OVEN), ("Zeit [s]", "Temperatur [°C]", "Leistung [%]"), comma, number=comma, power=comma)), OVEN
+
+
+@writes("decimal commas between commas", "messy")
+def _():
+    cells = table(steps(OVEN), ("Zeit", "Temperatur [°C]", "Leistung [%]"), iso, number=lambda d: comma(d, 2))
+    cells[200] = cells[200][:1]
+    return "log.csv", text(cells, above=("Ofen 3,Charge 12",), end="\r\n"), OVEN
+
+
+@writes("decimal commas between commas", "hostile")
+def _():
+    cells = table(steps(OVEN), (), lambda second: f"{second:g}", number=lambda d: comma(d, 2))[1:]
+    return "log.csv", text(cells), OVEN, {"--decimal-comma": "2", "--time-unit": "s", "--temperature-unit": "degC", "--power-full-scale": "100"}
+
+
 # ---- languages ---------------------------------------------------------------------------------------------------------
 
 LANGUAGES = {

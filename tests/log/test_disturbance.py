@@ -17,10 +17,12 @@ def _read(tmp_path, cells, **options):
     return read_log(path, **options)
 
 
-def test_a_disturbance_is_read_where_the_user_names_it_and_not_guessed(tmp_path):
+def test_a_disturbance_is_read_where_the_user_or_its_name_says_so(tmp_path):
+    # a flow carries heat away: passed over, as before, its effect went into the heater (issue 42: never a silent error)
     numbers = [row[3] for row in ROWS]
-    assert _read(tmp_path, numbers).disturbance is None
-    for column in ("flow [l/min]", 4):
+    assert _read(tmp_path, numbers, disturbance_column="none").disturbance is None
+    assert _read(tmp_path, [1.0] * 60).disturbance is None  # it stands still
+    for column in (None, "flow [l/min]", 4):
         log = _read(tmp_path, numbers, disturbance_column=column)
         np.testing.assert_array_equal(log.disturbance, numbers)
         assert log.taken.line.endswith("setpoint = none, disturbance = 'flow [l/min]'")

@@ -102,7 +102,7 @@ def test_without_the_power_a_disturbance_is_refused():
 
 
 def test_a_model_is_not_validated_by_a_disturbed_log_as_if_it_were_calm():
-    with pytest.raises(InputError, match="leave --disturbance-column out"):
+    with pytest.raises(InputError, match="leave it out with --disturbance-column none"):
         validate(model_by_hand(Fopdt(gain_degC_per_pct=0.9, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=60.0)), _log())
 
 

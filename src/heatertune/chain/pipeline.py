@@ -159,7 +159,10 @@ def feed_forward(
 
 
 def _effect(folder: Path) -> DisturbanceEffect:
-    effect = read_model(folder / "model.json").disturbance
+    fitted = read_model(folder / "model.json")
+    effect = fitted.disturbance
+    if loss := next((finding.message for finding in fitted.findings if finding.name == "loss-changes"), ""):
+        raise InputError(f"{loss} No line of power offsets it: prove the heater with the fan as in use.")
     if effect is None:
         raise InputError(f"{folder}: its log has no disturbance: design with --disturbance-column NAME first")
     if not effect.acts:

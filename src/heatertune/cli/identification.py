@@ -30,7 +30,8 @@ READ_EXAMPLE = "example: heatertune read table4"
 _ROWS: Final = 5  # shown
 _NO_FLAG: Final = {"sample_time_s": "log-interval"}
 _COLUMNS: Final = (("time_s", "time [s]"), ("temperature_degC", "temperature [°C]"), ("power_pct", "power [%]"),
-                   ("setpoint_degC", "setpoint [°C]"), ("disturbance", "disturbance"))
+                   ("setpoint_degC", "setpoint [°C]"), ("cooling_pct", "cooling [%]"), ("disturbance", "disturbance"),
+                   ("ambient_degC", "ambient [°C]"))
 
 
 def add_read(commands: Any) -> None:
@@ -60,7 +61,9 @@ def command_of(source: str, reading: Mapping[str, Any]) -> str:
     parts = ["heatertune", "read", source]
     for name, value in reading.items():
         parts.append(f"--{_NO_FLAG.get(name, name.replace('_', '-'))}")
-        if value is not True:
+        if isinstance(value, tuple):
+            parts += [f"{number:g}" for number in value]
+        elif value is not True:
             parts.append(str(value).removesuffix(".0") if isinstance(value, float) else str(value))
     return shlex.join(parts)
 

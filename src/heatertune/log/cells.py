@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Final
 
 from heatertune.errors import LogError
+from heatertune.log.decimal_commas import join_decimals
 from heatertune.log.formats import BINARY_FORMATS, TEXT_FORMATS
 from heatertune.log.formats.containers import decompress
 from heatertune.log.formats.format_table import FormatTable
@@ -284,10 +285,14 @@ class Sheet:
         return replace(self, rows=[self.rows[k] for k in places], lines=[self.lines[k] for k in places])
 
 
-def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag: str | None = None) -> Sheet:
+def read_sheet(
+    path: Path, content: bytes | None = None, skip_rows: int = 0, tag: str | None = None,
+    decimal_comma: str | None = None,
+) -> Sheet:
     """Return the cells of a file; with `content`, the path only names it.
 
-    `tag` is the heater of a printer's log or the sheet of a workbook, see `heatertune.log.formats`.
+    `tag` is the heater of a printer's log or the sheet of a workbook, see `heatertune.log.formats`; `decimal_comma` are
+    columns as `join_decimals` takes them.
 
     Raises:
         LogError: the file cannot be read, is empty, is no text, or many rows have another number of cells than the
@@ -322,6 +327,8 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
     del text, numbered, kept  # a long log is held as few times as can be
     separator = _separator(texts[-_SAMPLE:])
     rows = _without_empty_ends([row or [""] for row in _split(path, lines, texts, separator)], repairs)
+    if separator == "," and rows:
+        join_decimals(path, rows, decimal_comma, repairs)
     header, above, partial = take_header(path, lines, rows, repairs)
     comment: tuple[str, ...] = ()
     if rows and not header:

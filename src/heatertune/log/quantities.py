@@ -35,7 +35,7 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
         r"|时间|日期|時刻|日時|時間|年月日|시간|날짜|^temps ?[\[(/] ?(s|sec|ms|min|h)\b)"
         r"|^ts$|^t$|^[tT] ?[\[(/ ] ?(s|sec|ms|min|h)\b"),
     "temperature": re.compile(
-        r"(?i:temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|out|duty|%))|°[cf]"
+        r"(?i:(?<!pid )(?<!pid)temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|out|duty|%))|°[cf]"
         r"|deg ?[cf]|kelvin|thermocouple|scaled.?input|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値"
         r"|온도)"
         r"|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b|\bT\d*$"),

@@ -45,7 +45,9 @@ from heatertune.log.columns import (
 from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.second_file import with_power_rows
+from heatertune.log.side_columns import SIDE_ROLES
 from heatertune.log.tags import TagSelection, TagTable, by_tags
+from heatertune.log.unnamed_columns import quoted
 from heatertune.log.values import (
     ABSOLUTE_ZERO_DEGC,
     BUILT_IN,
@@ -137,7 +139,7 @@ def taken_of(
     grounds = temperature.evidence or "assumed"
     how = {
         "time": clock, "temperature": SIGNS[temperature.name] + (f", {grounds}" if temperature.assumed else ""),
-        "power": "" if power is None else power.written, "setpoint": "", "disturbance": "",
+        "power": "" if power is None else power.written, "setpoint": "", **dict.fromkeys(SIDE_ROLES, ""),
     }
     lost = tagged.lost + sheet.lost
     used = {role: (_names(sheet, columns, role), how[role]) for role in columns.index if role in how}
@@ -156,6 +158,7 @@ def taken_of(
 def stated_units(asked: ReadSettings) -> frozenset[str]:
     """Return the roles whose unit the user states."""
     stated = {role for role, option in UNIT_OPTIONS.items() if getattr(asked, option) is not None}
+    stated |= {"power"} if asked.power_levels is not None else set()
     return frozenset(stated | ({"time"} if asked.sample_time_s is not None else set()))
 
 
@@ -199,7 +202,9 @@ def _reading(
     if unit in TIME_UNITS or unit in CLOCK_UNITS:
         reading["time_unit"] = unit
     reading["temperature_unit"] = written.temperature.name
-    if written.power is not None:
+    if written.power is not None and written.power.levels is not None:
+        reading["power_levels"] = written.power.levels
+    elif written.power is not None:
         reading["power_full_scale"] = written.power.full_scale
     return reading
 
@@ -231,6 +236,7 @@ class _Series(NamedTuple):
     power_pct: Array | None
     setpoint_degC: Array | None
     disturbance: Array | None
+    ambient_degC: Array | None
 
 
 def read_log(
@@ -265,16 +271,17 @@ def read_log(
         sheet, asked = with_power_rows(sheet, _opened(Path(power_log), None, None, ReadSettings())[0], asked)
     given = (asked.time_column, asked.temperature_column, asked.power_column, asked.setpoint_column)
     wanted = {role: column for role, column in zip(ROLES, given, strict=True) if column is not None}
-    if asked.disturbance_column is not None:
-        wanted["disturbance"] = asked.disturbance_column
+    sides = {role: getattr(asked, f"{role}_column") for role in SIDE_ROLES}
+    wanted |= {role: column for role, column in sides.items() if column is not None}
     tags = TagSelection(
         temperature=None if sheet.part else asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag,
         column=asked.tag_column,
         quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column, date=asked.date_column)
     tagged = by_tags(sheet, tags, asked.time_unit)
-    if tagged.is_long and "disturbance" in wanted:
-        raise LogError("a table with a row for each tag has no column of a disturbance", file=sheet.file,
-                       value=str(asked.disturbance_column), expected="a table with a column for each")
+    for role in SIDE_ROLES:
+        if tagged.is_long and wanted.get(role, NO_COLUMN) != NO_COLUMN:
+            raise LogError(f"a table with a row for each tag has no column of {_SIDE_NAMES[role]}", file=sheet.file,
+                           value=str(wanted[role]), expected="a table with a column for each")
     sheet = plain_cells(tagged.sheet) if tagged.is_long else tagged.sheet
     columns = find_columns(sheet, tagged.wanted or wanted, counted=asked.sample_time_s is not None)
     sheet, columns = with_dates(sheet, columns, None if tagged.is_long else asked.date_column)
@@ -295,12 +302,15 @@ def read_log(
     unit = _temperature_unit(sheet, columns, asked, raw[kept], repairs, doubts)
     setpoint, filled = _setpoint(sheet, columns, unit.name, asked.temperature_scale or 1.0, repairs)
     disturbance, held = _disturbance(sheet, columns, repairs)
-    power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts)
+    power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts, levels=asked.power_levels)
+    power = _with_cooling(sheet, columns, power, repairs)
+    room, _ = _setpoint(sheet, columns, unit.name, 1.0, repairs, role="ambient")
     series = _Series(
         time_s=time[kept], temperature_degC=_temperature(sheet, columns, "temperature", unit, raw, kept)[kept],
         power_pct=None if power is None else power.percent[kept],
         setpoint_degC=None if setpoint is None else setpoint[kept],
-        disturbance=None if disturbance is None else disturbance[kept])
+        disturbance=None if disturbance is None else disturbance[kept],
+        ambient_degC=None if room is None else room[kept])
     series, continued, late_s = _put_back(series, edges[kept], tagged.lost_s, repairs, recorded=sheet.recorded)
     lines = np.array(sheet.lines)[kept][continued].tolist()
     tell_gaps(series.time_s, lines, power is not None, doubts)
@@ -310,7 +320,8 @@ def read_log(
         counts=RowCounts(read=len(time), repeats=repeats, filled=filled + held, put_back=len(lines) - int(kept.sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
-                 "temperature_scale": asked.temperature_scale, "tag": sheet.part or None, "power_log": power_log},
+                 "temperature_scale": asked.temperature_scale, "decimal_comma": asked.decimal_comma,
+                 "tag": sheet.part or None, "power_log": power_log},
     )
     log = _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
     return replace(log, power_late_s=late_s) if late_s else log
@@ -370,10 +381,8 @@ def _put_back(
     repairs.append(
         f"The temperature is written where it changes by {written.step_degC:.3g} °C; {len(rows.source) - len(time)} "
         f"rows in which it stood were put back, {written.interval_s:.3g} s apart.")
-    power, setpoint, disturbance = (
-        None if column is None else column[rows.source]
-        for column in (series.power_pct, series.setpoint_degC, series.disturbance))
-    return _Series(rows.time_s, rows.temperature, power, setpoint, disturbance), rows.source, late_s
+    others = (None if column is None else column[rows.source] for column in series[2:])
+    return _Series(rows.time_s, rows.temperature, *others), rows.source, late_s
 
 
 def _late_s(time: Array, power: Array | None, alone: Mask, interval_s: float) -> float:
@@ -416,7 +425,8 @@ def _opened(
     source: Path, table: BuiltIn | None, content: bytes | None, asked: ReadSettings
 ) -> tuple[Sheet, list[str]]:
     """Return the cells of a file with plain numbers, and the doubts about a built-in table."""
-    sheet = with_names(read_sheet(table.path if table else source, content, asked.skip_rows, asked.tag))
+    sheet = with_names(read_sheet(table.path if table else source, content, asked.skip_rows, asked.tag,
+                                  asked.decimal_comma))
     if not sheet.rows:
         raise LogError("the file holds a header and no readings", file=sheet.file, expected="at least 20 rows")
     doubts = list(table.doubts if table else ())
@@ -429,13 +439,16 @@ def _log(
     source: str | Path, table: BuiltIn | None, sheet: Sheet, series: _Series, repairs: tuple[str, ...],
     doubts: tuple[str, ...], taken: ReadSummary,
 ) -> Log:
+    power = series.power_pct
+    cools = power is not None and bool(np.any(power < 0.0))
     try:
         return Log(
             name=table.name if table else display_name(Path(source).stem),
             source=table.source if table else display_name(str(source)),
             repairs=repairs, warnings=doubts, same_heater=table.same_heater if table else (), taken=taken,
             rests_at_degC=table.rests_at_degC if table else None, pwm_period_s=sheet.pwm_period_s,
-            **series._asdict(),
+            cooling_pct=np.maximum(-power, 0.0) if power is not None and cools else None,
+            **series._asdict() | {"power_pct": None if power is None else np.maximum(power, 0.0)},
         )
     except OutOfRange as problem:
         raise LogError(str(problem), file=sheet.file) from problem
@@ -523,24 +536,57 @@ def _temperature(
 
 
 def _setpoint(
-    sheet: Sheet, columns: Columns, unit: str, scale: float, repairs: list[str]
+    sheet: Sheet, columns: Columns, unit: str, scale: float, repairs: list[str], role: str = "setpoint"
 ) -> tuple[Array | None, int]:
     """Return the setpoint, in the temperature's unit unless its name states another, and the number of filled cells.
 
+    With the role "ambient", the same of the room's temperature.
+
     Empty cells repeat the last value; those before the first value take the first.
     """
-    if "setpoint" not in columns.index:
+    if role not in columns.index:
         return None, 0
-    raw, filled = _held(sheet, columns, "setpoint", repairs)
+    raw, filled = _held(sheet, columns, role, repairs)
     if filled == len(raw):
-        repairs.append("The column of the setpoint is empty; no setpoint was read.")
+        repairs.append(f"The column of the {role} is empty; no {role} was read.")
         return None, 0
-    own = columns.unit("setpoint") or unit
+    own = columns.unit(role) or unit
     raw = raw * scale
     if own != unit:
-        repairs.append(f"The setpoint is in {own} by its name.")
+        repairs.append(f"The {role} is in {own} by its name.")
     everywhere = np.ones(len(raw), dtype=np.bool_)
-    return _temperature(sheet, columns, "setpoint", TemperatureUnit(own, assumed=False), raw, everywhere), filled
+    return _temperature(sheet, columns, role, TemperatureUnit(own, assumed=False), raw, everywhere), filled
+
+
+_SIDE_NAMES: Final = {"cooling": "a cooler", "disturbance": "a disturbance", "ambient": "the room's temperature"}
+_IDLE: Final = 1.0  # %: a controller that heats and cools switches one of them off
+
+
+def _with_cooling(sheet: Sheet, columns: Columns, power: Power | None, repairs: list[str]) -> Power | None:
+    """Return the power, below 0 that of a cooler in a column of its own.
+
+    Raises:
+        LogError: a cell that is no power of a cooler; heater and cooler are on at once.
+    """
+    if "cooling" not in columns.index or power is None:
+        return power
+    if np.any(power.percent < 0.0):
+        repairs.append("The power goes below 0 where it cools; the column of the cooler was not needed.")
+        return power
+    switched = on_or_off([row[columns.index["cooling"]] for row in sheet.rows])
+    named = columns.unit("cooling")
+    full = 1.0 if switched is not None else float(named) if named else power.full_scale
+    values = np.array(switched, dtype=np.float64) if switched is not None else _held(
+        sheet, columns, "cooling", repairs)[0]
+    other = "--cooling-column none --disturbance-column " + quoted(columns.names["cooling"])
+    for wrong, problem, expected in (
+        ((values < 0.0) | (values > full), "power of the cooler out of range:",
+         f"0…{full:g}, as the heater's power (else: {other}, in a unit of its own)"),
+        ((values > _IDLE / 100.0 * full) & (power.percent > _IDLE), "heater and cooler are on at once:",
+         f"one of them at 0; a cooler that is no part of the controller is a disturbance: {other}")):
+        if len(rows := np.flatnonzero(wrong)):
+            raise cell_error(sheet, columns, "cooling", int(rows[0]), problem, expected)
+    return power._replace(percent=np.where(values > 0.0, -100.0 * values / full, power.percent))
 
 
 def _disturbance(sheet: Sheet, columns: Columns, repairs: list[str]) -> tuple[Array | None, int]:

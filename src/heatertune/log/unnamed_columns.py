@@ -26,7 +26,8 @@ _FEW_LEVELS: Final = 12
 def likely_power(name: str, cells: Sequence[str], *, in_percent: bool = False) -> bool:
     """Return whether a column that nobody has named a power may be one by its content.
 
-    Its cells are on and off, or percent by name or unit; or they are numbers from 0 up that stand and change at once.
+    Its cells are on and off, or percent by name or unit; or they are numbers that stand and change at once,
+    from 0 up or on both sides of it.
     """
     written = [cell for cell in cells if not says_nothing(cell)]
     if len(written) < len(cells) * (1.0 - _MOST_TEXT) or len(set(written)) < 2 or _NO_POWER.search(name):
@@ -40,7 +41,11 @@ def likely_power(name: str, cells: Sequence[str], *, in_percent: bool = False) -
     changes = np.count_nonzero(np.diff(values)) / len(values)
     in_percent |= unit_in_name("power", name) == "100"
     is_set = changes <= _FEW_CHANGES and len(np.unique(values)) <= _FEW_LEVELS
-    return bool(values.min() >= 0.0 and (in_percent or is_set or (values.min() == 0.0 and changes <= _FEW_CHANGES)))
+    lowest = float(values.min())
+    cools = lowest < 0.0 < float(values.max())  # one signal that heats and cools
+    if in_percent or is_set:
+        return lowest >= 0.0 or (cools and (is_set or lowest >= -100.0))
+    return lowest == 0.0 and changes <= _FEW_CHANGES
 
 
 def demand_no_likely_power(sheet: Sheet, index: Mapping[str, int]) -> None:

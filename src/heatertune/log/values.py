@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -100,11 +100,11 @@ def _folder() -> Path:
 #: role → option of `read_log` that states its unit
 UNIT_OPTIONS: Final = {"time": "time_unit", "temperature": "temperature_unit", "power": "power_full_scale"}
 
-Option = bool | float | str | None
+Option = bool | float | str | tuple[float, float] | None
 
 _ROLES: Final = ("time", "temperature", "power", "setpoint")
-#: reported only if named by the user
-_NAMED: Final = "disturbance"
+#: reported only where there is one
+_NAMED: Final = ("disturbance", "cooling", "ambient")
 #: share of the rows: more is reported on the verdict line
 MOST_REPAIRED: Final = 0.01
 _SHOWN: Final = 12  # unused columns named
@@ -167,7 +167,7 @@ class ReadSummary:
 
     @property
     def _roles(self) -> tuple[str, ...]:
-        return (*_ROLES, _NAMED) if _NAMED in self.columns else _ROLES
+        return (*_ROLES, *(role for role in _NAMED if role in self.columns))
 
     def _column(self, role: str) -> str:
         if role not in self.columns:
@@ -203,6 +203,8 @@ class Log(NotebookDisplay):
         power_pct: heater power [0…100 % of full power], held from its instant to the next, shape (n,), or None.
         setpoint_degC: setpoint [°C], shape (n,), or None.
         disturbance: a measured load in a unit of its own, held from its instant to the next, shape (n,), or None.
+        cooling_pct: power of a cooler in addition to the heater [0…100 % of its full power], shape (n,), or None.
+        ambient_degC: temperature of the room [°C], shape (n,), or None.
         repairs: changes and assumptions of the reader, one sentence each.
         doubts: readings that look odd but were left as they are, one sentence each.
         same_heater: names of built-in logs taken on the same heater.
@@ -210,6 +212,7 @@ class Log(NotebookDisplay):
         rests_at_degC: steady-state temperature according to the source, None if not stated [°C].
         pwm_period_s: PWM period of the heater according to the source, 0 if not stated [s].
         power_late_s: how much earlier than its row the power may have changed, in excess of the interval [s].
+        cooling_gain: cooling power that `power_pct` holds below 0, at full cooling as a fraction of full heating.
 
     Raises:
         OutOfRange: shapes differ, fewer than 20 readings, times not increasing, values not finite,
@@ -223,6 +226,8 @@ class Log(NotebookDisplay):
     power_pct: Array | None = None
     setpoint_degC: Array | None = None
     disturbance: Array | None = None
+    cooling_pct: Array | None = None
+    ambient_degC: Array | None = None
     repairs: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     same_heater: tuple[str, ...] = field(default=())
@@ -230,12 +235,14 @@ class Log(NotebookDisplay):
     rests_at_degC: float | None = None
     pwm_period_s: float = 0.0
     power_late_s: float = 0.0
+    cooling_gain: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
         if n < MIN_SAMPLES:
             raise OutOfRange("number of samples", n, f">= {MIN_SAMPLES}")
-        for name in ("time_s", "temperature_degC", "power_pct", "setpoint_degC", "disturbance"):
+        for name in ("time_s", "temperature_degC", "power_pct", "setpoint_degC", "disturbance", "cooling_pct",
+                     "ambient_degC"):
             column = getattr(self, name)
             if column is not None:
                 object.__setattr__(self, name, _frozen(name, column, n))
@@ -244,7 +251,10 @@ class Log(NotebookDisplay):
         if np.ptp(self.temperature_degC) == 0.0:
             raise OutOfRange("temperature_degC", float(self.temperature_degC[0]), "varying, not constant")
         _demand_bounds("temperature_degC", self.temperature_degC, ABSOLUTE_ZERO_DEGC, np.inf)
-        _demand_bounds("power_pct", self.power_pct, 0.0, 100.0)
+        _demand_bounds("power_pct", self.power_pct, -100.0 * self.cooling_gain, 100.0)
+        _demand_bounds("cooling_pct", self.cooling_pct, 0.0, 100.0)
+        if self.cooling_pct is not None and self.power_pct is None:
+            raise OutOfRange("cooling_pct", float(self.cooling_pct[0]), "logged together with the heater's power")
 
     @classmethod
     def from_frame(
@@ -299,9 +309,31 @@ class Log(NotebookDisplay):
         return Log(
             name=self.name, source=self.source, time_s=self.time_s[keep], temperature_degC=self.temperature_degC[keep],
             power_pct=cut(self.power_pct), setpoint_degC=cut(self.setpoint_degC), disturbance=cut(self.disturbance),
+            cooling_pct=cut(self.cooling_pct), ambient_degC=cut(self.ambient_degC),
             repairs=self.repairs, warnings=self.warnings, same_heater=self.same_heater, taken=self.taken,
             rests_at_degC=self.rests_at_degC, pwm_period_s=self.pwm_period_s, power_late_s=self.power_late_s,
+            cooling_gain=self.cooling_gain,
         )
+
+    def demand_heater_alone(self, purpose: str) -> None:
+        """Refuse a log with a cooler's power for what knows the heater's alone.
+
+        Raises:
+            InputError: it has a cooler's power; `purpose` says what cannot use it, and another way.
+        """
+        if self.cooling_pct is not None:
+            raise InputError(f"{self.name}: the log holds the power of a cooler, {purpose}")
+
+    def with_net_power(self, cooling_gain: float) -> Log:
+        """Return the log with one power, that of the cooler below 0, as a heater of one gain has it.
+
+        Args:
+            cooling_gain: effect of full cooling as a fraction of that of full heating.
+        """
+        assert self.power_pct is not None
+        assert self.cooling_pct is not None
+        return replace(self, power_pct=self.power_pct - cooling_gain * self.cooling_pct, cooling_pct=None,
+                       cooling_gain=max(cooling_gain, 0.0))
 
 
 def _demand_bounds(name: str, column: Array | None, least: float, most: float) -> None:

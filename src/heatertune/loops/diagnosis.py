@@ -273,6 +273,8 @@ def diagnose(log: Log, loop: LoopEntry, before: FittedModel | None = None) -> Di
     Raises:
         InputError: no setpoint is known.
     """
+    log.demand_heater_alone("which is not judged; without its power the loop is judged by its temperature: "
+                            "--power-column none")
     if loop.setpoint_degC is not None:
         log = replace(log, setpoint_degC=np.full(len(log.time_s), loop.setpoint_degC))
     if log.setpoint_degC is None:

@@ -58,10 +58,11 @@ def middle_degC(log: Log) -> float:
 
 def mirrored_log(log: Log, about_degC: float) -> Log:
     """Return the log of the heater for that of a cooler, its temperatures mirrored at one [°C]."""
-    setpoint, rest = log.setpoint_degC, log.rests_at_degC
+    setpoint, rest, room = log.setpoint_degC, log.rests_at_degC, log.ambient_degC
     return replace(
         log, temperature_degC=2.0 * about_degC - log.temperature_degC,
         setpoint_degC=None if setpoint is None else 2.0 * about_degC - setpoint,
+        ambient_degC=None if room is None else 2.0 * about_degC - room,
         rests_at_degC=None if rest is None else 2.0 * about_degC - rest)
 
 

@@ -25,7 +25,7 @@ from heatertune.codec import (
     register_schema,
 )
 from heatertune.errors import DocumentError
-from heatertune.model.disturbance import DisturbanceEffect
+from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect
 from heatertune.model.findings import Finding
 from heatertune.model.statistics import Interval
 from heatertune.model.validation import LJUNG_BOX_95
@@ -338,6 +338,7 @@ class ModelView:
     reading_step_degC: float | None = None
     assumed: Mapping[str, float] = field(default_factory=dict)
     disturbance: DisturbanceEffect | None = field(default=None, metadata=LEFT_OUT)
+    cooling: CoolingEffect | None = field(default=None, metadata=LEFT_OUT)
     logs: tuple[OneLogView, ...] = field(default=(), metadata=LEFT_OUT)
     validation: ValidationView | None = field(default=None, metadata=FLAT)
     residuals: _Residuals | None = field(default=None, metadata=LEFT_OUT)

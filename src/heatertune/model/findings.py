@@ -70,6 +70,18 @@ KINDS: Final[dict[str, FindingKind]] = {
         "log steps to two levels of power around the usual one"),
     "nonlinear": FindingKind(
         "widens", "the gain depends on the power or on the temperature", "log steps around the setpoint of use"),
+    "loss-changes": FindingKind(
+        "widens", "a fan or a flow multiplies the heat loss", "log with the fan or the flow as in use"),
+    "cooler": FindingKind(
+        "told", "the log has a cooler, which only a proof with --cooling-gain uses",
+        "prove a controller that drives it (--target pid-temp --cooling-gain)"),
+    "cooler-differs": FindingKind(
+        "blocks", "the cooler does not act as negative power of the heater",
+        "leave the cooler off in use and log the heater alone, or log steps of both (the power below 0 as well), each "
+        "until the temperature is steady"),
+    "cooling-gain": FindingKind(
+        "blocks", "the power of the cooler is not the one that the log shows",
+        "state what the log shows (--cooling-gain)"),
     "setpoint-unreached": FindingKind(
         "blocks", "not every plausible heater can hold the setpoint", "log closer to the setpoint, or lower it"),
     "beyond-the-log": FindingKind(

@@ -14,7 +14,7 @@ from heatertune.log.values import MOST_REPAIRED, Log
 from heatertune.model.circumstances import DelaysKnown
 from heatertune.model.cooler_mirror import middle_degC, mirror_heater, mirrored_log
 from heatertune.model.diagnostics import Remark, findings_of, unit_findings
-from heatertune.model.disturbance import DisturbanceEffect
+from heatertune.model.disturbance import DisturbanceEffect, LossEffect
 from heatertune.model.findings import Finding
 from heatertune.model.outliers import undisturbed_part
 from heatertune.model.power.explanation import Explanation, explain_log
@@ -24,6 +24,7 @@ from heatertune.model.power.fit_power import fit_power, weigh_fit
 from heatertune.model.power.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.power.load_steps import is_sensible
 from heatertune.model.power.regressors import AMBIENT
+from heatertune.model.power.side_effects import cleared, fit_two_way, in_its_room, with_loss
 from heatertune.model.relay_test import with_relay
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
 from heatertune.model.temperature.fit_temperature import fit_temperature
@@ -76,11 +77,16 @@ def fit(
         progress(f"{log.name}: fitting {len(laws)} controller laws inside the loop")
         fitted = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
     else:
-        used, effect = _cleared(used, progress)
+        used, bounds, side_notes = in_its_room(used, bounds)
+        used, effect, loss = _cleared(used, progress)
         progress(f"{log.name}: fitting one and two lags to the logged power")
-        fitted = _fit_logged(used, bounds, given.power_before_pct, seed, delays)
-        fitted = with_relay(used, fitted, ambient_degC=_single(bounds))
+        fit_one = partial(_fit_logged, bounds=bounds, power_before_pct=given.power_before_pct, seed=seed, delays=delays)
+        if used.cooling_pct is None:
+            fitted = with_relay(used, with_loss(fit_one(used), loss), ambient_degC=_single(bounds))
+        else:
+            fitted, used = fit_two_way(used, fit_one)
         loop = loop_remarks(used)
+        notes += side_notes
         notes += tuple(remark.sentence for remark in loop)
         notes += () if effect is None else (effect.sentence,)
         fitted = replace(fitted, findings=(*fitted.findings, *findings_of(loop)), disturbance=effect)
@@ -92,6 +98,7 @@ def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str]
     if log.power_pct is None:
         raise InputError(f"{log.name}: the power was not logged, and no law is known by which a controller cools; log "
                          "the power")
+    log.demand_heater_alone("next to that of a heater: fit both, without --cooler")
     about, bounds = middle_degC(log), _bounds(given.ambient_degC)
     _check_given(mirrored_log(log, about), None, given.power_before_pct)
     turned = None if bounds is None else (2.0 * about - bounds[1], 2.0 * about - bounds[0])
@@ -282,20 +289,21 @@ def _used(log: Log, until_s: float | None) -> tuple[Log, tuple[str, ...]]:
     return log.window(float(log.time_s[0]), until_s), (f"Readings after {until_s:g} s were not used.",)
 
 
-def _cleared(log: Log, progress: Callable[[str], object]) -> tuple[Log, DisturbanceEffect | None]:
-    """Return a log without the effect of its disturbance, and this effect (None without a disturbance)."""
+def _cleared(
+    log: Log, progress: Callable[[str], object]
+) -> tuple[Log, DisturbanceEffect | None, LossEffect | None]:
+    """Return a log without the effect of its disturbance, and this effect: as power, or on the heat loss."""
     if log.disturbance is None:
-        return log, None
-    from heatertune.model.power.disturbance_fit import without_disturbance
-
+        return log, None, None
     progress(f"{log.name}: fitting heater and disturbance together")
-    return without_disturbance(log)
+    return cleared(log)
 
 
 def _refuse_disturbance(log: Log) -> None:
     if log.disturbance is not None:
         raise InputError(f"{log.name}: the effect of a disturbance can only be fitted from a single log that contains "
-                         "the power; leave out --disturbance-column, or log the power")
+                         "the power; leave it out with --disturbance-column none, or log the power")
+    log.demand_heater_alone("which can only be fitted from a single log: fit it separately")
 
 
 def _demand_laws(log: Log, laws: Sequence[ControllerLaw]) -> None:
@@ -348,7 +356,7 @@ def _explained(
 def _begun_at_degC(log: Log, explanation: Explanation) -> float | None:
     """Return the temperature at which a log begins without power, where the free ambient lies above it."""
     assert log.power_pct is not None
-    on = np.flatnonzero(log.power_pct > 0.0)
+    on = np.flatnonzero(log.power_pct != 0.0)
     first = log.temperature_degC[: on[0] if len(on) else 0]
     if not len(first) or is_sensible(explanation.problems[0], explanation.fits[0]):
         return None

@@ -118,7 +118,11 @@ def validate(fitted: FittedModel, log: Log, settings: ValidateSettings | None = 
         )
     if log.disturbance is not None:
         raise InputError(f"{log.name}: a model is run with the power alone, without what the disturbance does; leave "
-                         "--disturbance-column out, and --until the instant before it changes")
+                         "it out with --disturbance-column none, and --until the instant before it changes")
+    if log.cooling_pct is not None and fitted.cooling is not None and not fitted.cooling.doubts:
+        log = log.with_net_power(fitted.cooling.cooling_gain)
+    log.demand_heater_alone("which this model does not know; validate a model that was fitted to a log with both, or "
+                            "--until the instant before it cools")
     asked = merge_options(ValidateSettings, settings, changed)
     if cools(fitted):
         about = middle_degC(log)

@@ -25,7 +25,7 @@ from heatertune.units import check
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
 
-    from heatertune.model.disturbance import DisturbanceEffect
+    from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect
     from heatertune.model.statistics import Interval
 
 __all__ = [
@@ -522,6 +522,7 @@ class FittedModel(NotebookDisplay, Dynamics):
         reading_step_degC: sensor resolution, or the noise of one reading if that is larger, 0 if unknown [°C].
         assumed: additional knowledge of the user, name with unit → value.
         disturbance: effect of a measured disturbance, or None.
+        cooling: effect of a cooler in addition to the heater, or None.
     """
 
     model: Fopdt
@@ -545,6 +546,7 @@ class FittedModel(NotebookDisplay, Dynamics):
     reading_step_degC: float = 0.0
     assumed: Mapping[str, float] = field(default_factory=dict)
     disturbance: DisturbanceEffect | None = None
+    cooling: CoolingEffect | None = None
 
     def __post_init__(self) -> None:
         for name in ("log_interval_s", "least_dead_time_s", "reading_step_degC"):

@@ -66,7 +66,7 @@ class TakenView:
     repaired: int
     repaired_share: float
     unused: tuple[str, ...]
-    reading: Mapping[str, str | float | bool]
+    reading: Mapping[str, str | float | bool | tuple[float, ...]]
 
 
 @register_schema("heatertune/log/2")
@@ -83,10 +83,12 @@ class LogView:
     repairs: tuple[str, ...]
     warnings: tuple[str, ...]
     taken: TakenView | None
+    cooling_pct: Numbers | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         _demand_drawable(time_s=self.time_s, temperature_degC=self.temperature_degC)
-        for name, column in (("power_pct", self.power_pct), ("setpoint_degC", self.setpoint_degC)):
+        for name, column in (("power_pct", self.power_pct), ("setpoint_degC", self.setpoint_degC),
+                             ("cooling_pct", self.cooling_pct)):
             if column is not None:
                 _demand_drawable(time_s=self.time_s, **{name: column})
 

@@ -25,9 +25,24 @@ from heatertune.proof.criteria import CRITERIA, LoopLimits
 from heatertune.proof.scenario import Scenario, can_hold
 
 __all__ = [
-    "MAINS_POWERS", "RATED_ONLY", "RESERVE_PCT", "ROOM_DEGC", "MainsScenario", "Supply", "beyond_log", "covered_degC",
-    "default_setpoint", "holding_heaters", "labelled_heaters", "left_out", "limits_off_rated", "mains_label",
-    "range_is_unknown", "scale_power", "unreachable_findings",
+    "MAINS_POWERS",
+    "RATED_ONLY",
+    "RESERVE_PCT",
+    "ROOM_DEGC",
+    "MainsScenario",
+    "Supply",
+    "beyond_log",
+    "cooler_findings",
+    "covered_degC",
+    "default_setpoint",
+    "holding_heaters",
+    "labelled_heaters",
+    "left_out",
+    "limits_off_rated",
+    "mains_label",
+    "range_is_unknown",
+    "scale_power",
+    "unreachable_findings",
 ]
 
 
@@ -92,6 +107,7 @@ _COVERED: Final = 0.1
 #: no room is colder or hotter, whatever ambient a fit extrapolates to [°C]
 _ROOMS_DEGC: Final = (0.0, 40.0)
 
+_AS_LOGGED: Final = 0.1  # of a cooler's power: a proven loop has as much in reserve
 _NEAR: Final = 0.02  # of the span of the readings: as near to a setpoint they are at it
 
 
@@ -106,6 +122,27 @@ def holding_heaters(fitted: FittedModel, setpoint_degC: float) -> list[tuple[str
     heaters = labelled_heaters(fitted)
     return [(label, model) for label, model in heaters
             if can_hold(model, setpoint_degC, float(model.ambient_degC or 0.0))] or heaters
+
+
+def cooler_findings(fitted: FittedModel, cooling_gain: float | None) -> tuple[Finding, ...]:
+    """Return the findings of a fit, with those of its cooler, if the words drive one.
+
+    Args:
+        fitted: the heater, and the cooler as its log shows it.
+        cooling_gain: full power of the cooler that the proof takes, as a part of the heater's; None: it is left off.
+    """
+    logged = fitted.cooling
+    if logged is None or cooling_gain is None:
+        return fitted.findings
+    kept = [finding for finding in fitted.findings if finding.name not in ("cooler", "cooler-differs")]
+    if logged.doubts:
+        kept.append(Finding(name="cooler-differs", message=f"{'; '.join(logged.doubts)}."))
+    low, high = logged.cooling_gain_ci95
+    if not low * (1.0 - _AS_LOGGED) <= cooling_gain <= high * (1.0 + _AS_LOGGED):
+        kept.append(Finding(name="cooling-gain", message=(
+            f"full cooling was taken as {cooling_gain:.3g} times full heating, where the log shows {low:.3g} … "
+            f"{high:.3g}: --cooling-gain {logged.cooling_gain:.3g}.")))
+    return tuple(kept)
 
 
 def unreachable_findings(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[Finding]:

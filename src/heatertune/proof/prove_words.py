@@ -24,6 +24,7 @@ from heatertune.proof.heaters import (
     RESERVE_PCT,
     Supply,
     beyond_log,
+    cooler_findings,
     default_setpoint,
     holding_heaters,
     left_out,
@@ -91,8 +92,9 @@ def prove(
     course, specification = course_for(words, heaters, asked, setpoint), specification_of(asked)
     powers = () if first_look else MAINS_POWERS if only is None else dict.fromkeys(power for *_, power in only if power)
     supplies, told, untested = _supplies(words, models, asked, (setpoint, farthest), powers, course.notes)
+    actuator = actuator_for(asked, words)
     heard = FitDiagnostics(
-        findings=(*fitted.findings, *unreachable_findings(fitted, len(models), farthest),
+        findings=(*cooler_findings(fitted, actuator.cooling_gain), *unreachable_findings(fitted, len(models), farthest),
                   *beyond_log(fitted, setpoints)), accepted=asked.accept,
         assumed=fitted.assumed, not_tested=(*course.not_tested, *untested),
         remarks=(*_remarks(words, fitted, asked, setpoints), *left_out(fitted, len(models), farthest), *course.notes,
@@ -106,7 +108,7 @@ def prove(
         progress=progress, supplies=supplies)
     return prove_models(
         controller_for(words.target), words, models[:1] if first_look else models, course.scenario,
-        actuator_for(asked, words), acceptance, coverage, interlock=_interlock(asked, words))
+        actuator, acceptance, coverage, interlock=_interlock(asked, words))
 
 
 def _supplies(

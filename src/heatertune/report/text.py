@@ -83,6 +83,8 @@ def model_rows(model: Document) -> list[tuple[str, str, str, str]]:
     parameters = [(name, model[name], model.get(f"{name}_ci95"))
                   for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")]
     parameters += [(name, item["value"], item["ci95"]) for name, item in model.get("combinations", {}).items()]
+    cooling = model.get("cooling")
+    parameters += [] if cooling is None else [("cooling_gain", cooling["cooling_gain"], cooling["cooling_gain_ci95"])]
     names = [NOMENCLATURE[name] for name, _, _ in parameters]
     return [(called, figure(value), _interval(ci95), unit)
             for (_, called, unit), (_, value, ci95) in zip(names, parameters, strict=True)]

@@ -75,7 +75,7 @@ def read_source(source: str) -> LogSource:
     documents = read_documents(Path(source))
     held = documents["log"]
     columns = {name: held[name] for name in ("name", "source", "time_s", "temperature_degC", "power_pct",
-                                              "setpoint_degC")}
+                                              "setpoint_degC")} | {"cooling_pct": held.get("cooling_pct")}
     log = Log(**columns, repairs=tuple(held["repairs"]), warnings=tuple(held["warnings"]))
     fitted, design, recipe = from_document(documents["model"]), *pid_document.parts_of(documents["pid"])
     settings = StudioSettings(target=documents["words"]["target"], structure=documents["pid"]["structure"])

@@ -156,7 +156,8 @@ class DroppedFile:
             problem = str(refused)
         given: dict[str, Any] = {"settings": settings, "assumptions": assumed, "log": log, "problem": problem}
         try:
-            sheet = plain_cells(with_names(read_sheet(Path(plain), content, settings.skip_rows, settings.tag)))
+            sheet = plain_cells(with_names(read_sheet(
+                Path(plain), content, settings.skip_rows, settings.tag, settings.decimal_comma)))
         except (LogError, IndexError):
             text = "" if b"\0" in content[:_LINES] else content[:_LINES * _LONGEST].decode("utf-8", "replace")
             lines = tuple(line[:_LONGEST] for line in text.splitlines()[:_LINES])
@@ -192,7 +193,7 @@ class DroppedFile:
     def run(self) -> int | None:
         """Which of several runs is read, 1 = first; None: the file holds one."""
         run = None if self.log is None or self.log.taken is None else self.log.taken.reading.get("run")
-        return self.settings.run if run is None else int(run)
+        return run if isinstance(run, int) else self.settings.run
 
     @property
     def zone(self) -> str:

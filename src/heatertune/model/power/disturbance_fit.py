@@ -19,18 +19,19 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.errors import InputError
 from heatertune.log.values import Log
-from heatertune.model.disturbance import DisturbanceEffect
+from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect
 from heatertune.model.power.open_loop import FAR, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE, Readings
 from heatertune.model.statistics import ar1_bic
 
-__all__ = ["without_disturbance"]
+__all__ = ["TAILS_PCT", "ar1_covariance", "cooling_effect", "without_disturbance"]
 
 
 _READINGS: Final = 400  # averaged, of the search
-_TAILS_PCT: Final = (1.0, 99.0)  # of the levels: a lone wild cell is no level
+TAILS_PCT: Final = (1.0, 99.0)  # of the levels: a lone wild cell is no level
 _NORMAL: Final = 1.96  # of a 95 % interval
 _MOST_COLOUR: Final = 0.98
+_EDGES: Final = 40  # of a signal, one by one
 _SMALL: Final = 1e-4  # step of a difference quotient, of the unknown's range
 
 
@@ -72,10 +73,68 @@ def without_disturbance(log: Log) -> tuple[Log, DisturbanceEffect]:
     if float(np.ptp(log.power_pct)) == 0.0:
         raise InputError(f"{log.name}: the power never changes, so no disturbance can be expressed in power: log a "
                          "step of each")
-    calm, strong = np.percentile(log.disturbance, _TAILS_PCT).tolist()
+    calm, strong = np.percentile(log.disturbance, TAILS_PCT).tolist()
     if not strong > calm:
         raise InputError(f"{log.name}: the disturbance {_named(log)!r} is {calm:g} in all but a hundredth of the "
-                         "readings, so its effect is unknown: log a step of it")
+                         "readings, so its effect is unknown: log a step of it, or leave it out: --disturbance-column "
+                         "none")
+    effect, through = _effect(log, calm, strong, f"the disturbance {_named(log)!r} moves with the power, so their "
+                              "effects cannot be separated: log a step of it with constant power, or leave it out: "
+                              "--disturbance-column none")
+    cleared = replace(log, disturbance=None)
+    if not effect.acts:
+        return cleared, effect
+    course = _problem(log, most=len(log.time_s)).disturbance.basis(_vector(through.z[:-1], effect.delay_s))[GAIN]
+    return replace(cleared, temperature_degC=log.temperature_degC - through.linear[-1] * (course - calm)), effect
+
+
+def cooling_effect(log: Log) -> CoolingEffect:
+    """Return how strong the cooler of a log is: its power as that of the heater, of the opposite sign.
+
+    Raises:
+        InputError: the power never changes, the cooler works all the time or moves with the heater, or no heater
+            explains the log.
+    """
+    assert log.cooling_pct is not None
+    assert log.power_pct is not None
+    if float(np.ptp(log.power_pct)) == 0.0:
+        raise InputError(f"{log.name}: the heater's power never changes, so a cooler cannot be expressed in it: log a "
+                         "step of each, or fit the cooler alone: --power-levels 0 -100 --cooler")
+    if float(np.ptp(log.cooling_pct)) == 0.0:
+        raise InputError(f"{log.name}: the cooler's power never changes, so its effect is unknown: log a step of it, "
+                         "or leave it out: --cooling-column none")
+    most = float(np.max(log.cooling_pct))
+    inseparable = (
+        "the cooler is on whenever the heater is off, so their effects cannot be separated: log a while with both off; "
+        f"or read a signal of both as one power, 0 % at full cooling: --power-levels {-most:g} 100")
+    effect, _ = _effect(replace(log, disturbance=log.cooling_pct), 0.0, most, inseparable, by_controller=True)
+    low, high = effect.pct_per_unit_ci95
+    coarse = abs(effect.pct_per_unit) * _NORMAL * math.hypot(_rounding(log.power_pct), _rounding(log.cooling_pct))
+    return CoolingEffect(
+        cooling_gain=-effect.pct_per_unit, cooling_gain_ci95=(-high - coarse, -low + coarse), lead_s=effect.lead_s,
+        lead_s_ci95=effect.lead_s_ci95, delta_bic=effect.delta_bic, delta_bic_own_lag=effect.delta_bic_own_lag,
+        own_lag_s=effect.own_lag_s)
+
+
+def _rounding(power: Array) -> float:
+    """Return the error of a power that was rounded to its last written digit, as a fraction of what it was when on."""
+    digit = next(10.0**-digits for digits in range(7) if digits == 6 or np.allclose(
+        power, np.round(power, digits), rtol=0.0, atol=1e-9))
+    return digit / math.sqrt(12.0) / float(np.sqrt(np.mean(power[power > 0.0] ** 2)))
+
+
+def _effect(
+    log: Log, calm: float, strong: float, inseparable: str, *, by_controller: bool = False
+) -> tuple[DisturbanceEffect, _Fit]:
+    """Return the effect of a disturbance, and the fit of heater and disturbance together.
+
+    `by_controller`: a controller moves both within the log's interval, so the interval holds what that does.
+
+    Raises:
+        InputError: they change together, which `inseparable` says, or no heater explains the log.
+    """
+    assert log.disturbance is not None
+    assert log.power_pct is not None
     problem = _problem(log)
     through = min((_searched(problem, two_lags=two) for two in (False, True)), key=lambda fit: fit.bic)
     two_lags = len(through.z) == 4
@@ -83,22 +142,18 @@ def without_disturbance(log: Log) -> tuple[Log, DisturbanceEffect]:
     own = _searched(problem, two_lags=two_lags, own_lag=True)
     together = _one_shape(log.power_pct, log.disturbance)  # the fit would then divide rounding errors, of either sign
     if together or through.linear[0] <= 0.0:
-        why = (f"the disturbance {_named(log)!r} moves with the power, so their effects cannot be separated: log a "
-               "step of it with constant power") if together or none.linear[0] > 0.0 else (
+        why = inseparable if together or none.linear[0] > 0.0 else (
             "no heater explains the log: a rising power never warms it")
         raise InputError(f"{log.name}: {why}")
-    pct_per_unit, (spread, lead_spread) = _interval(problem, through)
+    late = _late_edges(log, problem, through) if by_controller else np.zeros((len(problem.measured), 0))
+    pct_per_unit, (spread, lead_spread) = _interval(problem, through, late)
     delay, lead = float(through.z[-1]), float(through.z[1] - through.z[-1])
     lead_spread += float(np.median(np.diff(log.time_s)))  # a change is logged up to an interval late
     effect = DisturbanceEffect(
         column=_named(log), pct_per_unit=pct_per_unit, pct_per_unit_ci95=(pct_per_unit - spread, pct_per_unit + spread),
         delay_s=delay, lead_s=lead, lead_s_ci95=(lead - lead_spread, lead + lead_spread), calm=calm, strong=strong,
         delta_bic=none.bic - through.bic, delta_bic_own_lag=none.bic - own.bic, own_lag_s=math.exp(own.z[-1]))
-    cleared = replace(log, disturbance=None)
-    if not effect.acts:
-        return cleared, effect
-    course = _problem(log, most=len(log.time_s)).disturbance.basis(_vector(through.z[:-1], delay))[GAIN]
-    return replace(cleared, temperature_degC=log.temperature_degC - through.linear[-1] * (course - calm)), effect
+    return effect, through
 
 
 def _one_shape(power: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> bool:
@@ -174,8 +229,35 @@ def _last(start: tuple[float, ...], bounds: Array, *, own_lag: bool) -> float:
     return start[0] if own_lag else min(start[1], bounds[-1, 1])
 
 
-def _interval(problem: _Problem, fit: _Fit) -> tuple[float, tuple[float, float]]:
-    """Return the effect as power, and half its 95 % interval and that of the difference of the delays [s]."""
+def _late_edges(log: Log, problem: _Problem, fit: _Fit) -> Array:
+    """Return what edges that were written late do to the readings, a standard deviation each, shape (n, k) [°C].
+
+    A signal changes at any instant of the interval before the row that shows it: evenly spread.
+    """
+    assert log.disturbance is not None
+    assert log.power_pct is not None
+    interval = float(np.median(np.diff(log.time_s)))
+    rows: list[Array] = []
+    for held, delay, gain in ((log.power_pct, fit.z[1], fit.linear[0]), (log.disturbance, fit.z[-1], fit.linear[-1])):
+        steps = np.diff(held)
+        largest = np.argsort(-np.abs(steps))[:_EDGES]
+        # the small ones that are left out add up to as much as their squares
+        rest = math.sqrt(float(steps @ steps) / max(float(steps[largest] @ steps[largest]), 1e-300))
+        for place in largest[steps[largest] != 0.0]:
+            edge = float(log.time_s[place + 1])
+            pulse = PowerProblem(two_lags=True, readings=replace(
+                problem.power.readings, edge_s=np.array([log.time_s[0] - interval, edge - interval, edge]),
+                level_pct=np.array([0.0, steps[place], 0.0])))
+            heater = fit.z[:-1]
+            rows.append(rest * gain * pulse.basis(_vector(heater, float(delay)))[GAIN] / math.sqrt(12.0))
+    return np.column_stack(rows)
+
+
+def _interval(problem: _Problem, fit: _Fit, late: Array) -> tuple[float, tuple[float, float]]:
+    """Return the effect as power, and half its 95 % interval and that of the difference of the delays [s].
+
+    `late`: errors of the readings, independent of each other, in addition to the noise, shape (n, k) [°C].
+    """
     jacobian, scale = [], np.ptp(problem.bounds, axis=1)[[0, 1, 2, 3] if len(fit.z) == 4 else [0, 1, 3]]
     base = fit.columns(fit.z)
     for place, size in enumerate(_SMALL * scale):
@@ -184,7 +266,10 @@ def _interval(problem: _Problem, fit: _Fit) -> tuple[float, tuple[float, float]]
         jacobian.append((fit.columns(moved) - base) @ fit.linear / size)
     slopes = np.column_stack([*jacobian, base])
     power, effect = float(fit.linear[0]), float(fit.linear[-1])
-    covariance = _covariance(slopes / (norms := np.linalg.norm(slopes, axis=0)), fit.residuals) / np.outer(norms, norms)
+    norms = np.linalg.norm(slopes, axis=0)
+    covariance = ar1_covariance(slopes / norms, fit.residuals)
+    moved = np.linalg.pinv(slopes / norms) @ late
+    covariance = (covariance + moved @ moved.T) / np.outer(norms, norms)
     searched = len(fit.z)
     gradients = np.zeros((2, slopes.shape[1]))
     gradients[0, searched], gradients[0, -1] = -effect / power**2, 1.0 / power
@@ -193,7 +278,7 @@ def _interval(problem: _Problem, fit: _Fit) -> tuple[float, tuple[float, float]]
     return effect / power, (spread, lead_spread)
 
 
-def _covariance(slopes: Array, residuals: Array) -> Array:
+def ar1_covariance(slopes: Array, residuals: Array) -> Array:
     """Return the covariance of the unknowns, the residuals being AR(1) of their own colour."""
     n = len(residuals)
     colour = float(residuals[1:] @ residuals[:-1]) / max(float(residuals @ residuals), 1e-300)

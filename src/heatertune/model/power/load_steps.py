@@ -136,7 +136,9 @@ def left_over(problem: PowerProblem, fit: PowerFit) -> bool:
 
 
 def is_sensible(problem: PowerProblem, fit: PowerFit) -> bool:
-    """Return whether the ambient lies below the readings, but for a little: no heater is colder than its room."""
+    """Return whether the ambient lies below the readings, but for a little: only coolers go below it."""
+    if float(problem.readings.level_pct.min()) < 0.0:
+        return True
     readings = problem.readings.temperature_degC
     return float(fit.linear[AMBIENT]) <= lowest_degC(problem) + _COLDER * float(np.ptp(readings))
 
