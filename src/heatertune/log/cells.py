@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import codecs
 import csv
-import io
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, MutableSequence, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, takewhile
 from pathlib import Path
 from typing import Final
 
@@ -22,7 +21,7 @@ from heatertune.errors import LogError
 from heatertune.log.decimal_commas import join_decimals
 from heatertune.log.formats import BINARY_FORMATS, TEXT_FORMATS
 from heatertune.log.formats.containers import decompress
-from heatertune.log.formats.format_table import FormatTable
+from heatertune.log.formats.format_table import FormatTable, NumberedLines
 from heatertune.log.quantities import is_number, is_quantity, plain_quantities, role_of, says_nothing, stamp
 from heatertune.units import count
 from heatertune.writing import read_bytes
@@ -55,7 +54,7 @@ _SHOWN_LINES: Final = 5
 
 
 def take_header(
-    file: Path, lines: list[int], rows: list[list[str]], repairs: list[str]
+    file: Path, lines: MutableSequence[int], rows: list[list[str]], repairs: list[str]
 ) -> tuple[tuple[str, ...], int, int]:
     """Remove all lines above the readings, and rows that are not whole.
 
@@ -155,7 +154,7 @@ def _named(
     return tuple(names)
 
 
-def _drop_repeats(names: Sequence[str], lines: list[int], rows: list[list[str]], repairs: list[str]) -> None:
+def _drop_repeats(names: Sequence[str], lines: MutableSequence[int], rows: list[list[str]], repairs: list[str]) -> None:
     """Remove rows that repeat the column names, as written when a logger restarts."""
     again = [k for k, row in enumerate(rows) if row[0] == names[0] and tuple(row) == tuple(names)] if names else []
     if again:
@@ -165,7 +164,7 @@ def _drop_repeats(names: Sequence[str], lines: list[int], rows: list[list[str]],
 
 
 def _drop_partial_rows(
-    file: Path, lines: list[int], rows: list[list[str]], width: int, repairs: list[str]
+    file: Path, lines: MutableSequence[int], rows: list[list[str]], width: int, repairs: list[str]
 ) -> int:
     """Remove rows with another number of cells: a row that was cut, statistics below the table; return how many.
 
@@ -239,6 +238,8 @@ _BEFORE_CLOCK = re.compile(r"(?<=\d) (?=\d{1,2}:\d\d)")
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _SAMPLE = 50  # lines looked at to find the separator
 _FEW_LINES: Final = 20
+_SEPARATOR_LINE: Final = re.compile(r'[" ]*sep=[;,\t|][" ]*', re.IGNORECASE)  # written by spreadsheets
+_MOST_SHARED: Final = 4096  # different cells of a column
 _MARKS: Final = ("\t", ";", "|", ",")
 _ALIKE: Final = 0.05
 _MOST_WORDS: Final = 0.6
@@ -269,7 +270,7 @@ class Sheet:
     header: tuple[str, ...]
     comment: tuple[str, ...]
     rows: list[list[str]]
-    lines: list[int]
+    lines: Sequence[int]
     repairs: tuple[str, ...]
     units: tuple[str, ...] = ()
     above: int = 0
@@ -314,17 +315,16 @@ def read_sheet(
     kind = next((kind for kind in TEXT_FORMATS if kind.recognises(numbered)), None)
     if kind is not None:
         return _sheet_of(path, kind.read(path, numbered, tag), repairs, damaged)
-    kept = [(i, line) for i, line in numbered if line.strip(" \t,;") and not line.lstrip().startswith("#")]
-    if kept and kept[0][1].strip('" ').lower() in ("sep=;", "sep=,", "sep=\t", "sep=|"):  # written by spreadsheets
-        del kept[0]
+    kept = numbered.where(lambda line: line.strip(" \t,;") != "" and not line.lstrip().startswith("#")
+                          and not _SEPARATOR_LINE.fullmatch(line))
     if not kept:
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
     if passed := passed + len(numbered) - len(kept):
         repairs.append(f"{count(passed, 'line')} without readings (blank, comment) skipped.")
     kept, cut = _with_closed_quotes(path, kept, repairs)
-    lines, texts = [i for i, _ in kept], [line for _, line in kept]
-    before = [pair for pair in numbered if pair[0] < lines[0]]
-    del text, numbered, kept  # a long log is held as few times as can be
+    lines, texts = kept.numbers, kept.texts
+    before = list(takewhile(lambda pair: pair[0] < lines[0], numbered))
+    del text, numbered, kept, data  # a long log is held as few times as can be
     separator = _separator(texts[-_SAMPLE:])
     rows = _without_empty_ends([row or [""] for row in _split(path, lines, texts, separator)], repairs)
     if separator == "," and rows:
@@ -354,49 +354,63 @@ def _sheet_of(path: Path, table: FormatTable, repairs: list[str], lost: int, ski
                  lost=lost + partial, part=table.part, sessions=table.sessions, session=table.session)
 
 
-def _with_closed_quotes(
-    path: Path, numbered: list[tuple[int, str]], repairs: list[str]
-) -> tuple[list[tuple[int, str]], int]:
+def _with_closed_quotes(path: Path, numbered: NumberedLines, repairs: list[str]) -> tuple[NumberedLines, int]:
     """Return the lines without those that open a quotation and do not close it, and how many those are.
 
     The reader would join such a line with the next one.
     """
-    opened = [number for number, line in numbered if line.count('"') % 2]
+    closed = numbered.where(lambda line: line.count('"') % 2 == 0)
+    opened = len(numbered) - len(closed)
     if not opened:
         return numbered, 0
-    if len(opened) > max(1, _FEW_SHARE * len(numbered)):
-        raise LogError("a quotation mark that is not closed", file=path, line=opened[0],
+    first = next(number for number, line in numbered if line.count('"') % 2)
+    if opened > max(1, _FEW_SHARE * len(numbered)):
+        raise LogError("a quotation mark that is not closed", file=path, line=first,
                        expected="--skip-rows if it is above the table, else a closed one")
-    lines = count(len(opened), "line")
-    repairs.append(f"{lines} with a quotation mark that is not closed left out (line {opened[0]}).")
-    return [pair for pair in numbered if pair[0] not in set(opened)], len(opened)
+    repairs.append(f"{count(opened, 'line')} with a quotation mark that is not closed left out (line {first}).")
+    return closed, opened
 
 
-def _written_lines(text: str, skip_rows: int) -> tuple[list[tuple[int, str]], int, int]:
+def _written_lines(text: str, skip_rows: int) -> tuple[NumberedLines, int, int]:
     """Return number and content of the lines to look at, how many are not, and how many are damaged.
 
     Megabytes of lines that are not looked at take no memory: blank ones, and of comments in a row all but the last,
     which may name the columns. A logger that lost its power leaves NUL bytes in its file.
     """
-    numbered: list[tuple[int, str]] = []
-    passed, damaged, after_comment = 0, 0, False
+    numbered = NumberedLines()
+    passed, damaged, comment = 0, 0, None
     clean = _CONTROL.search(text) is None
-    for number, line in enumerate(io.StringIO(text, newline=None), start=1):
+    for number, line in enumerate(_lines_of(text), start=1):
         if number <= skip_rows:
             continue
         if not clean and _CONTROL.search(line):
             damaged += 1
             continue
-        is_comment, is_blank = line.startswith("#"), not line.strip(" \t,;\n")
-        if is_blank or (is_comment and after_comment):
+        is_comment, is_blank = line.startswith("#"), not line.strip(" \t,;")
+        if is_blank or (is_comment and comment is not None):
             passed += 1
         if is_blank:
             continue
-        if is_comment and after_comment:
-            numbered.pop()
-        numbered.append((number, line.rstrip("\n")))
-        after_comment = is_comment
+        if comment is not None and not is_comment:
+            numbered.append(*comment)
+        comment = (number, line) if is_comment else None
+        if not is_comment:
+            numbered.append(number, line)
+    if comment is not None:
+        numbered.append(*comment)
     return numbered, passed, damaged
+
+
+def _lines_of(text: str) -> Iterator[str]:
+    """Yield the lines of a text, whatever ends them."""
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    begin = 0
+    while (end := text.find("\n", begin)) >= 0:
+        yield text[begin:end]
+        begin = end + 1
+    if begin < len(text):
+        yield text[begin:]
 
 
 def _content(path: Path, content: bytes | None) -> bytes:
@@ -498,9 +512,20 @@ def _split(path: Path, lines: Sequence[int], texts: list[str], separator: str | 
         texts = [_one_mark(text, separator) for text in texts]
     reader = csv.reader(_taken(texts), delimiter=separator[-1], skipinitialspace=True)
     try:
-        return [[cell.strip() for cell in row] for row in reader]
+        shared: list[dict[str, str]] = []
+        return [_shared(row, shared) for row in reader]
     except csv.Error as problem:
         raise LogError(str(problem), file=path, line=lines[reader.line_num - 1]) from problem
+
+
+def _shared(row: list[str], shared: list[dict[str, str]]) -> list[str]:
+    """Return the stripped cells of a row; a cell that its column has had before is held once."""
+    shared += ({} for _ in range(len(row) - len(shared)))
+    cells = []
+    for cell, known in zip(row, shared, strict=False):
+        text = cell.strip()
+        cells.append(known.setdefault(text, text) if len(known) < _MOST_SHARED else known.get(text, text))
+    return cells
 
 
 def _taken(texts: list[str]) -> Iterator[str]:

@@ -476,7 +476,7 @@ def _wild_ends(values: Array, time: Array) -> list[int]:
     return wild
 
 
-def tell_gaps(time: Array, lines: Sequence[int], powered: bool, doubts: list[str]) -> None:
+def tell_gaps(time: Array, lines: npt.NDArray[np.intp], powered: bool, doubts: list[str]) -> None:
     """Add to the doubts where the log pauses; `time`, shape (n,) [s], and `lines` are those of its rows."""
     steps = np.diff(time)
     gaps = np.flatnonzero(steps > _GAP_TIMES * np.median(steps)) if len(steps) else np.zeros(0, dtype=np.intp)

@@ -312,7 +312,7 @@ def read_log(
         disturbance=None if disturbance is None else disturbance[kept],
         ambient_degC=None if room is None else room[kept])
     series, continued, late_s = _put_back(series, edges[kept], tagged.lost_s, repairs, recorded=sheet.recorded)
-    lines = np.array(sheet.lines)[kept][continued].tolist()
+    lines = np.asarray(sheet.lines)[kept][continued]
     tell_gaps(series.time_s, lines, power is not None, doubts)
     taken = taken_of(
         table.name if table else display_name(Path(source).name), sheet, columns, tagged, time=series.time_s,

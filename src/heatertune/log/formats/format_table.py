@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from array import array
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, overload
 
-__all__ = ["LINE_STAMP", "BinaryFormat", "FormatTable", "Line", "TextFormat", "line_stamp", "matching"]
+__all__ = ["LINE_STAMP", "BinaryFormat", "FormatTable", "Line", "NumberedLines", "TextFormat", "line_stamp", "matching"]
 
 #: number of a line in the file, and its content
 Line = tuple[int, str]
@@ -18,6 +19,44 @@ _SAMPLE: Final = 5000  # lines in which a format has to show itself
 _CLOCK: Final = r"\d\d:\d\d:\d\d(?:[.,]\d{1,6})?"
 LINE_STAMP: Final = (re.compile(rf"\d{{4}}-\d\d-\d\d[T ]{_CLOCK}"), re.compile(_CLOCK))
 _STAMP_WITHIN: Final = 80
+
+
+class NumberedLines(Sequence[Line]):
+    """Lines of a file with their numbers; a pair for each would take three times the memory."""
+
+    def __init__(self) -> None:
+        self.numbers = array("q")
+        self.texts: list[str] = []
+
+    def append(self, number: int, text: str) -> None:
+        """Add a line."""
+        self.numbers.append(number)
+        self.texts.append(text)
+
+    def where(self, holds: Callable[[str], bool]) -> NumberedLines:
+        """Return the lines whose text fulfils a condition."""
+        kept = NumberedLines()
+        for number, text in self:
+            if holds(text):
+                kept.append(number, text)
+        return kept
+
+    def __len__(self) -> int:
+        return len(self.texts)
+
+    def __iter__(self) -> Iterator[Line]:
+        return zip(self.numbers, self.texts, strict=True)
+
+    @overload
+    def __getitem__(self, place: int) -> Line: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> list[Line]: ...
+
+    def __getitem__(self, place: int | slice) -> Line | list[Line]:
+        if isinstance(place, slice):
+            return list(zip(self.numbers[place], self.texts[place], strict=True))
+        return self.numbers[place], self.texts[place]
 
 
 class FormatTable(NamedTuple):
