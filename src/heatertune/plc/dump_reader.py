@@ -28,12 +28,13 @@ class Machine(NamedTuple):
 
     Attributes:
         words: without a ramp, which is a part of the program.
-        passed_over, unlike: as in `ReadBack`.
+        passed_over, unlike, assumed: as in `ReadBack`.
     """
 
     words: Words
     passed_over: tuple[str, ...] = ()
     unlike: Callable[[Words], tuple[str, ...]] | None = None
+    assumed: tuple[str, ...] = ()
 
 
 def content_of(path: str | Path) -> bytes:
@@ -82,7 +83,7 @@ def read_machine(
     interval = sample_time_s or by_words or _interval(controller, None)
     words = Words(target=controller.name, values=read.values, scaling=scaling, sample_time_s=interval)
     check_fields(controller.fields, words)
-    return Machine(words, read.passed_over, read.unlike)
+    return Machine(words, read.passed_over, read.unlike, read.assumed)
 
 
 def _text(content: bytes, source: str) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
@@ -27,11 +27,13 @@ class ReadBack(NamedTuple):
         passed_over: other content that was not compared, a few words each.
         unlike: for a text with the program around the parameters: words → first difference from the exported program,
             empty if there is none; None: the text contains no program.
+        assumed: what the text does not say and was filled in, a phrase such as "PID_K1 = 0.95" each.
     """
 
     values: dict[str, Number]
     passed_over: tuple[str, ...] = ()
     unlike: Callable[[Words], tuple[str, ...]] | None = None
+    assumed: tuple[str, ...] = ()
 
 
 def text_of(content: bytes) -> str | None:
@@ -110,6 +112,9 @@ class WordCollector:
         self._values: dict[str, Number] = {}
         self._before: dict[str, str] = {}
 
+    def __contains__(self, name: str) -> bool:
+        return name in self._values
+
     def put(self, name: str, value: Number | None, line: int, shown: str) -> None:
         """Store a parameter.
 
@@ -122,6 +127,12 @@ class WordCollector:
         if self._values.setdefault(name, value) != value:
             raise wrong(self._source, line, name, shown, self._before[name])
         self._before.setdefault(name, f"{shown}, as in line {line}")
+
+    def assume(self, defaults: Mapping[str, Number]) -> tuple[str, ...]:
+        """Fill in the parameters that the text leaves out; return them, see `ReadBack.assumed`."""
+        names = [name for name in defaults if name not in self._values]
+        self._values |= {name: defaults[name] for name in names}
+        return tuple(f"{name} = {defaults[name]:.6g}" for name in names)
 
     def values(self) -> dict[str, Number]:
         """Return all words.

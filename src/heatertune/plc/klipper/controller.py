@@ -14,7 +14,7 @@ refreshed.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.errors import InputError
@@ -216,7 +216,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str, heater: str 
             for field, value in zip(GAINS, found.groups(), strict=True):
                 collected.put(field.name, _number(value), number, value)
     if printed:
-        return ReadBack(_with_usual(collected, set()), _told(set()))
+        return _with_defaults(collected, ())
     lines = list(_lines(text, source))
     section = _section(lines, source, heater)
     return _of_section(lines, section, collected, source)
@@ -262,7 +262,7 @@ def _section(lines: list[_Line], source: str, heater: str) -> str:
 def _of_section(lines: list[_Line], section: str, collected: WordCollector, source: str) -> ReadBack:
     own = [line for line in lines if line.section == section]
     saved = {line.name for line in own if line.saved}
-    over, there = [], set()
+    over = []
     for line in own:
         if line.saved < (line.name in saved):
             over.append(f"{line.name}: {line.value} (line {line.number}; SAVE_CONFIG has another)")
@@ -275,22 +275,14 @@ def _of_section(lines: list[_Line], section: str, collected: WordCollector, sour
                 over.append(f"{line.name}: {line.value} (line {line.number})")
             continue
         collected.put(field.name, _number(line.value), line.number, line.value)
-        there.add(field.name)
     others = dict.fromkeys(line.section for line in lines if line.section != section)
     over += [f"[{one}]" if one else "lines before the first section" for one in others]
-    return ReadBack(_with_usual(collected, there), (*over, *_told(there)))
+    return _with_defaults(collected, over)
 
 
-def _with_usual(collected: WordCollector, there: set[str]) -> dict[str, int | float]:
-    for name, value in USUAL.items():
-        if name not in there:
-            collected.put(name, value, 0, f"{value:.{PLACES}f}")
-    return collected.values()
-
-
-def _told(there: set[str]) -> tuple[str, ...]:
-    return tuple(f"{name}, which is not set: {value:.{PLACES}f} as in the firmware" for name, value in USUAL.items()
-                 if name not in there)
+def _with_defaults(collected: WordCollector, over: Iterable[str]) -> ReadBack:
+    assumed = collected.assume(USUAL)
+    return ReadBack(collected.values(), tuple(over), assumed=assumed)
 
 
 def _number(text: str) -> float | None:

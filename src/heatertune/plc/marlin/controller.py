@@ -180,15 +180,12 @@ def from_text(text: str, sample_time_s: float | None, source: str, heater: str =
             over.append(f"{content[:40]} (line {line})")
         if _TWO_DECIMALS.search(content):
             over.append(f"M503 prints two decimals (line {line}): the firmware's gains may be half a digit off these")
-    seen: set[str] = set()
     for entry in _of_heater(entries, source, heater):
-        seen.add(entry.name)
         collected.put(entry.name, _number(entry), entry.line, entry.value)
-    for name in USUAL.keys() - seen:
-        usual = USUAL[name] if name != "ADC_LOOPS" else _loops(sample_time_s)
-        collected.put(name, usual, 0, str(usual))
-        over.append(f"{name} is not set: {usual:g}, the default")
-    return ReadBack(collected.values(), tuple(sorted(over)))
+    if sample_time_s is not None:
+        collected.assume({"ADC_LOOPS": _loops(sample_time_s)})
+    assumed = collected.assume(USUAL)
+    return ReadBack(collected.values(), tuple(over), assumed=assumed)
 
 
 def _number(entry: _Entry) -> int | float | None:
@@ -257,8 +254,8 @@ def _m301(given: str, line: int, source: str) -> list[tuple[str, str]]:
     return found
 
 
-def _loops(sample_time_s: float | None) -> int:
-    return LEAST_LOOPS if sample_time_s is None else min(max(round(sample_time_s / LOOP_S), LEAST_LOOPS), 16)
+def _loops(sample_time_s: float) -> int:
+    return min(max(round(sample_time_s / LOOP_S), LEAST_LOOPS), _MOST_LOOPS)
 
 
 def _settings(file: str, text: str) -> TextSettings:
