@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
@@ -10,10 +11,14 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import WordField, Words
 
-__all__ = ["ReadBack", "WordCollector", "first_unlike", "lines_of", "real_of", "text_of", "whole_of", "wrong"]
+__all__ = [
+    "ReadBack", "WordCollector", "first_few", "first_unlike", "lines_of", "real_of", "text_of", "whole_of", "wrong",
+]
 
 #: control characters that a text may hold: tab, line and form feeds, the end mark of CP/M and DOS
 _IN_TEXT: Final = frozenset(b"\t\n\r\f\x1a")
+#: of what is not looked at, in a log of many lines
+_FEW: Final = 3
 _UTF_16: Final = (b"\xff\xfe", b"\xfe\xff")
 
 _UNLIKE: Final = "the program around the parameters differs from the exported one"
@@ -54,6 +59,12 @@ def lines_of(text: str) -> Iterator[tuple[int, str]]:
     broken = text.replace("\r\n", "\n").replace("\r", "\n").translate({0x0C: None, 0x1A: None})
     for number, line in enumerate(broken.split("\n"), start=1):
         yield number, line.strip()
+
+
+def first_few(lines: Sequence[str]) -> tuple[str, ...]:
+    """Return the first lines of many, and how many there are besides."""
+    more = len(lines) - _FEW
+    return (*lines[:_FEW], *([f"{more} more lines"] if more > 0 else []))
 
 
 def first_unlike(read: Sequence[tuple[int, str]], ours: Sequence[tuple[int, str]]) -> tuple[str, ...]:
@@ -128,11 +139,18 @@ class WordCollector:
             raise wrong(self._source, line, name, shown, self._before[name])
         self._before.setdefault(name, f"{shown}, as in line {line}")
 
-    def assume(self, defaults: Mapping[str, Number]) -> tuple[str, ...]:
-        """Fill in the parameters that the text leaves out; return them, see `ReadBack.assumed`."""
+    def assume(self, defaults: Mapping[str, Number], without: Mapping[str, Sequence[str]] = MappingProxyType({})
+               ) -> tuple[str, ...]:
+        """Fill in the parameters that the text leaves out; return them, see `ReadBack.assumed`.
+
+        Args:
+            defaults: parameter → its value.
+            without: parameter that may be 0 → those that then change nothing and are not returned.
+        """
         names = [name for name in defaults if name not in self._values]
         self._values |= {name: defaults[name] for name in names}
-        return tuple(f"{name} = {defaults[name]:.6g}" for name in names)
+        idle = {name for switch, its in without.items() if not self._values.get(switch) for name in its}
+        return tuple(f"{name} = {defaults[name]:.6g}" for name in names if name not in idle)
 
     def values(self) -> dict[str, Number]:
         """Return all words.
