@@ -32,7 +32,7 @@ _ENDLESS: Final = frozenset(("INF", "INFINITE", "INFINITY", "3.4E38", "3.4E+38")
 _GAP: Final = re.compile(r"[\s_-]+")
 _BETWEEN: Final = re.compile(
     r"[\s\"']*(?:[(\[]\s*(?P<unit>[^)\]]*?)\s*[)\]])?"
-    r"(?:[\s=:|\"']|->|\b(?:is|to|of|auf|ist|REAL|BOOL|TIME|INT|Floating[ _]Point)\b|\b(?:VD|DBD|MD)\s?\d+(?!\w))*",
+    r"(?:[\s=:|\"']|->|\b(?:is|to|of|auf|ist|REAL|BOOL|TIME|INT|Floating[-_ ]point(?: number)?)\b|\b(?:VD|DBD|MD)\s?\d+(?!\w))*",
     re.IGNORECASE)
 _VALUE: Final = re.compile(
     r"(?P<number>[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:e[-+]?\d+)?)(?![\w.,]*\d)|(?P<word>[A-Za-z_#][\w#.]*)",
@@ -128,10 +128,11 @@ def _word(field: WordField, rest: str, line: int, asked: PastedNames, source: st
     assert between is not None
     tail = rest[between.end():]
     is_assigned = bool(re.search(r"[=:]", between[0]))
-    if not tail.strip(" ;,.") or (not is_assigned and not re.search(r"\d", tail)):
+    value, unit_s = _VALUE.match(tail), asked.seconds.get(field.name)
+    spelled = {**(_TRUTH if field.format == "BOOL" else {}), **dict.fromkeys(_ENDLESS if unit_s is not None else ())}
+    is_value = bool(re.search(r"\d", tail)) or (value is not None and (value["word"] or "").upper() in spelled)
+    if not tail.strip(" ;,.") or not (is_assigned or is_value):
         return None
-    value = _VALUE.match(tail)
-    unit_s = asked.seconds.get(field.name)
     if value is None:
         raise wrong(source, line, field.name, rest.strip()[:40], _expected(field, unit_s))
     if value["word"]:

@@ -167,7 +167,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     known, line, calls = _sketch_constants(plain), _line(plain, made[0].start()), _calls(plain, source)
     for call in calls["ControllerDirection"]:
         _demand_direct(call.arguments, call.line, source)
-    gains, mode = _gains(made[0][1] or made[0][2], line, calls["Tunings"], known, source)
+    gains, mode = _gains(made[0][1] or made[0][2] or "", line, calls["Tunings"], known, source)
     collected = WordCollector(source, FIELDS)
     for field, (where, value) in zip(GAINS, gains, strict=True):
         collected.put(field.name, _number(value, known), where, _shown(value, known))

@@ -193,6 +193,8 @@ class _YamlReader:
             raise InputError(f"{self._source}: kp is missing; expected control_parameters of ESPHome's PID climate")
         if self._interval is not None:
             self._collected.put("update_interval", self._interval, 0, str(self._interval))
+        if "update_interval" not in self._collected:
+            raise InputError(f"--called-every is needed: {self._source} has no update_interval of the sensor")
         assumed = self._collected.assume(_USUAL)
         return ReadBack(self._collected.values(), assumed=assumed)
 

@@ -127,6 +127,8 @@ _TUNED: Final = re.compile(rf"(?:\s*K[pid]:\s*{_NUMBER})+\s*")
 #: the answer of some editions to M301 and M304
 _ANSWERED: Final = re.compile(rf"(?:ok\s+)?p:\s*({_NUMBER})\s+i:\s*({_NUMBER})\s+d:\s*({_NUMBER})(?:\s+[clf]:.*)?",
                               re.IGNORECASE)
+#: what a cycle of M303 measured, from which its gains follow
+_CYCLE: Final = re.compile(r"\bKu:", re.IGNORECASE)
 _FINISHED: Final = re.compile(r"PID Autotune finished", re.IGNORECASE)
 _MORE_TERMS: Final = re.compile(r"M301\b.*\b[CF]\s*0*\.?0*[1-9]", re.IGNORECASE)
 _ONE_TUNED: Final = re.compile(rf"(K[pid]):\s*({_NUMBER})")
@@ -185,7 +187,7 @@ def from_text(text: str, sample_time_s: float | None, source: str, heater: str =
     entries = list[_Entry]()
     for line, content in lines_of(text):
         found = _line(content, line, source)
-        if found and found[0].is_cycle and found[0].name == "Kp":
+        if _CYCLE.search(content) or (found and found[0].is_cycle and found[0].name == "Kp"):
             entries = [entry for entry in entries if not entry.is_cycle]
         entries += found
         if not found and content and not content.startswith((";", "//")):
@@ -238,6 +240,8 @@ def _line(content: str, line: int, source: str) -> list[_Entry]:
     if match := _DEFINE.match(bare):
         return _defined(match[1], match[2], line, source, is_comment=is_comment)
     if match := _GAIN.match(bare):
+        if not match[2].strip():
+            return []  # asks for the gains
         heater = "bed" if match[1] == "4" else "hotend"
         try:
             letters = _m301(match[2].partition(";")[0].strip(), line, source)
