@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import WordCollector, first_few, lines_of, wrong
+from heatertune.plc.readback import WordCollector, demand_whole_lines, first_few, lines_of, wrong
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import WordField
 
@@ -19,7 +19,7 @@ __all__ = ["PastedNames", "PastedWord", "pasted_words", "put_pasted", "unread_li
 _SECONDS: Final = {
     **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), 0.001),
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sek", "sekunden"), 1.0),
-    **dict.fromkeys(("m", "min", "mins", "minute", "minutes", "minuten"), 60.0),
+    **dict.fromkeys(("min", "mins", "minute", "minutes", "minuten"), 60.0),
     **dict.fromkeys(("h", "hr", "hour", "hours", "stunden", "std"), 3600.0),
 }
 #: units of anything else, which change nothing
@@ -32,10 +32,11 @@ _ENDLESS: Final = frozenset(("INF", "INFINITE", "INFINITY", "3.4E38", "3.4E+38")
 _GAP: Final = re.compile(r"[\s_-]+")
 _BETWEEN: Final = re.compile(
     r"[\s\"']*(?:[(\[]\s*(?P<unit>[^)\]]*?)\s*[)\]])?"
-    r"(?:[\s=:|\"']|->|\b(?:is|to|of|auf|ist|REAL|BOOL|TIME|INT|Floating[-_ ]point(?: number)?)\b|\b(?:VD|DBD|MD)\s?\d+(?!\w))*",
+    r"(?:[\s=:|\"']|->|\b(?:is|to|of|auf|ist|REAL|BOOL|TIME|INT|Floating[-_ ]point(?: number)?)\b"
+    r"|\b(?:VD|DBD|MD)\s?\d+(?!\w))*",
     re.IGNORECASE)
 _VALUE: Final = re.compile(
-    r"(?P<number>[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:e[-+]?\d+)?)(?![\w.,]*\d)|(?P<word>[A-Za-z_#][\w#.]*)",
+    r"(?P<number>[-+]?(?:(?!0\d)\d+(?:[.,]\d+)?|\.\d+)(?:e[-+]?\d+)?)(?![\w.,]*\d)|(?P<word>[A-Za-z_#][\w#.]*)",
     re.IGNORECASE)
 _DURATION: Final = re.compile(
     r"(?:T|TIME|S5T)#(?:(\d+)d_?)?(?:(\d+)h_?)?(?:(\d+)m(?!s)_?)?(?:(\d+(?:\.\d+)?)s_?)?(?:(\d+)ms)?", re.IGNORECASE)
@@ -143,7 +144,8 @@ def _word(field: WordField, rest: str, line: int, asked: PastedNames, source: st
     left = tail[after.end():] if unit not in _WORDS else tail[value.end():]
     unit = "" if unit in _WORDS else unit
     shown = f"{value['number']} {unit}".strip()
-    if re.search(r"\d", _NEXT.split(left, maxsplit=1)[0]) or _THOUSANDS.fullmatch(value["number"]):
+    unclear = re.search(r"\d", _NEXT.split(left, maxsplit=1)[0]) or re.match(r"[,;]\s*(?:ms|s|sec|min)\b", left)
+    if unclear or _THOUSANDS.fullmatch(value["number"]):
         raise wrong(source, line, field.name, rest.strip()[:40], "one number, its fraction after a point")
     number = float(value["number"].replace(",", "."))
     if field.format == "BOOL":
@@ -191,6 +193,7 @@ def put_pasted(
         InputError: as `pasted_words`; a value out of its range, one with a fraction that has none, two values of one,
             or a needed one that is missing.
     """
+    demand_whole_lines(text, source)
     for line, content in lines_of(text):
         _demand_list(content, line, asked.block, source)
     by_name, words = {field.name: field for field in asked.fields}, list(pasted_words(lines_of(text), asked, source))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
@@ -12,11 +13,14 @@ from heatertune.plc.single_precision import single
 from heatertune.plc.words import WordField, Words
 
 __all__ = [
-    "ReadBack", "WordCollector", "first_few", "first_unlike", "lines_of", "real_of", "text_of", "whole_of", "wrong",
+    "ReadBack", "WordCollector", "demand_whole_lines", "first_few", "first_unlike", "lines_of", "real_of", "text_of",
+    "whole_of", "wrong",
 ]
 
 #: control characters that a text may hold: tab, line and form feeds, the end mark of CP/M and DOS
 _IN_TEXT: Final = frozenset(b"\t\n\r\f\x1a")
+#: a line that goes on with the number at the end of the one before
+_REST: Final = re.compile(r"[.,]?\d[\d.,]*(?:e[-+]?\d+)?(?:\s*[^\d\s]{0,4}|[;,)\s].*)")
 #: of what is not looked at, in a log of many lines
 _FEW: Final = 3
 _UTF_16: Final = (b"\xff\xfe", b"\xfe\xff")
@@ -59,6 +63,19 @@ def lines_of(text: str) -> Iterator[tuple[int, str]]:
     broken = text.replace("\r\n", "\n").replace("\r", "\n").translate({0x0C: None, 0x1A: None})
     for number, line in enumerate(broken.split("\n"), start=1):
         yield number, line.strip()
+
+
+def demand_whole_lines(text: str, source: str) -> None:
+    """Refuse a text in which a line ends within a number: the next one goes on with digits alone.
+
+    Raises:
+        InputError: it does.
+    """
+    before = ""
+    for line, content in lines_of(text):
+        if _REST.fullmatch(content) and before[-1:].isdigit():
+            raise wrong(source, line, "number", content, f"it in the line before: {before[-30:]}…")
+        before = content
 
 
 def first_few(lines: Sequence[str]) -> tuple[str, ...]:

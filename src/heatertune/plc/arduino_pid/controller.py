@@ -41,7 +41,7 @@ from heatertune.plc.firmware.text import (
 )
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import ReadBack, WordCollector, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, demand_whole_lines, wrong
 from heatertune.plc.words import Certificate, WordField, Words, check_limits
 
 __all__ = ["ArduinoPid"]
@@ -128,9 +128,11 @@ def _scan(
 
 _COMMENT: Final = re.compile(r"/\*.*?(?:\*/|\Z)|//[^\n]*", re.DOTALL)
 _ARGUMENTS: Final = r"\s*\(((?:[^()]|\([^()]*\))*)\)"
-_PID: Final = re.compile(rf"\bPID\s+\w+{_ARGUMENTS}|\bnew\s+PID{_ARGUMENTS}")
-_SETS: Final = re.compile(rf"\bSet(OutputLimits|SampleTime|Tunings|ControllerDirection)\b({_ARGUMENTS})?")
-_ASSIGNED: Final = re.compile(r"\b(\w+)\s*(?:[-+*/]=|=(?!=))\s*([^;,\n]*)|#\s*define\s+(\w+)\s+(\S+)")
+_PID: Final = re.compile(rf"\bPID\s+(?P<own>\w+){_ARGUMENTS}|(?P<made>\w+)\s*=\s*new\s+PID{_ARGUMENTS}")
+_SETS: Final = re.compile(rf"Set(OutputLimits|SampleTime|Tunings|ControllerDirection)\b({_ARGUMENTS})?")
+#: functions of the library that change no word
+_OTHERS: Final = ("Compute", "SetMode", "GetMode", "GetDirection", "GetKp", "GetKi", "GetKd")
+_ASSIGNED: Final = re.compile(r"\b(\w+)\s*(?:[-+*/]=|=(?!=))\s*([^;,\n]*)|#\s*define\s+(\w+)\s+([^\n]*)")
 _FUNCTION: Final = re.compile(r"\bvoid\s+(\w+)\s*\(\s*\)\s*\{")
 _MODES: Final = {"P_ON_E": ON_ERROR, "P_ON_M": ON_MEASUREMENT}
 _DIRECT: Final = "DIRECT"
@@ -159,15 +161,17 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
             power is not known.
     """
     plain = blank_matches(_COMMENT, text.replace("\r\n", "\n").replace("\r", "\n"))
+    demand_whole_lines(plain, source)
     made = list(_PID.finditer(plain))
     if len(made) != 1:
         what = "no constructor of PID_v1" if not made else f"{len(made)} constructors of PID_v1"
         raise InputError(f"{source}: {what}; expected one line such as PID heater(&Input, &Output, &Setpoint, 2.0, "
                          "5.0, 1.0, P_ON_E, DIRECT);")
     known, line, calls = _sketch_constants(plain), _line(plain, made[0].start()), _calls(plain, source)
+    _demand_known_functions(plain, made[0]["own"] or made[0]["made"], source)
     for call in calls["ControllerDirection"]:
         _demand_direct(call.arguments, call.line, source)
-    gains, mode = _gains(made[0][1] or made[0][2] or "", line, calls["Tunings"], known, source)
+    gains, mode = _gains(made[0][2] or made[0][4] or "", line, calls["Tunings"], known, source)
     collected = WordCollector(source, FIELDS)
     for field, (where, value) in zip(GAINS, gains, strict=True):
         collected.put(field.name, _number(value, known), where, _shown(value, known))
@@ -191,6 +195,13 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     collected.put("Full", full, 0, f"{full}")
     assumed += [] if is_stated else [f"output {high:g} = full power"]
     return ReadBack(collected.values(), assumed=tuple(assumed))
+
+
+def _demand_known_functions(plain: str, own: str, source: str) -> None:
+    """Refuse a function of the object that is none of the library's: it may set what is read here."""
+    for match in re.finditer(rf"\b{own}\s*(?:\.|->)\s*(\w*)", plain):
+        if match[1] not in _OTHERS and not _SETS.match(match[1]):
+            raise wrong(source, _line(plain, match.start()), f"{own}.{match[1]}", match[0], "a function of PID_v1")
 
 
 def _calls(plain: str, source: str) -> dict[str, list[_LibraryCall]]:

@@ -37,7 +37,7 @@ from heatertune.plc.firmware.text import (
     window_of,
 )
 from heatertune.plc.ramp import Boost, Number
-from heatertune.plc.readback import ReadBack, WordCollector, lines_of, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, demand_whole_lines, lines_of, wrong
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import Certificate, WordField, Words, check_limits
 
@@ -136,6 +136,7 @@ def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
         InputError: no kp, a word there with two values or no number, no interval; a dead band, a cooler, or another
             part that is not proven here.
     """
+    demand_whole_lines(text, source)
     reader = _YamlReader(source, None if sample_time_s is None else round(1000.0 * sample_time_s))
     for line, content in lines_of(text):
         reader.take(line, _LOGGED.sub("", content).strip())

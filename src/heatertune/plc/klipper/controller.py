@@ -26,7 +26,7 @@ from heatertune.plc.firmware.make import FirmwarePid, controller_of, texts_of
 from heatertune.plc.firmware.text import PLACEHOLDER, UNKNOWN, commented, heater_open_point, several
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import ReadBack, WordCollector, lines_of, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, demand_whole_lines, lines_of, wrong
 from heatertune.plc.words import Certificate, WordField, Words
 
 __all__ = ["COLD", "Klipper", "KlipperAssumptions", "heater_of", "loop_of", "step"]
@@ -208,6 +208,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str, heater: str 
         InputError: a line that is none, a gain that is missing, there with two values, no number of three decimals or
             out of its range; another control than pid; several heaters, and which one is unknown; none of this kind.
     """
+    demand_whole_lines(text, source)
     collected, printed = WordCollector(source, FIELDS), False
     for number, line in lines_of(text):
         found = _PRINTED.search(line)

@@ -30,7 +30,16 @@ from heatertune.plc.firmware.parallel import (
 from heatertune.plc.firmware.text import UNKNOWN, commented, heater_open_point, sensor_line, several
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import ReadBack, WordCollector, first_few, lines_of, real_of, whole_of, wrong
+from heatertune.plc.readback import (
+    ReadBack,
+    WordCollector,
+    demand_whole_lines,
+    first_few,
+    lines_of,
+    real_of,
+    whole_of,
+    wrong,
+)
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import Certificate, WordField, Words
 
@@ -122,7 +131,7 @@ _SAID: Final = re.compile(
 _CHECKSUM: Final = re.compile(r"\*\d+$")
 _DEFINE: Final = re.compile(r"#\s*define\s+(\w+)\s*(.*?)\s*(?://.*|/\*.*)?$")
 _GAIN: Final = re.compile(r"M30([14])\b(.*)", re.IGNORECASE)
-_LETTER: Final = re.compile(rf"([A-Z])\s*({_NUMBER})?(?=\s|[A-Z]|$)", re.IGNORECASE)
+_LETTER: Final = re.compile(rf"([PIDCLFEHST])\s*({_NUMBER})?(?=\s|[A-Z]|$)", re.IGNORECASE)
 _TUNED: Final = re.compile(rf"(?:\s*K[pid]:\s*{_NUMBER})+\s*")
 #: the answer of some editions to M301 and M304
 _ANSWERED: Final = re.compile(rf"(?:ok\s+)?p:\s*({_NUMBER})\s+i:\s*({_NUMBER})\s+d:\s*({_NUMBER})(?:\s+[clf]:.*)?",
@@ -183,6 +192,7 @@ def from_text(text: str, sample_time_s: float | None, source: str, heater: str =
         InputError: a gain that is missing, there with two values or no number; M301 of a second hot end; different
             gains of a hot end and a bed, and which one's is unknown; none of this heater.
     """
+    demand_whole_lines(text, source)
     collected, over, others = WordCollector(source, FIELDS), list[str](), list[str]()
     entries = list[_Entry]()
     for line, content in lines_of(text):
@@ -240,11 +250,10 @@ def _line(content: str, line: int, source: str) -> list[_Entry]:
     if match := _DEFINE.match(bare):
         return _defined(match[1], match[2], line, source, is_comment=is_comment)
     if match := _GAIN.match(bare):
-        if not match[2].strip():
-            return []  # asks for the gains
         heater = "bed" if match[1] == "4" else "hotend"
         try:
-            letters = _m301(match[2].partition(";")[0].strip(), line, source)
+            given = match[2].partition(";")[0].strip()
+            letters = _m301(given, line, source) if match[2].strip() else []  # without, it asks for the gains
         except InputError:
             if not is_comment:
                 raise

@@ -147,8 +147,11 @@ def _read(body: Sequence[ast.stmt], sample_time_s: float | None, source: str) ->
                          "output_limits=(0, 100))")
     known, call = _constants(body), calls[0]
     given, lines = _arguments(call, known, source), dict.fromkeys(_ORDER, call.lineno)
+    unstated = {name for number, name in enumerate(_GAIN_NAMES)
+                if number >= len(call.args) and all(keyword.arg != name for keyword in call.keywords)}
     for line, name, value in _set_later(body, call, known, given, source):
         given[name], lines[name] = value, line
+        unstated.discard(name)
     collected, gains = WordCollector(source, FIELDS), {name: _number(given[name]) for name in _GAIN_NAMES}
     for name in (name for name, gain in gains.items() if gain is None):
         collected.put(name, None, lines[name], str(given[name]))
@@ -162,6 +165,7 @@ def _read(body: Sequence[ast.stmt], sample_time_s: float | None, source: str) ->
     period, told = _period(given["sample_time"], body, known, sample_time_s)
     collected.put(_PERIOD, period, call.lineno, str(period))
     slow = given["sample_time"]
+    assumed += [f"{name} = {given[name]:g}" for name in _GAIN_NAMES if name in unstated]
     over = () if slow is None else (f"sample_time = {slow}: calls that come sooner are left out, which is not run",)
     return ReadBack(collected.values(), over, assumed=(*assumed, *told))
 
@@ -279,11 +283,20 @@ def _set_later(
 ) -> Iterator[tuple[int, str, object]]:
     """Yield line, name and value of what is set after the call; refuse what is set to several values, or perhaps."""
     own = next((ast.unparse(target) for target, value, _ in _assignments(body) if value is call), None)
+    assigned = {ast.unparse(target) for target, *_ in _assignments(body)}
     before = dict(given)
     changed: set[str] = set()
     for target, value, is_certain in _assignments(body):
-        if not isinstance(target, ast.Attribute) or target.attr not in _LATER or own not in (
-                None, ast.unparse(target.value)):
+        if not isinstance(target, ast.Attribute):
+            continue
+        whose = ast.unparse(target.value)
+        if target.attr not in _LATER:
+            if whose == own and target.attr not in _ORDER:
+                raise wrong(source, target.lineno, f"{own}.{target.attr}", _shown(value), f"{', '.join(_LATER)}")
+            continue
+        if own not in (None, whose) and _value(target.value, known) != own:
+            if whose not in assigned and whose != "self":
+                raise wrong(source, target.lineno, f"{whose}.{target.attr}", _shown(value), f"{own}, which PID made")
             continue
         is_all = target.attr == _TUNINGS
         held = _value(value, known)
@@ -326,6 +339,10 @@ def _value(node: ast.AST, known: Mapping[str, ast.AST]) -> Any:
         return ast.literal_eval(node)
     except (ValueError, TypeError, SyntaxError, RecursionError, MemoryError):
         return ast.unparse(node)[:60]
+
+
+def _shown(value: ast.AST) -> str:
+    return ast.unparse(value)[:40]
 
 
 def _number(value: Any) -> float | None:
