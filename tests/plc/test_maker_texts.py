@@ -132,7 +132,7 @@ def test_a_module_is_read_without_being_run():
     values, over = _read("simple-pid", "import simple_pid\nKP = 2\npid = simple_pid.PID(KP, .1, setpoint=50, output_limits=(0, 80))\nFULL = 100  # the package has no unit\n1/0\n", 0.5)
     assert values == {"Kp": 2.0, "Ki": 0.1, "Kd": 0.0, "output_max": 80.0, "proportional_on_measurement": 0,
                       "differential_on_measurement": 1, "PERIOD_MS": 500}
-    assert over == ("sample_time = 0.01: calls that come sooner are left out, which is not run",)
+    assert over == ("sample_time = 0.01: calls that come sooner are left out, which is not run", "Kd = 0")
 
 
 @pytest.mark.parametrize(("text", "parts"), [

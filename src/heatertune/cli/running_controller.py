@@ -157,7 +157,8 @@ def add_decode(commands: Any) -> None:
         description="Read the parameters of a running controller: the bytes of its data block, high byte first, or "
                     "text as its programming tool saves or prints it (S5: listing of the block; S7-200: statement list "
                     "or data block; S7-300: STL source; WEG: the block's call or a list of parameters; one-bit "
-                    "processor: Intel HEX). With a model, prove them.",
+                    "processor: Intel HEX; printers, sketches, scripts and lists: as people paste them). What the text "
+                    "does not say and is assumed is listed. With a model, prove them.",
     )
     command.add_argument("dump", metavar="DUMP", help="binary or text file")
     command.add_argument("--called-every", type=float, metavar="S",
