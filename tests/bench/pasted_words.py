@@ -93,7 +93,7 @@ def _simple_pid():
     yield ("README's 0 to 10", "pid = PID(1, 0.1, 0.05, output_limits=(0, 10))", 10.0, 10.0, 0.05, 1.0,
            Answer("FULL = 10", text="pid = PID(1, 0.1, 0.05, output_limits=(0, 10))\nFULL = 10"), 1.0)
     yield ("no limits", "pid = PID(1, 0.1, 0.05)", 1.0, 10.0, 0.05, 1.0,
-           Answer("output_limits = (0, 100)", text="pid = PID(1, 0.1, 0.05)\npid.output_limits = (0, 100)"), 1.0)
+           Answer("pid.output_limits = (0, 100)", text="pid = PID(1, 0.1, 0.05)\npid.output_limits = (0, 100)"), 1.0)
     yield "no interval", "pid = PID(1, 0.1, 0.05, output_limits=(0, 100))", 1.0, 10.0, 0.05, 3.0, Answer("--called-every", called_every=3.0)
     either = "pid = PID(1, 0.1, 0.05, output_limits=(0, 100))\nif far:\n    pid.tunings = (4, 0.2, 1)\nelse:\n    pid.tunings = (1, 0.05, 0.25)\n"
     yield "gains under a condition", either, 4.0, 20.0, 0.25, 1.0, Answer("only what is in force", text="PID(4, .2, 1, output_limits=(0, 100))"), 1.0

@@ -2,12 +2,18 @@
 
 import json
 import random
+import re
+import struct
 
 import pytest
 
 from heatertune.cli import main
 from heatertune.errors import HeatertuneError
+from heatertune.pid.values import PidDesign
+from heatertune.plc import TARGETS, Certificate, Scaling, controller_for
+from heatertune.plc.dump_reader import read_machine, realised_design
 from tests.bench.pasted_words import ASKED, CASES, MAKERS, RIGHT, decoded, is_right, judge, lines_left_out
+from tests.plc.test_readback import TEXTS
 
 NAMES = [f"{case.target}: {case.name}" for case in CASES]
 WHOLE = [case for case in CASES if case.answer is None]
@@ -17,6 +23,9 @@ REFUSED = [
     ("arduino-pid", "PID p(&i, &o, &s, 2, 5, 1, DIRECT);\np.SetControllerDirection(REVERSE);", "line 2, direction"),
     ("arduino-pid", "PID p(&i, &o, &s, 2, 5, 1, DIRECT);\np.SetOutputLimits(0, 2", "line 2, SetOutputLimits"),
     ("arduino-pid", "PID p(&i, &o, &s, 2, 5", "no constructor"),
+    ("arduino-pid", "PID p(&i, &o, &s, 2, 5, 1, DIRECT);\nvoid setup() { if (saved) p.SetTunings(4, 2, 1); }", "in force"),
+    ("arduino-pid", "PID p(&i, &o, &s, 2, 5, 1, DIRECT);\np.SetTuning(4, 2, 1);", "a function of PID_v1"),
+    ("arduino-pid", "PID p(&i, &o, &s, 2, 5, 1, DIRECT);\np.SetOutputLimits(0, 20\n0);", "the line before"),
     ("arduino-pid", "PID p(&i, &o, &s, 2,5, 5, 1, DIRECT);", "P_ON_E"),
     ("arduino-pid", "PID p(&i, &o, &s, -2, 5, 1, DIRECT);", "Kp"),
     ("arduino-pid", "PID p(&i, &o, &s, 2, 5, 1, DIRECT);\np.SetOutputLimits(-255, 255);", "no power below 0"),
@@ -82,6 +91,73 @@ def test_a_line_that_is_lost_is_an_error_or_is_named_among_what_is_assumed(case)
         lost = case.text.splitlines()[number]
         if not is_right(case, machine, design) and not any(name in lost for name in overrides):
             assert set(machine.assumed) - set(before.assumed), lost
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_an_export_is_read_as_the_same_words_and_leaves_nothing_to_assume(target):
+    controller = controller_for(target)
+    ta = controller.timer.round(5.0)
+    design = PidDesign(gain_pct_per_degC=2.0, integral_time_s=200.0, derivative_time_s=0.0, sample_time_s=ta, structure="pi", method="")
+    words = controller.encode(design, Scaling())
+    for name in TEXTS[target]:
+        content = controller.export(words, Certificate(verdict="PASS"))[name]
+        machine = read_machine(controller, content.encode() if isinstance(content, str) else content,
+                               sample_time_s=words.sample_time_s, scaling=Scaling(), source=name)
+        assert (machine.words, machine.assumed) == (words, ()), name
+
+
+#: what a message says to add to the text
+LINES = (r"a line such as (.+?;) with", r"add a line (.+?) with the output", r"such as (pid\..+?\)):", r"a line (\w+ := TRUE) or", r"such as: (.+)$")
+ADDED = [case for case in CASES if case.answer is not None and any(re.search(line, judge(case)[1]) for line in LINES)]
+
+
+def test_what_a_message_says_to_add_is_read_when_it_is_added():
+    assert len(ADDED) >= 6
+    for case in ADDED:
+        message = judge(case)[1]
+        (line,) = (found[1] for found in (re.search(line, message) for line in LINES) if found)
+        machine, _ = decoded(case, case.text + "\n" + line.replace(" and ", "\n") + "\n")
+        assert machine.words.values, message
+
+
+def test_the_unit_that_a_message_says_for_pv_in_gives_the_gain_of_that_unit():
+    """PV_IN of 0…1 for 0…100 °C: 2.5 % per °C is a GAIN of 250 % per unit, whose PV_FAC is 0.01 per percent."""
+    case = next(case for case in CASES if case.name == "a call that reads PV_IN")
+    machine, _ = decoded(case)
+    controller = controller_for("fb41")
+    (odd,) = (each for each in controller.oddities(machine.words) if "PV_IN" in each)
+    assert "PVPER_ON := TRUE, PV_FAC := its units per percent of --range" in odd
+    text = case.text.replace("PVPER_ON:=FALSE", "PVPER_ON:=TRUE").replace("2.500000e+000", "250.0") + " PV_FAC := 0.01\n"
+    assert is_right(case, *decoded(case, text))
+    assert "PV_IN, SP_INT and DEADB_W are in °C" in machine.assumed
+
+
+def test_a_data_block_of_cont_c_with_pv_in_is_read_from_bytes_and_from_its_source():
+    controller = controller_for("fb41")
+    design = PidDesign(gain_pct_per_degC=2.0, integral_time_s=200.0, derivative_time_s=0.0, sample_time_s=5.0, structure="pi", method="")
+    words = controller.encode(design, Scaling(high_degC=150.0))
+    source = controller.export(words, Certificate(verdict="PASS"))["fb41_cont_c.awl"].replace("PVPER_ON := TRUE", "PVPER_ON := FALSE")
+    for content, name in ((source.encode(), "db.awl"), (_image(words), "db.bin")):
+        machine = read_machine(controller, content, sample_time_s=5.0, scaling=Scaling(high_degC=150.0), source=name)
+        assert machine.words.values["PVPER_ON"] == 0
+        assert machine.assumed == ("PV_IN, SP_INT and DEADB_W are in °C",)
+        assert machine.words.controller() is not None
+        # GAIN is in % per °C whatever PV_FAC says
+        wanted = machine.words.values["GAIN"] * (200.0 / 202.5)
+        assert realised_design(controller, machine.words).gain_pct_per_degC == pytest.approx(wanted, rel=1e-6)
+
+
+def _image(words):
+    """Return the instance data block's first 72 bytes with PVPER_ON FALSE, by the offsets of its types."""
+    values, image = words.values, bytearray(72)
+    for bit, name in enumerate(("MAN_ON", "PVPER_ON", "P_SEL", "I_SEL", "INT_HOLD", "I_ITL_ON", "D_SEL"), start=1):
+        image[0] |= (0 if name == "PVPER_ON" else values[name]) << bit
+    for place, name in {2: "CYCLE", 24: "TI", 28: "TD", 32: "TM_LAG"}.items():
+        struct.pack_into(">i", image, place, values[name])
+    for place, name in {16: "MAN", 20: "GAIN", 36: "DEADB_W", 40: "LMN_HLM", 44: "LMN_LLM", 48: "PV_FAC", 52: "PV_OFF", 56: "LMN_FAC",
+                        60: "LMN_OFF", 64: "I_ITLVAL", 68: "DISV"}.items():
+        struct.pack_into(">f", image, place, values[name])
+    return bytes(image)
 
 
 def _damaged(chance, text):

@@ -104,32 +104,32 @@ class PastedWord(NamedTuple):
     has_unit: bool = True
 
 
-def pasted_words(lines: Iterable[tuple[int, str]], asked: PastedNames, source: str) -> Iterator[PastedWord]:
+def pasted_words(lines: Iterable[tuple[int, str]], vocabulary: PastedNames, source: str) -> Iterator[PastedWord]:
     """Yield the parameters in lines; prose that names one without a number is passed over.
 
     Raises:
         InputError: a value that is none, has another unit, or may be two numbers.
     """
-    pattern, by_name = asked.pattern()
-    fields = {field.name: field for field in asked.fields}
+    pattern, by_name = vocabulary.pattern()
+    fields = {field.name: field for field in vocabulary.fields}
     for line, content in lines:
         found = list(pattern.finditer(content))
         for number, match in enumerate(found):
             ends = found[number + 1].start() if number + 1 < len(found) else len(content)
             written = match[1].lower()
             name = by_name[written] if written in by_name else by_name[_GAP.sub(" ", written)]
-            word = _word(fields[name], content[match.end():ends], line, asked, source)
+            word = _word(fields[name], content[match.end():ends], line, vocabulary, source)
             if word is not None:
                 yield word
 
 
-def _word(field: WordField, rest: str, line: int, asked: PastedNames, source: str) -> PastedWord | None:
+def _word(field: WordField, rest: str, line: int, vocabulary: PastedNames, source: str) -> PastedWord | None:
     """Return the value that follows a name; None: there is none."""
     between = _BETWEEN.match(rest)
     assert between is not None
     tail = rest[between.end():]
     is_assigned = bool(re.search(r"[=:]", between[0]))
-    value, unit_s = _VALUE.match(tail), asked.seconds.get(field.name)
+    value, unit_s = _VALUE.match(tail), vocabulary.seconds.get(field.name)
     spelled = {**(_TRUTH if field.format == "BOOL" else {}), **dict.fromkeys(_ENDLESS if unit_s is not None else ())}
     is_value = bool(re.search(r"\d", tail)) or (value is not None and (value["word"] or "").upper() in spelled)
     if not tail.strip(" ;,.") or not (is_assigned or is_value):
@@ -140,22 +140,27 @@ def _word(field: WordField, rest: str, line: int, asked: PastedNames, source: st
         return _named_value(field, value["word"], line, unit_s, source)
     after = _UNIT.match(tail, value.end())
     assert after is not None
-    unit = (after[1] or between["unit"] or "").lower()
-    left = tail[after.end():] if unit not in _WORDS else tail[value.end():]
-    unit = "" if unit in _WORDS else unit
-    shown = f"{value['number']} {unit}".strip()
+    is_prose = (after[1] or "").lower() in _WORDS
+    left = tail[value.end() if is_prose else after.end():]
     unclear = re.search(r"\d", _NEXT.split(left, maxsplit=1)[0]) or re.match(r"[,;]\s*(?:ms|s|sec|min)\b", left)
     if unclear or _THOUSANDS.fullmatch(value["number"]):
         raise wrong(source, line, field.name, rest.strip()[:40], "one number, its fraction after a point")
-    number = float(value["number"].replace(",", "."))
-    if field.format == "BOOL":
+    unit = ((None if is_prose else after[1]) or between["unit"] or "").lower()
+    return _with_unit(field, value["number"], unit, line, vocabulary, source)
+
+
+def _with_unit(
+    field: WordField, text: str, unit: str, line: int, vocabulary: PastedNames, source: str,
+) -> PastedWord:
+    """Return a number in the unit of its word."""
+    number, shown, unit_s = float(text.replace(",", ".")), f"{text} {unit}".strip(), vocabulary.seconds.get(field.name)
+    if unit_s is None:
+        if field.format != "BOOL" and unit not in _PLAIN_UNITS | {""}:
+            raise wrong(source, line, field.name, shown, f"{field.comment}, no other unit")
         return PastedWord(line, field.name, number, shown)
-    if unit_s is None and unit not in _PLAIN_UNITS | {""}:
-        raise wrong(source, line, field.name, shown, f"{field.comment}, no other unit")
-    if unit_s is not None and (unit not in _SECONDS if unit else field.name not in asked.unitless):
+    if unit not in _SECONDS if unit else field.name not in vocabulary.unitless:
         raise wrong(source, line, field.name, shown, _expected(field, unit_s))
-    scale = 1.0 if unit_s is None or not unit else _SECONDS[unit] / unit_s
-    return PastedWord(line, field.name, number * scale, shown, bool(unit) or unit_s is None)
+    return PastedWord(line, field.name, number * (_SECONDS[unit] / unit_s if unit else 1.0), shown, bool(unit))
 
 
 def _named_value(field: WordField, text: str, line: int, unit_s: float | None, source: str) -> PastedWord:
@@ -178,14 +183,14 @@ def _expected(field: WordField, unit_s: float | None) -> str:
 
 
 def put_pasted(
-    collected: WordCollector, text: str, asked: PastedNames, needed: Mapping[str, str], source: str,
+    collected: WordCollector, text: str, vocabulary: PastedNames, needed: Mapping[str, str], source: str,
 ) -> list[PastedWord]:
     """Store the parameters in a text as their words hold them, and return them; of a variable nothing is stored.
 
     Args:
         collected: where they are stored.
         text: without comments.
-        asked: what to look for.
+        vocabulary: what to look for.
         needed: parameter without which nothing is known of the loop → a line that would tell it.
         source: name for error messages.
 
@@ -195,8 +200,9 @@ def put_pasted(
     """
     demand_whole_lines(text, source)
     for line, content in lines_of(text):
-        _demand_list(content, line, asked.block, source)
-    by_name, words = {field.name: field for field in asked.fields}, list(pasted_words(lines_of(text), asked, source))
+        _demand_list(content, line, vocabulary.block, source)
+    by_name = {field.name: field for field in vocabulary.fields}
+    words = list(pasted_words(lines_of(text), vocabulary, source))
     for word in words:
         if word.value is not None:
             collected.put(word.name, _rounded(by_name[word.name], word.value), word.line, word.shown)
@@ -220,8 +226,8 @@ def _rounded(field: WordField, value: float) -> Number | None:
     return int(whole) if math.isfinite(whole) and whole == int(whole) else None
 
 
-def unread_lines(text: str, asked: PastedNames) -> tuple[str, ...]:
+def unread_lines(text: str, vocabulary: PastedNames) -> tuple[str, ...]:
     """Return the lines that name no parameter, the first three and how many there are besides."""
-    pattern, _ = asked.pattern()
+    pattern, _ = vocabulary.pattern()
     return first_few([f"{content[:40]} (line {line})" for line, content in lines_of(text)
                       if content and not pattern.search(content)])

@@ -158,7 +158,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     Raises:
         InputError: no constructor of PID_v1 or several; a gain that is no number, has several values or is out of its
             range; REVERSE; a lower limit other than 0; gains that the sketch changes later; an output whose full
-            power is not known.
+            power is not constants.
     """
     plain = blank_matches(_COMMENT, text.replace("\r\n", "\n").replace("\r", "\n"))
     demand_whole_lines(plain, source)
@@ -167,31 +167,31 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
         what = "no constructor of PID_v1" if not made else f"{len(made)} constructors of PID_v1"
         raise InputError(f"{source}: {what}; expected one line such as PID heater(&Input, &Output, &Setpoint, 2.0, "
                          "5.0, 1.0, P_ON_E, DIRECT);")
-    known, line, calls = _sketch_constants(plain), _line(plain, made[0].start()), _calls(plain, source)
+    constants, line, calls = _sketch_constants(plain), _line(plain, made[0].start()), _calls(plain, source)
     _demand_known_functions(plain, made[0]["own"] or made[0]["made"], source)
     for call in calls["ControllerDirection"]:
         _demand_direct(call.arguments, call.line, source)
-    gains, mode = _gains(made[0][2] or made[0][4] or "", line, calls["Tunings"], known, source)
+    gains, mode = _gains(made[0][2] or made[0][4] or "", line, calls["Tunings"], constants, source)
     collected = WordCollector(source, FIELDS)
     for field, (where, value) in zip(GAINS, gains, strict=True):
-        collected.put(field.name, _number(value, known), where, _shown(value, known))
+        collected.put(field.name, _number(value, constants), where, _shown(value, constants))
     collected.put("POn", _MODES[mode], line, mode)
     high = FULL
     for call in calls["OutputLimits"]:
-        ends = [_number(part, known) for part in call.arguments.split(",")]
+        ends = [_number(part, constants) for part in call.arguments.split(",")]
         if len(ends) != 2 or ends[0] != 0.0 or ends[1] is None:
             raise wrong(source, call.line, "SetOutputLimits", call.arguments, "0 and a number: a heater has no power "
                         "below 0")
         collected.put("OutMax", ends[1], call.line, call.arguments)
         high = float(ends[1])
     for call in calls["SampleTime"]:
-        time = _number(call.arguments, known)
+        time = _number(call.arguments, constants)
         whole = int(time) if isinstance(time, float) and time.is_integer() else time
         collected.put("SampleTime", whole, call.line, call.arguments)
     assumed = list(collected.assume({"OutMax": FULL, "SampleTime": round(FIRST_MS)}))
     if _FUNCTION.search(plain):  # a whole sketch: then the library's own defaults are in force
         assumed.clear()
-    full, is_stated = _full(plain, known, high, source)
+    full, is_stated = _full(plain, constants, high, source)
     collected.put("Full", full, 0, f"{full}")
     assumed += [] if is_stated else [f"output {high:g} = full power"]
     return ReadBack(collected.values(), assumed=tuple(assumed))
@@ -214,16 +214,20 @@ def _calls(plain: str, source: str) -> dict[str, list[_LibraryCall]]:
         if match[2] is None:
             raise wrong(source, line, f"Set{match[1]}", plain[match.start():].partition("\n")[0][:40],
                         "a call with its brackets in the text")
-        functions = [(at, name) for at, name in begins if at < match.start()]
-        at, name = functions[-1] if functions else (0, "setup")
-        inside = plain[at:match.start()]
-        is_certain = name == "setup" and inside.count("{") - inside.count("}") <= (1 if functions else 0)
+        at, name = next(((at, name) for at, name in reversed(begins) if at < match.start()), (-1, "setup"))
+        is_certain = name == "setup" and _is_unconditional(plain[max(at, 0):match.start()], depth=int(at >= 0))
         found[match[1]].append(_LibraryCall(line, match[3].strip(), is_certain))
     return found
 
 
+def _is_unconditional(before: str, depth: int) -> bool:
+    """Return whether a statement is reached whatever happens, by what stands before it in its function."""
+    own = re.split(r"[;{}]", before)[-1]
+    return before.count("{") - before.count("}") <= depth and not re.search(r"\b(?:if|else|for|while|case)\b|\?", own)
+
+
 def _gains(
-    arguments: str, line: int, tunings: Sequence[_LibraryCall], known: Mapping[str, str], source: str,
+    arguments: str, line: int, tunings: Sequence[_LibraryCall], constants: Mapping[str, str], source: str,
 ) -> tuple[list[tuple[int, str]], str]:
     """Return the three gains with their lines, and the mode of P, of the constructor or of SetTunings after it."""
     gains, modes = _parts(arguments, line, source)
@@ -234,8 +238,8 @@ def _gains(
         parts = [part.strip() for part in call.arguments.split(",")]
         if len(parts) not in (3, 4) or (len(parts) == 4 and parts[3] not in _MODES):
             raise wrong(source, call.line, "SetTunings", call.arguments, "three gains, and P_ON_E or P_ON_M or neither")
-        before = [_number(gain, known) for _, gain in placed]
-        if [_number(part, known) for part in parts[:3]] == before and parts[3:] in ([], [mode]):
+        before = [_number(gain, constants) for _, gain in placed]
+        if [_number(part, constants) for part in parts[:3]] == before and parts[3:] in ([], [mode]):
             continue
         if not call.is_certain or changes:
             raise wrong(source, call.line, "SetTunings", call.arguments, "the gains in force alone: leave the other "
@@ -261,14 +265,14 @@ def _demand_direct(direction: str, line: int, source: str) -> None:
                     "is too cold")
 
 
-def _full(plain: str, known: Mapping[str, str], high: float, source: str) -> tuple[float, bool]:
+def _full(plain: str, constants: Mapping[str, str], high: float, source: str) -> tuple[float, bool]:
     """Return the output at full power, and whether the text says so."""
-    names = [name for name in known if name.lower() in _FULLS]
-    named = _number(names[0], known) if names else None
+    names = [name for name in constants if name.lower() in _FULLS]
+    named = _number(names[0], constants) if names else None
     if named is not None:
         return float(named), True
     if names:
-        raise InputError(f"{source}: {_shown(names[0], known)}; expected one number, the output at full power")
+        raise InputError(f"{source}: {_shown(names[0], constants)}; expected one number, the output at full power")
     if _ANALOG.search(plain) and high <= FULL:
         return FULL, True
     if high in _SCALES or high % _SECOND_MS == 0.0:
@@ -285,13 +289,13 @@ def _sketch_constants(plain: str) -> dict[str, str]:
     return {name: " and ".join(all_) for name, all_ in values.items()}
 
 
-def _number(text: str, known: Mapping[str, str]) -> Number | None:
+def _number(text: str, constants: Mapping[str, str]) -> Number | None:
     """Return a number, or the constant of that name."""
-    return number_of(known.get(text.strip(), text))
+    return number_of(constants.get(text.strip(), text))
 
 
-def _shown(text: str, known: Mapping[str, str]) -> str:
-    return f"{text} = {known[text]}"[:60] if text in known else text
+def _shown(text: str, constants: Mapping[str, str]) -> str:
+    return f"{text} = {constants[text]}"[:60] if text in constants else text
 
 
 def _line(text: str, at: int) -> int:

@@ -131,7 +131,7 @@ def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
 
     Raises:
         InputError: no Python, no call of PID or several; an argument that is no number, out of its range, or of a part
-            that is not proven here; an output whose full power is not known; no interval.
+            that is not proven here; an output whose full power is not constants; no interval.
     """
     try:
         return _read(_parsed(text, source), sample_time_s, source)
@@ -145,24 +145,24 @@ def _read(body: Sequence[ast.stmt], sample_time_s: float | None, source: str) ->
     if len(calls) != 1:
         raise InputError(f"{source}: {len(calls) or 'no'} calls of PID; expected one, such as PID(2.0, 0.1, 0.0, "
                          "output_limits=(0, 100))")
-    known, call = _constants(body), calls[0]
-    given, lines = _arguments(call, known, source), dict.fromkeys(_ORDER, call.lineno)
+    constants, call = _constants(body), calls[0]
+    given, lines = _arguments(call, constants, source), dict.fromkeys(_ORDER, call.lineno)
     unstated = {name for number, name in enumerate(_GAIN_NAMES)
                 if number >= len(call.args) and all(keyword.arg != name for keyword in call.keywords)}
-    for line, name, value in _set_later(body, call, known, given, source):
+    for line, name, value in _set_later(body, call, constants, given, source):
         given[name], lines[name] = value, line
         unstated.discard(name)
     collected, gains = WordCollector(source, FIELDS), {name: _number(given[name]) for name in _GAIN_NAMES}
     for name in (name for name, gain in gains.items() if gain is None):
         collected.put(name, None, lines[name], str(given[name]))
-    most, full, assumed = _output(given["output_limits"], lines["output_limits"], known, source)
+    most, full, assumed = _output(given["output_limits"], lines["output_limits"], constants, source)
     collected.put("output_max", most, lines["output_limits"], str(given["output_limits"]))
     for name, gain in gains.items():
         collected.put(name, None if gain is None else gain * (FULL / full), lines[name], str(given[name]))
     for name in (_P_ON, _D_ON):
         value = given[name]
         collected.put(name, int(value) if isinstance(value, bool) else None, lines[name], str(value))
-    period, told = _period(given["sample_time"], body, known, sample_time_s)
+    period, told = _period(given["sample_time"], body, constants, sample_time_s)
     collected.put(_PERIOD, period, call.lineno, str(period))
     slow = given["sample_time"]
     assumed += [f"{name} = {given[name]:g}" for name in _GAIN_NAMES if name in unstated]
@@ -170,36 +170,38 @@ def _read(body: Sequence[ast.stmt], sample_time_s: float | None, source: str) ->
     return ReadBack(collected.values(), over, assumed=(*assumed, *told))
 
 
-def _output(limits: object, line: int, known: Mapping[str, ast.AST], source: str) -> tuple[float, float, list[str]]:
+def _output(
+    limits: object, line: int, constants: Mapping[str, ast.AST], source: str,
+) -> tuple[float, float, list[str]]:
     """Return the upper limit in percent, the output at full power, and what is assumed of it."""
     low, high = map(_number, limits) if isinstance(limits, tuple) and len(limits) == 2 else (None, None)
     if low != 0.0 or high is None or not high > 0.0:
         raise wrong(source, line, "output_limits", str(limits), "0 and the output at full power, such as "
-                    "output_limits = (0, 100): without limits, or with others below, nothing is proven here")
-    stated = _number(_value(known[_FULL], known)) if _FULL in known else FULL if _PERIOD in known else None
-    if stated is None and high not in _SCALES:
+                    "pid.output_limits = (0, 100): without limits, or with others below, nothing is proven here")
+    is_stated = _FULL in constants or _PERIOD in constants
+    full = high if high in _SCALES else None
+    if is_stated:
+        full = _number(_value(constants[_FULL], constants)) if _FULL in constants else FULL
+    if full is None or not full > 0.0:
         raise wrong(source, line, "output_limits", str(limits), f"an upper limit of 1, 100 or 255; with another one "
                     f"add a line {_FULL} = {high:g} with the output at full power")
-    full = high if stated is None else stated
-    if not full > 0.0:
-        raise wrong(source, line, _FULL, f"{full:g}", "a number above 0")
-    assumed = [f"output {high:g} = full power"] if stated is None and high != FULL else []
+    assumed = [] if is_stated or high == FULL else [f"output {high:g} = full power"]
     return high * (FULL / full), full, assumed
 
 
 def _period(
-    slow: object, body: Sequence[ast.stmt], known: Mapping[str, ast.AST], sample_time_s: float | None,
+    slow: object, body: Sequence[ast.stmt], constants: Mapping[str, ast.AST], sample_time_s: float | None,
 ) -> tuple[Any, list[str]]:
     """Return the interval of the calls [ms], and what is assumed of it.
 
     Raises:
         InputError: nothing says how often the object is called.
     """
-    if _PERIOD in known:
-        return _value(known[_PERIOD], known), []
+    if _PERIOD in constants:
+        return _value(constants[_PERIOD], constants), []
     if sample_time_s is not None:
         return round(1000.0 * sample_time_s), []
-    sleeps = [_number(_value(node.args[0], known)) for each in body for node in ast.walk(each)
+    sleeps = [_number(_value(node.args[0], constants)) for each in body for node in ast.walk(each)
               if isinstance(node, ast.Call) and _named(node.func) == "sleep" and node.args]
     waits = [each for each in (_number(slow), *sleeps) if each is not None and each > _FASTEST_S]
     if not waits or len(sleeps) > 1 or None in sleeps:
@@ -279,30 +281,16 @@ def _constants(body: Sequence[ast.stmt]) -> dict[str, ast.AST]:
 
 
 def _set_later(
-    body: Sequence[ast.stmt], call: ast.Call, known: Mapping[str, ast.AST], given: Mapping[str, object], source: str,
+    body: Sequence[ast.stmt], call: ast.Call, constants: Mapping[str, ast.AST], arguments: Mapping[str, object],
+    source: str,
 ) -> Iterator[tuple[int, str, object]]:
     """Yield line, name and value of what is set after the call; refuse what is set to several values, or perhaps."""
-    own = next((ast.unparse(target) for target, value, _ in _assignments(body) if value is call), None)
-    assigned = {ast.unparse(target) for target, *_ in _assignments(body)}
-    before = dict(given)
-    changed: set[str] = set()
-    for target, value, is_certain in _assignments(body):
-        if not isinstance(target, ast.Attribute):
-            continue
-        whose = ast.unparse(target.value)
-        if target.attr not in _LATER:
-            if whose == own and target.attr not in _ORDER:
-                raise wrong(source, target.lineno, f"{own}.{target.attr}", _shown(value), f"{', '.join(_LATER)}")
-            continue
-        if own not in (None, whose) and _value(target.value, known) != own:
-            if whose not in assigned and whose != "self":
-                raise wrong(source, target.lineno, f"{whose}.{target.attr}", _shown(value), f"{own}, which PID made")
-            continue
-        is_all = target.attr == _TUNINGS
-        held = _value(value, known)
+    before, changed = dict(arguments), set[str]()
+    for target, value, is_certain in _own_attributes(body, call, constants, source):
+        held, is_all = _value(value, constants), target.attr == _TUNINGS
         parts = held if is_all and isinstance(held, tuple) and len(held) == len(_GAIN_NAMES) else (held,)
         for name, part in zip(_GAIN_NAMES if is_all else (target.attr,), parts, strict=False):
-            if part != before[name] and (not is_certain or name in changed or len(parts) > len(_GAIN_NAMES)):
+            if part != before[name] and (not is_certain or name in changed):
                 raise wrong(source, target.lineno, name, str(part), f"{before[name]} as before; leave in the text only "
                             "what is in force")
             before[name] = part
@@ -310,13 +298,32 @@ def _set_later(
             yield target.lineno, name, part
 
 
-def _arguments(call: ast.Call, known: Mapping[str, ast.AST], source: str) -> dict[str, object]:
+def _own_attributes(
+    body: Sequence[ast.stmt], call: ast.Call, constants: Mapping[str, ast.AST], source: str,
+) -> Iterator[tuple[ast.Attribute, ast.AST, bool]]:
+    """Yield the assignments to attributes of the object that are words; refuse those of no object or attribute."""
+    own = next((ast.unparse(target) for target, value, _ in _assignments(body) if value is call), None)
+    there = {ast.unparse(target) for target, *_ in _assignments(body)} | {"self"}
+    for target, value, is_certain in _assignments(body):
+        if not isinstance(target, ast.Attribute):
+            continue
+        whose = ast.unparse(target.value)
+        is_own = own in (None, whose) or _value(target.value, constants) == own
+        if target.attr in _LATER and is_own:
+            yield target, value, is_certain
+        elif target.attr in _LATER and whose not in there:
+            raise wrong(source, target.lineno, f"{whose}.{target.attr}", _shown(value), f"{own}, which PID made")
+        elif whose == own and target.attr not in _ORDER:
+            raise wrong(source, target.lineno, f"{own}.{target.attr}", _shown(value), ", ".join(_LATER))
+
+
+def _arguments(call: ast.Call, constants: Mapping[str, ast.AST], source: str) -> dict[str, object]:
     """Return all arguments of a call, by name."""
     names = [*_ORDER[: len(call.args)], *(keyword.arg for keyword in call.keywords)]
     if len(call.args) > len(_ORDER) or any(name not in _ORDER for name in names) or len(set(names)) != len(names):
         raise wrong(source, call.lineno, "PID", ast.unparse(call)[:60], f"{', '.join(_ORDER)}")
     values = [*call.args, *(keyword.value for keyword in call.keywords)]
-    given = _USUAL | {str(name): _value(value, known) for name, value in zip(names, values, strict=True)}
+    given = _USUAL | {str(name): _value(value, constants) for name, value in zip(names, values, strict=True)}
     for name in ("auto_mode", "error_map", "starting_output"):
         if given[name] != _USUAL[name]:
             raise wrong(source, call.lineno, name, str(given[name]), f"{_USUAL[name]}: no other is proven here")
@@ -329,12 +336,12 @@ def _named(function: ast.expr) -> str:
     return function.id if isinstance(function, ast.Name) else ""
 
 
-def _value(node: ast.AST, known: Mapping[str, ast.AST]) -> Any:
+def _value(node: ast.AST, constants: Mapping[str, ast.AST]) -> Any:
     """Return what an expression is, where it is a constant or the name of one; else its text, which no word takes."""
     if isinstance(node, ast.Name | ast.Attribute):
-        node = known.get(ast.unparse(node), node)
+        node = constants.get(ast.unparse(node), node)
     if isinstance(node, ast.Tuple | ast.List):
-        return tuple(_value(each, known) for each in node.elts)
+        return tuple(_value(each, constants) for each in node.elts)
     try:
         return ast.literal_eval(node)
     except (ValueError, TypeError, SyntaxError, RecursionError, MemoryError):
