@@ -241,7 +241,7 @@ def test_a_bad_line_is_told_by_number_field_and_value(target, find, put, parts):
     ("Name,Display format,Modify value\n\"P\".Retain.CtrlParams.Gain,x\n", ("line 2", "watch table")),
     ("Name,Display format,Modify value\n3,x,4\n", ("line 2", "name", "'3'")),
     ("Names,Display format,Modify value\n\"P\".Retain.CtrlParams.Gain,x,1\n", ("line 2", "watch table")),
-    ("Gain\n", ("line 1", "'Gain'", "Retain.CtrlParams.Gain := 2.5;"))])
+    ("Gain\n", ("Gain and Ti", "Gain = 2.5"))])
 def test_a_bad_row_is_told(text, parts):
     with pytest.raises(InputError) as refused:
         _read("pid-compact", text)

@@ -22,8 +22,8 @@ OB251 = [("K", "DW1", "KF", -32768, 32767), ("R", "DW3", "KF", -32768, 32767), (
 # page 7 of the PID tip; OB35 is called every 1 ms to 1 min
 TIP = [("GAIN", "DBD10", "REAL", -SINGLE, SINGLE), ("RATE", "DBD14", "REAL", 0.0, SINGLE), ("RESET", "DBD18", "REAL", 0.0, SINGLE),
        ("SAMPLE", "DBD22", "REAL", 1.0, 60_000.0)]
-# parameter table of CONT_C; PV_PER is the reading, so PVPER_ON stays 1
-CONT_C = [*((name, f"DBX0.{bit}", "BOOL", int(name == "PVPER_ON"), 1) for bit, name in enumerate(
+# parameter table of CONT_C; PVPER_ON is a BOOL without a range of its own, and FALSE by default
+CONT_C = [*((name, f"DBX0.{bit}", "BOOL", 0, 1) for bit, name in enumerate(
               ("MAN_ON", "PVPER_ON", "P_SEL", "I_SEL", "INT_HOLD", "I_ITL_ON", "D_SEL"), 1)),
           ("CYCLE", "DBD2", "TIME", 1, 60_000), ("MAN", "DBD16", "REAL", -SINGLE, SINGLE), ("GAIN", "DBD20", "REAL", -SINGLE, SINGLE),
           *((name, f"DBD{place}", "TIME", 0, 2**31 - 1) for name, place in (("TI", 24), ("TD", 28), ("TM_LAG", 32))),

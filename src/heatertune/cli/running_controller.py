@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import Any
 
 from heatertune import chain, options, plc, report
@@ -156,7 +157,8 @@ def add_decode(commands: Any) -> None:
         description="Read the parameters of a running controller: the bytes of its data block, high byte first, or "
                     "text as its programming tool saves or prints it (S5: listing of the block; S7-200: statement list "
                     "or data block; S7-300: STL source; WEG: the block's call or a list of parameters; one-bit "
-                    "processor: Intel HEX). With a model, prove them.",
+                    "processor: Intel HEX; printers, sketches, scripts and lists: as people paste them). What the text "
+                    "does not say and is assumed is listed. With a model, prove them.",
     )
     command.add_argument("dump", metavar="DUMP", help="binary or text file")
     command.add_argument("--called-every", type=float, metavar="S",
@@ -172,25 +174,32 @@ def _run_decode(settings: argparse.Namespace) -> int:
     from heatertune.plc.dump_reader import realised_design
 
     controller = plc.controller_for(common.target(settings))
-    words, passed_over, unlike = common.words_of_machine(settings, settings.dump)
+    words, passed_over, unlike, assumed = common.words_of_machine(settings, settings.dump)
     design = realised_design(controller, words)
     odd = [] if controller.oddities is None else list(controller.oddities(words))
     odd += () if unlike is None else unlike(words)
     document: dict[str, Any] = {
         "schema": "heatertune/decode/1", "target": controller.name, "words": dict(words.values),
         "realised": None if design is None else to_document(design), "odd": odd, "passed_over": list(passed_over),
-        "proof": None,
+        "assumed": list(assumed), "proof": None,
     }
+    condition = f"on condition that {', '.join(assumed)}" if assumed else ""
     if settings.model is not None or settings.gain is not None:
         fitted = common.model_from(settings, settings.model)
         printing.Progress(settings)("proving the parameters")
-        document["proof"] = chain.prove(words, fitted, common.conditions(settings)).to_document()
+        proven = chain.prove(words, fitted, common.conditions(settings))
+        if assumed:
+            heard = proven.diagnostics
+            proven = replace(proven, diagnostics=replace(heard, remarks=(*heard.remarks, condition)))
+        document["proof"] = proven.to_document()
     proof = document["proof"]
 
     def text() -> str:
         lines = ["no PID" if design is None else report.design_lines(document["realised"])]
         lines += [*(f"odd: {oddity}" for oddity in odd), *(f"not looked at: {rest}" for rest in passed_over)]
-        return "\n".join(lines + ([report.criteria_table(proof), f"VERDICT {proof['verdict']}"] if proof else []))
+        lines += [f"assumed, as the text does not say: {', '.join(assumed)}"] if assumed else []
+        verdict = f"VERDICT {proof['verdict']} {condition}".rstrip() if proof else ""
+        return "\n".join(lines + ([report.criteria_table(proof), verdict] if proof else []))
 
     printing.output(settings, document, text)
     return 1 if proof and proof["verdict"] != "PASS" else 0

@@ -198,6 +198,7 @@ class Controller(SetpointHandling, ABC):
             name for error messages → the words; None: they cannot be read back from text.
         text_of_heater: as `text`, with the setting of the open point `heater`; None: a text holds one controller alone.
         oddities: what is odd about a running controller's words, one sentence each; None: nothing is known to be.
+        premises: what words leave to the program around, a phrase each; None: nothing.
         faults: what is known to be wrong in the controller with these words, one sentence each; None: nothing.
         tick_s: of the clock behind calls and PWM, the coarsest [s]; None: the export's program makes no PWM.
         pwm_period_s: of the switch behind the output where the user says none [s]; None: TA in parts up to 10 s.
@@ -242,6 +243,7 @@ class Controller(SetpointHandling, ABC):
     text: ClassVar[staticmethod[[str, float | None, str], ReadBack] | None] = None
     text_of_heater: ClassVar[staticmethod[[str, float | None, str, str], ReadBack] | None] = None
     oddities: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
+    premises: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     faults: ClassVar[staticmethod[[Words], tuple[str, ...]] | None] = None
     tick_s: ClassVar[float | None] = None
     pwm_period_s: ClassVar[float | None] = None

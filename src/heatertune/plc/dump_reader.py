@@ -28,12 +28,13 @@ class Machine(NamedTuple):
 
     Attributes:
         words: without a ramp, which is a part of the program.
-        passed_over, unlike: as in `ReadBack`.
+        passed_over, unlike, assumed: as in `ReadBack`.
     """
 
     words: Words
     passed_over: tuple[str, ...] = ()
     unlike: Callable[[Words], tuple[str, ...]] | None = None
+    assumed: tuple[str, ...] = ()
 
 
 def content_of(path: str | Path) -> bytes:
@@ -74,7 +75,8 @@ def read_machine(
             expected = "" if controller.text is None else "; expected text, as its programming tool saves it"
             raise InputError(f"{source}: a dump of {controller.name} cannot be decoded{expected}")
         interval = _interval(controller, sample_time_s)
-        return Machine(controller.read_image(content, sample_time_s=interval, scaling=scaling, source=source))
+        words = controller.read_image(content, sample_time_s=interval, scaling=scaling, source=source)
+        return Machine(words, assumed=_premises(controller, words))
     settings = settings_of(controller.switches, known or {})
     read = (controller.text(text, sample_time_s, source) if controller.text_of_heater is None else
             controller.text_of_heater(text, sample_time_s, source, settings["heater"]))
@@ -82,7 +84,11 @@ def read_machine(
     interval = sample_time_s or by_words or _interval(controller, None)
     words = Words(target=controller.name, values=read.values, scaling=scaling, sample_time_s=interval)
     check_fields(controller.fields, words)
-    return Machine(words, read.passed_over, read.unlike)
+    return Machine(words, read.passed_over, read.unlike, (*read.assumed, *_premises(controller, words)))
+
+
+def _premises(controller: Controller, words: Words) -> tuple[str, ...]:
+    return () if controller.premises is None else controller.premises(words)
 
 
 def _text(content: bytes, source: str) -> str | None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
@@ -10,10 +12,17 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import WordField, Words
 
-__all__ = ["ReadBack", "WordCollector", "first_unlike", "lines_of", "real_of", "text_of", "whole_of", "wrong"]
+__all__ = [
+    "ReadBack", "WordCollector", "demand_whole_lines", "first_few", "first_unlike", "lines_of", "real_of", "text_of",
+    "whole_of", "wrong",
+]
 
 #: control characters that a text may hold: tab, line and form feeds, the end mark of CP/M and DOS
 _IN_TEXT: Final = frozenset(b"\t\n\r\f\x1a")
+#: a line that goes on with the number at the end of the one before
+_REST: Final = re.compile(r"[.,]?\d[\d.,]*(?:e[-+]?\d+)?(?:\s*[^\d\s]{0,4}|[;,)\s].*)")
+#: of what is not looked at, in a log of many lines
+_FEW: Final = 3
 _UTF_16: Final = (b"\xff\xfe", b"\xfe\xff")
 
 _UNLIKE: Final = "the program around the parameters differs from the exported one"
@@ -27,11 +36,13 @@ class ReadBack(NamedTuple):
         passed_over: other content that was not compared, a few words each.
         unlike: for a text with the program around the parameters: words → first difference from the exported program,
             empty if there is none; None: the text contains no program.
+        assumed: what the text does not say and was filled in, a phrase such as "PID_K1 = 0.95" each.
     """
 
     values: dict[str, Number]
     passed_over: tuple[str, ...] = ()
     unlike: Callable[[Words], tuple[str, ...]] | None = None
+    assumed: tuple[str, ...] = ()
 
 
 def text_of(content: bytes) -> str | None:
@@ -52,6 +63,25 @@ def lines_of(text: str) -> Iterator[tuple[int, str]]:
     broken = text.replace("\r\n", "\n").replace("\r", "\n").translate({0x0C: None, 0x1A: None})
     for number, line in enumerate(broken.split("\n"), start=1):
         yield number, line.strip()
+
+
+def demand_whole_lines(text: str, source: str) -> None:
+    """Refuse a text in which a line ends within a number: the next one goes on with digits alone.
+
+    Raises:
+        InputError: it does.
+    """
+    before = ""
+    for line, content in lines_of(text):
+        if _REST.fullmatch(content) and before[-1:].isdigit():
+            raise wrong(source, line, "number", content, f"it in the line before: {before[-30:]}…")
+        before = content
+
+
+def first_few(lines: Sequence[str]) -> tuple[str, ...]:
+    """Return the first lines of many, and how many there are besides."""
+    more = len(lines) - _FEW
+    return (*lines[:_FEW], *([f"{more} more lines"] if more > 0 else []))
 
 
 def first_unlike(read: Sequence[tuple[int, str]], ours: Sequence[tuple[int, str]]) -> tuple[str, ...]:
@@ -110,6 +140,9 @@ class WordCollector:
         self._values: dict[str, Number] = {}
         self._before: dict[str, str] = {}
 
+    def __contains__(self, name: str) -> bool:
+        return name in self._values
+
     def put(self, name: str, value: Number | None, line: int, shown: str) -> None:
         """Store a parameter.
 
@@ -122,6 +155,19 @@ class WordCollector:
         if self._values.setdefault(name, value) != value:
             raise wrong(self._source, line, name, shown, self._before[name])
         self._before.setdefault(name, f"{shown}, as in line {line}")
+
+    def assume(self, defaults: Mapping[str, Number], without: Mapping[str, Sequence[str]] = MappingProxyType({})
+               ) -> tuple[str, ...]:
+        """Fill in the parameters that the text leaves out; return them, see `ReadBack.assumed`.
+
+        Args:
+            defaults: parameter → its value.
+            without: parameter that may be 0 → those that then change nothing and are not returned.
+        """
+        names = [name for name in defaults if name not in self._values]
+        self._values |= {name: defaults[name] for name in names}
+        idle = {name for switch, its in without.items() if not self._values.get(switch) for name in its}
+        return tuple(f"{name} = {defaults[name]:.6g}" for name in names if name not in idle)
 
     def values(self) -> dict[str, Number]:
         """Return all words.

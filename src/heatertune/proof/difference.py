@@ -183,7 +183,8 @@ def _dumped(path: str, given: DeclaredWords, other: Side | None) -> Side:
         ways = {"setpoint ramp": words.ramp, "boost": words.boost}
         told = (f"{name}, {way}" for name, way in ways.items() if way is not None)
         taken_over += (*told, "the program around the words")
-    notes = [*unlike, *(f"not looked at: {rest}" for rest in read.passed_over)]
+    notes = [*unlike, *(f"not looked at: {rest}" for rest in read.passed_over),
+             *(f"assumed, as the text does not say: {each}" for each in read.assumed)]
     return Side(source=path, kind="machine", words=words, taken_over=taken_over, notes=tuple(notes),
                 is_changed=bool(unlike))
 

@@ -6,7 +6,7 @@ The words are what its constructor, SetOutputLimits and SetSampleTime are given;
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.errors import InputError
@@ -41,7 +41,7 @@ from heatertune.plc.firmware.text import (
 )
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import ReadBack, WordCollector, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, demand_whole_lines, wrong
 from heatertune.plc.words import Certificate, WordField, Words, check_limits
 
 __all__ = ["ArduinoPid"]
@@ -127,84 +127,179 @@ def _scan(
 
 
 _COMMENT: Final = re.compile(r"/\*.*?(?:\*/|\Z)|//[^\n]*", re.DOTALL)
-_PID: Final = re.compile(r"\bPID\s+(\w+)\s*\(([^()]*)\)")
-_LIMITS: Final = re.compile(r"\.\s*SetOutputLimits\s*\(([^()]*)\)")
-_SAMPLE: Final = re.compile(r"\.\s*SetSampleTime\s*\(([^()]*)\)")
-_TUNINGS: Final = re.compile(r"\.\s*SetTunings\s*\(([^()]*)\)")
-_CONSTANT: Final = re.compile(r"\b(\w+)\s*=\s*([^;,(){}]+?)\s*(?=[;,])|#\s*define\s+(\w+)\s+(\S+)")
+_ARGUMENTS: Final = r"\s*\(((?:[^()]|\([^()]*\))*)\)"
+_PID: Final = re.compile(rf"\bPID\s+(?P<own>\w+){_ARGUMENTS}|(?P<made>\w+)\s*=\s*new\s+PID{_ARGUMENTS}")
+_SETS: Final = re.compile(rf"Set(OutputLimits|SampleTime|Tunings|ControllerDirection)\b({_ARGUMENTS})?")
+#: functions of the library that change no word
+_OTHERS: Final = ("Compute", "SetMode", "GetMode", "GetDirection", "GetKp", "GetKi", "GetKd")
+_ASSIGNED: Final = re.compile(r"\b(\w+)\s*(?:[-+*/]=|=(?!=))\s*([^;,\n]*)|#\s*define\s+(\w+)\s+([^\n]*)")
+_FUNCTION: Final = re.compile(r"\bvoid\s+(\w+)\s*\(\s*\)\s*\{")
 _MODES: Final = {"P_ON_E": ON_ERROR, "P_ON_M": ON_MEASUREMENT}
+_DIRECT: Final = "DIRECT"
 #: names by which sketches call the output at full power: that of heatertune's, and the library's example
-_FULLS: Final = ("Full", "WindowSize")
+_FULLS: Final = ("full", "windowsize", "window_size")
+#: upper limits that are taken as full power where no such name is there, and what windows of time [ms] are multiples of
+_SCALES: Final = (1.0, 100.0, FULL, 1023.0, 4095.0, 65535.0)
+_SECOND_MS: Final = 1000.0
+_ANALOG: Final = re.compile(r"\banalogWrite\b")
+
+
+class _LibraryCall(NamedTuple):
+    """A call of the library in a sketch."""
+
+    line: int
+    arguments: str
+    is_certain: bool
 
 
 def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
-    """Return the words in a sketch.
+    """Return the words in a sketch, or in lines of one.
 
     Raises:
-        InputError: no constructor of PID_v1 or several; a gain that is no number or out of its range; REVERSE; a
-            lower limit other than 0; gains that the sketch changes later.
+        InputError: no constructor of PID_v1 or several; a gain that is no number, has several values or is out of its
+            range; REVERSE; a lower limit other than 0; gains that the sketch changes later; an output whose full
+            power is not constants.
     """
     plain = blank_matches(_COMMENT, text.replace("\r\n", "\n").replace("\r", "\n"))
+    demand_whole_lines(plain, source)
     made = list(_PID.finditer(plain))
     if len(made) != 1:
         what = "no constructor of PID_v1" if not made else f"{len(made)} constructors of PID_v1"
-        raise InputError(f"{source}: {what}; expected one line such as PID heater(&Input, &Output, &Setpoint, 2.0, "
+        raise InputError(f"{source}: {what}; expected the lines of one object, such as PID heater(&Input, &Output, &Setpoint, 2.0, "
                          "5.0, 1.0, P_ON_E, DIRECT);")
-    known = {match[1] or match[3]: match[2] or match[4] for match in _CONSTANT.finditer(plain)}
-    collected, over = WordCollector(source, FIELDS), list[str]()
-    line = _line(plain, made[0])
-    gains, modes = _parts(made[0][2], line, source)
-    for field, value in zip(GAINS, gains, strict=True):
-        collected.put(field.name, _number(value, known), line, value)
-    collected.put("POn", _MODES.get(modes[0], ON_ERROR), line, modes[0])
-    high = _limits(plain, known, source, collected)
-    full = next((_number(name, known) for name in _FULLS if name in known), None)
-    if full is None:
-        over.append(f"the output at full power is not stated: the upper limit {high:g} is used")
-    collected.put("Full", high if full is None else full, line, f"{full}")
-    times = list(_SAMPLE.finditer(plain))
-    for match in times:
-        given = _number(match[1], known)
-        whole = int(given) if isinstance(given, float) and given.is_integer() else given
-        collected.put("SampleTime", whole, _line(plain, match), match[1])
-    if not times:
-        collected.put("SampleTime", round(FIRST_MS), line, f"{FIRST_MS:g}")
-    for match in _TUNINGS.finditer(plain):
-        raise wrong(source, _line(plain, match), "SetTunings", match[1], "gains in the constructor alone")
-    return ReadBack(collected.values(), tuple(over))
+    constants, line, calls = _sketch_constants(plain), _line(plain, made[0].start()), _calls(plain, source)
+    _demand_known_functions(plain, made[0]["own"] or made[0]["made"], source)
+    for call in calls["ControllerDirection"]:
+        _demand_direct(call.arguments, call.line, source)
+    gains, mode = _gains(made[0][2] or made[0][4] or "", line, calls["Tunings"], constants, source)
+    collected = WordCollector(source, FIELDS)
+    for field, (where, value) in zip(GAINS, gains, strict=True):
+        collected.put(field.name, _number(value, constants), where, _shown(value, constants))
+    collected.put("POn", _MODES[mode], line, mode)
+    high = FULL
+    for call in calls["OutputLimits"]:
+        ends = [_number(part, constants) for part in call.arguments.split(",")]
+        if len(ends) != 2 or ends[0] != 0.0 or ends[1] is None:
+            raise wrong(source, call.line, "SetOutputLimits", call.arguments, "0 and a number: a heater has no power "
+                        "below 0")
+        collected.put("OutMax", ends[1], call.line, call.arguments)
+        high = float(ends[1])
+    for call in calls["SampleTime"]:
+        time = _number(call.arguments, constants)
+        whole = int(time) if isinstance(time, float) and time.is_integer() else time
+        collected.put("SampleTime", whole, call.line, call.arguments)
+    assumed = list(collected.assume({"OutMax": FULL, "SampleTime": round(FIRST_MS)}))
+    if _FUNCTION.search(plain):  # a whole sketch: then the library's own defaults are in force
+        assumed.clear()
+    full, is_stated = _full(plain, constants, high, source)
+    collected.put("Full", full, 0, f"{full}")
+    assumed += [] if is_stated else [f"output {high:g} = full power"]
+    return ReadBack(collected.values(), assumed=tuple(assumed))
+
+
+def _demand_known_functions(plain: str, own: str, source: str) -> None:
+    """Refuse a function of the object that is none of the library's: it may set what is read here."""
+    for match in re.finditer(rf"\b{own}\s*(?:\.|->)\s*(\w*)", plain):
+        if match[1] not in _OTHERS and not _SETS.match(match[1]):
+            raise wrong(source, _line(plain, match.start()), f"{own}.{match[1]}", match[0], "a function of PID_v1")
+
+
+def _calls(plain: str, source: str) -> dict[str, list[_LibraryCall]]:
+    """Return name → its calls; certain is one in setup(), or outside of all functions."""
+    found: dict[str, list[_LibraryCall]] = {
+        name: [] for name in ("OutputLimits", "SampleTime", "Tunings", "ControllerDirection")}
+    begins = [(match.start(), match[1]) for match in _FUNCTION.finditer(plain)]
+    for match in _SETS.finditer(plain):
+        line = _line(plain, match.start())
+        if match[2] is None:
+            raise wrong(source, line, f"Set{match[1]}", plain[match.start():].partition("\n")[0][:40],
+                        "a call with its brackets in the text")
+        at, name = next(((at, name) for at, name in reversed(begins) if at < match.start()), (-1, "setup"))
+        is_certain = name == "setup" and _is_unconditional(plain[max(at, 0):match.start()], depth=int(at >= 0))
+        found[match[1]].append(_LibraryCall(line, match[3].strip(), is_certain))
+    return found
+
+
+def _is_unconditional(before: str, depth: int) -> bool:
+    """Return whether a statement is reached whatever happens, by what stands before it in its function."""
+    own = re.split(r"[;{}]", before)[-1]
+    return before.count("{") - before.count("}") <= depth and not re.search(r"\b(?:if|else|for|while|case)\b|\?", own)
+
+
+def _gains(
+    arguments: str, line: int, tunings: Sequence[_LibraryCall], constants: Mapping[str, str], source: str,
+) -> tuple[list[tuple[int, str]], str]:
+    """Return the three gains with their lines, and the mode of P, of the constructor or of SetTunings after it."""
+    gains, modes = _parts(arguments, line, source)
+    placed = [(line, gain) for gain in gains]
+    mode = modes[0] if len(modes) == 2 else "P_ON_E"
+    changes = 0
+    for call in tunings:
+        parts = [part.strip() for part in call.arguments.split(",")]
+        if len(parts) not in (3, 4) or (len(parts) == 4 and parts[3] not in _MODES):
+            raise wrong(source, call.line, "SetTunings", call.arguments, "three gains, and P_ON_E or P_ON_M or neither")
+        before = [_number(gain, constants) for _, gain in placed]
+        if [_number(part, constants) for part in parts[:3]] == before and parts[3:] in ([], [mode]):
+            continue
+        if not call.is_certain or changes:
+            raise wrong(source, call.line, "SetTunings", call.arguments, "the gains in force alone: leave the other "
+                        "SetTunings out, or write the gains into the constructor")
+        changes += 1
+        placed, mode = [(call.line, part) for part in parts[:3]], parts[3] if parts[3:] else mode
+    return placed, mode
 
 
 def _parts(arguments: str, line: int, source: str) -> tuple[list[str], list[str]]:
     """Return the three gains and the modes of a constructor."""
     parts = [part.strip() for part in arguments.split(",")]
     modes = parts[6:]
-    if len(parts) not in (7, 8) or modes[-1] != "DIRECT" or (len(modes) == 2 and modes[0] not in _MODES):
+    if len(parts) not in (7, 8) or (len(modes) == 2 and modes[0] not in _MODES):
         raise wrong(source, line, "PID", arguments, "three pointers, three gains, P_ON_E or P_ON_M (or none), DIRECT")
+    _demand_direct(modes[-1], line, source)
     return parts[3:6], modes
 
 
-def _limits(plain: str, known: dict[str, str], source: str, collected: WordCollector) -> float:
-    """Take the upper limit and return it."""
-    high, found = FULL, list(_LIMITS.finditer(plain))
-    for match in found:
-        ends = [_number(part.strip(), known) for part in match[1].split(",")]
-        line = _line(plain, match)
-        if len(ends) != 2 or ends[0] != 0.0 or ends[1] is None:
-            raise wrong(source, line, "SetOutputLimits", match[1], "0 and a number: a heater has no power below 0")
-        collected.put("OutMax", ends[1], line, match[1])
-        high = float(ends[1])
-    if not found:
-        collected.put("OutMax", high, 0, str(high))
-    return high
+def _demand_direct(direction: str, line: int, source: str) -> None:
+    if direction != _DIRECT:
+        raise wrong(source, line, "direction", direction, "DIRECT: REVERSE is of a cooler, whose output falls where it "
+                    "is too cold")
 
 
-def _number(text: str, known: dict[str, str]) -> Number | None:
+def _full(plain: str, constants: Mapping[str, str], high: float, source: str) -> tuple[float, bool]:
+    """Return the output at full power, and whether the text says so."""
+    names = [name for name in constants if name.lower() in _FULLS]
+    named = _number(names[0], constants) if names else None
+    if named is not None:
+        return float(named), True
+    if names:
+        raise InputError(f"{source}: {_shown(names[0], constants)}; expected one number, the output at full power")
+    if _ANALOG.search(plain) and high <= FULL:
+        return FULL, True
+    if high in _SCALES or high % _SECOND_MS == 0.0:
+        return high, False
+    raise InputError(f"{source}: SetOutputLimits up to {high:g}; expected 1, 100, 255 or a window in ms, or a line "
+                     f"such as const double Full = {high:g}; with the output at full power")
+
+
+def _sketch_constants(plain: str) -> dict[str, str]:
+    """Return name → what it is set to; all that it is set to, where that is several things."""
+    values: dict[str, dict[str, None]] = {}
+    for match in _ASSIGNED.finditer(plain):
+        values.setdefault(match[1] or match[3], {})[(match[2] or match[4] or "").strip()] = None
+    return {name: " and ".join(all_) for name, all_ in values.items()}
+
+
+def _number(text: str, constants: Mapping[str, str]) -> Number | None:
     """Return a number, or the constant of that name."""
-    return number_of(known.get(text.strip(), text))
+    return number_of(constants.get(text.strip(), text))
 
 
-def _line(text: str, match: re.Match[str]) -> int:
-    return text.count("\n", 0, match.start()) + 1
+def _shown(text: str, constants: Mapping[str, str]) -> str:
+    return f"{text} = {constants[text]}"[:60] if text in constants else text
+
+
+def _line(text: str, at: int) -> int:
+    return text.count("\n", 0, at) + 1
 
 
 _FILE: Final = "arduino_pid.ino"

@@ -37,7 +37,7 @@ from heatertune.plc.firmware.text import (
     window_of,
 )
 from heatertune.plc.ramp import Boost, Number
-from heatertune.plc.readback import ReadBack, WordCollector, lines_of, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, demand_whole_lines, lines_of, wrong
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import Certificate, WordField, Words, check_limits
 
@@ -136,6 +136,7 @@ def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
         InputError: no kp, a word there with two values or no number, no interval; a dead band, a cooler, or another
             part that is not proven here.
     """
+    demand_whole_lines(text, source)
     reader = _YamlReader(source, None if sample_time_s is None else round(1000.0 * sample_time_s))
     for line, content in lines_of(text):
         reader.take(line, _LOGGED.sub("", content).strip())
@@ -147,7 +148,7 @@ class _YamlReader:
 
     def __init__(self, source: str, interval_ms: int | None) -> None:
         self._source, self._interval = source, interval_ms
-        self._collected, self._seen, self._after_rule = WordCollector(source, FIELDS), set[str](), False
+        self._collected, self._after_rule = WordCollector(source, FIELDS), False
 
     def take(self, line: int, content: str) -> None:
         """Take a line without what the logger writes before it."""
@@ -170,7 +171,6 @@ class _YamlReader:
         elif name == "update_interval":
             if self._interval is None:
                 self._collected.put(name, _ms(text), line, text)
-                self._seen.add(name)
         elif name in _BY_NAME:
             self._put(line, name, text)
 
@@ -181,7 +181,6 @@ class _YamlReader:
             whole = _BY_NAME[name].format != "REAL"
             value = (int(number) if number.is_integer() else None) if whole else single(number)
         self._collected.put(name, value, line, text)
-        self._seen.add(name)
 
     def _other(self, line: int, name: str, value: str) -> None:
         """Refuse what is not held here, but for the value that changes nothing."""
@@ -191,15 +190,14 @@ class _YamlReader:
 
     def read(self) -> ReadBack:
         """Return the words, with the schema's defaults where nothing is written."""
-        if "kp" not in self._seen:
+        if "kp" not in self._collected:
             raise InputError(f"{self._source}: kp is missing; expected control_parameters of ESPHome's PID climate")
-        missing = [name for name in _USUAL if name not in self._seen]
-        for name in missing:
-            self._collected.put(name, _USUAL[name], 0, str(_USUAL[name]))
         if self._interval is not None:
             self._collected.put("update_interval", self._interval, 0, str(self._interval))
-        told = (f"{name} is not set: {_USUAL[name]:g}, ESPHome's default" for name in missing)
-        return ReadBack(self._collected.values(), tuple(told))
+        if "update_interval" not in self._collected:
+            raise InputError(f"--called-every is needed: {self._source} has no update_interval of the sensor")
+        assumed = self._collected.assume(_USUAL)
+        return ReadBack(self._collected.values(), assumed=assumed)
 
 
 def _ms(text: str) -> int | None:

@@ -7,9 +7,18 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, INPUT_S, RANGES, TICK_S, TIMER
-from heatertune.plc.fb41.export import FEED, export_words, from_image, from_text, loaders, oddities, setpoint_entry
+from heatertune.plc.fb41.export import (
+    FEED,
+    export_words,
+    from_image,
+    from_text,
+    loaders,
+    oddities,
+    premises,
+    setpoint_entry,
+)
 from heatertune.plc.fb41.step import ContCAssumptions, restart, scan, step
-from heatertune.plc.fb41.words import FIELDS, consistent, design_of, parameters_of, values_of
+from heatertune.plc.fb41.words import FIELDS, consistent, design_of, parameters_of, reading_periphery, values_of
 from heatertune.plc.words import Words
 
 __all__ = ["ContC"]
@@ -28,7 +37,8 @@ class ContC(Controller, name="fb41"):
     )
     cannot = (
         "a PWM that OB35 cannot make, or by PID_Compact's rule, is left to a switch behind the analog output",
-        "no setpoint weights: the block has none", "PV_IN is left out: the reading comes from PV_PER",
+        "no setpoint weights: the block has none",
+        "PV_IN where words are read: in °C, as the program before the block scales it; the export reads PV_PER",
     )
     fields, assumptions, timer, counts = FIELDS, ContCAssumptions, TIMER, FULL_SCALE
     ranges = RANGES
@@ -45,10 +55,10 @@ class ContC(Controller, name="fb41"):
     core = StepFunctions(step=step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"))
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     export, image, oddities = staticmethod(export_words), staticmethod(from_image), staticmethod(oddities)
-    load_exported = staticmethod(loaders)
+    load_exported, premises = staticmethod(loaders), staticmethod(premises)
     text, scan_all, feed = staticmethod(from_text), staticmethod(scan), FEED
 
     def begin(self, words: Words, assume: ContCAssumptions) -> ControllerState:
         """Return the state after OB100's call with COM_RST."""
-        parameters = parameters_of(words.values)
+        parameters = parameters_of(reading_periphery(words.values, words.scaling))
         return ControllerState((parameters, assume), restart(parameters))

@@ -6,7 +6,9 @@ goes to DISV [% of LMN], which CONT_C adds before the limits: LMN = P + I + D + 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from heatertune.errors import InputError
@@ -27,14 +29,18 @@ from heatertune.plc.cpu.s7_300.program import (
 from heatertune.plc.cpu.s7_300.readback import read_source
 from heatertune.plc.cpu.s7_300.source import BlockMember, as_real, bits_of, signed_number
 from heatertune.plc.fb41.step import ContCAssumptions, ContCParameters, ContCState, scale_reading, scan
-from heatertune.plc.fb41.words import FIELDS, parameters_of
+from heatertune.plc.fb41.words import FIELDS, parameters_of, reading_periphery
 from heatertune.plc.feed_forward import FeedForward, FeedForwardHooks
+from heatertune.plc.firmware.text import blank_matches
+from heatertune.plc.pasted_list import PastedNames, put_pasted, unread_lines
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import ReadBack
+from heatertune.plc.readback import ReadBack, WordCollector
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import FORMATS, Certificate, Words
 
-__all__ = ["FEED", "export_words", "from_image", "from_text", "loaders", "oddities", "setpoint_entry", "source"]
+__all__ = [
+    "FEED", "export_words", "from_image", "from_text", "loaders", "oddities", "premises", "setpoint_entry", "source",
+]
 
 
 _FILE: Final = "fb41_cont_c.awl"
@@ -107,6 +113,8 @@ def oddities(words: Words) -> tuple[str, ...]:
         (abs(v["CYCLE"] - called) > _WRONG_CLOCK * called,
          f"CYCLE is {v['CYCLE']} ms, but the block is called every {called:g} ms: all times are "
          f"{called / v['CYCLE']:.3g} times what the words say."),
+        (not v["PVPER_ON"], "PVPER_ON is 0: the reading is PV_IN, taken to be in °C; if it has another unit, write "
+         "PVPER_ON := TRUE, PV_FAC := its units per percent of --range, PV_OFF := its value at the lower end."),
         (v["MAN_ON"], "MAN_ON is 1: the controller is in manual, LMN is MAN."),
         (not v["P_SEL"] or v["GAIN"] == 0.0, "P_SEL or GAIN is 0: there is no proportional part."),
         (not v["I_SEL"], "I_SEL is 0: there is no integral part."),
@@ -174,6 +182,7 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
 
     FB41 itself is not part of the source: it comes with STEP 7 (Standard Library, PID Control Blocks).
     """
+    words = replace(words, values=reading_periphery(words.values, words.scaling))
     return {"fb41_cont_c.awl": _source(words, certificate, pwm_source(words, certificate, real=True)),
             "fb41_words.csv": awl.table(FIELDS, words)}
 
@@ -253,9 +262,44 @@ def setpoint_entry(words: Words, setpoint_degC: float, _units: int) -> str:
     return f"SP (DBD 2 of DB 101) = {value:.9g} °C" if words.ramp is None else f"SP (DBW 2 of DB 101) = {value}"
 
 
-def from_text(text: str, _sample_time_s: float | None, origin: str) -> ReadBack:
-    """Return the words in the source of CONT_C's instance data block; errors as `read_source`.
+_DATA_BLOCK: Final = re.compile(r"^\s*(?:(?:END_)?DATA_BLOCK|BEGIN)\b", re.IGNORECASE | re.MULTILINE)
+_COMMENT: Final = re.compile(r"\(\*.*?(?:\*\)|\Z)|//[^\r\n]*", re.DOTALL)
+_SECONDS: Final = dict.fromkeys(("CYCLE", "TI", "TD", "TM_LAG"), 0.001)
+_NEEDED: Final = {"GAIN": "GAIN = 2.0", "TI": "TI = T#20s"}
+#: what the block starts with, but for MAN_ON: somebody who asks about a loop has it in automatic
+DEFAULTS: Final[Mapping[str, Number]] = {
+    "MAN_ON": 0, "PVPER_ON": 0, "P_SEL": 1, "I_SEL": 1, "INT_HOLD": 0, "I_ITL_ON": 0, "D_SEL": 0, "CYCLE": 1000,
+    "MAN": 0.0, "TD": 10000, "TM_LAG": 2000, "DEADB_W": 0.0, "LMN_HLM": 100.0, "LMN_LLM": 0.0, "PV_FAC": 1.0,
+    "PV_OFF": 0.0, "LMN_FAC": 1.0, "LMN_OFF": 0.0, "I_ITLVAL": 0.0, "DISV": 0.0,
+}
+#: switch that is off → what then changes nothing
+_IDLE: Final = {"D_SEL": ("TD", "TM_LAG"), "PVPER_ON": ("PV_FAC", "PV_OFF"), "MAN_ON": ("MAN",)}
+#: a wire at the input that is read with PVPER_ON
+_PERIPHERY: Final = re.compile(r"\bPV_PER\s*:?=\s*[^\s,;)]", re.IGNORECASE)
 
-    A parameter that the source leaves out has the block's own default, which is not guessed: it is missing.
+
+def from_text(text: str, sample_time_s: float | None, origin: str) -> ReadBack:
+    """Return the words in the source of CONT_C's instance data block, in a call, or in a list as a thread shows it.
+
+    A parameter that a data block leaves out is missing; a call or list leaves out what has the block's own default.
+
+    Raises:
+        InputError: as `read_source` and `put_pasted`; a call that leaves open whether D acts or where the reading is.
     """
-    return read_source(text, FIELDS, origin, source)
+    if _DATA_BLOCK.search(text):
+        return read_source(text, FIELDS, origin, source)
+    asked, collected = PastedNames(FIELDS, {"Kp": "GAIN"}, _SECONDS, block="CONT_C"), WordCollector(origin, FIELDS)
+    plain = blank_matches(_COMMENT, text)
+    put_pasted(collected, plain, asked, _NEEDED, origin)
+    for name, is_open in (("D_SEL", "TD" in collected), ("PVPER_ON", _PERIPHERY.search(plain) is not None)):
+        if is_open and name not in collected:
+            raise InputError(f"{origin}: no {name}; expected a line {name} := TRUE or {name} := FALSE")
+    if sample_time_s is not None:
+        collected.assume({"CYCLE": round(1000.0 * sample_time_s)})
+    assumed = collected.assume(DEFAULTS, _IDLE)
+    return ReadBack(collected.values(), unread_lines(plain, asked), assumed=assumed)
+
+
+def premises(words: Words) -> tuple[str, ...]:
+    """Return what words leave to the program that calls the block."""
+    return () if words.values["PVPER_ON"] else ("PV_IN, SP_INT and DEADB_W are in °C",)

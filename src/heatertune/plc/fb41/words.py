@@ -17,7 +17,7 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import FORMATS, Scaling, WordField, Words, check_limits
 
-__all__ = ["FIELDS", "consistent", "design_of", "parameters_of", "values_of"]
+__all__ = ["FIELDS", "consistent", "design_of", "parameters_of", "reading_periphery", "values_of"]
 
 _MOST: Final = FORMATS["REAL"][1]
 _LONGEST: Final = int(FORMATS["TIME"][1])
@@ -37,7 +37,7 @@ def _real(name: str, address: str, comment: str, low: float = -_MOST) -> WordFie
 
 FIELDS: Final[tuple[WordField, ...]] = (
     _bit("MAN_ON", "DBX0.1", "1: manual, LMN is MAN"),
-    _bit("PVPER_ON", "DBX0.2", "1: the reading is PV_PER", low=1),
+    _bit("PVPER_ON", "DBX0.2", "1: the reading is PV_PER, 0: PV_IN"),
     _bit("P_SEL", "DBX0.3", "1: P part on"),
     _bit("I_SEL", "DBX0.4", "1: I part on"),
     _bit("INT_HOLD", "DBX0.5", "1: I part held"),
@@ -103,7 +103,7 @@ def design_of(words: Words) -> PidDesign | None:
     Raises:
         OutOfRange: words whose product leaves the range of numbers.
     """
-    v = words.values
+    v = reading_periphery(words.values, words.scaling)
     half = v["CYCLE"] / 2.0
     ti, td, lag = max(v["TI"], half), max(v["TD"], v["CYCLE"]), max(v["TM_LAG"], half)
     share = (ti - half) / ti if v["I_SEL"] else 1.0
@@ -137,6 +137,12 @@ def _whole(name: str, exact_ms: float, least: int) -> int:
     if word > _LONGEST:
         raise NotRepresentable(f"word {name}", exact_ms, f"{least}..{_LONGEST} ms", f"{_LONGEST / 1000:g} s would fit")
     return word
+
+
+def reading_periphery(v: Mapping[str, Number], scaling: Scaling) -> Mapping[str, Number]:
+    """Return words that make of PV_PER what the program before the block makes of it where PV_IN is read: °C."""
+    return v if v["PVPER_ON"] else {**v, "PVPER_ON": 1, "PV_FAC": single(scaling.span_degC / 100.0),
+                                    "PV_OFF": single(scaling.low_degC)}
 
 
 def parameters_of(v: Mapping[str, Number]) -> ContCParameters:

@@ -14,7 +14,7 @@ refreshed.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.errors import InputError
@@ -26,7 +26,7 @@ from heatertune.plc.firmware.make import FirmwarePid, controller_of, texts_of
 from heatertune.plc.firmware.text import PLACEHOLDER, UNKNOWN, commented, heater_open_point, several
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import ReadBack, WordCollector, lines_of, wrong
+from heatertune.plc.readback import ReadBack, WordCollector, demand_whole_lines, lines_of, wrong
 from heatertune.plc.words import Certificate, WordField, Words
 
 __all__ = ["COLD", "Klipper", "KlipperAssumptions", "heater_of", "loop_of", "step"]
@@ -208,6 +208,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str, heater: str 
         InputError: a line that is none, a gain that is missing, there with two values, no number of three decimals or
             out of its range; another control than pid; several heaters, and which one is unknown; none of this kind.
     """
+    demand_whole_lines(text, source)
     collected, printed = WordCollector(source, FIELDS), False
     for number, line in lines_of(text):
         found = _PRINTED.search(line)
@@ -216,7 +217,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str, heater: str 
             for field, value in zip(GAINS, found.groups(), strict=True):
                 collected.put(field.name, _number(value), number, value)
     if printed:
-        return ReadBack(_with_usual(collected, set()), _told(set()))
+        return _with_defaults(collected, ())
     lines = list(_lines(text, source))
     section = _section(lines, source, heater)
     return _of_section(lines, section, collected, source)
@@ -262,7 +263,7 @@ def _section(lines: list[_Line], source: str, heater: str) -> str:
 def _of_section(lines: list[_Line], section: str, collected: WordCollector, source: str) -> ReadBack:
     own = [line for line in lines if line.section == section]
     saved = {line.name for line in own if line.saved}
-    over, there = [], set()
+    over = []
     for line in own:
         if line.saved < (line.name in saved):
             over.append(f"{line.name}: {line.value} (line {line.number}; SAVE_CONFIG has another)")
@@ -275,22 +276,14 @@ def _of_section(lines: list[_Line], section: str, collected: WordCollector, sour
                 over.append(f"{line.name}: {line.value} (line {line.number})")
             continue
         collected.put(field.name, _number(line.value), line.number, line.value)
-        there.add(field.name)
     others = dict.fromkeys(line.section for line in lines if line.section != section)
     over += [f"[{one}]" if one else "lines before the first section" for one in others]
-    return ReadBack(_with_usual(collected, there), (*over, *_told(there)))
+    return _with_defaults(collected, over)
 
 
-def _with_usual(collected: WordCollector, there: set[str]) -> dict[str, int | float]:
-    for name, value in USUAL.items():
-        if name not in there:
-            collected.put(name, value, 0, f"{value:.{PLACES}f}")
-    return collected.values()
-
-
-def _told(there: set[str]) -> tuple[str, ...]:
-    return tuple(f"{name}, which is not set: {value:.{PLACES}f} as in the firmware" for name, value in USUAL.items()
-                 if name not in there)
+def _with_defaults(collected: WordCollector, over: Iterable[str]) -> ReadBack:
+    assumed = collected.assume(USUAL)
+    return ReadBack(collected.values(), tuple(over), assumed=assumed)
 
 
 def _number(text: str) -> float | None:

@@ -30,7 +30,16 @@ from heatertune.plc.firmware.parallel import (
 from heatertune.plc.firmware.text import UNKNOWN, commented, heater_open_point, sensor_line, several
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import ReadBack, WordCollector, lines_of, real_of, whole_of, wrong
+from heatertune.plc.readback import (
+    ReadBack,
+    WordCollector,
+    demand_whole_lines,
+    first_few,
+    lines_of,
+    real_of,
+    whole_of,
+    wrong,
+)
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import Certificate, WordField, Words
 
@@ -115,12 +124,22 @@ def _scan(
 
 
 _NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)"
-#: what a host program writes before a line of the printer's
-_SAID: Final = re.compile(r"^(?:(?:Recv|Send|READ|SENT|>>>|<<<)\s*:?\s*)?(?:echo:\s*)?", re.IGNORECASE)
+#: what a host program writes before a line of the printer's: arrows, date and time, direction, number of the line
+_SAID: Final = re.compile(
+    r"^[<>\s]*(?:\[?(?:\d{4}-\d\d-\d\d[ T])?\d{1,2}:\d\d:\d\d(?:[.,]\d+)?(?:\s*[AP]M)?\]?[\s:|<>-]*)?"
+    r"(?:(?:Recv|Send|Sending|Sent|READ)\b\s*:?\s*)?[<>\s]*(?:N\d+\s+(?=M))?(?:echo:\s*)?", re.IGNORECASE)
+_CHECKSUM: Final = re.compile(r"\*\d+$")
 _DEFINE: Final = re.compile(r"#\s*define\s+(\w+)\s*(.*?)\s*(?://.*|/\*.*)?$")
 _GAIN: Final = re.compile(r"M30([14])\b(.*)", re.IGNORECASE)
-_LETTER: Final = re.compile(rf"([A-Z])\s*({_NUMBER})?(?=\s|[A-Z]|$)", re.IGNORECASE)
+_LETTER: Final = re.compile(rf"([PIDCLFEHST])\s*({_NUMBER})?(?=\s|[A-Z]|$)", re.IGNORECASE)
 _TUNED: Final = re.compile(rf"(?:\s*K[pid]:\s*{_NUMBER})+\s*")
+#: the answer of some editions to M301 and M304
+_ANSWERED: Final = re.compile(rf"(?:ok\s+)?p:\s*({_NUMBER})\s+i:\s*({_NUMBER})\s+d:\s*({_NUMBER})(?:\s+[clf]:.*)?",
+                              re.IGNORECASE)
+#: what a cycle of M303 measured, from which its gains follow
+_CYCLE: Final = re.compile(r"\bKu:", re.IGNORECASE)
+_FINISHED: Final = re.compile(r"PID Autotune finished", re.IGNORECASE)
+_MORE_TERMS: Final = re.compile(r"M301\b.*\b[CF]\s*0*\.?0*[1-9]", re.IGNORECASE)
 _ONE_TUNED: Final = re.compile(rf"(K[pid]):\s*({_NUMBER})")
 _LOOPS: Final = re.compile(r"ADC_LOOPS\s*=\s*(\S+?):?(?:\s|$)")
 _LETTERS: Final = {"P": "Kp", "I": "Ki", "D": "Kd"}
@@ -136,7 +155,7 @@ _DEFINED: Final = {
 }
 _OTHERS: Final = re.compile(r"DEFAULT_K[pid]_LIST", re.IGNORECASE)
 _WHOLE: Final = frozenset(field.name for field in FIELDS if field.format == "BYTE")
-_TWO_DECIMALS: Final = re.compile(r"echo:.*M301", re.IGNORECASE)
+_TWO_DECIMALS: Final = re.compile(r"echo:.*M30[14]", re.IGNORECASE)
 
 
 class _Entry(NamedTuple):
@@ -147,6 +166,7 @@ class _Entry(NamedTuple):
         line: its number.
         heater: whose it is, a setting of `HEATER`; unknown: of whichever there is.
         is_comment: whether the firmware does not see it.
+        is_cycle: whether it is what a cycle of M303 found, of which the last one counts.
     """
 
     name: str
@@ -154,6 +174,7 @@ class _Entry(NamedTuple):
     line: int
     heater: str = UNKNOWN
     is_comment: bool = False
+    is_cycle: bool = False
 
 
 def from_text(text: str, sample_time_s: float | None, source: str, heater: str = UNKNOWN) -> ReadBack:
@@ -171,24 +192,28 @@ def from_text(text: str, sample_time_s: float | None, source: str, heater: str =
         InputError: a gain that is missing, there with two values or no number; M301 of a second hot end; different
             gains of a hot end and a bed, and which one's is unknown; none of this heater.
     """
-    collected, over = WordCollector(source, FIELDS), list[str]()
+    demand_whole_lines(text, source)
+    collected, over, others = WordCollector(source, FIELDS), list[str](), list[str]()
     entries = list[_Entry]()
     for line, content in lines_of(text):
         found = _line(content, line, source)
+        if _CYCLE.search(content) or (found and found[0].is_cycle and found[0].name == "Kp"):
+            entries = [entry for entry in entries if not entry.is_cycle]
         entries += found
         if not found and content and not content.startswith((";", "//")):
-            over.append(f"{content[:40]} (line {line})")
+            others.append(f"{content[:40]} (line {line})")
         if _TWO_DECIMALS.search(content):
             over.append(f"M503 prints two decimals (line {line}): the firmware's gains may be half a digit off these")
-    seen: set[str] = set()
+        if _MORE_TERMS.search(content):
+            over.append(f"terms for extrusion or fan (line {line}), which are not run")
+    if any(entry.is_cycle for entry in entries) and not _FINISHED.search(text):
+        over.append("M303 did not finish: the gains are those of its last cycle")
     for entry in _of_heater(entries, source, heater):
-        seen.add(entry.name)
         collected.put(entry.name, _number(entry), entry.line, entry.value)
-    for name in USUAL.keys() - seen:
-        usual = USUAL[name] if name != "ADC_LOOPS" else _loops(sample_time_s)
-        collected.put(name, usual, 0, str(usual))
-        over.append(f"{name} is not set: {usual:g}, the default")
-    return ReadBack(collected.values(), tuple(sorted(over)))
+    if sample_time_s is not None:
+        collected.assume({"ADC_LOOPS": _loops(sample_time_s)})
+    assumed = collected.assume(USUAL)
+    return ReadBack(collected.values(), (*first_few(others), *over), assumed=assumed)
 
 
 def _number(entry: _Entry) -> int | float | None:
@@ -217,7 +242,7 @@ def _of_heater(entries: Sequence[_Entry], source: str, heater: str) -> Iterator[
 
 def _line(content: str, line: int, source: str) -> list[_Entry]:
     """Return the words of a line."""
-    plain = _SAID.sub("", content).strip()
+    plain = _CHECKSUM.sub("", _SAID.sub("", content)).strip()
     bare = re.sub(r"^[;/\s]+", "", plain)
     is_comment = plain.startswith((";", "/"))
     if match := _LOOPS.match(bare):
@@ -227,13 +252,17 @@ def _line(content: str, line: int, source: str) -> list[_Entry]:
     if match := _GAIN.match(bare):
         heater = "bed" if match[1] == "4" else "hotend"
         try:
-            letters = _m301(match[2].partition(";")[0].strip(), line, source)
+            given = match[2].partition(";")[0].strip()
+            letters = _m301(given, line, source) if match[2].strip() else []  # without, it asks for the gains
         except InputError:
             if not is_comment:
                 raise
             return []  # prose about the command
         return [_Entry(name, value, line, heater, is_comment) for name, value in letters]
-    return [_Entry(name, value, line) for name, value in _ONE_TUNED.findall(plain)] if _TUNED.fullmatch(plain) else []
+    if match := _ANSWERED.fullmatch(plain):
+        return [_Entry(name, value, line) for name, value in zip(_LETTERS.values(), match.groups(), strict=True)]
+    return [_Entry(name, value, line, is_cycle=True) for name, value in _ONE_TUNED.findall(plain)
+            ] if _TUNED.fullmatch(plain) else []
 
 
 def _defined(name: str, value: str, line: int, source: str, *, is_comment: bool) -> list[_Entry]:
@@ -251,14 +280,14 @@ def _m301(given: str, line: int, source: str) -> list[tuple[str, str]]:
     found = []
     for letter, value in letters:
         if letter.upper() == "E" and value not in ("0", ""):
-            raise wrong(source, line, "M301", f"E{value}", "one hot end, E0")
+            raise wrong(source, line, "M301", f"E{value}", "one hot end, E0: leave out the lines of the others")
         if letter.upper() in _LETTERS:
             found.append((_LETTERS[letter.upper()], value))
     return found
 
 
-def _loops(sample_time_s: float | None) -> int:
-    return LEAST_LOOPS if sample_time_s is None else min(max(round(sample_time_s / LOOP_S), LEAST_LOOPS), 16)
+def _loops(sample_time_s: float) -> int:
+    return min(max(round(sample_time_s / LOOP_S), LEAST_LOOPS), _MOST_LOOPS)
 
 
 def _settings(file: str, text: str) -> TextSettings:

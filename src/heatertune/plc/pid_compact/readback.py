@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
+from heatertune.plc.pasted_list import PastedNames, put_pasted, unread_lines
 from heatertune.plc.pid_compact.export import CALL, LOAD, LOOKED_AT, ROLLBACK, assignments, call, load, rollback
 from heatertune.plc.pid_compact.words import BlockTags
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import ReadBack, WordCollector, first_unlike, lines_of, real_of, whole_of, wrong
+from heatertune.plc.single_precision import single
 from heatertune.plc.targets import COOLING
 from heatertune.plc.words import WordField, Words
 
@@ -29,6 +31,40 @@ _STATEMENT: Final = re.compile(r'IF\b.*?\bTHEN\b|END_IF\s*;|"[^"]*"\s*\([^;]*;|[
 _OLD: Final = re.compile(r"s(?:Ret|BackUp|Pid_Cmpt|Pid_Calc)\.", re.IGNORECASE)
 _NAME: Final = "NAME"
 _MODIFY: Final = "MODIFY VALUE"
+_IS_OLD: Final = "Retain.CtrlParams…: this name belongs to V1 of the block, which is not supported"
+_WHOLE_TAG: Final = re.compile(r"\w+\.\w|IntegralResetMode$|LoadBackUp$|Disturbance$", re.IGNORECASE)
+#: parameters that the block does not compute with, or not to heat
+_NOT_ACTIVE: Final = re.compile(r"(?<=CtrlParamsBackUp)(?:\s*\.\s*\w+)+|(?<=\bCool)\s*\.\s*\w+", re.IGNORECASE)
+_PARALLEL: Final = re.compile(r"\b(K[id])\b\s*[:=]?\s*\d", re.IGNORECASE)
+_OFF_NAMES: Final = re.compile(r"\b(DeadZone|ControlZone|ActivateCooling|InputPerOn)\b[\s:=]+([\w.+-]+)", re.IGNORECASE)
+#: what stands before the name of a parameter: the instance, and structures of its data block
+_PATH: Final = re.compile(r'(?:"[^"\n]*"\s*\.\s*)?(?:(?:Retain|CtrlParams|Config|Output|Heat|sPid)\s*\.\s*)+',
+                          re.IGNORECASE)
+#: name on the parameter page, or in other programs → word
+_SHOWN: Final = {
+    **dict.fromkeys(("proportional gain", "Kp", "Proportionalverstärkung"), "Gain"),
+    **dict.fromkeys(("integral action time", "integration time", "integral time", "Tn", "Integrationszeit",
+                     "Nachstellzeit"), "Ti"),
+    **dict.fromkeys(("derivative action time", "derivative time", "Tv", "Differenzierzeit", "Differentiationszeit",
+                     "Vorhaltezeit"), "Td"),
+    **dict.fromkeys(("derivative delay coefficient", "Koeffizient Differenzierverzug",
+                     "Koeffizient Differentiationsverzug"), "TdFiltRatio"),
+    **dict.fromkeys(("proportional action weighting", "Gewichtung P-Anteil", "Gewichtung Proportionalanteil"),
+                    "PWeighting"),
+    **dict.fromkeys(("derivative action weighting", "Gewichtung D-Anteil", "Gewichtung Differentialanteil"),
+                    "DWeighting"),
+    **dict.fromkeys(("sampling time of PID algorithm", "PID algorithm sampling time", "Abtastzeit PID-Algorithmus",
+                     "Abtastzeit des PID-Algorithmus"), "Cycle"),
+    "PidUpperLimit": "OutputUpperLimit", "PidLowerLimit": "OutputLowerLimit",
+}
+_IDLE: Final = {"Td": ("TdFiltRatio", "DWeighting")}
+_NEEDED: Final = {"Gain": "Gain = 2.5", "Ti": "Ti = 20 s"}
+_TIMES: Final = ("Ti", "Td", "Cycle")
+#: what the block starts with; not of Gain and Ti, which somebody who asks about a loop has set
+DEFAULTS: Final[Mapping[str, Number]] = {
+    "Td": 0.0, "TdFiltRatio": single(0.2), "PWeighting": 1.0, "DWeighting": 1.0, "Cycle": 1.0,
+    "OutputUpperLimit": 100.0, "OutputLowerLimit": 0.0, "InvertControl": 0, "IntegralResetMode": 4,
+}
 #: a zone as wide as this is none
 _OFF: Final = 3.4028e38
 
@@ -59,21 +95,62 @@ def from_text(
     collected, others = WordCollector(source, tuple(fields)), list[_SclAssignments]()
     by_tag = {field.address.upper(): field for field in fields}
     off = _switched_off(tags)
+    is_list = not _FUNCTION.search(plain) and not any(_is_header(content) for _, content in lines_of(plain))
+    if is_list and not tags.cools and not _is_of_tags(plain):
+        return _of_thread(fields, off, plain, source)
     for line, tag, value in _all(plain, source):
         field = by_tag.get(tag.upper())
         if field is not None:
             collected.put(field.name, _number(field, value), line, value)
         elif _OLD.match(tag):
-            raise wrong(source, line, tag, value,
-                        "Retain.CtrlParams…: this name belongs to V1 of the block, which is not supported")
+            raise wrong(source, line, tag, value, _IS_OLD)
         elif tag.upper() in off:
             least, told = off[tag.upper()]
             if not _is(value, least):
                 raise wrong(source, line, tag, value, told)
+        elif is_list and tag.upper().rpartition(".")[2] in {name.rpartition(".")[2] for name in by_tag}:
+            raise wrong(source, line, tag, value, f"one of {', '.join(field.address for field in fields)}")
         else:
             others.append(_SclAssignments(line, tag, value))
     over = tuple(f"{tag} := {value} (line {line})" for line, tag, value in others if tag.upper() not in LOOKED_AT)
-    return ReadBack(collected.values(), over, _compared(tags, plain, others))
+    assumed = collected.assume(_defaults(fields), _IDLE) if is_list and not tags.cools else ()
+    return ReadBack(collected.values(), over, _compared(tags, plain, others), assumed)
+
+
+def _is_of_tags(text: str) -> bool:
+    """Return whether a list assigns to whole tags alone."""
+    return all(not content or ((found := _ASSIGNED.fullmatch(content)) and _WHOLE_TAG.match(_tag(found[1])))
+               for _, content in lines_of(_blanked(text)))
+
+
+def _defaults(fields: Sequence[WordField]) -> dict[str, Number]:
+    return {field.name: DEFAULTS[field.name] for field in fields if field.name in DEFAULTS}
+
+
+def _of_thread(
+    fields: Sequence[WordField], off: Mapping[str, tuple[str, str]], text: str, source: str,
+) -> ReadBack:
+    """Return the words in a list as a thread or the parameter page shows it; what it leaves out is the block's default.
+
+    Raises:
+        InputError: names of V1, a gain or Ti that is missing, a bad value.
+    """
+    shown = _PATH.sub("", _NOT_ACTIVE.sub("", _blanked(text)))
+    for line, content in lines_of(shown):
+        if old := _OLD.search(content):
+            raise wrong(source, line, old[0], content[:40], _IS_OLD)
+        if parallel := _PARALLEL.search(content):
+            raise wrong(source, line, parallel[1], content[:40], "Gain, Ti and Td: Ti is Kp/Ki, Td is Kd/Kp")
+        for found in _OFF_NAMES.finditer(content):
+            least, told = next(rule for tag, rule in off.items() if tag.endswith(f".{found[1].upper()}"))
+            if not _is(found[2].rstrip("."), least):
+                raise wrong(source, line, found[1], found[2], told)
+    asked = PastedNames(tuple(fields), _SHOWN, dict.fromkeys(_TIMES, 1.0), frozenset(_TIMES),
+                        "PID_Compact or PID_Temp")
+    collected = WordCollector(source, tuple(fields))
+    put_pasted(collected, shown, asked, _NEEDED, source)
+    assumed = collected.assume(_defaults(fields), _IDLE)
+    return ReadBack(collected.values(), unread_lines(shown, asked), assumed=assumed)
 
 
 def _switched_off(tags: BlockTags) -> dict[str, tuple[str, str]]:

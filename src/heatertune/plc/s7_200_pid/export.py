@@ -6,6 +6,7 @@ Q0.0.
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Sequence
 from typing import Final
@@ -22,13 +23,16 @@ from heatertune.plc.cpu.s7_200.assembler import (
 )
 from heatertune.plc.cpu.s7_200.io_and_cycle import SWITCH, clock, cycle_ms, head, ticks_of, whole_cycle
 from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, difference, is_program, loads
+from heatertune.plc.firmware.text import blank_matches
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
+from heatertune.plc.pasted_list import PastedNames, put_pasted, unread_lines
 from heatertune.plc.print.statements import setpoint_ramp
 from heatertune.plc.print.stl import networks, ramp_begins
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import ReadBack, WordCollector, wrong
 from heatertune.plc.s7_200_pid.step import STEP, measure
 from heatertune.plc.s7_200_pid.words import FIELDS, FULL, NO_INTEGRAL, RANGES, SETPOINT, TABLE
+from heatertune.plc.single_precision import single
 from heatertune.plc.words import Certificate, Words
 
 __all__ = [
@@ -211,7 +215,7 @@ _REALS: Final = tuple(field for field in FIELDS if field.format == "REAL")
 
 
 def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
-    """Return the words in a statement list, or in the text of a data block, which knows no timed interrupt.
+    """Return the words in a statement list, or in a data block or a list of values, which know no timed interrupt.
 
     Raises:
         InputError: a bad line, a word that is missing, there with two values or out of its range; a data block without
@@ -219,6 +223,9 @@ def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
         NotRepresentable: an interval that the PWM program cannot do.
     """
     collected = WordCollector(source, FIELDS)
+    listed = _COMMENTED.sub(r"\2 = \1", text)
+    if not is_program(text) and not _OWN_TABLE.search(text) and _NAMED.search(listed):
+        return _from_list(listed, collected, sample_time_s, source)
     if not is_program(text):
         return _from_memory(DataBlockMemory(text, source), collected, sample_time_s)
     loaded = loads(text, source)
@@ -233,6 +240,42 @@ def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
                 raise wrong(source, cycle.line, "SMW68", cycle.shown, whole)
             collected.put("TICKS", int(cycle.value // tick.value), cycle.line, cycle.shown)
     return ReadBack(collected.values(), unlike=lambda words: difference(text, pid_program(words)))
+
+
+_OWN_TABLE: Final = re.compile(r"^\s*V[BWD]\s?1[0-3]\d\s", re.IGNORECASE | re.MULTILINE)
+#: an entry of the wizard's own data block, whose table begins elsewhere: its comment says what it is
+_COMMENTED: Final = re.compile(r"^\s*VD\s?\d+\s+(\S+)\s*//\s*([^\r\n]*?)\s*$", re.IGNORECASE | re.MULTILINE)
+_COMMENT: Final = re.compile(r"//[^\r\n]*")
+#: name on the wizard's page, or in the symbol table that it makes → word
+_SHOWN: Final = {
+    **dict.fromkeys(("loop gain", "gain", "Kp", "Verstärkung"), "KC"),
+    **dict.fromkeys(("sample time", "SampleTime", "Abtastzeit"), "TS"),
+    **dict.fromkeys(("integral time", "I_Time", "reset", "Integralzeit", "Nachstellzeit"), "TI"),
+    **dict.fromkeys(("derivative time", "D_Time", "rate", "Differentialzeit", "Vorhaltezeit"), "TD"),
+}
+_NAMED: Final = re.compile("|".join(("KC", *_SHOWN)).replace(" ", r"[\s_-]+"), re.IGNORECASE)
+_UNITS_S: Final = {"TS": 1.0, "TI": 60.0, "TD": 60.0}
+_NEEDED: Final = {"KC": "Gain = 2.0", "TI": "Integral time = 10 min", "TD": "Derivative time = 0 min"}
+
+
+def _from_list(text: str, collected: WordCollector, sample_time_s: float | None, source: str) -> ReadBack:
+    """Return the words in a list as the wizard's page shows it: TI and TD in minutes where no unit is told.
+
+    Raises:
+        InputError: as `put_pasted`; no sample time, and no interval.
+        NotRepresentable: an interval that the PWM program cannot do.
+    """
+    asked = PastedNames(_REALS, _SHOWN, _UNITS_S, frozenset(_UNITS_S), "the S7-200's PID")
+    plain = blank_matches(_COMMENT, text)
+    words = put_pasted(collected, plain, asked, _NEEDED, source)
+    bare = [word.name for word in words if word.name in ("TI", "TD") and word.value and not word.has_unit]
+    stated = next((word.value for word in words if word.name == "TS"), None)
+    interval = stated if sample_time_s is None else sample_time_s
+    if interval is None:
+        raise InputError(f"--called-every is needed: {source} has no sample time")
+    collected.assume({"TS": single(interval), **ticks_of(whole_cycle(interval))})
+    assumed = (f"{' and '.join(dict.fromkeys(bare))} in minutes",) if bare else ()
+    return ReadBack(collected.values(), unread_lines(plain, asked), assumed=assumed)
 
 
 def _from_memory(memory: DataBlockMemory, collected: WordCollector, sample_time_s: float | None) -> ReadBack:

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import ast
 import math
+import re
+import textwrap
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Final, NamedTuple
 
 from heatertune.errors import InputError
@@ -45,9 +47,10 @@ __all__ = ["SimplePid"]
 
 #: output of full power
 FULL: Final = 100.0
+_GAIN_NAMES: Final = ("Kp", "Ki", "Kd")
 _P_ON, _D_ON = "proportional_on_measurement", "differential_on_measurement"
 
-GAINS: Final = gain_fields(("Kp", "Ki", "Kd"), "PID", "LREAL", (
+GAINS: Final = gain_fields(_GAIN_NAMES, "PID", "LREAL", (
     "proportional gain, % per °C", "integral gain Kp/TN, per second", "derivative gain Kp·TV, seconds"))
 SETTINGS: Final = (
     WordField(name="output_max", address="output_limits", format="LREAL", low=0.001, high=FULL,
@@ -108,65 +111,219 @@ def _scan(
 _ORDER: Final = (
     "Kp", "Ki", "Kd", "setpoint", "sample_time", "output_limits", "auto_mode", _P_ON,
     _D_ON, "error_map", "time_fn", "starting_output")
-_USUAL: Final = {"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "sample_time": 0.01, "output_limits": (None, None), "auto_mode": True,
-                 _P_ON: False, _D_ON: True, "error_map": None, "starting_output": 0.0}
+#: sample_time where none is given: the object is called no faster [s]
+_FASTEST_S: Final = 0.01
+_USUAL: Final = {"Kp": 1.0, "Ki": 0.0, "Kd": 0.0, "sample_time": _FASTEST_S, "output_limits": (None, None),
+                 "auto_mode": True, _P_ON: False, _D_ON: True, "error_map": None, "starting_output": 0.0}
 _PERIOD: Final = "PERIOD_MS"
+#: name of a constant that says which output is full power; upper limits that are taken for it where none does
+_FULL: Final = "FULL"
+_SCALES: Final = (1.0, FULL, 255.0, 1023.0, 4095.0, 65535.0)
+_TUNINGS: Final = "tunings"
+#: what may be set after the call, as attributes of the object
+_LATER: Final = (*_GAIN_NAMES, _TUNINGS, "sample_time", "output_limits", _P_ON, _D_ON)
+_PROMPT: Final = re.compile(r"^(?:>>> ?|\.\.\. ?|In \[\d+\]: ?)", re.MULTILINE)
+_TOLD: Final = re.compile(rf"\bPID\s*\(|\b(?:{'|'.join(_LATER)}|{_FULL}|{_PERIOD})\b")
 
 
 def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
-    """Return the words in a module.
+    """Return the words in a module, or in lines of one; gains and limit in percent of full power.
 
     Raises:
         InputError: no Python, no call of PID or several; an argument that is no number, out of its range, or of a part
-            that is not proven here; no interval.
+            that is not proven here; an output whose full power is not constants; no interval.
     """
-    tree = _parsed(text, source)
-    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and _named(node.func) == "PID"]
+    try:
+        return _read(_parsed(text, source), sample_time_s, source)
+    except RecursionError as problem:
+        raise InputError(f"{source}: expressions nested too deep; expected a call of PID with numbers") from problem
+
+
+def _read(body: Sequence[ast.stmt], sample_time_s: float | None, source: str) -> ReadBack:
+    calls = [node for each in body for node in ast.walk(each) if isinstance(node, ast.Call)
+             and _named(node.func) == "PID"]
     if len(calls) != 1:
         raise InputError(f"{source}: {len(calls) or 'no'} calls of PID; expected one, such as PID(2.0, 0.1, 0.0, "
                          "output_limits=(0, 100))")
-    known = {target.id: node.value for node in tree.body if isinstance(node, ast.Assign) for target in node.targets
-             if isinstance(target, ast.Name)}
-    call = calls[0]
-    given = _arguments(call, known, source)
-    collected = WordCollector(source, FIELDS)
-    for name in ("Kp", "Ki", "Kd"):
-        collected.put(name, _number(given[name]), call.lineno, str(given[name]))
+    constants, call = _constants(body), calls[0]
+    given, lines = _arguments(call, constants, source), dict.fromkeys(_ORDER, call.lineno)
+    unstated = {name for number, name in enumerate(_GAIN_NAMES)
+                if number >= len(call.args) and all(keyword.arg != name for keyword in call.keywords)}
+    for line, name, value in _set_later(body, call, constants, given, source):
+        given[name], lines[name] = value, line
+        unstated.discard(name)
+    collected, gains = WordCollector(source, FIELDS), {name: _number(given[name]) for name in _GAIN_NAMES}
+    for name in (name for name, gain in gains.items() if gain is None):
+        collected.put(name, None, lines[name], str(given[name]))
+    most, full, assumed = _output(given["output_limits"], lines["output_limits"], constants, source)
+    collected.put("output_max", most, lines["output_limits"], str(given["output_limits"]))
+    for name, gain in gains.items():
+        collected.put(name, None if gain is None else gain * (FULL / full), lines[name], str(given[name]))
     for name in (_P_ON, _D_ON):
         value = given[name]
-        collected.put(name, int(value) if isinstance(value, bool) else None, call.lineno, str(value))
-    limits = given["output_limits"]
-    if not isinstance(limits, tuple) or len(limits) != 2 or _number(limits[0]) != 0.0:
-        raise wrong(source, call.lineno, "output_limits", str(limits), "0 and a number up to 100, %")
-    collected.put("output_max", _number(limits[1]), call.lineno, str(limits[1]))
+        collected.put(name, int(value) if isinstance(value, bool) else None, lines[name], str(value))
+    period, told = _period(given["sample_time"], body, constants, sample_time_s)
+    collected.put(_PERIOD, period, call.lineno, str(period))
     slow = given["sample_time"]
+    assumed += [f"{name} = {given[name]:g}" for name in _GAIN_NAMES if name in unstated]
     over = () if slow is None else (f"sample_time = {slow}: calls that come sooner are left out, which is not run",)
-    period = _value(known[_PERIOD], known) if _PERIOD in known else None
-    if period is None and sample_time_s is not None:
-        period = round(1000.0 * sample_time_s)
-    if period is not None:
-        collected.put(_PERIOD, period, call.lineno, str(period))
-    return ReadBack(collected.values(), over)
+    return ReadBack(collected.values(), over, assumed=(*assumed, *told))
 
 
-def _parsed(text: str, source: str) -> ast.Module:
+def _output(
+    limits: object, line: int, constants: Mapping[str, ast.AST], source: str,
+) -> tuple[float, float, list[str]]:
+    """Return the upper limit in percent, the output at full power, and what is assumed of it."""
+    low, high = map(_number, limits) if isinstance(limits, tuple) and len(limits) == 2 else (None, None)
+    if low != 0.0 or high is None or not high > 0.0:
+        raise wrong(source, line, "output_limits", str(limits), "0 and the output at full power, such as "
+                    "pid.output_limits = (0, 100): without limits, or with others below, nothing is proven here")
+    is_stated = _FULL in constants or _PERIOD in constants
+    full = high if high in _SCALES else None
+    if is_stated:
+        full = _number(_value(constants[_FULL], constants)) if _FULL in constants else FULL
+    if full is None or not full > 0.0:
+        raise wrong(source, line, "output_limits", str(limits), f"an upper limit of 1, 100 or 255; with another one "
+                    f"add a line {_FULL} = {high:g} with the output at full power")
+    assumed = [] if is_stated or high == FULL else [f"output {high:g} = full power"]
+    return high * (FULL / full), full, assumed
+
+
+def _period(
+    slow: object, body: Sequence[ast.stmt], constants: Mapping[str, ast.AST], sample_time_s: float | None,
+) -> tuple[Any, list[str]]:
+    """Return the interval of the calls [ms], and what is assumed of it.
+
+    Raises:
+        InputError: nothing says how often the object is called.
+    """
+    if _PERIOD in constants:
+        return _value(constants[_PERIOD], constants), []
+    if sample_time_s is not None:
+        return round(1000.0 * sample_time_s), []
+    sleeps = [_number(_value(node.args[0], constants)) for each in body for node in ast.walk(each)
+              if isinstance(node, ast.Call) and _named(node.func) == "sleep" and node.args]
+    waits = [each for each in (_number(slow), *sleeps) if each is not None and each > _FASTEST_S]
+    if not waits or len(sleeps) > 1 or None in sleeps:
+        raise InputError("--called-every is needed: the text does not say how often the object is called")
+    return round(1000.0 * max(waits)), [f"called every {max(waits):g} s"]
+
+
+def _parsed(text: str, source: str) -> list[ast.stmt]:
+    """Return the statements of a text; of one that is no whole module, the lines that are statements."""
+    plain = textwrap.dedent(_PROMPT.sub("", text))
+    body, problem = _statements_of(plain)
+    if problem is None:
+        return body
+    for number, code in _logical_lines(plain):
+        part, wrong_part = _statements_of(code.strip())
+        if wrong_part is not None and _TOLD.search(code):
+            raise InputError(f"{source}, line {number}: no Python; expected a module that calls PID of simple-pid, or "
+                             "lines of it") from wrong_part
+        body += [ast.increment_lineno(node, number - 1) for node in part]
+    if not any(_TOLD.search(line) for _, line in _logical_lines(plain)):
+        raise InputError(f"{source}, line {getattr(problem, 'lineno', None) or 1}: no Python; expected a module that "
+                         "calls PID of simple-pid") from problem
+    return body
+
+
+def _statements_of(text: str) -> tuple[list[ast.stmt], Exception | None]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return ast.parse(text)
+            return ast.parse(text).body, None
     except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
-        line = getattr(problem, "lineno", None)
-        raise InputError(f"{source}{'' if line is None else f', line {line}'}: no Python; expected a module that calls "
-                         "PID of simple-pid") from problem
+        return [], problem
 
 
-def _arguments(call: ast.Call, known: dict[str, ast.expr], source: str) -> dict[str, object]:
+def _logical_lines(text: str) -> Iterator[tuple[int, str]]:
+    """Yield lines, those joined between whose brackets a line ends, by the number of the first."""
+    begun, number = "", 1
+    for count, line in enumerate(text.split("\n"), start=1):
+        begun, number = (f"{begun}\n{line}", number) if begun else (line, count)
+        code = re.sub(r"#.*", "", begun)
+        if not any(code.count(left) > code.count(right) for left, right in ("()", "[]", "{}")):
+            yield number, begun
+            begun = ""
+    if begun:
+        yield number, begun
+
+
+def _assignments(body: Sequence[ast.stmt], is_certain: bool = True) -> Iterator[tuple[ast.expr, ast.AST, bool]]:
+    """Yield target, value, and whether it is set whatever happens, of all assignments."""
+    for node in body:
+        if isinstance(node, ast.Assign):
+            for target in node.targets:
+                yield from _pairs(target, node.value, is_certain)
+        elif isinstance(node, ast.AugAssign | ast.AnnAssign) and node.value is not None:
+            yield node.target, node if isinstance(node, ast.AugAssign) else node.value, is_certain
+        certain = is_certain and (not isinstance(node, ast.If) or "__name__" in ast.unparse(node.test))
+        for part in ("body", "orelse", "finalbody", "handlers"):
+            yield from _assignments(getattr(node, part, ()), certain and part != "handlers")
+
+
+def _pairs(target: ast.expr, value: ast.AST, is_certain: bool) -> Iterator[tuple[ast.expr, ast.AST, bool]]:
+    if (isinstance(target, ast.Tuple | ast.List) and isinstance(value, ast.Tuple | ast.List)
+            and len(target.elts) == len(value.elts)):
+        for one, its in zip(target.elts, value.elts, strict=True):
+            yield one, its, is_certain
+    else:
+        yield target, value, is_certain
+
+
+def _constants(body: Sequence[ast.stmt]) -> dict[str, ast.AST]:
+    """Return name → what it always is; a name that becomes several things has none."""
+    all_: dict[str, dict[str, ast.AST]] = {}
+    for target, value, _ in _assignments(body):
+        if isinstance(target, ast.Name | ast.Attribute):
+            all_.setdefault(ast.unparse(target), {})[ast.dump(value)] = value
+    return {name: next(iter(values.values())) for name, values in all_.items() if len(values) == 1}
+
+
+def _set_later(
+    body: Sequence[ast.stmt], call: ast.Call, constants: Mapping[str, ast.AST], arguments: Mapping[str, object],
+    source: str,
+) -> Iterator[tuple[int, str, object]]:
+    """Yield line, name and value of what is set after the call; refuse what is set to several values, or perhaps."""
+    before, changed = dict(arguments), set[str]()
+    for target, value, is_certain in _own_attributes(body, call, constants, source):
+        held, is_all = _value(value, constants), target.attr == _TUNINGS
+        parts = held if is_all and isinstance(held, tuple) and len(held) == len(_GAIN_NAMES) else (held,)
+        for name, part in zip(_GAIN_NAMES if is_all else (target.attr,), parts, strict=False):
+            if part != before[name] and (not is_certain or name in changed):
+                raise wrong(source, target.lineno, name, str(part), f"{before[name]} as before; leave in the text only "
+                            "what is in force")
+            before[name] = part
+            changed.add(name)
+            yield target.lineno, name, part
+
+
+def _own_attributes(
+    body: Sequence[ast.stmt], call: ast.Call, constants: Mapping[str, ast.AST], source: str,
+) -> Iterator[tuple[ast.Attribute, ast.AST, bool]]:
+    """Yield the assignments to attributes of the object that are words; refuse those of no object or attribute."""
+    own = next((ast.unparse(target) for target, value, _ in _assignments(body) if value is call), None)
+    there = {ast.unparse(target) for target, *_ in _assignments(body)} | {"self"}
+    for target, value, is_certain in _assignments(body):
+        if not isinstance(target, ast.Attribute):
+            continue
+        whose = ast.unparse(target.value)
+        is_own = own in (None, whose) or _value(target.value, constants) == own
+        if target.attr in _LATER and is_own:
+            yield target, value, is_certain
+        elif target.attr in _LATER and whose not in there:
+            raise wrong(source, target.lineno, f"{whose}.{target.attr}", _shown(value), f"{own}, which PID made")
+        elif whose == own and target.attr not in _ORDER:
+            raise wrong(source, target.lineno, f"{own}.{target.attr}", _shown(value), ", ".join(_LATER))
+
+
+def _arguments(call: ast.Call, constants: Mapping[str, ast.AST], source: str) -> dict[str, object]:
     """Return all arguments of a call, by name."""
     names = [*_ORDER[: len(call.args)], *(keyword.arg for keyword in call.keywords)]
     if len(call.args) > len(_ORDER) or any(name not in _ORDER for name in names) or len(set(names)) != len(names):
         raise wrong(source, call.lineno, "PID", ast.unparse(call)[:60], f"{', '.join(_ORDER)}")
     values = [*call.args, *(keyword.value for keyword in call.keywords)]
-    given = _USUAL | {str(name): _value(value, known) for name, value in zip(names, values, strict=True)}
+    given = _USUAL | {str(name): _value(value, constants) for name, value in zip(names, values, strict=True)}
     for name in ("auto_mode", "error_map", "starting_output"):
         if given[name] != _USUAL[name]:
             raise wrong(source, call.lineno, name, str(given[name]), f"{_USUAL[name]}: no other is proven here")
@@ -179,16 +336,20 @@ def _named(function: ast.expr) -> str:
     return function.id if isinstance(function, ast.Name) else ""
 
 
-def _value(node: ast.expr, known: dict[str, ast.expr]) -> Any:
+def _value(node: ast.AST, constants: Mapping[str, ast.AST]) -> Any:
     """Return what an expression is, where it is a constant or the name of one; else its text, which no word takes."""
-    if isinstance(node, ast.Name) and node.id in known:
-        node = known[node.id]
+    if isinstance(node, ast.Name | ast.Attribute):
+        node = constants.get(ast.unparse(node), node)
     if isinstance(node, ast.Tuple | ast.List):
-        return tuple(_value(each, known) for each in node.elts)
+        return tuple(_value(each, constants) for each in node.elts)
     try:
         return ast.literal_eval(node)
     except (ValueError, TypeError, SyntaxError, RecursionError, MemoryError):
         return ast.unparse(node)[:60]
+
+
+def _shown(value: ast.AST) -> str:
+    return ast.unparse(value)[:40]
 
 
 def _number(value: Any) -> float | None:
