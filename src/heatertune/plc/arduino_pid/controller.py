@@ -165,8 +165,8 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     made = list(_PID.finditer(plain))
     if len(made) != 1:
         what = "no constructor of PID_v1" if not made else f"{len(made)} constructors of PID_v1"
-        raise InputError(f"{source}: {what}; expected the lines of one object, such as "
-                         "PID heater(&Input, &Output, &Setpoint, 2.0, 5.0, 1.0, P_ON_E, DIRECT);")
+        raise InputError(f"{source}: {what}; expected the lines of one object, such as PID heater(&Input, &Output, "
+                         "&Setpoint, 2.0, 5.0, 1.0, P_ON_E, DIRECT);")
     constants, line, calls = _sketch_constants(plain), _line(plain, made[0].start()), _calls(plain, source)
     _demand_known_functions(plain, made[0]["own"] or made[0]["made"], source)
     for call in calls["ControllerDirection"]:
