@@ -30,7 +30,7 @@ def is_two_way(name: str) -> bool:
 
 
 def live_zeros(name: str, values: Array) -> list[tuple[float, float]]:
-    """Return the ranges with a live zero that a signal may have, the one whose ends it comes nearest first."""
+    """Return the ranges with a live zero that a signal may have, the nearest first; values of shape (n,)."""
     unit = _UNIT.search(name)
     kind = "" if unit is None else "v" if (unit[1] or unit[2])[-4:].lower() in _VOLTS else "ma"
     fitting = [(low, high) for low, high, its in _LIVE_ZEROS
@@ -39,7 +39,7 @@ def live_zeros(name: str, values: Array) -> list[tuple[float, float]]:
 
 
 def reaches_ends(values: Array, ends: tuple[float, float]) -> bool:
-    """Return whether a signal reaches both ends of a range: for one without a unit, that is more than chance."""
+    """Return whether a signal, shape (n,), reaches both ends of a range: without a unit, that is more than chance."""
     low, high = ends
     return bool(max(abs(np.min(values) - low), abs(np.max(values) - high)) < _REACHED * (high - low))
 

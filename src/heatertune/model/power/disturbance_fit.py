@@ -279,7 +279,7 @@ def _interval(problem: _Problem, fit: _Fit, late: Array) -> tuple[float, tuple[f
 
 
 def ar1_covariance(slopes: Array, residuals: Array) -> Array:
-    """Return the covariance of the unknowns, the residuals being AR(1) of their own colour."""
+    """Return the covariance of the unknowns, shape (p, p), the residuals (n,) being AR(1) of their own colour."""
     n = len(residuals)
     colour = float(residuals[1:] @ residuals[:-1]) / max(float(residuals @ residuals), 1e-300)
     colour = min(max(colour, 0.0), _MOST_COLOUR)
