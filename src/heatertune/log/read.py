@@ -31,18 +31,17 @@ from heatertune.log.columns import (
     NO_COLUMN,
     TIME_UNITS,
     Columns,
-    Power,
     cell_error,
     find_columns,
     forwards,
     likely_time_unit,
     numbers,
-    power_of,
     seconds,
     with_dates,
     with_names,
 )
 from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
+from heatertune.log.power_range import Power, power_of
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.side_columns import SIDE_ROLES
 from heatertune.log.tags import TagSelection, TagTable, by_tags
