@@ -273,10 +273,8 @@ def read_log(
         column=asked.tag_column,
         quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column, date=asked.date_column)
     tagged = by_tags(sheet, tags, asked.time_unit)
-    for role in SIDE_ROLES:
-        if tagged.is_long and wanted.get(role, NO_COLUMN) != NO_COLUMN:
-            raise LogError(f"a table with a row for each tag has no column of {_SIDE_NAMES[role]}", file=sheet.file,
-                           value=str(wanted[role]), expected="a table with a column for each")
+    if tagged.is_long:
+        _demand_no_sides(sheet, wanted)
     sheet = plain_cells(tagged.sheet) if tagged.is_long else tagged.sheet
     columns = find_columns(sheet, tagged.wanted or wanted, counted=asked.sample_time_s is not None)
     sheet, columns = with_dates(sheet, columns, None if tagged.is_long else asked.date_column)
@@ -320,6 +318,14 @@ def read_log(
     )
     log = _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
     return replace(log, power_late_s=late_s) if late_s else log
+
+
+def _demand_no_sides(sheet: Sheet, wanted: Mapping[str, str | int]) -> None:
+    """Refuse a column of a cooler, a disturbance or the room, of a table with a row for each tag."""
+    for role in SIDE_ROLES:
+        if wanted.get(role, NO_COLUMN) != NO_COLUMN:
+            raise LogError(f"a table with a row for each tag has no column of {_SIDE_NAMES[role]}", file=sheet.file,
+                           value=str(wanted[role]), expected="a table with a column for each")
 
 
 def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_empty: bool) -> Array:
