@@ -92,17 +92,13 @@ def cooling_effect(log: Log) -> CoolingEffect:
     """Return how strong the cooler of a log is: its power as that of the heater, of the opposite sign.
 
     Raises:
-        InputError: the power never changes, the cooler works all the time or moves with the heater, or no heater
-            explains the log.
+        InputError: the power never changes, the cooler moves with the heater, or no heater explains the log.
     """
     assert log.cooling_pct is not None
     assert log.power_pct is not None
     if float(np.ptp(log.power_pct)) == 0.0:
         raise InputError(f"{log.name}: the heater's power never changes, so a cooler cannot be expressed in it: log a "
                          "step of each, or fit the cooler alone: --power-levels 0 -100 --cooler")
-    if float(np.ptp(log.cooling_pct)) == 0.0:
-        raise InputError(f"{log.name}: the cooler's power never changes, so its effect is unknown: log a step of it, "
-                         "or leave it out: --cooling-column none")
     most = float(np.max(log.cooling_pct))
     inseparable = (
         "the cooler is on whenever the heater is off, so their effects cannot be separated: log a while with both off; "
