@@ -87,3 +87,13 @@ def test_a_fan_and_a_room_are_read_by_their_names_and_left_out_on_request():
     heats = read("time [s],temp [degC],fan heater [%]", [max(each, 0.0) for each in PLAN])
     assert heats.disturbance is None  # a heater with a fan is a heater
     assert heats.power_pct.max() == 50.0
+
+
+def test_a_tag_of_a_cooler_is_not_passed_over():
+    rows = ["time [s],tag,value"]
+    for k, power in enumerate(PLAN):
+        rows += [f"{2 * k},PV [degC],{20 + 0.1 * k:.1f}", f"{2 * k},OutputHeat [%],{max(power, 0)}", f"{2 * k},OutputCool [%],{max(-power, 0)}"]
+    content = ("\n".join(rows) + "\n").encode()
+    with pytest.raises(LogError, match=r"a tag of a cooler's power.*OutputCool.*--cooling-column none"):
+        read_log("log.csv", content=content, power_tag="OutputHeat [%]")
+    assert read_log("log.csv", content=content, power_tag="OutputHeat [%]", cooling_column="none").power_pct.max() == 50.0
