@@ -321,7 +321,7 @@ def read_log(
 
 
 def _demand_no_sides(sheet: Sheet, wanted: Mapping[str, str | int], unused: Sequence[str]) -> None:
-    """Refuse a column of a cooler, a disturbance or the room, of a table with a row for each tag; a cooler's tag too."""
+    """Refuse columns of a cooler, a disturbance or the room, and a cooler's tag, of a table with a row for each tag."""
     cooling = next(filter(is_cooling, unused), None)
     if cooling is not None and "cooling" not in wanted:
         raise LogError("a tag of a cooler's power, which is not read from a table with a row for each tag",
