@@ -267,7 +267,7 @@ def encode(value: Any) -> Any:
             item = getattr(value, field.name)
             if "flat" in field.metadata:
                 made |= {} if item is None else encode(item)
-            elif "left_out" not in field.metadata or item not in (None, ()):
+            elif "left_out" not in field.metadata or not (item is None or (isinstance(item, tuple) and not item)):
                 made[field.name] = encode(item)
         return made
     if isinstance(value, Mapping):

@@ -18,7 +18,9 @@ SAY_ALL = ("12-hour dates", "xlsx", "compressed CSV", "klippy.log", "OctoPrint s
 QUICK = [("12-hour dates", "hostile"), ("Excel, Japanese", "messy"), ("compressed CSV", "hostile"), ("parquet", "messy"), ("MATLAB", "hostile"),
          ("klippy.log", "hostile"), ("OctoPrint serial.log", "messy"), ("Artisan alog", "messy"), ("ESPHome log", "messy"),
          ("Node-RED JSON lines", "hostile"), ("InfluxDB line protocol", "hostile"), ("LabVIEW", "messy"), ("Ignition", "messy"),
-         ("CODESYS trace", "hostile"), ("Yokogawa", "messy"), ("generic CSV", "messy"), ("loose probe", "hostile"), ("heater opens", "hostile")]
+         ("CODESYS trace", "hostile"), ("Yokogawa", "messy"), ("generic CSV", "messy"), ("loose probe", "hostile"), ("heater opens", "hostile"),
+         ("bipolar output", "hostile"), ("Peltier rig", "messy"), ("fan", "hostile"), ("room", "messy"), ("4-20 mA", "hostile"),
+         ("decimal commas between commas", "hostile")]
 CALAMINE = importlib.util.find_spec("python_calamine")
 
 

@@ -23,7 +23,7 @@ OTHERS = {
     **dict.fromkeys((("chain.pipeline", "report"), ("chain.precompile", "report"), ("chain.worker", "report"), ("chain.worker", "report.plots"),
                      ("studio.work", "report")), "it loads matplotlib, which only pictures need"),
     ("chain.precompile", "chain.worker"): "the worker's process imports all that a proof needs, the first process does not",
-    **dict.fromkeys((("chain.stages", "model.fit"), ("chain.stages", "plc.s7_200_paper.laws"), ("model.fit", "model.power.disturbance_fit"),
+    **dict.fromkeys((("chain.stages", "model.fit"), ("chain.stages", "plc.s7_200_paper.laws"),
                      ("plc.design", "pid.tune"), ("model.document", "model.reduction")),
                     "it loads an optimiser or compiles, and what is read or proven needs neither"),
     **dict.fromkeys((("doctor", "log"), ("doctor", "log.values"), ("doctor", "compiled")), "it may be what is broken"),

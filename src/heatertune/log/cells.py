@@ -290,10 +290,14 @@ def read_sheet(
     path: Path, content: bytes | None = None, skip_rows: int = 0, tag: str | None = None,
     decimal_comma: str | None = None,
 ) -> Sheet:
-    """Return the cells of a file; with `content`, the path only names it.
+    """Return the cells of a file.
 
-    `tag` is the heater of a printer's log or the sheet of a workbook, see `heatertune.log.formats`; `decimal_comma` are
-    columns as `join_decimals` takes them.
+    Args:
+        path: of the file.
+        content: of the file, if it is elsewhere; the path then only names it.
+        skip_rows: first lines that are left out.
+        tag: heater of a printer's log or sheet of a workbook, see `heatertune.log.formats`.
+        decimal_comma: columns with decimal commas that also separate the cells, see `join_decimals`.
 
     Raises:
         LogError: the file cannot be read, is empty, is no text, or many rows have another number of cells than the

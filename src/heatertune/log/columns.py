@@ -9,21 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.cells import Sheet, is_number
-from heatertune.log.power_range import (
-    BELOW_ZERO,
-    is_two_way,
-    live_zeros,
-    outside_levels,
-    percent_between,
-    reaches_ends,
-)
 from heatertune.log.quantities import (
     ROLES,
     STAMPS,
@@ -45,11 +37,10 @@ from heatertune.log.quantities import (
 )
 from heatertune.log.side_columns import add_side_columns, is_cooling, is_fan
 from heatertune.log.unnamed_columns import demand_no_likely_power, demand_own_temperature
-from heatertune.units import count
 
 __all__ = [
-    "ASSUMED", "CLOCK_UNITS", "NO_COLUMN", "TIME_UNITS", "Columns", "Power", "cell_error", "choose_column",
-    "find_columns", "forwards", "likely_time_unit", "numbers", "power_of", "seconds", "with_dates", "with_names",
+    "ASSUMED", "CLOCK_UNITS", "NO_COLUMN", "TIME_UNITS", "Columns", "cell_error", "choose_column",
+    "find_columns", "forwards", "likely_time_unit", "numbers", "seconds", "with_dates", "with_names",
 ]
 
 
@@ -552,169 +543,3 @@ def forwards(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Arra
         return sheet, time
     repairs.append("The rows are newest first and were reversed.")
     return sheet.picked(range(len(time) - 1, -1, -1)), time[::-1] - time[-1]
-
-
-_SWITCH: Final = re.compile(
-    r"relay|relais|\bssr\b|switch|schalter|[_ ](on|ein|state|status|active|aktiv)$", re.IGNORECASE)
-_PWM: Final = re.compile("pwm", re.IGNORECASE)
-_PERCENT_FULL: Final = 100.0
-_SHOWN_SCALES: Final = 3
-_SMALL: Final = 12.0  # a power in percent that never exceeds this may be volts of 0…10 V or amperes
-_EXPECTED: Final = "--power-full-scale with the reading at full power{}, or --power-column none"
-#: readings at full power that devices have: PWM of 8 bits, converters of 10 and 12 bits, tenths and hundredths of
-#: a percent, the analogue modules of an S7, 15 and 16 bits
-_FULL_SCALES: Final = (255, 1000, 1023, 4095, 10000, 27648, 32767, 65535)
-
-
-class Power(NamedTuple):
-    """The power [%], below 0 that of a cooler; how it was written, and which full scale is likeliest if assumed.
-
-    `levels` are the readings without power and at full power, if the user states them; otherwise the first is 0.
-    """
-
-    percent: Array
-    full_scale: float
-    written: str
-    likely_full_scale: float = 100.0
-    levels: tuple[float, float] | None = None
-
-
-def power_of(
-    sheet: Sheet, columns: Columns, given: float | None, repairs: list[str], doubts: list[str], *,
-    levels: tuple[float, float] | None = None,
-) -> Power | None:
-    """Return the power; None if it was not logged.
-
-    Args:
-        sheet: the cells.
-        columns: which column is what.
-        given: reading at full power, if stated by the user.
-        repairs: list to which assumptions are added.
-        doubts: list to which uncertain assumptions are added.
-        levels: readings without power and at full power, if stated by the user.
-
-    Raises:
-        LogError: a cell that is not a power, an unknown full scale, a power out of range.
-    """
-    if "power" not in columns.index:
-        return None
-    switched = on_or_off([row[columns.index["power"]] for row in sheet.rows])
-    if switched is not None:
-        repairs.append("The power is on or off; taken as 100 % and 0 %.")
-        return Power(np.array(switched, dtype=np.float64) * 100.0, 1.0, "on/off")
-    expected = "a number, or on and off in every row (--power-column none if there is no power)"
-    values = numbers(sheet, columns, "power", expected)
-    if levels is not None:
-        return _between(sheet, columns, values, levels, repairs)
-    highest = float(np.max(np.abs(values)))
-    named = None if is_scaled("power", columns.names["power"]) else columns.unit("power")
-    if named == "27648" and highest <= _PERCENT_FULL:
-        named = None  # a column of that name that was converted
-    if named == "100" and "power" not in columns.units and 0.0 < highest <= 1.0:
-        named = None  # a column named in percent that holds shares, as a spreadsheet exports it
-    full_scale = given or (float(named) if named else _assumed(sheet, columns, values, repairs, doubts))
-    if full_scale != 100.0:
-        repairs.append(f"The power was divided by its reading at full power, {full_scale:g}.")
-    values = _two_way(sheet, columns, values, full_scale, repairs)
-    two_way = bool(np.any(values < 0.0))
-    written = f"{-full_scale if two_way else 0:g}…{full_scale:g}" + (" %" if full_scale == 100.0 else "")
-    percent = values if full_scale == 100.0 else values / full_scale * 100.0
-    if two_way:
-        stated = given or is_two_way(columns.names["power"])
-        other = f" (off at {-full_scale:g}: --power-levels {-full_scale:g} {full_scale:g}){ASSUMED}"
-        written += ", it cools below 0" + ("" if stated else other)
-    elif not (given or named):
-        written += _grounds(columns.names["power"], values, full_scale)
-    return Power(percent, full_scale, written, 255.0 if _PWM.search(columns.names["power"]) else 100.0)
-
-
-def _between(
-    sheet: Sheet, columns: Columns, values: Array, levels: tuple[float, float], repairs: list[str]
-) -> Power:
-    """Return the power by its readings without power and at full power, as the user states them."""
-    off, full = levels
-    if off == full:
-        raise LogError("one reading for no power and for full power", file=sheet.file, value=f"{off:g}",
-                       expected="--power-levels with two different readings, such as 4 20")
-    if len(outside := outside_levels(values, levels)):
-        raise cell_error(sheet, columns, "power", int(outside[0]), "power out of range:",
-                         f"{min(levels):g}…{max(levels):g}, as --power-levels says")
-    repairs.append(f"The power is 0 % at a reading of {off:g} and 100 % at {full:g}, as stated.")
-    return Power(percent_between(values, levels), full, f"{off:g}…{full:g}", levels=levels)
-
-
-def _two_way(sheet: Sheet, columns: Columns, values: Array, full_scale: float, repairs: list[str]) -> Array:
-    """Return the readings of a power, those just below 0 as 0; those farther below are a cooler's.
-
-    Raises:
-        LogError: a reading beyond full power, either way, or a power that never heats.
-    """
-    lowest, highest = float(np.min(values)), float(np.max(values))
-    outside = np.flatnonzero(np.abs(values) > full_scale)
-    if len(outside):
-        other = f"(--power-full-scale tells another reading at full power{_offset(columns.names['power'], values)})"
-        raise cell_error(sheet, columns, "power", int(outside[0]), "power out of range:",
-                         f"{-full_scale if lowest < 0.0 else 0:g}…{full_scale:g} {other}")
-    if lowest >= 0.0:
-        return values
-    if lowest >= -BELOW_ZERO * full_scale:
-        repairs.append(f"{count(int(np.sum(values < 0.0)), 'reading')} of the power down to {lowest:g}, just below 0, "
-                       "taken as 0.")
-        return np.maximum(values, 0.0)
-    if highest <= 0.0:
-        raise LogError(f"a power from {lowest:g} up to {highest:g}, which never heats", file=sheet.file,
-                       column=columns.names["power"],
-                       expected=f"--power-levels 0 {-full_scale:g} and --cooler for a cooler that is off at 0, or "
-                                f"--power-levels {-full_scale:g} 0 for a heater that is off at {-full_scale:g}")
-    repairs.append(f"The power goes down to {lowest:g}; taken as a heater's above 0 and a cooler's below (a heater "
-                   f"that is off at {-full_scale:g}: --power-levels {-full_scale:g} {full_scale:g}).")
-    return values
-
-
-def _offset(name: str, values: Array) -> str:
-    """Return the option that states a live zero, for a message, if the readings may have one."""
-    return "".join(f"; --power-levels {low:g} {high:g} for {low:g} without power" for low, high in live_zeros(
-        name, values)[:1])
-
-
-def _grounds(name: str, values: Array, full_scale: float) -> str:
-    """Return the evidence for the full scale of a power without a unit: on/off values, its extremes, or none (assumed).
-
-    A name that suggests counts or multiples, such as PWM or x10, contradicts the extremes.
-    """
-    if full_scale == 1.0:
-        return ", of a switch"
-    reached = float(values.min()) == 0.0 and float(values.max()) == full_scale
-    return ", both reached" if reached and not (_PWM.search(name) or is_scaled("power", name)) else ASSUMED
-
-
-def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], doubts: list[str]) -> float:
-    """Return 100 if the numbers can only be percent, 1 for on/off values; the user has to state anything else."""
-    name, largest = columns.names["power"], float(np.max(np.abs(values)))
-    if _SWITCH.search(name) and set(np.unique(values)) <= {0.0, 1.0}:
-        repairs.append("The power is 0 or 1 of a switch; taken as off and on.")
-        return 1.0
-    why = next((why for holds, why in (
-        (columns.is_foreign("power"), "in a unit that is not a share of full power"),
-        (largest > 100.0, "is no percentage"),
-        (0.0 < largest <= 1.0, "may be a fraction or percent"),
-        (_PWM.search(name) is not None and not np.any(values % 1.0), "may be percent or counts of 255"),
-    ) if holds), None)
-    zeros = live_zeros(columns.units.get("power", name), values)
-    if zeros and (why is None or columns.is_foreign("power")) and (columns.is_foreign("power") or reaches_ends(
-            values, zeros[0])):
-        asked = " or ".join(f"--power-levels {low:g} {high:g}" for low, high in zeros)
-        raise LogError(f"a power from {float(np.min(values)):g} to {largest:g} {why or 'may be percent'}, or a "
-                       "signal with a live zero", file=sheet.file, column=name,
-                       expected=f"{asked} for such a signal, --power-full-scale with the reading at full power if "
-                                "it is 0 without power, or --power-column none")
-    if why:
-        likely = [scale for scale in _FULL_SCALES if largest <= scale][:_SHOWN_SCALES] if largest > 100.0 else []
-        perhaps = f" ({' or '.join(map(str, likely))}?)" if likely else ""
-        raise LogError(f"a power up to {largest:g} {why}", file=sheet.file, column=name,
-                       expected=_EXPECTED.format(perhaps))
-    repairs.append("The power has no unit in the file; taken as percent (otherwise: --power-full-scale).")
-    if 0.0 < largest <= _SMALL:
-        doubts.append(f"The power, taken as percent, never exceeds {largest:g} %: were it volts or amperes, "
-                      "--power-full-scale would have to tell the reading at full power.")
-    return 100.0

@@ -31,21 +31,20 @@ from heatertune.log.columns import (
     NO_COLUMN,
     TIME_UNITS,
     Columns,
-    Power,
     cell_error,
     find_columns,
     forwards,
     likely_time_unit,
     numbers,
-    power_of,
     seconds,
     with_dates,
     with_names,
 )
 from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
+from heatertune.log.power_range import Power, power_of
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.second_file import with_power_rows
-from heatertune.log.side_columns import SIDE_ROLES
+from heatertune.log.side_columns import SIDE_ROLES, is_cooling
 from heatertune.log.tags import TagSelection, TagTable, by_tags
 from heatertune.log.unnamed_columns import quoted
 from heatertune.log.values import (
@@ -278,10 +277,8 @@ def read_log(
         column=asked.tag_column,
         quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column, date=asked.date_column)
     tagged = by_tags(sheet, tags, asked.time_unit)
-    for role in SIDE_ROLES:
-        if tagged.is_long and wanted.get(role, NO_COLUMN) != NO_COLUMN:
-            raise LogError(f"a table with a row for each tag has no column of {_SIDE_NAMES[role]}", file=sheet.file,
-                           value=str(wanted[role]), expected="a table with a column for each")
+    if tagged.is_long:
+        _demand_no_sides(sheet, wanted, tagged.unused)
     sheet = plain_cells(tagged.sheet) if tagged.is_long else tagged.sheet
     columns = find_columns(sheet, tagged.wanted or wanted, counted=asked.sample_time_s is not None)
     sheet, columns = with_dates(sheet, columns, None if tagged.is_long else asked.date_column)
@@ -325,6 +322,19 @@ def read_log(
     )
     log = _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
     return replace(log, power_late_s=late_s) if late_s else log
+
+
+def _demand_no_sides(sheet: Sheet, wanted: Mapping[str, str | int], unused: Sequence[str]) -> None:
+    """Refuse columns of a cooler, a disturbance or the room, and a cooler's tag, of a table with a row for each tag."""
+    cooling = next(filter(is_cooling, unused), None)
+    if cooling is not None and "cooling" not in wanted:
+        raise LogError("a tag of a cooler's power, which is not read from a table with a row for each tag",
+                       file=sheet.file, value=cooling,
+                       expected="a table with a column for each; or --cooling-column none if it was off")
+    for role in SIDE_ROLES:
+        if wanted.get(role, NO_COLUMN) != NO_COLUMN:
+            raise LogError(f"a table with a row for each tag has no column of {_SIDE_NAMES[role]}", file=sheet.file,
+                           value=str(wanted[role]), expected="a table with a column for each")
 
 
 def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_empty: bool) -> Array:

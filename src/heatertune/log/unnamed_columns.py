@@ -44,7 +44,7 @@ def likely_power(name: str, cells: Sequence[str], *, in_percent: bool = False) -
     lowest = float(values.min())
     cools = lowest < 0.0 < float(values.max())  # one signal that heats and cools
     if in_percent or is_set:
-        return bool(lowest >= 0.0 or (cools and (is_set or lowest >= -100.0)))
+        return lowest >= 0.0 or (cools and (is_set or lowest >= -100.0))
     return bool(lowest == 0.0 and changes <= _FEW_CHANGES)
 
 

@@ -306,10 +306,11 @@ class Log(NotebookDisplay):
         def cut(column: Array | None) -> Array | None:
             return None if column is None else column[keep]
 
+        cooled = cut(self.cooling_pct)
         return Log(
             name=self.name, source=self.source, time_s=self.time_s[keep], temperature_degC=self.temperature_degC[keep],
             power_pct=cut(self.power_pct), setpoint_degC=cut(self.setpoint_degC), disturbance=cut(self.disturbance),
-            cooling_pct=cut(self.cooling_pct), ambient_degC=cut(self.ambient_degC),
+            cooling_pct=None if cooled is None or not np.any(cooled) else cooled, ambient_degC=cut(self.ambient_degC),
             repairs=self.repairs, warnings=self.warnings, same_heater=self.same_heater, taken=self.taken,
             rests_at_degC=self.rests_at_degC, pwm_period_s=self.pwm_period_s, power_late_s=self.power_late_s,
             cooling_gain=self.cooling_gain,

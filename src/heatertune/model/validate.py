@@ -119,19 +119,20 @@ def validate(fitted: FittedModel, log: Log, settings: ValidateSettings | None = 
     if log.disturbance is not None:
         raise InputError(f"{log.name}: a model is run with the power alone, without what the disturbance does; leave "
                          "it out with --disturbance-column none, and --until the instant before it changes")
+    asked = merge_options(ValidateSettings, settings, changed)
+    if asked.until_s is not None:
+        log = log.window(float(log.time_s[0]), asked.until_s)
     if log.cooling_pct is not None and fitted.cooling is not None and not fitted.cooling.doubts:
         log = log.with_net_power(fitted.cooling.cooling_gain)
     log.demand_heater_alone("which this model does not know; validate a model that was fitted to a log with both, or "
                             "--until the instant before it cools")
-    asked = merge_options(ValidateSettings, settings, changed)
     if cools(fitted):
         about = middle_degC(log)
         turned = None if asked.ambient_degC is None else 2.0 * about - asked.ambient_degC
         return _turned_back(
             validate(mirror_heater(fitted, about), mirrored_log(log, about), replace(asked, ambient_degC=turned)),
             about)
-    used, notes = undisturbed_part(log) if asked.until_s is None else (log.window(float(log.time_s[0]), asked.until_s),
-                                                                       ())
+    used, notes = undisturbed_part(log) if asked.until_s is None else (log, ())
     labelled: list[tuple[str, HeaterModel]] = [("working model", fitted.model)]
     labelled += [(label, model) for label, model in fitted.heaters if model != fitted.model]
     runs = tuple(_run(label, model, used, asked.ambient_degC, asked.power_before_pct) for label, model in labelled)

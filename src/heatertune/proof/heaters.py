@@ -141,7 +141,7 @@ def cooler_findings(fitted: FittedModel, cooling_gain: float | None) -> tuple[Fi
     if not low * (1.0 - _AS_LOGGED) <= cooling_gain <= high * (1.0 + _AS_LOGGED):
         kept.append(Finding(name="cooling-gain", message=(
             f"full cooling was taken as {cooling_gain:.3g} times full heating, where the log shows {low:.3g} … "
-            f"{high:.3g}: --cooling-gain {logged.cooling_gain:.3g}.")))
+            f"{high:.3g} (--cooling-gain {logged.cooling_gain:.3g}).")))
     return tuple(kept)
 
 

@@ -92,17 +92,13 @@ def cooling_effect(log: Log) -> CoolingEffect:
     """Return how strong the cooler of a log is: its power as that of the heater, of the opposite sign.
 
     Raises:
-        InputError: the power never changes, the cooler works all the time or moves with the heater, or no heater
-            explains the log.
+        InputError: the power never changes, the cooler moves with the heater, or no heater explains the log.
     """
     assert log.cooling_pct is not None
     assert log.power_pct is not None
     if float(np.ptp(log.power_pct)) == 0.0:
         raise InputError(f"{log.name}: the heater's power never changes, so a cooler cannot be expressed in it: log a "
                          "step of each, or fit the cooler alone: --power-levels 0 -100 --cooler")
-    if float(np.ptp(log.cooling_pct)) == 0.0:
-        raise InputError(f"{log.name}: the cooler's power never changes, so its effect is unknown: log a step of it, "
-                         "or leave it out: --cooling-column none")
     most = float(np.max(log.cooling_pct))
     inseparable = (
         "the cooler is on whenever the heater is off, so their effects cannot be separated: log a while with both off; "
@@ -279,7 +275,7 @@ def _interval(problem: _Problem, fit: _Fit, late: Array) -> tuple[float, tuple[f
 
 
 def ar1_covariance(slopes: Array, residuals: Array) -> Array:
-    """Return the covariance of the unknowns, the residuals being AR(1) of their own colour."""
+    """Return the covariance of the unknowns, shape (p, p), the residuals (n,) being AR(1) of their own colour."""
     n = len(residuals)
     colour = float(residuals[1:] @ residuals[:-1]) / max(float(residuals @ residuals), 1e-300)
     colour = min(max(colour, 0.0), _MOST_COLOUR)

@@ -45,7 +45,7 @@ class _Inputs(NamedTuple):
     length_s: float
 
 
-class _Fit(NamedTuple):
+class _LossSolution(NamedTuple):
     """A least-squares solution: lag, dead time, ratio of the lags, delay of the fan [s], ln m; the linear part."""
 
     z: Array
@@ -133,7 +133,7 @@ def _columns(inputs: _Inputs, z: Array, kind: str, *, whole: bool = False) -> Ar
     return np.column_stack(rows)
 
 
-def _searched(inputs: _Inputs, kind: str) -> _Fit:
+def _searched(inputs: _Inputs, kind: str) -> _LossSolution:
     """Return the best fit of a kind: "none", "load" (the fan as power) or "loss" (it multiplies the loss)."""
     from scipy.optimize import least_squares
 
@@ -159,7 +159,7 @@ def _searched(inputs: _Inputs, kind: str) -> _Fit:
     columns = _columns(inputs, z, kind)
     linear = np.asarray(np.linalg.lstsq(columns, inputs.measured, rcond=None)[0], dtype=np.float64)
     residuals = np.asarray(columns @ linear - inputs.measured)
-    return _Fit(z, linear, residuals, ar1_bic(residuals, len(free) + columns.shape[1]))
+    return _LossSolution(z, linear, residuals, ar1_bic(residuals, len(free) + columns.shape[1]))
 
 
 def _starts(bounds: Array) -> Iterator[Array]:
@@ -170,7 +170,7 @@ def _starts(bounds: Array) -> Iterator[Array]:
                     yield np.array([lag, dead * bounds[1, 1], ratio, dead * bounds[3, 1], math.log(size)])
 
 
-def _spread(inputs: _Inputs, fit: _Fit) -> float:
+def _spread(inputs: _Inputs, fit: _LossSolution) -> float:
     """Return half the 95 % interval of ln m."""
     base = _columns(inputs, fit.z, "loss")
     slopes = []
