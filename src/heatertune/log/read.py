@@ -265,9 +265,7 @@ def read_log(
     named = isinstance(source, str) and source.lower() in BUILT_IN and content is None
     table = built_in(str(source).lower()) if named else None
     sheet, doubts = _opened(Path(source), table, content, asked)
-    power_log = asked.power_log
-    if power_log is not None:
-        sheet, asked = with_power_rows(sheet, _opened(Path(power_log), None, None, ReadSettings())[0], asked)
+    sheet, asked = _with_power_log(sheet, asked)
     given = (asked.time_column, asked.temperature_column, asked.power_column, asked.setpoint_column)
     wanted = {role: column for role, column in zip(ROLES, given, strict=True) if column is not None}
     sides = {role: getattr(asked, f"{role}_column") for role in SIDE_ROLES}
@@ -318,7 +316,7 @@ def read_log(
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
                  "temperature_scale": asked.temperature_scale, "decimal_comma": asked.decimal_comma,
-                 "tag": sheet.part or None, "power_log": power_log},
+                 "tag": sheet.part or None, "power_log": asked.power_log},
     )
     log = _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
     return replace(log, power_late_s=late_s) if late_s else log
@@ -443,6 +441,13 @@ def _opened(
     if table:
         sheet = _errata(table, sheet, asked.errata, doubts)
     return plain_cells(sheet), doubts
+
+
+def _with_power_log(sheet: Sheet, asked: ReadSettings) -> tuple[Sheet, ReadSettings]:
+    """Return the cells with those of the power's own file, if it has one, and how to read them."""
+    if asked.power_log is None:
+        return sheet, asked
+    return with_power_rows(sheet, _opened(Path(asked.power_log), None, None, ReadSettings())[0], asked)
 
 
 def _log(
