@@ -27,6 +27,7 @@ from heatertune.model.power.regressors import AMBIENT
 from heatertune.model.relay_test import with_relay
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
 from heatertune.model.temperature.fit_temperature import fit_temperature
+from heatertune.model.temperature.two_level import Thermostat, fit_two_level, two_level_model
 from heatertune.model.values import FitOutcome, FittedModel, model_by_hand
 from heatertune.options import merge_options
 from heatertune.settings import FitSettings
@@ -73,8 +74,7 @@ def fit(
         _refuse_disturbance(log)
         _demand_laws(log, laws)
         _refuse_bound(log, delays)
-        progress(f"{log.name}: fitting {len(laws)} controller laws inside the loop")
-        fitted = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
+        fitted = _fit_unlogged(used, laws, bounds, given, seed, thorough, progress)
     else:
         used, effect = _cleared(used, progress)
         progress(f"{log.name}: fitting one and two lags to the logged power")
@@ -85,6 +85,27 @@ def fit(
         notes += () if effect is None else (effect.sentence,)
         fitted = replace(fitted, findings=(*fitted.findings, *findings_of(loop)), disturbance=effect)
     return _of_files(delays.apply_to(replace(fitted, notes=notes + fitted.notes), [used]), [log])
+
+
+def _fit_unlogged(
+    log: Log, laws: Sequence[ControllerLaw], bounds: Bounds | None, given: FitSettings, seed: int, thorough: bool,
+    progress: Callable[[str], object],
+) -> FittedModel:
+    """Return the fit of a log without power: of two-level control if that is stated or explains it best."""
+    thermostat = Thermostat.stated(given.thermostat)
+    progress(f"{log.name}: fitting the switchings of two-level control")
+    switched = fit_two_level(log, ambient_degC=bounds, thermostat=thermostat)
+    if thermostat is not None:
+        if switched is None:
+            raise InputError(f"{log.name}: it shows no switching at {thermostat.low_degC:g} and "
+                             f"{thermostat.high_degC:g} °C; leave out --thermostat, or log the power")
+        return two_level_model(switched, bounds)
+    progress(f"{log.name}: fitting {len(laws)} controller laws inside the loop")
+    fitted = fit_temperature([log], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
+    best, readings = fitted.hypotheses[0], len(fitted.residuals.time_s) if fitted.residuals else len(log.time_s)
+    if switched is None or not switched.explains or not switched.is_better(best.rmse_degC, readings):
+        return fitted
+    return two_level_model(switched, bounds, fitted.hypotheses)
 
 
 def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str], object]) -> FittedModel:

@@ -30,7 +30,7 @@ from heatertune.model.values import HeaterModel
 __all__ = [
     "Bound", "ConstantPowerStretch", "bound_contradictions", "contradictions", "evidence_notes", "fall_bound",
     "free_cooling", "is_open_loop", "noise_degC", "regulation_remarks", "rise_bound", "saturated_heat_up",
-    "steady_swing",
+    "steady_swing", "switching_guess",
 ]
 
 
@@ -279,6 +279,8 @@ _AS_WELL: Final = 1.15  # times the error of the controller that explains the lo
 _INSTANTS: Final = 14  # tried for the end of the power
 _MOST_READINGS: Final = 20_000  # in which a swing is sought
 _READINGS: Final = 200  # of a log that constant power is fitted to
+_FEWEST_MEANS: Final = 100  # of a log that is smoothed to find its switchings
+_FLAT: Final = 2.0  # standard deviations about a turning point that are one with it
 
 
 class OscillationStats(NamedTuple):
@@ -337,6 +339,44 @@ def _swing_of(log: Log, size: int) -> OscillationStats | None:
         return None
     return OscillationStats(len(periods), float(np.mean(periods)), float(np.mean(y[places[1::2]])),
                             float(np.mean(y[places[::2]])))
+
+
+class SwitchingGuess(NamedTuple):
+    """Where two-level control seems to switch: instants [s], rows of the log, and whether it is on at first."""
+
+    instants: Array
+    rows: tuple[int, ...]
+    is_on: bool
+
+
+def switching_guess(log: Log) -> SwitchingGuess:
+    """Return the turning points of a log, with as much smoothing as shows most of them."""
+    best, chosen, size = np.empty(0, dtype=np.intp), 1, 1
+    while size <= max(1, len(log.time_s) // _FEWEST_MEANS):
+        time, y = _smoothed(log, size)
+        places = _turning_points(y, _least_move(log, y, size))
+        if len(places) > len(best):
+            best, chosen = places, size
+        size *= 2
+    time, y = _smoothed(log, chosen)
+    noise = noise_degC(log) / math.sqrt(chosen)
+    inner = [int(place) for place in best[:-1] if place > 1]  # the last extreme is that of the log's end
+    if not inner:
+        return SwitchingGuess(np.empty(0), (), bool(y[-1] > y[0]))
+    is_on = bool(y[inner[0]] > y[0])
+    ends = [0, *inner, len(y) - 1]
+    instants, rows = [], []
+    for number, (before, place, after) in enumerate(zip(ends, ends[1:], ends[2:], strict=False)):
+        is_high = (number % 2 == 0) == is_on
+        beyond = y[before:after + 1] - y[place] if is_high else y[place] - y[before:after + 1]
+        flat = before + np.flatnonzero(beyond >= -_FLAT * noise)
+        # a heater at rest is switched on at the end of its rest
+        middle = int(flat[-1]) if number == 0 and not is_high else int(np.median(flat))
+        instants.append(float(time[middle]))
+        rows.append(min(place * chosen + chosen // 2, len(log.time_s) - 1))
+    kept = [i for i, instant in enumerate(instants) if i == 0 or instant > instants[i - 1]]
+    return SwitchingGuess(np.array(instants)[kept], tuple(rows), is_on) if len(kept) == len(instants) else (
+        SwitchingGuess(time[inner], tuple(rows), is_on))
 
 
 def is_open_loop(log: Log, rmse_degC: float) -> bool:

@@ -1,0 +1,594 @@
+"""Two-level control without a logged power: the switching instants are fitted together with the heater.
+
+Full power and none alternate. The temperature turns a dead time after each switching, so the curve shows heater and
+effective instants, whatever the thresholds are; each instant is an unknown of its own (a bang-bang input of unknown
+switching times is piecewise linear in the known step responses; K. J. Åström and T. Hägglund, "PID Controllers: Theory,
+Design, and Tuning", 2nd ed., 1995, section 2.7, for the wave forms). The thresholds add the dead time: it is the time
+from the crossing of a threshold to the turn. Without them it lies between none and the time at which the heater would
+switch off colder than on; the interval and the plausible heaters hold that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from heatertune.arrays import Array
+from heatertune.errors import InputError, OutOfRange
+from heatertune.log.values import Log
+from heatertune.model.diagnostics import Remark, findings_of
+from heatertune.model.reduction import COMBINATIONS, FIELDS
+from heatertune.model.statistics import (
+    Interval,
+    ar1_bic,
+    autocorrelation,
+    fit_pct,
+    identified_interval,
+    student_t,
+)
+from heatertune.model.temperature.evidence import noise_degC, switching_guess
+from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, HeaterModel, Residuals, TwoLag
+
+__all__ = ["Thermostat", "TwoLevelFit", "fit_two_level", "two_level_model"]
+
+
+_MOST_READINGS: Final = 1200
+_MOST_SWITCHINGS: Final = 60
+_FEWEST: Final = 3  # switchings, if the thresholds are not stated
+_STARTS: Final = (0.02, 0.08, 0.3, 1.2)  # of the log's length, the first time constant
+_RATIOS: Final = (0.05, 0.4)
+_LEAST_RATIO, _MOST_RATIO = 0.005, 0.98
+_LONGEST: Final = 30.0  # of the log's length, the longest time constant
+_TRIES, _ITERATIONS = 8, 40
+_STEPS: Final = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0, 20.0)  # standard deviations, of a profile
+_NEAR: Final = 10.0  # BIC points
+_LOUD: Final = 2.0  # times the noise: a model that leaves more does not explain the log
+_UNEVEN: Final = 0.3  # of the swing: most deviation of the temperatures at which it turns
+_TRIGGERS: Final = 3.5  # standard deviations by which noise may switch early, of many readings
+_POOR: Final = 60.0
+_CONTINUOUS: Final = 7  # unknowns of a continuous controller and its heater, about
+_LAW: Final = "two-level control"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thermostat:
+    """A stated two-level controller: off from `high_degC` up, on from `low_degC` down.
+
+    Attributes:
+        low_degC, high_degC: the thresholds [°C].
+        least_on_s, least_off_s: shortest times on and off [s].
+    """
+
+    low_degC: float
+    high_degC: float
+    least_on_s: float = 0.0
+    least_off_s: float = 0.0
+
+    @classmethod
+    def stated(cls, numbers: float | Sequence[float] | None) -> Thermostat | None:
+        """Return the thermostat of two to four stated numbers, None without them.
+
+        Raises:
+            OutOfRange: another count of numbers, thresholds in the wrong order, a negative time.
+        """
+        if numbers is None:
+            return None
+        given = (numbers,) if isinstance(numbers, int | float) else tuple(numbers)
+        if not 2 <= len(given) <= 4:
+            raise OutOfRange("thermostat", given, "LOW HIGH, or LOW HIGH MINIMUM-ON MINIMUM-OFF")
+        if given[0] > given[1]:
+            raise OutOfRange("thermostat", given[0], f"<= its high threshold, {given[1]:g}")
+        if min((0.0, *given[2:])) < 0.0:
+            raise OutOfRange("thermostat", min(given[2:]), ">= 0: a minimum time [s]")
+        return cls(low_degC=given[0], high_degC=given[1], least_on_s=given[2] if len(given) > 2 else 0.0,
+                   least_off_s=given[3] if len(given) > 3 else 0.0)
+
+
+class _Problem(NamedTuple):
+    """Readings, whether the power is on at the first one, known ambient or None, first switching of another mains."""
+
+    time_s: Array
+    temperature_degC: Array
+    is_on: bool
+    ambient_degC: float | None
+    changed_at: int | None = None
+
+
+class _Solution(NamedTuple):
+    """ln time constant, ratio of the second lag (0: none), effective instants [s], linear numbers, residuals, BIC."""
+
+    lag: float
+    ratio: float
+    instants: Array
+    linear: Array
+    left: Array
+    problem: _Problem
+
+    @property
+    def cost(self) -> float:
+        return float(self.left @ self.left)
+
+    @property
+    def unknowns(self) -> int:
+        return 1 + (self.ratio > 0.0) + len(self.instants) + len(self.linear)
+
+    @property
+    def bic(self) -> float:
+        return ar1_bic(self.left, self.unknowns)
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """Gain before and, if it changes, after the change of the mains [°C/%]."""
+        first = float(self.linear[0]) / 100.0
+        return (first,) if self.problem.changed_at is None else (first, first + float(self.linear[1]) / 100.0)
+
+    @property
+    def ambient_degC(self) -> float:
+        known = self.problem.ambient_degC
+        return float(self.linear[-1]) if known is None else known
+
+    def temperature_degC(self, time_s: Array) -> Array:
+        """Return the simulated temperature at some instants [°C]."""
+        basis, _ = _basis(self.problem._replace(time_s=time_s), self.lag, self.ratio, self.instants,
+                          float(self.problem.time_s[0]))
+        return np.asarray(basis @ self.linear + (self.problem.ambient_degC or 0.0))
+
+    def plant(self, gain: float, dead_time_s: float) -> HeaterModel:
+        """Return the heater with a dead time."""
+        lag = math.exp(self.lag)
+        if self.ratio == 0.0:
+            return Fopdt(gain_degC_per_pct=gain, time_constant_s=lag, dead_time_s=dead_time_s,
+                         ambient_degC=self.ambient_degC)
+        return TwoLag(gain_degC_per_pct=gain, time_constant_s=lag, second_time_constant_s=lag * self.ratio,
+                      dead_time_s=dead_time_s, ambient_degC=self.ambient_degC)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TwoLevelFit:
+    """Heater and switching instants of a log.
+
+    Attributes:
+        log: as it was fitted.
+        best: of each order that explains the log nearly as well, the best first.
+        profile: other heaters that it cannot tell from these.
+        noise_degC: of the readings [°C].
+        thermostat: as stated, or None.
+    """
+
+    log: Log
+    best: tuple[_Solution, ...]
+    profile: tuple[_Solution, ...]
+    gain_margin: float
+    noise_degC: float
+    thermostat: Thermostat | None
+
+    @property
+    def rmse_degC(self) -> float:
+        """Error of the best heater [°C]."""
+        return float(np.sqrt(np.mean(self.best[0].left ** 2)))
+
+    @property
+    def explains(self) -> bool:
+        """Whether the errors are those of the readings."""
+        return self.rmse_degC <= _LOUD * self.noise_degC
+
+    def is_better(self, rmse_degC: float, readings: int) -> bool:
+        """Return whether it explains the log better than a continuous controller, by 10 BIC points.
+
+        Args:
+            rmse_degC: of the continuous controller that explains it best [°C].
+            readings: that it was fitted to.
+        """
+        more = (self.best[0].unknowns - _CONTINUOUS) * math.log(readings)
+        return readings * 2.0 * math.log(max(self.rmse_degC, 1e-9) / max(rmse_degC, 1e-9)) + more < -_NEAR
+
+
+def fit_two_level(log: Log, *, ambient_degC: tuple[float, float] | None,
+                  thermostat: Thermostat | None = None) -> TwoLevelFit | None:
+    """Fit heater and switching instants to a log without power; None if it does not look like two-level control.
+
+    Raises:
+        InputError: the log does not reach the stated thresholds.
+    """
+    if thermostat is not None:
+        _demand_thresholds(log, thermostat)
+    noise = noise_degC(log)
+    guess = switching_guess(log)
+    is_stated = thermostat is not None
+    if len(guess.instants) < (1 if is_stated else _FEWEST) or not (is_stated or _is_even(log, guess.rows, guess.is_on)):
+        return None
+    if len(guess.instants) > _MOST_SWITCHINGS:
+        end = float(guess.instants[_MOST_SWITCHINGS])
+        log = log.window(float(log.time_s[0]), end)
+        guess = guess._replace(instants=guess.instants[:_MOST_SWITCHINGS])
+    every = -(-len(log.time_s) // _MOST_READINGS)
+    known = None if ambient_degC is None or ambient_degC[0] < ambient_degC[1] else ambient_degC[0]
+    problem = _Problem(log.time_s[::every], log.temperature_degC[::every], guess.is_on, known)
+    solved = _solved(problem, guess.instants)
+    if ambient_degC is not None and known is None and solved and not (
+            ambient_degC[0] <= solved[0].ambient_degC <= ambient_degC[1]):
+        end_ = min(max(solved[0].ambient_degC, ambient_degC[0]), ambient_degC[1])
+        solved = _solved(problem._replace(ambient_degC=end_), guess.instants)
+    if not solved:
+        return None
+    near = tuple(each for each in solved if each.bic - solved[0].bic <= _NEAR)
+    profiles = [_profiles(each) for each in near]
+    return TwoLevelFit(
+        log=log, best=near, profile=tuple(each for found, _ in profiles for each in found),
+        gain_margin=max(margin for _, margin in profiles), noise_degC=noise, thermostat=thermostat)
+
+
+def _demand_thresholds(log: Log, thermostat: Thermostat) -> None:
+    low, high = float(log.temperature_degC.min()), float(log.temperature_degC.max())
+    if not (low <= thermostat.low_degC and thermostat.high_degC <= high):
+        raise InputError(
+            f"{log.name}: its readings, {low:g} to {high:g} °C, do not reach the thresholds {thermostat.low_degC:g} and "
+            f"{thermostat.high_degC:g} °C, so it does not show their switching; correct --thermostat, or leave it out")
+
+
+def _is_even(log: Log, rows: Sequence[int], is_on: bool) -> bool:
+    """Return whether it turns at nearly the same two temperatures, the heat-up aside."""
+    turns = log.temperature_degC[list(rows)]
+    offs, ons = turns[0 if is_on else 1 :: 2], turns[1 if is_on else 0 :: 2]
+    if not is_on:
+        ons = ons[1:]  # the first switching on is from cold
+    if len(offs) == 0 or len(ons) == 0:
+        return False
+    swing = float(np.mean(offs) - np.mean(ons))
+    offs = offs[1:] if len(offs) > 2 else offs
+    return swing > 0.0 and max(float(np.ptp(offs)), float(np.ptp(ons))) / 2.0 <= _UNEVEN * swing + noise_degC(log) * 2.0
+
+
+def _steps(time: Array, instants: Array, lag: float, second: float) -> tuple[Array, Array]:
+    """Return step and impulse response at each reading of steps at some instants, both of shape (n, k)."""
+    since = np.maximum(time[:, None] - instants[None, :], 0.0)
+    is_after = time[:, None] > instants[None, :]
+    slow = np.exp(-since / lag)
+    if second <= 0.0:
+        return 1.0 - slow, np.where(is_after, slow / lag, 0.0)
+    fast = np.exp(-since / second)
+    return (1.0 - (lag * slow - second * fast) / (lag - second)), np.where(is_after, (slow - fast) / (lag - second), 0.0)
+
+
+def _basis(problem: _Problem, log_lag: float, ratio: float, instants: Array, begin: float) -> tuple[Array, Array]:
+    """Return the columns of the linear numbers, and the impulse response of each switching with its sign."""
+    lag = math.exp(log_lag)
+    signs = np.where((np.arange(len(instants)) % 2 == 0) == problem.is_on, -1.0, 1.0)
+    steps, pulses = _steps(problem.time_s, instants, lag, ratio * lag)
+    since = problem.time_s - begin
+    power = steps @ signs
+    if problem.is_on:
+        power = power + _steps(problem.time_s, np.array([begin]), lag, ratio * lag)[0][:, 0]
+    columns = [power]
+    if problem.changed_at is not None:
+        columns.append(steps[:, problem.changed_at :] @ signs[problem.changed_at :])
+    columns.append(np.exp(-since / lag))
+    if ratio > 0.0:
+        columns.append(np.exp(-since / (ratio * lag)))
+    if problem.ambient_degC is None:
+        columns.append(np.ones(len(since)))
+    return np.column_stack(columns), -pulses * signs
+
+
+def _evaluated(problem: _Problem, log_lag: float, ratio: float, instants: Array) -> tuple[_Solution, Array, Array]:
+    basis, pulses = _basis(problem, log_lag, ratio, instants, float(problem.time_s[0]))
+    target = problem.temperature_degC - (problem.ambient_degC or 0.0)
+    orthogonal, triangle = np.linalg.qr(basis)
+    linear = np.linalg.lstsq(triangle, orthogonal.T @ target, rcond=1e-12)[0]
+    heat = np.full(len(instants), linear[0])
+    if problem.changed_at is not None:
+        heat[problem.changed_at :] += linear[1]
+    solution = _Solution(log_lag, ratio, instants, linear, target - basis @ linear, problem)
+    return solution, orthogonal, pulses * heat
+
+
+def _descend(start: _Solution, iterations: int, *, hold_lag: bool = False, hold_ratio: bool = False) -> _Solution:
+    """Return where Levenberg's and Marquardt's descent ends; the linear numbers are projected out."""
+    problem, damping = start.problem, 1e-3
+    length = float(np.ptp(problem.time_s))
+    limits = math.log(float(np.median(np.diff(problem.time_s)))), math.log(_LONGEST * length)
+    now, orthogonal, pulses = _evaluated(problem, start.lag, start.ratio, start.instants)
+    for _ in range(iterations):
+        free = [] if hold_lag else [_slope(now, 1e-4, 0.0)]
+        free += [] if now.ratio == 0.0 or hold_ratio else [_slope(now, 0.0, 1e-4)]
+        jacobian = np.column_stack([*free, pulses])
+        jacobian -= orthogonal @ (orthogonal.T @ jacobian)
+        square, gradient = jacobian.T @ jacobian, jacobian.T @ now.left
+        scale = np.diag(square) + 1e-12 * float(np.max(np.diag(square)))
+        for _ in range(6):
+            step = np.linalg.solve(square + damping * np.diag(scale), gradient)
+            count = len(free)
+            lag, ratio = now.lag, now.ratio
+            if not hold_lag:
+                lag = float(np.clip(lag + np.clip(step[0], -1.0, 1.0), *limits))
+            if count > (0 if hold_lag else 1):
+                ratio = float(np.clip(ratio * math.exp(float(np.clip(step[count - 1], -1.0, 1.0))), _LEAST_RATIO,
+                                      _MOST_RATIO))
+            instants = now.instants + step[count:]
+            if np.all(np.diff(instants) > 0.0):
+                tried, its_orthogonal, its_pulses = _evaluated(problem, lag, ratio, instants)
+                if tried.cost < now.cost:
+                    break
+            damping *= 6.0
+        else:
+            return now
+        gained = now.cost - tried.cost
+        now, orthogonal, pulses, damping = tried, its_orthogonal, its_pulses, max(damping / 8.0, 1e-9)
+        if gained < 1e-6 * now.cost:
+            return now
+    return now
+
+
+def _slope(now: _Solution, by_lag: float, by_ratio: float) -> Array:
+    """Return the change of the simulation by ln time constant or ln ratio, the linear numbers kept."""
+    ratio = now.ratio * math.exp(by_ratio)
+    begin = float(now.problem.time_s[0])
+    moved = _basis(now.problem, now.lag + by_lag, ratio, now.instants, begin)[0] @ now.linear
+    still = now.problem.temperature_degC - (now.problem.ambient_degC or 0.0) - now.left
+    return np.asarray((moved - still) / (by_lag + by_ratio))
+
+
+def _solved(problem: _Problem, instants: Array) -> list[_Solution]:
+    """Return the best fit of one lag and of two that heat, the best by BIC first; a change of the mains is tried."""
+    length, found = float(np.ptp(problem.time_s)), []
+    for ratios in ((0.0,), _RATIOS):
+        starts = [_Solution(math.log(share * length), ratio, instants, np.empty(0), np.empty(0), problem)
+                  for share in _STARTS for ratio in ratios]
+        tried = sorted((_descend(start, _TRIES) for start in starts), key=lambda each: each.cost)
+        best = min((_descend(each, _ITERATIONS) for each in tried[:2]), key=lambda each: each.cost)
+        found.append(_with_mains(best))
+    return sorted((each for each in found if min(each.gains) > 0.0), key=lambda each: each.bic)
+
+
+def _with_mains(best: _Solution) -> _Solution:
+    """Return the fit with a change of the heating power at one of its switchings on, if that explains the log better.
+
+    The mains voltage, or an element of several, changes what full power is.
+    """
+    first = 1 if best.problem.is_on else 0
+    places = range(first + (0 if best.problem.is_on else 2), len(best.instants) - 1, 2)
+    trials = [_evaluated(best.problem._replace(changed_at=place), best.lag, best.ratio, best.instants)[0]
+              for place in places]
+    if not trials:
+        return best
+    ranked = sorted(trials, key=lambda each: each.cost)[:3]
+    changed = min((_descend(each, 20) for each in ranked), key=lambda each: each.cost)
+    return changed if changed.bic < best.bic - _NEAR else best
+
+
+def _profiles(best: _Solution) -> tuple[list[_Solution], float]:
+    """Return heaters that the log cannot tell from the best, and the 95 % margin of the gain as a share of it.
+
+    Profile likelihood of time constant and ratio, everything else fitted again; the noise is first-order
+    autoregressive.
+    """
+    n = len(best.left)
+    rho = float(np.clip(autocorrelation(best.left, 1)[0], 0.0, 0.98))
+    freedom = max((n - best.unknowns) * (1.0 - rho) / (1.0 + rho), 4.0)
+    quantile = student_t(freedom)
+    limit = best.cost * quantile**2 / freedom
+    _, orthogonal, pulses = _evaluated(best.problem, best.lag, best.ratio, best.instants)
+    columns = [_slope(best, 1e-4, 0.0), *([_slope(best, 0.0, 1e-4)] if best.ratio else [])]
+    basis = _basis(best.problem, best.lag, best.ratio, best.instants, float(best.problem.time_s[0]))[0]
+    jacobian = np.column_stack([basis, *columns, pulses])
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    variance = best.cost / freedom
+    width = basis.shape[1]
+    spread = np.sqrt(np.maximum(np.diag(inverse), 0.0) * variance)
+    # of the gain with the time constant held: the profile moves that
+    held = np.linalg.pinv(np.delete(jacobian, width, axis=1).T @ np.delete(jacobian, width, axis=1))
+    margin = quantile * math.sqrt(max(float(held[0, 0]) * variance, 0.0)) / abs(float(best.linear[0]))
+    found = []
+    for number, hold in enumerate(("lag", "ratio")[: 1 + (best.ratio > 0.0)]):
+        deviation = float(np.clip(spread[width + number], 1e-4, 0.5))
+        for side in (-1.0, 1.0):
+            found += _side(best, hold, side * deviation, limit)
+    return found, margin
+
+
+def _side(best: _Solution, hold: str, deviation: float, limit: float) -> Iterator[_Solution]:
+    """Yield the fits on one side of the best, up to the first beyond the limit."""
+    now = best
+    for step in _STEPS:
+        by = step * deviation
+        if hold == "lag":
+            start = now._replace(lag=min(best.lag + by, math.log(_LONGEST * float(np.ptp(best.problem.time_s)))))
+        else:
+            start = now._replace(ratio=float(np.clip(best.ratio * math.exp(by), _LEAST_RATIO, _MOST_RATIO)))
+        now = _descend(start, 8, hold_lag=hold == "lag", hold_ratio=hold == "ratio")
+        if min(now.gains) > 0.0:
+            yield now
+        if now.cost - best.cost > limit:
+            return
+
+
+class _DeadTimes(NamedTuple):
+    low: float
+    high: float
+
+
+def _dead_times(solution: _Solution, fit: TwoLevelFit) -> _DeadTimes:
+    """Return the shortest and the longest dead time that the thresholds, or their order, allow [s]."""
+    instants, problem = solution.instants, solution.problem
+    offs = instants[0 if problem.is_on else 1 :: 2]
+    stretches = np.diff(instants)
+    longest = float(np.median(stretches)) if len(stretches) else float(instants[0] - problem.time_s[0])
+    row = float(np.median(np.diff(fit.log.time_s)))
+    most = _longest_dead_time(solution, longest)
+    if fit.thermostat is None:
+        return _DeadTimes(0.0, most + row)
+    return _by_thresholds(solution, fit, offs, most + row)
+
+
+def _longest_dead_time(solution: _Solution, longest_s: float) -> float:
+    """Return the dead time at which it would switch off at the temperature at which it switches on [s]."""
+    instants, first = solution.instants, 0 if solution.problem.is_on else 1
+    offs, ons = instants[first::2], instants[1 - first :: 2]
+    ons = ons[1:] if first == 1 and len(ons) > 1 else ons  # the first one is from cold
+    if not len(ons) or not len(offs):
+        return longest_s
+    begin = float(solution.problem.time_s[0])
+    for late in np.linspace(0.0, longest_s, 81):
+        off, on = offs[offs - late > begin] - late, ons[ons - late > begin] - late
+        if len(off) and len(on) and (
+                np.mean(solution.temperature_degC(off)) < np.mean(solution.temperature_degC(on))):
+            return float(late)
+    return longest_s
+
+
+def _by_thresholds(solution: _Solution, fit: TwoLevelFit, offs: Array, most_s: float) -> _DeadTimes:
+    """Return the dead times by which each effective instant comes after the crossing of its threshold [s]."""
+    thermostat = fit.thermostat
+    assert thermostat is not None
+    instants, time = solution.instants, fit.log.time_s
+    row = float(np.median(np.diff(time)))
+    step = float(np.min(np.diff(np.unique(fit.log.temperature_degC))))
+    early, late = 0.5 * step + _TRIGGERS * fit.noise_degC, 0.5 * step + fit.noise_degC
+    lows, highs = [], []
+    for i, instant in enumerate(instants):
+        is_off = bool(np.any(offs == instant))
+        before = float(instants[i - 1]) if i else float(time[0])
+        least = (thermostat.least_on_s if is_off else thermostat.least_off_s)
+        grid = np.linspace(max(before, float(time[0])), float(instant), 241)
+        y = solution.temperature_degC(grid)
+        beyond = (y - thermostat.high_degC) if is_off else (thermostat.low_degC - y)
+        if not np.any(beyond >= -early):
+            continue
+        # the last time at which it was surely not yet beyond, and the first at which it surely is
+        highs.append(float(instant - grid[int(np.argmax(beyond >= -early))]))
+        is_delayed = i > 0 and instant - before <= least + 2.0 * row and least > 0.0
+        if i > 0 and np.any(beyond >= late) and not is_delayed:
+            lows.append(float(instant - grid[int(np.argmax(beyond >= late))]) - row)
+        elif i == 0 and is_off and np.any(beyond >= late):
+            lows.append(float(instant - grid[int(np.argmax(beyond >= late))]) - row)
+    high = min([most_s, *highs]) + (0.0 if not highs else row * 0.25)
+    low = max([0.0, *lows])
+    if low > high:  # some switchings came later than the thresholds: a minimum time that was not stated
+        low = max(0.0, min(lows))
+    return _DeadTimes(min(low, high), high)
+
+
+def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, seen: Sequence[Candidate] = ()
+                    ) -> FittedModel:
+    """Return the fitted heater with its intervals, and heaters at their ends.
+
+    Args:
+        fit: of the log.
+        ambient_degC: stated bounds of the ambient [°C], or None.
+        seen: hypotheses of continuous controllers that were compared.
+    """
+    log, best = fit.log, fit.best[0]
+    family = list(_family(fit))
+    members = [plant for plant, *_ in family]
+    values = {name: [measure(plant) for plant in members] for name, measure in (FIELDS | COMBINATIONS).items()}
+    values["ultimate_gain_pct_per_degC"] = [_ultimate_gain(plant) for plant in members]
+    ranges = {name: _hull(numbers) for name, numbers in values.items()}
+    is_open = any(math.exp(each.lag) > 0.5 * _LONGEST * float(np.ptp(each.problem.time_s)) for each in fit.profile)
+    if is_open:
+        for name in ("gain_degC_per_pct", "time_constant_s"):
+            ranges[name] = replace(ranges[name], high=None)
+        ranges["ambient_degC"] = replace(ranges["ambient_degC"], low=None)
+    ci95: dict[str, Interval | None] = {name: identified_interval(ranges[name]) for name in FIELDS}
+    if ambient_degC is not None and ambient_degC[0] == ambient_degC[1]:
+        ci95["ambient_degC"] = None
+    dead = _dead_times(best, fit)
+    plant = best.plant(best.gains[0], 0.5 * (dead.low + dead.high))
+    simulated = best.temperature_degC(log.time_s)
+    share = fit_pct(log.temperature_degC, simulated)
+    outcome = _outcome(share, ci95)
+    rmse = float(np.sqrt(np.mean((log.temperature_degC - simulated) ** 2)))
+    window = float(log.time_s[0]), float(log.time_s[-1])
+    candidates = [Candidate(
+        model=model, log=log.name, window_s=window, law=_LAW, controller=_controller(solution, fit), fit_pct=share,
+        rmse_degC=rmse, delta_bic=solution.bic - best.bic, part=part) for model, solution, part in _ends(family, plant, best)]
+    notes = list(_notes(fit, dead))
+    measures = {"ultimate_gain_pct_per_degC": _ultimate_gain, **COMBINATIONS}
+    return FittedModel(
+        model=plant.half_rule(), outcome=outcome, findings=findings_of([Remark("no-power", notes[0])]),
+        method="switching instants fitted together with the heater; profile likelihood",
+        ci95=ci95, candidates=tuple(candidates), hypotheses=(candidates[0], *seen),
+        combinations={name: (measure(plant), ranges[name]) for name, measure in measures.items()
+                      if math.isfinite(measure(plant))},
+        fit_pct=share, notes=tuple(notes),
+        residuals=Residuals(time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
+                            autocorrelation=autocorrelation(log.temperature_degC - simulated)))
+
+
+def _outcome(share: float, ci95: Mapping[str, Interval | None]) -> FitOutcome:
+    if share < _POOR:
+        return FitOutcome.POOR_FIT
+    names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
+    return FitOutcome.IDENTIFIED if all(ci95[name] is not None for name in names) else FitOutcome.COMBINATIONS_ONLY
+
+
+def _family(fit: TwoLevelFit) -> Iterator[tuple[HeaterModel, _Solution]]:
+    """Yield every heater that the log cannot tell from the best, at both ends of its dead time and gain."""
+    for solution in (*fit.best, *fit.profile):
+        dead = _dead_times(solution, fit)
+        for gain in solution.gains:
+            for factor in (1.0 - fit.gain_margin, 1.0, 1.0 + fit.gain_margin):
+                for late in dict.fromkeys(dead):
+                    yield solution.plant(max(gain * factor, 1e-6), late), solution
+
+
+def _ends(family: Sequence[tuple[HeaterModel, _Solution]], plant: HeaterModel, best: _Solution
+          ) -> Iterator[tuple[HeaterModel, _Solution, str]]:
+    """Yield the best heater, and those at the ends of what a loop feels: ultimate gain and period, gain, lag."""
+    yield plant, best, ""
+    chosen = list[int]()
+    for name, measure in {
+            "ultimate gain": _ultimate_gain, "ultimate period": COMBINATIONS["ultimate_period_s"],
+            "gain": FIELDS["gain_degC_per_pct"], "time constant": FIELDS["time_constant_s"]}.items():
+        numbers = [measure(model) for model, _ in family]
+        for end, place in (("low", int(np.argmin(numbers))), ("high", int(np.argmax(numbers)))):
+            if place not in chosen:
+                chosen.append(place)
+                yield *family[place], f"{name} at its {end} end"
+
+
+def _controller(solution: _Solution, fit: TwoLevelFit) -> dict[str, float]:
+    """Return the thresholds: as stated, or as the switchings show them without a dead time."""
+    if fit.thermostat is not None:
+        return {"low_degC": fit.thermostat.low_degC, "high_degC": fit.thermostat.high_degC}
+    first = 0 if solution.problem.is_on else 1
+    offs, ons = (solution.temperature_degC(solution.instants[place::2]) for place in (first, 1 - first))
+    return {"lowest_degC": float(np.median(ons)), "highest_degC": float(np.median(offs))} if len(offs) and len(ons) else {}
+
+
+def _notes(fit: TwoLevelFit, dead: _DeadTimes) -> Iterator[str]:
+    best, log = fit.best[0], fit.log
+    count = len(best.instants)
+    yield (f"The power was not logged; {log.name} is two-level control: {count} switchings between full power and none "
+           "were fitted together with the heater.")
+    if fit.thermostat is None:
+        yield (f"The thresholds are not known, so a dead time between {dead.low:.3g} and {dead.high:.3g} s is possible; "
+               "if you know at which temperatures the thermostat switches, state them: --thermostat LOW HIGH, with "
+               "its minimum on and off times if it has any.")
+    else:
+        yield (f"Its thresholds of {fit.thermostat.low_degC:g} and {fit.thermostat.high_degC:g} °C, as stated, leave a "
+               f"dead time between {dead.low:.3g} and {dead.high:.3g} s.")
+    if len(best.gains) > 1:
+        place = best.problem.changed_at
+        assert place is not None
+        yield (f"Full power changes by {100.0 * (best.gains[1] / best.gains[0] - 1.0):+.0f} % at "
+               f"{best.instants[place]:.0f} s (mains voltage, or an element that failed); the interval of the gain holds "
+               "both values.")
+    yield "If the heater had another power than full power and none, its gain is wrong by the same factor."
+
+
+def _hull(values: Sequence[float]) -> Interval:
+    low, high = min(values), max(values)
+    return Interval(low=low, high=high if math.isfinite(high) else None)
+
+
+def _ultimate_gain(plant: HeaterModel) -> float:
+    """Return the gain of a P controller at the limit of stability [%/°C]; infinite without dead time."""
+    period = COMBINATIONS["ultimate_period_s"](plant)
+    if not math.isfinite(period):
+        return math.inf
+    omega = 2.0 * math.pi / period
+    return math.prod(math.hypot(1.0, omega * lag) for lag in plant.lags_s) / plant.gain_degC_per_pct
