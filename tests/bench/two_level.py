@@ -230,12 +230,15 @@ def main(arguments=None):
     parser.add_argument("--count", type=int, default=200, help="number of logs (default: 200)")
     parser.add_argument("--first", type=int, default=0, help="first seed (default: 0)")
     parser.add_argument("--no-stated", action="store_true", help="leave out the fits with the thresholds stated")
+    parser.add_argument("--only", choices=("power", "blind"), help="only logs with the power, or without")
     parser.add_argument("--keep", help="folder for the logs")
     parser.add_argument("--verbose", action="store_true")
     asked = parser.parse_args(arguments)
     ends, holds, counts, wrong, deaf, slowest = {}, {}, Counter(), 0, 0, 0.0
     for seed in range(asked.first, asked.first + asked.count):
         drawn = draw(seed)
+        if asked.only is not None and drawn.powered != (asked.only == "power"):
+            continue
         if asked.keep:
             Path(asked.keep).mkdir(parents=True, exist_ok=True)
             (Path(asked.keep) / f"two_level_{seed}.csv").write_text(drawn.text(drawn.powered), encoding="utf-8")

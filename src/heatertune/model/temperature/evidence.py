@@ -29,7 +29,7 @@ from heatertune.model.values import HeaterModel
 
 __all__ = [
     "Bound", "ConstantPowerStretch", "bound_contradictions", "contradictions", "evidence_notes", "fall_bound",
-    "free_cooling", "is_open_loop", "noise_degC", "regulation_remarks", "rise_bound", "saturated_heat_up",
+    "free_cooling", "is_open_loop", "noise_degC", "quiet_noise_degC", "regulation_remarks", "rise_bound", "saturated_heat_up",
     "steady_swing", "switching_guess",
 ]
 
@@ -212,6 +212,14 @@ def noise_degC(log: Log) -> float:
     return float(max(np.std(np.diff(y, 2)) / np.sqrt(6.0), step / np.sqrt(12.0)))
 
 
+def quiet_noise_degC(log: Log) -> float:
+    """Return the noise by the usual second difference [°C]: a few turns between two rows are no noise."""
+    y = log.temperature_degC
+    step = float(np.min(np.diff(np.unique(y))))
+    usual = 1.4826 * float(np.median(np.abs(np.diff(y, 2)))) / math.sqrt(6.0)
+    return min(noise_degC(log), max(usual, step / math.sqrt(12.0)))
+
+
 def _exponential(log: Log, first: int, last: int, quiet: float) -> ConstantPowerStretch | None:
     """Return the one-lag curves that fit some readings as well as the best (95 %), None if none is within the noise."""
     y, elapsed = log.temperature_degC[first : last + 1], log.time_s[first : last + 1] - log.time_s[first]
@@ -351,15 +359,15 @@ class SwitchingGuess(NamedTuple):
 
 def switching_guess(log: Log) -> SwitchingGuess:
     """Return the turning points of a log, with as much smoothing as shows most of them."""
-    best, chosen, size = np.empty(0, dtype=np.intp), 1, 1
+    best, chosen, size, usual = np.empty(0, dtype=np.intp), 1, 1, quiet_noise_degC(log)
     while size <= max(1, len(log.time_s) // _FEWEST_MEANS):
         time, y = _smoothed(log, size)
-        places = _turning_points(y, _least_move(log, y, size))
+        places = _turning_points(y, max(_MOVES * usual / math.sqrt(size), _LEAST_MOVE * float(np.ptp(y))))
         if len(places) > len(best):
             best, chosen = places, size
         size *= 2
     time, y = _smoothed(log, chosen)
-    noise = noise_degC(log) / math.sqrt(chosen)
+    noise = usual / math.sqrt(chosen)
     inner = [int(place) for place in best[:-1] if place > 1]  # the last extreme is that of the log's end
     if not inner:
         return SwitchingGuess(np.empty(0), (), bool(y[-1] > y[0]))

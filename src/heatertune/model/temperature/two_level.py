@@ -30,23 +30,25 @@ from heatertune.model.statistics import (
     identified_interval,
     student_t,
 )
-from heatertune.model.temperature.evidence import noise_degC, switching_guess
+from heatertune.model.temperature.evidence import quiet_noise_degC, switching_guess
 from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, HeaterModel, Residuals, TwoLag
 
 __all__ = ["Thermostat", "TwoLevelFit", "fit_two_level", "two_level_model"]
 
 
-_MOST_READINGS: Final = 1200
+_MOST_READINGS: Final = 800
 _MOST_SWITCHINGS: Final = 60
 _FEWEST: Final = 3  # switchings, if the thresholds are not stated
 _STARTS: Final = (0.02, 0.08, 0.3, 1.2)  # of the log's length, the first time constant
 _RATIOS: Final = (0.05, 0.4)
+_SHARES: Final = (0.0, 0.25, 0.5, 0.75)  # of a stretch with the power on: full power changes there
+_EARLY: Final = (0.03, 0.1, 0.25)  # of the time constant, after the beginning: the heater begins to rise
 _LEAST_RATIO, _MOST_RATIO = 0.005, 0.98
 _LONGEST: Final = 30.0  # of the log's length, the longest time constant
 _TRIES, _ITERATIONS = 8, 40
 _STEPS: Final = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0, 20.0)  # standard deviations, of a profile
 _NEAR: Final = 10.0  # BIC points
-_LOUD: Final = 2.0  # times the noise: a model that leaves more does not explain the log
+_LOUD: Final = 2.5  # times the noise: a model that leaves more does not explain the log
 _UNEVEN: Final = 0.3  # of the swing: most deviation of the temperatures at which it turns
 _TRIGGERS: Final = 3.5  # standard deviations by which noise may switch early, of many readings
 _POOR: Final = 60.0
@@ -89,13 +91,16 @@ class Thermostat:
 
 
 class _Problem(NamedTuple):
-    """Readings, whether the power is on at the first one, known ambient or None, first switching of another mains."""
+    """Readings, whether the power is on at the first one, known ambient or None; and a change of full power: the
+    switching off that ends the stretch in which it lies, and its place in that stretch.
+    """
 
     time_s: Array
     temperature_degC: Array
     is_on: bool
     ambient_degC: float | None
     changed_at: int | None = None
+    share: float = 0.0
 
 
 class _Solution(NamedTuple):
@@ -196,7 +201,7 @@ def fit_two_level(log: Log, *, ambient_degC: tuple[float, float] | None,
     """
     if thermostat is not None:
         _demand_thresholds(log, thermostat)
-    noise = noise_degC(log)
+    noise = quiet_noise_degC(log)
     guess = switching_guess(log)
     is_stated = thermostat is not None
     if len(guess.instants) < (1 if is_stated else _FEWEST) or not (is_stated or _is_even(log, guess.rows, guess.is_on)):
@@ -240,7 +245,7 @@ def _is_even(log: Log, rows: Sequence[int], is_on: bool) -> bool:
         return False
     swing = float(np.mean(offs) - np.mean(ons))
     offs = offs[1:] if len(offs) > 2 else offs
-    return swing > 0.0 and max(float(np.ptp(offs)), float(np.ptp(ons))) / 2.0 <= _UNEVEN * swing + noise_degC(log) * 2.0
+    return swing > 0.0 and max(float(np.ptp(offs)), float(np.ptp(ons))) / 2.0 <= _UNEVEN * swing + 2.0 * quiet_noise_degC(log)
 
 
 def _steps(time: Array, instants: Array, lag: float, second: float) -> tuple[Array, Array]:
@@ -265,13 +270,21 @@ def _basis(problem: _Problem, log_lag: float, ratio: float, instants: Array, beg
         power = power + _steps(problem.time_s, np.array([begin]), lag, ratio * lag)[0][:, 0]
     columns = [power]
     if problem.changed_at is not None:
-        columns.append(steps[:, problem.changed_at :] @ signs[problem.changed_at :])
+        columns.append(steps[:, problem.changed_at :] @ signs[problem.changed_at :]
+                       + _steps(problem.time_s, _changes(problem, instants), lag, ratio * lag)[0][:, 0])
     columns.append(np.exp(-since / lag))
     if ratio > 0.0:
         columns.append(np.exp(-since / (ratio * lag)))
     if problem.ambient_degC is None:
         columns.append(np.ones(len(since)))
     return np.column_stack(columns), -pulses * signs
+
+
+def _changes(problem: _Problem, instants: Array) -> Array:
+    """Return the instant at which full power changes, shape (1,)."""
+    place = problem.changed_at
+    assert place is not None
+    return instants[place - 1 : place] * (1.0 - problem.share) + instants[place : place + 1] * problem.share
 
 
 def _evaluated(problem: _Problem, log_lag: float, ratio: float, instants: Array) -> tuple[_Solution, Array, Array]:
@@ -340,8 +353,31 @@ def _solved(problem: _Problem, instants: Array) -> list[_Solution]:
                   for share in _STARTS for ratio in ratios]
         tried = sorted((_descend(start, _TRIES) for start in starts), key=lambda each: each.cost)
         best = min((_descend(each, _ITERATIONS) for each in tried[:2]), key=lambda each: each.cost)
+        best = _with_start(best)
+        if best.ratio > 0.0:  # its valley is long and bent
+            again = [_descend(best._replace(lag=best.lag + by, ratio=ratio), _TRIES)
+                     for by in (-0.4, 0.4) for ratio in (0.1, 0.35)]
+            best = min((best, *(_descend(each, _ITERATIONS) for each in again)), key=lambda each: each.cost)
         found.append(_with_mains(best))
     return sorted((each for each in found if min(each.gains) > 0.0), key=lambda each: each.bic)
+
+
+def _with_start(best: _Solution) -> _Solution:
+    """Return the fit in which the heater is on from soon after the log begins, if that explains the log better.
+
+    A log that begins as the heater is switched on shows its dead time before the first rise.
+    """
+    if not best.problem.is_on:
+        return best
+    begin, problem = float(best.problem.time_s[0]), best.problem._replace(is_on=False)
+    row, lag = float(np.median(np.diff(problem.time_s))), math.exp(best.lag)
+    offsets = [late for late in (0.5 * row, *(share * lag for share in _EARLY)) if begin + late < best.instants[0]]
+    trials = [_descend(best._replace(problem=problem, instants=np.append(begin + late, best.instants)), _TRIES)
+              for late in offsets]
+    if not trials:
+        return best
+    later = _descend(min(trials, key=lambda each: each.cost), _ITERATIONS)
+    return later if later.bic < best.bic else best
 
 
 def _with_mains(best: _Solution) -> _Solution:
@@ -349,10 +385,9 @@ def _with_mains(best: _Solution) -> _Solution:
 
     The mains voltage, or an element of several, changes what full power is.
     """
-    first = 1 if best.problem.is_on else 0
-    places = range(first + (0 if best.problem.is_on else 2), len(best.instants) - 1, 2)
-    trials = [_evaluated(best.problem._replace(changed_at=place), best.lag, best.ratio, best.instants)[0]
-              for place in places]
+    offs = range(2 if best.problem.is_on else 3, len(best.instants), 2)
+    trials = [_evaluated(best.problem._replace(changed_at=place, share=share), best.lag, best.ratio, best.instants)[0]
+              for place in offs for share in _SHARES]
     if not trials:
         return best
     ranked = sorted(trials, key=lambda each: each.cost)[:3]
@@ -451,6 +486,8 @@ def _by_thresholds(solution: _Solution, fit: TwoLevelFit, offs: Array, most_s: f
     lows, highs = [], []
     for i, instant in enumerate(instants):
         is_off = bool(np.any(offs == instant))
+        if instant <= time[0]:
+            continue
         before = float(instants[i - 1]) if i else float(time[0])
         least = (thermostat.least_on_s if is_off else thermostat.least_off_s)
         grid = np.linspace(max(before, float(time[0])), float(instant), 241)
@@ -466,7 +503,7 @@ def _by_thresholds(solution: _Solution, fit: TwoLevelFit, offs: Array, most_s: f
         elif i == 0 and is_off and np.any(beyond >= late):
             lows.append(float(instant - grid[int(np.argmax(beyond >= late))]) - row)
     high = min([most_s, *highs]) + (0.0 if not highs else row * 0.25)
-    low = max([0.0, *lows])
+    low, high = max([0.0, *lows]), max(high, 0.0)
     if low > high:  # some switchings came later than the thresholds: a minimum time that was not stated
         low = max(0.0, min(lows))
     return _DeadTimes(min(low, high), high)
@@ -485,6 +522,8 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
     family = list(_family(fit))
     members = [plant for plant, *_ in family]
     values = {name: [measure(plant) for plant in members] for name, measure in (FIELDS | COMBINATIONS).items()}
+    # without dead time two lags never lag by half a turn: the limit is a period of zero
+    values["ultimate_period_s"] = [each if math.isfinite(each) else 0.0 for each in values["ultimate_period_s"]]
     values["ultimate_gain_pct_per_degC"] = [_ultimate_gain(plant) for plant in members]
     ranges = {name: _hull(numbers) for name, numbers in values.items()}
     is_open = any(math.exp(each.lag) > 0.5 * _LONGEST * float(np.ptp(each.problem.time_s)) for each in fit.profile)
@@ -575,7 +614,7 @@ def _notes(fit: TwoLevelFit, dead: _DeadTimes) -> Iterator[str]:
         place = best.problem.changed_at
         assert place is not None
         yield (f"Full power changes by {100.0 * (best.gains[1] / best.gains[0] - 1.0):+.0f} % at "
-               f"{best.instants[place]:.0f} s (mains voltage, or an element that failed); the interval of the gain holds "
+               f"{float(_changes(best.problem, best.instants)[0]):.0f} s (mains voltage, or an element that failed); the interval of the gain holds "
                "both values.")
     yield "If the heater had another power than full power and none, its gain is wrong by the same factor."
 
