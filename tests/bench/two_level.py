@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -114,7 +114,8 @@ def _run(rng, plant, thresholds, least, interval, powers, mains, noise, step, wa
     runs = max(total * rng.uniform(5.0, 10.0), 40.0 * interval)
     begin = 4.0 * total if warm else 0.0
     steps_at = begin + runs * rng.uniform(0.4, 0.8)
-    pipe, x, y, on, since = [0.0] * (late + 1), 0.0, 0.0, True, -1e9
+    plant = replace(plant, dead=late * fine)
+    pipe, x, y, on, since = [0.0] * late, 0.0, 0.0, True, -1e9
     rows, switchings = [], 0
     k = 0
     while k * fine < begin + runs and len(rows) < _MOST_ROWS:

@@ -27,7 +27,12 @@ from heatertune.model.power.regressors import AMBIENT
 from heatertune.model.relay_test import with_relay
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
 from heatertune.model.temperature.fit_temperature import fit_temperature
-from heatertune.model.temperature.two_level import Thermostat, fit_two_level, two_level_model
+from heatertune.model.temperature.two_level import (
+    Thermostat,
+    fit_logged_switchings,
+    fit_two_level,
+    two_level_model,
+)
 from heatertune.model.values import FitOutcome, FittedModel, model_by_hand
 from heatertune.options import merge_options
 from heatertune.settings import FitSettings
@@ -74,11 +79,11 @@ def fit(
         _refuse_disturbance(log)
         _demand_laws(log, laws)
         _refuse_bound(log, delays)
-        fitted = _fit_unlogged(used, laws, bounds, given, seed, thorough, progress)
+        fitted, notes = _fit_unlogged(log, laws, bounds, given, seed, thorough, progress)
     else:
         used, effect = _cleared(used, progress)
         progress(f"{log.name}: fitting one and two lags to the logged power")
-        fitted = _fit_logged(used, bounds, given.power_before_pct, seed, delays)
+        fitted = _with_switchings(used, _fit_logged(used, bounds, given.power_before_pct, seed, delays), bounds)
         fitted = with_relay(used, fitted, ambient_degC=_single(bounds))
         loop = loop_remarks(used)
         notes += tuple(remark.sentence for remark in loop)
@@ -90,22 +95,35 @@ def fit(
 def _fit_unlogged(
     log: Log, laws: Sequence[ControllerLaw], bounds: Bounds | None, given: FitSettings, seed: int, thorough: bool,
     progress: Callable[[str], object],
-) -> FittedModel:
-    """Return the fit of a log without power: of two-level control if that is stated or explains it best."""
+) -> tuple[FittedModel, tuple[str, ...]]:
+    """Return the fit of a log without power, of two-level control if that is stated or explains it best, and notes."""
+    used, notes = _used(log, given.until_s)
+    whole = log if given.until_s is None else used  # a quick heat-up may look like a jump
     thermostat = Thermostat.stated(given.thermostat)
     progress(f"{log.name}: fitting the switchings of two-level control")
-    switched = fit_two_level(log, ambient_degC=bounds, thermostat=thermostat)
+    switched = fit_two_level(whole, ambient_degC=bounds, thermostat=thermostat)
     if thermostat is not None:
         if switched is None:
-            raise InputError(f"{log.name}: it shows no switching at {thermostat.low_degC:g} and "
-                             f"{thermostat.high_degC:g} °C; leave out --thermostat, or log the power")
-        return two_level_model(switched, bounds)
+            raise InputError(f"{log.name}: its rows do not show the switchings at {thermostat.low_degC:g} and "
+                             f"{thermostat.high_degC:g} °C; log at a shorter interval, ten rows or more to a period")
+        return two_level_model(switched, bounds), ()
     progress(f"{log.name}: fitting {len(laws)} controller laws inside the loop")
-    fitted = fit_temperature([log], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
-    best, readings = fitted.hypotheses[0], len(fitted.residuals.time_s) if fitted.residuals else len(log.time_s)
+    fitted = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
+    best, readings = fitted.hypotheses[0], len(fitted.residuals.time_s) if fitted.residuals else len(used.time_s)
     if switched is None or not switched.explains or not switched.is_better(best.rmse_degC, readings):
+        return fitted, notes
+    return two_level_model(switched, bounds, fitted.hypotheses), ()
+
+
+def _with_switchings(log: Log, fitted: FittedModel, bounds: Bounds | None) -> FittedModel:
+    """Return the fit of a power that switches between rows instead, if it explains the log better."""
+    best = min(fitted.candidates, key=lambda each: each.rmse_degC)
+    switched = fit_logged_switchings(log, fitted.model.dead_time_s, ambient_degC=bounds)
+    if switched is None or not switched.explains or not switched.is_better(best.rmse_degC, len(log.time_s)):
         return fitted
-    return two_level_model(switched, bounds, fitted.hypotheses)
+    kept = tuple(finding for finding in fitted.findings if finding.name in ("one-level", "alias"))
+    model = two_level_model(switched, bounds)
+    return replace(model, findings=(*kept, *model.findings))
 
 
 def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str], object]) -> FittedModel:

@@ -288,6 +288,7 @@ _INSTANTS: Final = 14  # tried for the end of the power
 _MOST_READINGS: Final = 20_000  # in which a swing is sought
 _READINGS: Final = 200  # of a log that constant power is fitted to
 _FEWEST_MEANS: Final = 100  # of a log that is smoothed to find its switchings
+_FEWER_MOVES: Final = (3.0, 1.5)  # the same, if that finds none
 _FLAT: Final = 2.0  # standard deviations about a turning point that are one with it
 
 
@@ -357,15 +358,25 @@ class SwitchingGuess(NamedTuple):
     is_on: bool
 
 
-def switching_guess(log: Log) -> SwitchingGuess:
-    """Return the turning points of a log, with as much smoothing as shows most of them."""
-    best, chosen, size, usual = np.empty(0, dtype=np.intp), 1, 1, quiet_noise_degC(log)
+def _most_turns(log: Log, least_degC: float) -> tuple[npt.NDArray[np.intp], int]:
+    """Return the turning points of the means over as many readings as show most of them, and how many that are."""
+    best, chosen, size = np.empty(0, dtype=np.intp), 1, 1
     while size <= max(1, len(log.time_s) // _FEWEST_MEANS):
-        time, y = _smoothed(log, size)
-        places = _turning_points(y, max(_MOVES * usual / math.sqrt(size), _LEAST_MOVE * float(np.ptp(y))))
+        y = _smoothed(log, size)[1]
+        places = _turning_points(y, max(least_degC / math.sqrt(size), _LEAST_MOVE * float(np.ptp(y))))
         if len(places) > len(best):
             best, chosen = places, size
         size *= 2
+    return best, chosen
+
+
+def switching_guess(log: Log) -> SwitchingGuess:
+    """Return the turning points of a log, with as much smoothing as shows most of them."""
+    usual = quiet_noise_degC(log)
+    for moves in (_MOVES, *_FEWER_MOVES):  # few rows to a swing: it is its own "noise"
+        best, chosen = _most_turns(log, moves * usual)
+        if len(best) >= _TURNS:
+            break
     time, y = _smoothed(log, chosen)
     noise = usual / math.sqrt(chosen)
     inner = [int(place) for place in best[:-1] if place > 1]  # the last extreme is that of the log's end

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
@@ -33,7 +34,7 @@ from heatertune.model.statistics import (
 from heatertune.model.temperature.evidence import quiet_noise_degC, switching_guess
 from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, HeaterModel, Residuals, TwoLag
 
-__all__ = ["Thermostat", "TwoLevelFit", "fit_two_level", "two_level_model"]
+__all__ = ["Thermostat", "TwoLevelFit", "fit_logged_switchings", "fit_two_level", "two_level_model"]
 
 
 _MOST_READINGS: Final = 800
@@ -48,12 +49,16 @@ _LONGEST: Final = 30.0  # of the log's length, the longest time constant
 _TRIES, _ITERATIONS = 8, 40
 _STEPS: Final = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0, 20.0)  # standard deviations, of a profile
 _NEAR: Final = 10.0  # BIC points
+_DITHERED: Final = 0.45  # of the step of the readings, the error beyond which rounding is independent noise
+_COLDEST: Final = -60.0  # of rooms [°C]
 _LOUD: Final = 2.5  # times the noise: a model that leaves more does not explain the log
 _UNEVEN: Final = 0.3  # of the swing: most deviation of the temperatures at which it turns
+_MOST_OF: Final = 0.9  # of the switchings, that come after the dead time
 _TRIGGERS: Final = 3.5  # standard deviations by which noise may switch early, of many readings
 _POOR: Final = 60.0
 _CONTINUOUS: Final = 7  # unknowns of a continuous controller and its heater, about
 _LAW: Final = "two-level control"
+_LOGGED: Final = "power logged, switched between its rows"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,9 +95,12 @@ class Thermostat:
                    least_off_s=given[3] if len(given) > 3 else 0.0)
 
 
+Rows = npt.NDArray[np.intp]
+
+
 class _Problem(NamedTuple):
     """Readings, whether the power is on at the first one, known ambient or None; and a change of full power: the
-    switching off that ends the stretch in which it lies, and its place in that stretch.
+    switching off that ends the stretch in which it lies, and its place in that stretch; the two powers [%].
     """
 
     time_s: Array
@@ -101,6 +109,7 @@ class _Problem(NamedTuple):
     ambient_degC: float | None
     changed_at: int | None = None
     share: float = 0.0
+    levels: tuple[float, float] = (0.0, 100.0)
 
 
 class _Solution(NamedTuple):
@@ -128,8 +137,8 @@ class _Solution(NamedTuple):
     @property
     def gains(self) -> tuple[float, ...]:
         """Gain before and, if it changes, after the change of the mains [°C/%]."""
-        first = float(self.linear[0]) / 100.0
-        return (first,) if self.problem.changed_at is None else (first, first + float(self.linear[1]) / 100.0)
+        first = float(self.linear[0])
+        return (first,) if self.problem.changed_at is None else (first, first + float(self.linear[1]))
 
     @property
     def ambient_degC(self) -> float:
@@ -160,16 +169,23 @@ class TwoLevelFit:
         log: as it was fitted.
         best: of each order that explains the log nearly as well, the best first.
         profile: other heaters that it cannot tell from these.
+        gain_margin: 95 % margin of the gain, the time constant held, as a share of it.
+        ambient_margin_degC: the same of the ambient [°C].
+        instant_margin_s: 95 % margin of a switching instant [s].
         noise_degC: of the readings [°C].
         thermostat: as stated, or None.
+        switched_rows: the first row of each logged power, None if the power was not logged.
     """
 
     log: Log
     best: tuple[_Solution, ...]
     profile: tuple[_Solution, ...]
     gain_margin: float
+    ambient_margin_degC: float
+    instant_margin_s: float
     noise_degC: float
     thermostat: Thermostat | None
+    switched_rows: Rows | None
 
     @property
     def rmse_degC(self) -> float:
@@ -201,30 +217,68 @@ def fit_two_level(log: Log, *, ambient_degC: tuple[float, float] | None,
     """
     if thermostat is not None:
         _demand_thresholds(log, thermostat)
-    noise = quiet_noise_degC(log)
     guess = switching_guess(log)
     is_stated = thermostat is not None
     if len(guess.instants) < (1 if is_stated else _FEWEST) or not (is_stated or _is_even(log, guess.rows, guess.is_on)):
         return None
-    if len(guess.instants) > _MOST_SWITCHINGS:
-        end = float(guess.instants[_MOST_SWITCHINGS])
-        log = log.window(float(log.time_s[0]), end)
-        guess = guess._replace(instants=guess.instants[:_MOST_SWITCHINGS])
+    return _fit(log, guess.instants, guess.is_on, ambient_degC, thermostat=thermostat)
+
+
+def fit_logged_switchings(log: Log, dead_time_s: float, *, ambient_degC: tuple[float, float] | None
+                          ) -> TwoLevelFit | None:
+    """Fit heater and switching instants to a log whose power has two levels; None if it has not, or heats by neither.
+
+    The power changes somewhere between the row before and the row that shows it. Where that is not much shorter than
+    the stretches of power, taking the row's own instant makes the gain too small (errors in variables).
+
+    Args:
+        log: with power.
+        dead_time_s: of a fit that takes the rows' instants [s].
+        ambient_degC: as in `fit_two_level`.
+    """
+    power = log.power_pct
+    assert power is not None
+    levels = np.unique(power)
+    rows = 1 + np.flatnonzero(np.diff(power))
+    if len(levels) != 2 or len(rows) < _FEWEST or log.disturbance is not None:
+        return None
+    half = 0.5 * float(np.median(np.diff(log.time_s)))
+    return _fit(log, log.time_s[rows] - half + dead_time_s, bool(power[0] == levels[1]), ambient_degC,
+                switched_rows=rows, levels=(float(levels[0]), float(levels[1])))
+
+
+def _fit(
+    log: Log, instants: Array, is_on: bool, ambient_degC: tuple[float, float] | None, *,
+    thermostat: Thermostat | None = None, switched_rows: Rows | None = None, levels: tuple[float, float] = (0.0, 100.0),
+) -> TwoLevelFit | None:
+    if len(instants) > _MOST_SWITCHINGS:
+        log = log.window(float(log.time_s[0]), float(instants[_MOST_SWITCHINGS]))
+        instants = instants[:_MOST_SWITCHINGS]
+        switched_rows = None if switched_rows is None else switched_rows[:_MOST_SWITCHINGS]
     every = -(-len(log.time_s) // _MOST_READINGS)
     known = None if ambient_degC is None or ambient_degC[0] < ambient_degC[1] else ambient_degC[0]
-    problem = _Problem(log.time_s[::every], log.temperature_degC[::every], guess.is_on, known)
-    solved = _solved(problem, guess.instants)
+    problem = _Problem(log.time_s[::every], log.temperature_degC[::every], is_on, known, levels=levels)
+    solved = _solved(problem, instants)
     if ambient_degC is not None and known is None and solved and not (
             ambient_degC[0] <= solved[0].ambient_degC <= ambient_degC[1]):
-        end_ = min(max(solved[0].ambient_degC, ambient_degC[0]), ambient_degC[1])
-        solved = _solved(problem._replace(ambient_degC=end_), guess.instants)
+        end = min(max(solved[0].ambient_degC, ambient_degC[0]), ambient_degC[1])
+        solved = _solved(problem._replace(ambient_degC=end), instants)
     if not solved:
         return None
-    near = tuple(each for each in solved if each.bic - solved[0].bic <= _NEAR)
-    profiles = [_profiles(each) for each in near]
+    profiles = [_profiles(each) for each in solved if each.bic - solved[0].bic <= _NEAR]
+    near = [each for each in solved if each.bic - solved[0].bic <= _NEAR]
+    family = [each for found, _ in profiles for each in found]
+    if known is None:  # no room is as cold or as hot as that
+        near, family = [[each for each in kept if _COLDEST < each.ambient_degC < float(log.temperature_degC.max())]
+                        for kept in (near, family)]
+        near = near or sorted(family, key=lambda each: each.cost)[:1]
+    if not near:
+        return None
+    gain, ambient, instant = np.max([margins for _, margins in profiles], axis=0)
     return TwoLevelFit(
-        log=log, best=near, profile=tuple(each for found, _ in profiles for each in found),
-        gain_margin=max(margin for _, margin in profiles), noise_degC=noise, thermostat=thermostat)
+        log=log, best=tuple(near), profile=tuple(family), gain_margin=float(gain), ambient_margin_degC=float(ambient),
+        instant_margin_s=float(instant), noise_degC=quiet_noise_degC(log), thermostat=thermostat,
+        switched_rows=switched_rows)
 
 
 def _demand_thresholds(log: Log, thermostat: Thermostat) -> None:
@@ -268,16 +322,17 @@ def _basis(problem: _Problem, log_lag: float, ratio: float, instants: Array, beg
     power = steps @ signs
     if problem.is_on:
         power = power + _steps(problem.time_s, np.array([begin]), lag, ratio * lag)[0][:, 0]
-    columns = [power]
+    low, high = problem.levels
+    columns = [low + (high - low) * power]
     if problem.changed_at is not None:
-        columns.append(steps[:, problem.changed_at :] @ signs[problem.changed_at :]
-                       + _steps(problem.time_s, _changes(problem, instants), lag, ratio * lag)[0][:, 0])
+        change = _steps(problem.time_s, _changes(problem, instants), lag, ratio * lag)[0][:, 0]
+        columns.append(high * change + (high - low) * (steps[:, problem.changed_at :] @ signs[problem.changed_at :]))
     columns.append(np.exp(-since / lag))
     if ratio > 0.0:
         columns.append(np.exp(-since / (ratio * lag)))
     if problem.ambient_degC is None:
         columns.append(np.ones(len(since)))
-    return np.column_stack(columns), -pulses * signs
+    return np.column_stack(columns), -pulses * signs * (high - low)
 
 
 def _changes(problem: _Problem, instants: Array) -> Array:
@@ -367,7 +422,7 @@ def _with_start(best: _Solution) -> _Solution:
 
     A log that begins as the heater is switched on shows its dead time before the first rise.
     """
-    if not best.problem.is_on:
+    if not best.problem.is_on or not len(best.instants):
         return best
     begin, problem = float(best.problem.time_s[0]), best.problem._replace(is_on=False)
     row, lag = float(np.median(np.diff(problem.time_s))), math.exp(best.lag)
@@ -395,15 +450,15 @@ def _with_mains(best: _Solution) -> _Solution:
     return changed if changed.bic < best.bic - _NEAR else best
 
 
-def _profiles(best: _Solution) -> tuple[list[_Solution], float]:
-    """Return heaters that the log cannot tell from the best, and the 95 % margin of the gain as a share of it.
+def _profiles(best: _Solution) -> tuple[list[_Solution], Array]:
+    """Return heaters that the log cannot tell from the best, and 95 % margins of gain (a share), ambient and instants.
 
     Profile likelihood of time constant and ratio, everything else fitted again; the noise is first-order
     autoregressive.
     """
     n = len(best.left)
     rho = float(np.clip(autocorrelation(best.left, 1)[0], 0.0, 0.98))
-    freedom = max((n - best.unknowns) * (1.0 - rho) / (1.0 + rho), 4.0)
+    freedom = max((n - best.unknowns) * (1.0 - rho) / (1.0 + rho) / _repeats(best), 4.0)
     quantile = student_t(freedom)
     limit = best.cost * quantile**2 / freedom
     _, orthogonal, pulses = _evaluated(best.problem, best.lag, best.ratio, best.instants)
@@ -416,13 +471,26 @@ def _profiles(best: _Solution) -> tuple[list[_Solution], float]:
     spread = np.sqrt(np.maximum(np.diag(inverse), 0.0) * variance)
     # of the gain with the time constant held: the profile moves that
     held = np.linalg.pinv(np.delete(jacobian, width, axis=1).T @ np.delete(jacobian, width, axis=1))
-    margin = quantile * math.sqrt(max(float(held[0, 0]) * variance, 0.0)) / abs(float(best.linear[0]))
+    gain, ambient = quantile * np.sqrt(np.maximum(np.diag(held)[[0, width - 1]] * variance, 0.0))
     found = []
     for number, hold in enumerate(("lag", "ratio")[: 1 + (best.ratio > 0.0)]):
         deviation = float(np.clip(spread[width + number], 1e-4, 0.5))
         for side in (-1.0, 1.0):
             found += _side(best, hold, side * deviation, limit)
-    return found, margin
+    return found, np.array([gain / abs(float(best.linear[0])),
+                            ambient if best.problem.ambient_degC is None else 0.0,
+                            quantile * float(np.median(spread[-len(best.instants):]))])
+
+
+def _repeats(best: _Solution) -> float:
+    """Return how often the errors repeat: those of rounding are the same in each period, unless noise dithers them.
+
+    White noise of half a step makes the errors of rounding independent (B. Widrow, I. Kollár, "Quantization Noise",
+    2008, section 4.5), which leaves an error of 0.45 steps with noise of a third of one.
+    """
+    step = float(np.min(np.diff(np.unique(best.problem.temperature_degC))))
+    is_dithered = math.sqrt(best.cost / len(best.left)) > _DITHERED * step
+    return 1.0 if is_dithered else max(1.0, len(best.instants) / 2.0)
 
 
 def _side(best: _Solution, hold: str, deviation: float, limit: float) -> Iterator[_Solution]:
@@ -454,9 +522,23 @@ def _dead_times(solution: _Solution, fit: TwoLevelFit) -> _DeadTimes:
     longest = float(np.median(stretches)) if len(stretches) else float(instants[0] - problem.time_s[0])
     row = float(np.median(np.diff(fit.log.time_s)))
     most = _longest_dead_time(solution, longest)
+    if fit.switched_rows is not None:
+        return _by_rows(solution, fit)
     if fit.thermostat is None:
         return _DeadTimes(0.0, most + row)
     return _by_thresholds(solution, fit, offs, most + row)
+
+
+def _by_rows(solution: _Solution, fit: TwoLevelFit) -> _DeadTimes:
+    """Return the dead times by which the effective instants come after switchings between two rows [s]."""
+    rows, time = fit.switched_rows, fit.log.time_s
+    assert rows is not None
+    instants = solution.instants[-len(rows):]  # one more, if it began to rise after the log had begun
+    low = float(np.quantile(instants - time[rows], _MOST_OF)) - fit.instant_margin_s
+    high = float(np.quantile(instants - time[rows - 1], 1.0 - _MOST_OF)) + fit.instant_margin_s
+    if low > high:
+        low, high = high, low
+    return _DeadTimes(max(low, 0.0), max(high, 0.0))
 
 
 def _longest_dead_time(solution: _Solution, longest_s: float) -> float:
@@ -526,6 +608,10 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
     values["ultimate_period_s"] = [each if math.isfinite(each) else 0.0 for each in values["ultimate_period_s"]]
     values["ultimate_gain_pct_per_degC"] = [_ultimate_gain(plant) for plant in members]
     ranges = {name: _hull(numbers) for name, numbers in values.items()}
+    ambient = ranges["ambient_degC"]
+    assert ambient.low is not None and ambient.high is not None
+    ranges["ambient_degC"] = Interval(low=ambient.low - fit.ambient_margin_degC,
+                                      high=ambient.high + fit.ambient_margin_degC)
     is_open = any(math.exp(each.lag) > 0.5 * _LONGEST * float(np.ptp(each.problem.time_s)) for each in fit.profile)
     if is_open:
         for name in ("gain_degC_per_pct", "time_constant_s"):
@@ -542,12 +628,12 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
     rmse = float(np.sqrt(np.mean((log.temperature_degC - simulated) ** 2)))
     window = float(log.time_s[0]), float(log.time_s[-1])
     candidates = [Candidate(
-        model=model, log=log.name, window_s=window, law=_LAW, controller=_controller(solution, fit), fit_pct=share,
+        model=model, log=log.name, window_s=window, law=_LAW if fit.switched_rows is None else _LOGGED, controller=_controller(solution, fit), fit_pct=share,
         rmse_degC=rmse, delta_bic=solution.bic - best.bic, part=part) for model, solution, part in _ends(family, plant, best)]
     notes = list(_notes(fit, dead))
     measures = {"ultimate_gain_pct_per_degC": _ultimate_gain, **COMBINATIONS}
     return FittedModel(
-        model=plant.half_rule(), outcome=outcome, findings=findings_of([Remark("no-power", notes[0])]),
+        model=plant.half_rule(), outcome=outcome, findings=findings_of([Remark("no-power", notes[0])] if fit.switched_rows is None else []),
         method="switching instants fitted together with the heater; profile likelihood",
         ci95=ci95, candidates=tuple(candidates), hypotheses=(candidates[0], *seen),
         combinations={name: (measure(plant), ranges[name]) for name, measure in measures.items()
@@ -601,6 +687,12 @@ def _controller(solution: _Solution, fit: TwoLevelFit) -> dict[str, float]:
 def _notes(fit: TwoLevelFit, dead: _DeadTimes) -> Iterator[str]:
     best, log = fit.best[0], fit.log
     count = len(best.instants)
+    if fit.switched_rows is not None:
+        row = float(np.median(np.diff(log.time_s)))
+        yield (f"{log.name}: the power switches between two rows ({row:.3g} s), and the temperature shows when: the "
+               f"instants of {count} switchings were fitted together with the heater.")
+        yield from _mains_notes(best)
+        return
     yield (f"The power was not logged; {log.name} is two-level control: {count} switchings between full power and none "
            "were fitted together with the heater.")
     if fit.thermostat is None:
@@ -610,13 +702,15 @@ def _notes(fit: TwoLevelFit, dead: _DeadTimes) -> Iterator[str]:
     else:
         yield (f"Its thresholds of {fit.thermostat.low_degC:g} and {fit.thermostat.high_degC:g} °C, as stated, leave a "
                f"dead time between {dead.low:.3g} and {dead.high:.3g} s.")
+    yield from _mains_notes(best)
+    yield "If the heater had another power than full power and none, its gain is wrong by the same factor."
+
+
+def _mains_notes(best: _Solution) -> Iterator[str]:
     if len(best.gains) > 1:
-        place = best.problem.changed_at
-        assert place is not None
         yield (f"Full power changes by {100.0 * (best.gains[1] / best.gains[0] - 1.0):+.0f} % at "
                f"{float(_changes(best.problem, best.instants)[0]):.0f} s (mains voltage, or an element that failed); the interval of the gain holds "
                "both values.")
-    yield "If the heater had another power than full power and none, its gain is wrong by the same factor."
 
 
 def _hull(values: Sequence[float]) -> Interval:
