@@ -71,6 +71,7 @@ class Drawn:
     temperature: np.ndarray
     power: np.ndarray
     switchings: int
+    seed: int = 0
 
     def text(self, powered):
         """Return the file, with the power or without."""
@@ -80,8 +81,8 @@ class Drawn:
         return "\n".join([head, *rows, ""])
 
 
-def draw(seed):
-    """Return the log of a seed; the same at all times."""
+def draw(seed, finer=1.0):
+    """Return the log of a seed, with rows that follow each other so many times as fast; the same at all times."""
     rng = np.random.default_rng([42, seed])
     lag = math.exp(rng.uniform(math.log(60.0), math.log(900.0)))
     second = lag * rng.uniform(0.05, 0.5) if rng.random() < 0.5 else 0.0
@@ -92,6 +93,7 @@ def draw(seed):
     hysteresis = min(hysteresis, 15.0 * plant.gain)
     middle = plant.ambient + 100.0 * plant.gain * rng.uniform(0.3, 0.7)
     interval = float(rng.choice([each for each in (1.0, 2.0, 5.0, 10.0, 30.0, 60.0) if each <= max(1.0, lag / 8.0)]))
+    interval = max(interval / finer, 0.5)
     least = (lag * rng.uniform(0.02, 0.15), lag * rng.uniform(0.02, 0.15)) if rng.random() < 0.4 else (0.0, 0.0)
     powered = rng.random() < 0.5
     powers = ((0.0, 100.0), (0.0, 100.0), (0.0, 80.0), (20.0, 100.0))[int(rng.integers(4))] if powered else (0.0, 100.0)
@@ -99,10 +101,10 @@ def draw(seed):
     noise, step = rng.uniform(0.0, 0.15), float(rng.choice([0.01, 0.1, 0.25, 0.5]))
     warm = rng.random() < 0.3
     return _run(rng, plant, (middle - hysteresis / 2.0, middle + hysteresis / 2.0), least, interval, powers, mains,
-                noise, step, warm, powered)
+                noise, step, warm, powered, seed)
 
 
-def _run(rng, plant, thresholds, least, interval, powers, mains, noise, step, warm, powered):
+def _run(rng, plant, thresholds, least, interval, powers, mains, noise, step, warm, powered, seed):
     """Integrate the loop: both lags exactly over a fine step, the thermostat reads at each of its own scans."""
     fine = min(interval, max(0.1, min(0.5, plant.lag / 400.0)))
     fine = interval / math.ceil(interval / fine - 1e-9)
@@ -145,7 +147,7 @@ def _run(rng, plant, thresholds, least, interval, powers, mains, noise, step, wa
         k += 1
     columns = np.array(rows)
     return Drawn(plant=plant, low=thresholds[0], high=thresholds[1], least=least, interval=interval, powers=powers,
-                 mains=mains, powered=powered, time_s=columns[:, 0], temperature=columns[:, 1], power=columns[:, 2],
+                 mains=mains, powered=powered, seed=seed, time_s=columns[:, 0], temperature=columns[:, 1], power=columns[:, 2],
                  switchings=switchings)
 
 
@@ -211,11 +213,14 @@ def fit_text(drawn, text, **options):
     return Verdict(fitted.outcome.name, judged(drawn, fitted), message, seconds)
 
 
-def follow(drawn, verdict):
+def follow(drawn, verdict, options):
     """Return the verdict after doing what a refusal names; None if it names nothing that can be done."""
     powered = drawn.powered
     if until := re.search(r"--until ([\d.]+)", verdict.message):
         return fit_text(drawn, drawn.text(powered), until_s=float(until[1]))
+    if "shorter interval" in verdict.message:
+        again = draw(drawn.seed, finer=10.0)
+        return fit_text(again, again.text(powered), **options)
     if "--thermostat" in verdict.message and not powered:
         return fit_text(drawn, drawn.text(False), thermostat=(drawn.low, drawn.high, *drawn.least))
     if re.search(r"power as a column|log the power|log of the power|log the heater power", verdict.message):
@@ -256,12 +261,12 @@ def main(arguments=None):
             for name, inside in verdict.intervals:
                 holds.setdefault((kind, name), []).append(inside)
             after = None
-            if verdict.outcome in ("refused", "LAW_UNKNOWN"):
-                after = follow(drawn, verdict)
-                helped = after is not None and after.outcome not in ("refused", "LAW_UNKNOWN", "crashed")
+            if verdict.outcome in ("refused", "LAW_UNKNOWN", "POOR_FIT"):
+                after = follow(drawn, verdict, options)
+                helped = after is not None and after.outcome not in ("refused", "LAW_UNKNOWN", "POOR_FIT", "crashed")
                 ends[kind]["remedy works" if helped else "remedy fails"] += 1
                 deaf += not helped
-            if asked.verbose or bad or (after is not None and after.outcome in ("refused", "LAW_UNKNOWN", "crashed")):
+            if asked.verbose or bad or (after is not None and after.outcome in ("refused", "LAW_UNKNOWN", "POOR_FIT", "crashed")):
                 missed = [name for name, inside in verdict.intervals if not inside]
                 then = "" if after is None else f" → {after.outcome}: {after.message[:90]}"
                 print(f"  {seed} {kind}: {verdict.outcome}, {drawn.switchings} switchings, rows {drawn.interval:g} s, "

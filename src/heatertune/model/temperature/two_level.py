@@ -21,7 +21,7 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
-from heatertune.model.diagnostics import Remark, findings_of
+from heatertune.model.diagnostics import Remark, findings_of, poor_remarks
 from heatertune.model.reduction import COMBINATIONS, FIELDS
 from heatertune.model.statistics import (
     Interval,
@@ -39,16 +39,20 @@ __all__ = ["Thermostat", "TwoLevelFit", "fit_logged_switchings", "fit_two_level"
 
 _MOST_READINGS: Final = 800
 _MOST_SWITCHINGS: Final = 60
+_ROWS: Final = 3.5  # fewest to a switching
 _FEWEST: Final = 3  # switchings, if the thresholds are not stated
-_STARTS: Final = (0.02, 0.08, 0.3, 1.2)  # of the log's length, the first time constant
-_RATIOS: Final = (0.05, 0.4)
+_STARTS: Final = 6  # time constants that descents start from
+_RATIOS: Final = (0.05, 0.25, 0.6)
+_PLACES: Final = 4  # stretches in which a change of full power is tried
 _SHARES: Final = (0.0, 0.25, 0.5, 0.75)  # of a stretch with the power on: full power changes there
 _EARLY: Final = (0.03, 0.1, 0.25)  # of the time constant, after the beginning: the heater begins to rise
 _LEAST_RATIO, _MOST_RATIO = 0.005, 0.98
 _LONGEST: Final = 30.0  # of the log's length, the longest time constant
-_TRIES, _ITERATIONS = 8, 40
+_TRIES, _ITERATIONS = 12, 40
 _STEPS: Final = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0, 20.0)  # standard deviations, of a profile
 _NEAR: Final = 10.0  # BIC points
+_MANY_ROWS: Final = 8  # to a switching
+_LEFT: Final = 0.03  # of the swing
 _DITHERED: Final = 0.45  # of the step of the readings, the error beyond which rounding is independent noise
 _COLDEST: Final = -60.0  # of rooms [°C]
 _LOUD: Final = 2.5  # times the noise: a model that leaves more does not explain the log
@@ -194,8 +198,13 @@ class TwoLevelFit:
 
     @property
     def explains(self) -> bool:
-        """Whether the errors are those of the readings."""
-        return self.rmse_degC <= _LOUD * self.noise_degC
+        """Whether the errors are those of the readings; with few rows to a switching the swing looks like noise."""
+        loud, instants = _LOUD * self.noise_degC, self.best[0].instants
+        if len(self.log.time_s) < _MANY_ROWS * len(instants):
+            swing = float(np.median(np.abs(np.diff(self.best[0].temperature_degC(instants)))))
+            step = float(np.min(np.diff(np.unique(self.log.temperature_degC))))
+            loud = min(loud, max(_LEFT * swing, step))
+        return self.rmse_degC <= loud
 
     def is_better(self, rmse_degC: float, readings: int) -> bool:
         """Return whether it explains the log better than a continuous controller, by 10 BIC points.
@@ -255,6 +264,8 @@ def _fit(
         log = log.window(float(log.time_s[0]), float(instants[_MOST_SWITCHINGS]))
         instants = instants[:_MOST_SWITCHINGS]
         switched_rows = None if switched_rows is None else switched_rows[:_MOST_SWITCHINGS]
+    if len(log.time_s) < _ROWS * len(instants):
+        return None
     every = -(-len(log.time_s) // _MOST_READINGS)
     known = None if ambient_degC is None or ambient_degC[0] < ambient_degC[1] else ambient_degC[0]
     problem = _Problem(log.time_s[::every], log.temperature_degC[::every], is_on, known, levels=levels)
@@ -366,7 +377,7 @@ def _descend(start: _Solution, iterations: int, *, hold_lag: bool = False, hold_
         jacobian = np.column_stack([*free, pulses])
         jacobian -= orthogonal @ (orthogonal.T @ jacobian)
         square, gradient = jacobian.T @ jacobian, jacobian.T @ now.left
-        scale = np.diag(square) + 1e-12 * float(np.max(np.diag(square)))
+        scale = np.maximum(np.diag(square), 1e-9 * float(np.max(np.diag(square))) + 1e-300)
         for _ in range(6):
             step = np.linalg.solve(square + damping * np.diag(scale), gradient)
             count = len(free)
@@ -401,19 +412,22 @@ def _slope(now: _Solution, by_lag: float, by_ratio: float) -> Array:
 
 
 def _solved(problem: _Problem, instants: Array) -> list[_Solution]:
-    """Return the best fit of one lag and of two that heat, the best by BIC first; a change of the mains is tried."""
-    length, found = float(np.ptp(problem.time_s)), []
+    """Return the fits of one lag and of two that heat, the best by BIC first; a change of the mains is tried."""
+    length = float(np.ptp(problem.time_s))
+    period = 2.0 * float(np.median(np.diff(instants))) if len(instants) > 1 else 0.2 * length
+    lags = np.geomspace(0.2 * period, max(1.5 * length, 2.0 * period), _STARTS)
+    found = list[_Solution]()
     for ratios in ((0.0,), _RATIOS):
-        starts = [_Solution(math.log(share * length), ratio, instants, np.empty(0), np.empty(0), problem)
-                  for share in _STARTS for ratio in ratios]
+        starts = [_Solution(math.log(lag), ratio, instants, np.empty(0), np.empty(0), problem)
+                  for lag in lags for ratio in ratios]
         tried = sorted((_descend(start, _TRIES) for start in starts), key=lambda each: each.cost)
-        best = min((_descend(each, _ITERATIONS) for each in tried[:2]), key=lambda each: each.cost)
-        best = _with_start(best)
+        best = min((_descend(each, _ITERATIONS) for each in tried[:3]), key=lambda each: each.cost)
+        best = _with_end(_with_start(best))
         if best.ratio > 0.0:  # its valley is long and bent
             again = [_descend(best._replace(lag=best.lag + by, ratio=ratio), _TRIES)
-                     for by in (-0.4, 0.4) for ratio in (0.1, 0.35)]
+                     for by in (-0.5, 0.0, 0.5) for ratio in _RATIOS]
             best = min((best, *(_descend(each, _ITERATIONS) for each in again)), key=lambda each: each.cost)
-        found.append(_with_mains(best))
+        found += _with_mains(best)
     return sorted((each for each in found if min(each.gains) > 0.0), key=lambda each: each.bic)
 
 
@@ -435,8 +449,31 @@ def _with_start(best: _Solution) -> _Solution:
     return later if later.bic < best.bic else best
 
 
-def _with_mains(best: _Solution) -> _Solution:
-    """Return the fit with a change of the heating power at one of its switchings on, if that explains the log better.
+def _with_end(best: _Solution) -> _Solution:
+    """Return the fit with one more switching near the end of the log, if that explains the log better.
+
+    The last turn is not confirmed by a whole swing.
+    """
+    time, y, instants = best.problem.time_s, best.problem.temperature_degC, best.instants
+    if not len(instants):
+        return best
+    last = np.flatnonzero(time > instants[-1])
+    if len(last) < 2:
+        return best
+    is_on = (len(instants) % 2 == 0) == best.problem.is_on
+    turn = float(time[last][int(np.argmax(y[last]) if is_on else np.argmin(y[last]))])
+    row = float(np.median(np.diff(time)))
+    places = [each for each in (turn, turn - row, float(time[-1]) - row, float(time[-1]) - 3.0 * row)
+              if instants[-1] < each < time[-1]]
+    trials = [_descend(best._replace(instants=np.append(instants, each)), _TRIES) for each in places]
+    if not trials:
+        return best
+    later = _descend(min(trials, key=lambda each: each.cost), _ITERATIONS)
+    return later if later.bic < best.bic else best
+
+
+def _with_mains(best: _Solution) -> list[_Solution]:
+    """Return the fits with one change of the heating power that explain the log better, or the fit without.
 
     The mains voltage, or an element of several, changes what full power is.
     """
@@ -444,10 +481,14 @@ def _with_mains(best: _Solution) -> _Solution:
     trials = [_evaluated(best.problem._replace(changed_at=place, share=share), best.lag, best.ratio, best.instants)[0]
               for place in offs for share in _SHARES]
     if not trials:
-        return best
-    ranked = sorted(trials, key=lambda each: each.cost)[:3]
-    changed = min((_descend(each, 20) for each in ranked), key=lambda each: each.cost)
-    return changed if changed.bic < best.bic - _NEAR else best
+        return [best]
+    ranked = sorted(trials, key=lambda each: each.cost)
+    places = list(dict.fromkeys(each.problem.changed_at for each in ranked))[:_PLACES]
+    first = [next(each for each in ranked if each.problem.changed_at == place) for place in places]
+    changed = sorted((_descend(each, 20) for each in (*first, *ranked[:2])), key=lambda each: each.bic)
+    least = changed[0].bic
+    near = [each for each in changed if each.bic < min(least, best.bic) + _NEAR]
+    return near[:_PLACES] if least < best.bic - _NEAR else [best]
 
 
 def _profiles(best: _Solution) -> tuple[list[_Solution], Array]:
@@ -624,7 +665,7 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
     plant = best.plant(best.gains[0], 0.5 * (dead.low + dead.high))
     simulated = best.temperature_degC(log.time_s)
     share = fit_pct(log.temperature_degC, simulated)
-    outcome = _outcome(share, ci95)
+    outcome = _outcome(share, ci95) if fit.explains else FitOutcome.POOR_FIT
     rmse = float(np.sqrt(np.mean((log.temperature_degC - simulated) ** 2)))
     window = float(log.time_s[0]), float(log.time_s[-1])
     candidates = [Candidate(
@@ -633,7 +674,9 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
     notes = list(_notes(fit, dead))
     measures = {"ultimate_gain_pct_per_degC": _ultimate_gain, **COMBINATIONS}
     return FittedModel(
-        model=plant.half_rule(), outcome=outcome, findings=findings_of([Remark("no-power", notes[0])] if fit.switched_rows is None else []),
+        model=plant.half_rule(), outcome=outcome,
+        findings=findings_of([*([Remark("no-power", notes[0])] if fit.switched_rows is None else ()),
+                              *poor_remarks(outcome, share, log.name)]),
         method="switching instants fitted together with the heater; profile likelihood",
         ci95=ci95, candidates=tuple(candidates), hypotheses=(candidates[0], *seen),
         combinations={name: (measure(plant), ranges[name]) for name, measure in measures.items()
