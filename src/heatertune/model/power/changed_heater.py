@@ -1,0 +1,102 @@
+"""Find the instant from which a log is not of the heater that it was of: a probe that fell out, another heater's power.
+
+A heater is fitted to the beginning of the log. As long as it foretells the readings, it is that heater; the instant from
+which it does not, and never does again, is named with the option that cuts the log there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from heatertune.errors import InputError
+from heatertune.log.values import MIN_SAMPLES, Log
+from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.regressors import Readings
+
+__all__ = ["changed_at_s", "refuse_changed"]
+
+_READINGS: Final = 300  # averaged
+_PREFIXES: Final = np.linspace(0.25, 0.9, 8)  # of the log
+_EXPLAINED: Final = 0.97  # share of the variance before the instant
+_TIMES: Final = 6.0  # the error of the fit, that a departure is beyond
+_LEAST: Final = 0.03  # of the span, the same
+_LARGE: Final = 0.15  # of the span, that the departure reaches
+_ROUNDS: Final = 3
+_FEWEST: Final = 5  # readings after the instant
+_BEGINS: Final = 2.0  # times the error of the fit, where a departure begins
+_LASTS: Final = 0.8  # share of the readings after the instant that depart
+
+
+def refuse_changed(log: Log, problem: PowerProblem) -> None:
+    """Refuse a log that is of another heater, or of another place, from some instant on.
+
+    Args:
+        log: for its name.
+        problem: of one lag.
+
+    Raises:
+        InputError: the heater of the log's beginning does not make its end, see `changed_at_s`.
+    """
+    instant_s = changed_at_s(problem)
+    if instant_s is not None:
+        raise InputError(
+            f"{log.name}: up to t={instant_s:.4g} s a heater explains the temperature, and from then on it does not "
+            "answer the power as before (a probe that fell out or was moved, a second heater, a load?); cut the log "
+            f"there: --until {instant_s:.4g}")
+
+
+def changed_at_s(problem: PowerProblem) -> float | None:
+    """Return the last instant at which the heater of the log's beginning explains it [s]; None: it always or never does.
+
+    Args:
+        problem: of one lag.
+    """
+    readings = replace(problem.readings, restart_s=np.empty(0))
+    thin = replace(problem, drift=False, loads_s=(), two_lags=True, readings=readings).average(_READINGS)
+    ends = [end for share in _PREFIXES if (end := _explained_until(thin, float(share))) is not None]
+    return max(ends, default=None)
+
+
+def _explained_until(problem: PowerProblem, share: float) -> float | None:
+    """Return the instant until which a heater fitted to the first part of the log foretells it, or None."""
+    time, record = problem.readings.time_s, problem.readings.temperature_degC
+    end = float(time[0]) + share * float(np.ptp(time))
+    for _ in range(_ROUNDS):
+        rows = time <= end
+        if np.count_nonzero(rows) < MIN_SAMPLES or np.count_nonzero(~rows) < _FEWEST:
+            return None
+        begun = replace(problem, readings=_first(problem.readings, end))
+        if float(np.ptp(begun.readings.level_pct)) == 0.0:
+            return None
+        fit = begun.fit()
+        error = record[rows] - fit.simulated_degC
+        if fit.model is None or float(error @ error) > (1.0 - _EXPLAINED) * float(
+                np.sum((record[rows] - record[rows].mean()) ** 2)):
+            return None
+        apart = np.abs(record - np.asarray(fit.linear @ problem.basis(fit.vector)))
+        limit = max(_TIMES * float(np.sqrt(np.mean(error**2))), _LEAST * float(np.ptp(record[rows])))
+        beyond = apart > limit
+        places = [place for place in np.flatnonzero(beyond) if np.mean(beyond[place:place + _FEWEST]) >= _LASTS]
+        if not places:
+            return None
+        place = int(places[0])  # the first departure that the next readings do not make good
+        if float(np.mean(beyond[place:])) < _LASTS or float(apart[place:].max()) < _LARGE * float(np.ptp(record[rows])):
+            return None
+        while place > 0 and apart[place - 1] > _BEGINS * float(np.sqrt(np.mean(error**2))):
+            place -= 1  # back to where it begins to depart
+        before = float(time[max(place - 1, 0)])
+        if abs(before - end) <= 2.0 * float(np.median(np.diff(time))):
+            return before
+        end = before
+    return end
+
+
+def _first(readings: Readings, end_s: float) -> Readings:
+    rows, edges = readings.time_s <= end_s, readings.edge_s <= end_s
+    return replace(
+        readings, time_s=readings.time_s[rows], half_s=readings.half_s[rows],
+        temperature_degC=readings.temperature_degC[rows], edge_s=readings.edge_s[edges],
+        level_pct=readings.level_pct[edges])
