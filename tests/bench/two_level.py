@@ -210,7 +210,8 @@ def fit_text(drawn, text, **options):
     seconds = time.process_time() - begun
     names = {finding.name for finding in fitted.findings}
     message = " ".join([fitted.outcome.value, *(remedy_of(name, names) for name in sorted(names)), *fitted.notes])
-    return Verdict(fitted.outcome.name, judged(drawn, fitted), message, seconds)
+    claims = [] if fitted.outcome.name in ("POOR_FIT", "LAW_UNKNOWN") else judged(drawn, fitted)
+    return Verdict(fitted.outcome.name, claims, message, seconds)
 
 
 def follow(drawn, verdict, options):

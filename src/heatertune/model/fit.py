@@ -24,7 +24,9 @@ from heatertune.model.power.fit_power import fit_power, weigh_fit
 from heatertune.model.power.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.power.load_steps import is_sensible
 from heatertune.model.power.regressors import AMBIENT
+from heatertune.model.reduction import FIELDS
 from heatertune.model.relay_test import with_relay
+from heatertune.model.statistics import envelope, holds, identified_interval
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
 from heatertune.model.temperature.fit_temperature import fit_temperature
 from heatertune.model.temperature.two_level import (
@@ -37,6 +39,8 @@ from heatertune.model.values import FitOutcome, FittedModel, model_by_hand
 from heatertune.options import merge_options
 from heatertune.settings import FitSettings
 from heatertune.units import check
+
+_BEHIND = 10.0  # BIC points behind which one lag does not explain a log
 
 __all__ = ["fit", "fit_known", "fit_together", "model_by_hand"]
 
@@ -86,6 +90,7 @@ def fit(
         fitted = _with_switchings(used, _fit_logged(used, bounds, given.power_before_pct, seed, delays), bounds)
         fitted = with_relay(used, fitted, ambient_degC=_single(bounds))
         loop = loop_remarks(used)
+        fitted = _with_better_order(fitted) if loop else fitted
         notes += tuple(remark.sentence for remark in loop)
         notes += () if effect is None else (effect.sentence,)
         fitted = replace(fitted, findings=(*fitted.findings, *findings_of(loop)), disturbance=effect)
@@ -124,6 +129,26 @@ def _with_switchings(log: Log, fitted: FittedModel, bounds: Bounds | None) -> Fi
     kept = tuple(finding for finding in fitted.findings if finding.name in ("one-level", "alias"))
     model = two_level_model(switched, bounds)
     return replace(model, findings=(*kept, *model.findings))
+
+
+def _with_better_order(fitted: FittedModel) -> FittedModel:
+    """Return the fit of a closed loop with intervals that hold what two lags say, if they explain it better than one.
+
+    A loop excites the heater where a second lag matters, and little at rest: one lag may then have any gain.
+    """
+    one = fitted.candidates[0]
+    two = [each for each in fitted.candidates if len(each.model.lags_s) > 1]
+    gain = fitted.ci95.get("gain_degC_per_pct")
+    if not two or one.delta_bic <= _BEHIND or gain is None or all(holds(gain, each.model.gain_degC_per_pct) for each in two):
+        return fitted
+    wider = {name: None if inside is None or name not in FIELDS else identified_interval(envelope(
+        inside, [FIELDS[name](each.model) for each in two])) for name, inside in fitted.ci95.items()}
+    note = ("Two lags explain the log better, with another gain, so one lag does not identify it: the intervals hold "
+            "both, and the plausible heaters too.")
+    is_open = any(wider.get(name) is None for name in ("gain_degC_per_pct", "time_constant_s"))
+    is_identified = fitted.outcome is FitOutcome.IDENTIFIED and not is_open
+    return replace(fitted, ci95=wider, notes=(*fitted.notes, note), outcome=fitted.outcome if is_identified
+                   or fitted.outcome is not FitOutcome.IDENTIFIED else FitOutcome.COMBINATIONS_ONLY)
 
 
 def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str], object]) -> FittedModel:

@@ -13,8 +13,8 @@ import numpy as np
 
 from heatertune.errors import InputError
 from heatertune.log.values import MIN_SAMPLES, Log
-from heatertune.model.power.open_loop import PowerProblem
-from heatertune.model.power.regressors import Readings
+from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.regressors import AMBIENT, GAIN, Readings
 
 __all__ = ["changed_at_s", "refuse_changed"]
 
@@ -27,6 +27,9 @@ _LARGE: Final = 0.15  # of the span, that the departure reaches
 _ROUNDS: Final = 3
 _FEWEST: Final = 5  # readings after the instant
 _BEGINS: Final = 2.0  # times the error of the fit, where a departure begins
+_BY_POWER: Final = 0.67  # of the span before the instant: the power moves it
+_LOUD, _CLOSE = 2.0, 0.01  # times the noise, and of the span: the error of a heater that explains its log
+_COLDEST: Final = -60.0  # of rooms [°C]
 _LASTS: Final = 0.8  # share of the readings after the instant that depart
 
 
@@ -76,6 +79,8 @@ def _explained_until(problem: PowerProblem, share: float) -> float | None:
         if fit.model is None or float(error @ error) > (1.0 - _EXPLAINED) * float(
                 np.sum((record[rows] - record[rows].mean()) ** 2)):
             return None
+        if not _is_heater(begun, fit):
+            return None
         apart = np.abs(record - np.asarray(fit.linear @ problem.basis(fit.vector)))
         limit = max(_TIMES * float(np.sqrt(np.mean(error**2))), _LEAST * float(np.ptp(record[rows])))
         beyond = apart > limit
@@ -92,6 +97,16 @@ def _explained_until(problem: PowerProblem, share: float) -> float | None:
             return before
         end = before
     return end
+
+
+def _is_heater(problem: PowerProblem, fit: PowerFit) -> bool:
+    """Return whether the power, not the initial state, moves the readings, and leaves a possible room behind."""
+    record = problem.readings.temperature_degC
+    power = fit.linear[GAIN] * problem.basis(fit.vector)[GAIN]
+    noise = float(np.sqrt(np.mean(np.diff(record, 2) ** 2) / 6.0))
+    error = float(np.sqrt(np.mean((record - fit.simulated_degC) ** 2)))
+    return (float(np.ptp(power)) > _BY_POWER * float(np.ptp(record)) and error < max(_LOUD * noise, _CLOSE * float(
+        np.ptp(record))) and _COLDEST < float(fit.linear[AMBIENT]) < float(record.max()))
 
 
 def _first(readings: Readings, end_s: float) -> Readings:

@@ -505,10 +505,10 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
     way = with_events([thin, two], [fit, _second(two, fit)], closed=closed)
     if doubt or way.problems[0].loads_s:
         refuse_opened(log, thin)
-    if doubt:
-        refuse_changed(log, thin)
     if doubt and not doubt.startswith(WRONG_SIGN) and any(map(explains, *way)):
         doubt = ""
+    if doubt:
+        refuse_changed(log, thin)
     (problems, fits), bend, untold = judged_linear(without_events(way), way)
     if any(fit.model is None for fit in fits):
         refuse_opened(log, thin)
