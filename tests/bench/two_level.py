@@ -33,6 +33,7 @@ from heatertune.model.findings import remedy_of
 
 _TOLERANCE = 0.02  # of a parameter: half-way models of two lags are no exact truth
 _MOST_ROWS = 3000
+_NOTHING = ("refused", "LAW_UNKNOWN", "POOR_FIT")  # outcomes that are of use only by their remedy
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,6 +232,53 @@ def follow(drawn, verdict, options):
     return None
 
 
+class Table:
+    """Counts of outcomes, and which intervals hold the truth, by kind of log."""
+
+    def __init__(self):
+        self.ends, self.holds, self.counts = {}, {}, Counter()
+        self.wrong = self.deaf = 0
+        self.slowest = 0.0
+
+    def add(self, kind, drawn, options, verbose):
+        """Fit a log, do what a refusal names, and count both."""
+        verdict = fit_text(drawn, drawn.text(drawn.powered), **options)
+        self.slowest = max(self.slowest, verdict.seconds)
+        self.ends.setdefault(kind, Counter())[verdict.outcome] += 1
+        self.counts[kind] += 1
+        bad = verdict.wrong or verdict.outcome == "crashed"
+        self.wrong += bool(bad)
+        for name, inside in verdict.intervals:
+            self.holds.setdefault((kind, name), []).append(inside)
+        after, helped = None, True
+        if verdict.outcome in _NOTHING:
+            after = follow(drawn, verdict, options)
+            helped = after is not None and after.outcome not in (*_NOTHING, "crashed")
+            self.ends[kind]["remedy works" if helped else "remedy fails"] += 1
+            self.deaf += not helped
+        if verbose or bad or not helped:
+            missed = [name for name, inside in verdict.intervals if not inside]
+            then = "" if after is None else f" → {after.outcome}: {after.message[:90]}"
+            print(f"  {drawn.seed} {kind}: {verdict.outcome}, {drawn.switchings} switchings, rows {drawn.interval:g} s, "
+                  f"missed {missed}, {verdict.seconds:.1f} s; {verdict.message[:120]}{then}", flush=True)
+
+    @property
+    def share(self):
+        """Share of all intervals that hold the truth."""
+        total = [inside for each in self.holds.values() for inside in each]
+        return float(np.mean(total)) if total else math.nan
+
+    def show(self):
+        """Print it."""
+        for kind, counted in self.ends.items():
+            print(f"{kind}: {self.counts[kind]} logs; {dict(counted)}")
+            for (of, name), inside in sorted(self.holds.items()):
+                if of == kind:
+                    print(f"    {name}: stated {len(inside)}, holds the truth {100.0 * np.mean(inside):.0f} %")
+        print(f"all intervals: {sum(map(len, self.holds.values()))}, {100.0 * self.share:.1f} % hold the truth; wrongly "
+              f"identified {self.wrong}; remedies that do not work {self.deaf}; slowest fit {self.slowest:.1f} CPU s")
+
+
 def main(arguments=None):
     """Print a table; return 1 if a false interval is called identified or coverage is below 95 %."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -241,7 +289,7 @@ def main(arguments=None):
     parser.add_argument("--keep", help="folder for the logs")
     parser.add_argument("--verbose", action="store_true")
     asked = parser.parse_args(arguments)
-    ends, holds, counts, wrong, deaf, slowest = {}, {}, Counter(), 0, 0, 0.0
+    table = Table()
     for seed in range(asked.first, asked.first + asked.count):
         drawn = draw(seed)
         if asked.only is not None and drawn.powered != (asked.only == "power"):
@@ -249,39 +297,11 @@ def main(arguments=None):
         if asked.keep:
             Path(asked.keep).mkdir(parents=True, exist_ok=True)
             (Path(asked.keep) / f"two_level_{seed}.csv").write_text(drawn.text(drawn.powered), encoding="utf-8")
-        kinds = {"with power" if drawn.powered else "without power": {}}
+        table.add("with power" if drawn.powered else "without power", drawn, {}, asked.verbose)
         if not drawn.powered and not asked.no_stated:
-            kinds["thresholds stated"] = {"thermostat": (drawn.low, drawn.high, *drawn.least)}
-        for kind, options in kinds.items():
-            verdict = fit_text(drawn, drawn.text(drawn.powered), **options)
-            slowest = max(slowest, verdict.seconds)
-            ends.setdefault(kind, Counter())[verdict.outcome] += 1
-            counts[kind] += 1
-            bad = verdict.wrong or verdict.outcome == "crashed"
-            wrong += bool(bad)
-            for name, inside in verdict.intervals:
-                holds.setdefault((kind, name), []).append(inside)
-            after = None
-            if verdict.outcome in ("refused", "LAW_UNKNOWN", "POOR_FIT"):
-                after = follow(drawn, verdict, options)
-                helped = after is not None and after.outcome not in ("refused", "LAW_UNKNOWN", "POOR_FIT", "crashed")
-                ends[kind]["remedy works" if helped else "remedy fails"] += 1
-                deaf += not helped
-            if asked.verbose or bad or (after is not None and after.outcome in ("refused", "LAW_UNKNOWN", "POOR_FIT", "crashed")):
-                missed = [name for name, inside in verdict.intervals if not inside]
-                then = "" if after is None else f" → {after.outcome}: {after.message[:90]}"
-                print(f"  {seed} {kind}: {verdict.outcome}, {drawn.switchings} switchings, rows {drawn.interval:g} s, "
-                      f"missed {missed}, {verdict.seconds:.1f} s; {verdict.message[:120]}{then}", flush=True)
-    total = [inside for each in holds.values() for inside in each]
-    for kind, counted in ends.items():
-        print(f"{kind}: {counts[kind]} logs; {dict(counted)}")
-        for (of, name), inside in sorted(holds.items()):
-            if of == kind:
-                print(f"    {name}: stated {len(inside)}, holds the truth {100.0 * np.mean(inside):.0f} %")
-    share = float(np.mean(total)) if total else math.nan
-    print(f"all intervals: {len(total)}, {100.0 * share:.1f} % hold the truth; wrongly identified {wrong}; remedies "
-          f"that do not work {deaf}; slowest fit {slowest:.1f} CPU s")
-    return 1 if wrong or deaf or share < 0.95 else 0
+            table.add("thresholds stated", drawn, {"thermostat": (drawn.low, drawn.high, *drawn.least)}, asked.verbose)
+    table.show()
+    return 1 if table.wrong or table.deaf or table.share < 0.95 else 0
 
 
 if __name__ == "__main__":

@@ -118,28 +118,27 @@ def fitted_or_refused(drawn, **options):
 def verdict_of(kind, drawn):
     """Return a word on how a log was served, and what was said."""
     outcome, holds, message = fitted_or_refused(drawn)
-    if outcome == "crashed":
-        return "crashed", message
-    if "--cooler" in message or "a cooler" in message:
-        return "called a cooler", message
     until = re.search(r"--until (-?[\d.]+)", message)
-    if outcome == "refused":
-        if until is None:
-            return "refused without the instant", message
-        if kind == "reset":
-            return "a reset refused", message
+    word = "fitted"
+    if outcome == "crashed":
+        word = "crashed"
+    elif "a cooler" in message:
+        word = "called a cooler"
+    elif outcome == "refused" and until is None:
+        word = "refused without the instant"
+    elif outcome == "refused" and kind == "reset":
+        word = "a reset refused"
+    elif holds is False:
+        word = "wrong gain"
+    elif until is not None and kind != "reset":
+        after, its, then = fitted_or_refused(drawn, until_s=float(until[1]))
         if abs(float(until[1]) - drawn.at) > 0.15 * drawn.length:
-            return "another instant", message
-        after, its, then = fitted_or_refused(drawn, until_s=float(until[1]))
-        if after in ("refused", "crashed") or its is False:
-            return "the cut log fails", then
-        return "told and cut", message
-    if holds is False:
-        return "wrong gain", message
-    if kind != "reset" and until is not None and abs(float(until[1]) - drawn.at) < 0.15 * drawn.length:
-        after, its, then = fitted_or_refused(drawn, until_s=float(until[1]))
-        return ("the cut log fails", then) if after in ("refused", "crashed") or its is False else ("told and cut", message)
-    return "fitted", message
+            word = "another instant"
+        elif after in ("refused", "crashed") or its is False:
+            word, message = "the cut log fails", then
+        else:
+            word = "told and cut"
+    return word, message
 
 
 #: words that are right for a log

@@ -64,7 +64,7 @@ FIRST_OPTIONS: Final[dict[str, tuple[str, ...]]] = {
                *_OUTPUT),
     "read": ("--time-column", *_COLUMNS, "--setpoint-column", "--time-unit", "--log-interval", "--tag", "--run",
              "--skip-rows", *_OUTPUT),
-    "fit": ("--out", *_COLUMNS, "--ambient", "--dead-time-at-most", "--until", "--cooler", "--controller", "--words",
+    "fit": ("--out", *_COLUMNS, "--ambient", "--dead-time-at-most", "--until", "--cooler", "--thermostat", "--controller", "--words",
             "--hypotheses", *_OUTPUT),
     "validate": ("--out", "--least-fit", *_COLUMNS, "--ambient", "--power-before", "--until", *_OUTPUT),
     "plan": ("--out", "--limit-temperature", *_MODEL, "--max-duration", "--power", "--aim", "--kind", "--json"),

@@ -28,6 +28,7 @@ from heatertune.model.reduction import FIELDS
 from heatertune.model.relay_test import with_relay
 from heatertune.model.statistics import envelope, holds, identified_interval
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
+from heatertune.model.temperature.evidence import is_faster_than_rows
 from heatertune.model.temperature.fit_temperature import fit_temperature
 from heatertune.model.temperature.two_level import (
     Thermostat,
@@ -85,6 +86,8 @@ def fit(
         _refuse_bound(log, delays)
         fitted, notes = _fit_unlogged(log, laws, bounds, given, seed, thorough, progress)
     else:
+        if given.thermostat is not None:
+            raise InputError(f"{log.name} contains the power, so its switchings are known: leave out --thermostat")
         used, effect = _cleared(used, progress)
         progress(f"{log.name}: fitting one and two lags to the logged power")
         fitted = _with_switchings(used, _fit_logged(used, bounds, given.power_before_pct, seed, delays), bounds)
@@ -108,7 +111,7 @@ def _fit_unlogged(
     progress(f"{log.name}: fitting the switchings of two-level control")
     switched = fit_two_level(whole, ambient_degC=bounds, thermostat=thermostat)
     if thermostat is not None:
-        if switched is None:
+        if switched is None or not (switched.explains or switched.has_many_rows):
             raise InputError(f"{log.name}: its rows do not show the switchings at {thermostat.low_degC:g} and "
                              f"{thermostat.high_degC:g} °C; log at a shorter interval, ten rows or more to a period")
         return two_level_model(switched, bounds), ()
@@ -116,8 +119,19 @@ def _fit_unlogged(
     fitted = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
     best, readings = fitted.hypotheses[0], len(fitted.residuals.time_s) if fitted.residuals else len(used.time_s)
     if switched is None or not switched.explains or not switched.is_better(best.rmse_degC, readings):
-        return fitted, notes
+        return (_with_faster_swing(fitted, used) if fitted.outcome is FitOutcome.LAW_UNKNOWN else fitted), notes
     return two_level_model(switched, bounds, fitted.hypotheses), ()
+
+
+def _with_faster_swing(fitted: FittedModel, log: Log) -> FittedModel:
+    """Return a fit with the finding that the rows are too far apart to show the swing, where they are."""
+    if not is_faster_than_rows(log):
+        return fitted
+    message = (f"{log.name} goes up and down from row to row: its rows are too far apart to show how it is switched; "
+               "log at a shorter interval, ten rows or more to a swing.")
+    kept = tuple(each for each in fitted.findings if each.name not in ("not-regulated", "two-level"))
+    return replace(fitted, findings=(*kept, Finding(name="faster-than-log", message=message)),
+                   notes=(message, *fitted.notes))
 
 
 def _with_switchings(log: Log, fitted: FittedModel, bounds: Bounds | None) -> FittedModel:
@@ -139,7 +153,9 @@ def _with_better_order(fitted: FittedModel) -> FittedModel:
     one = fitted.candidates[0]
     two = [each for each in fitted.candidates if len(each.model.lags_s) > 1]
     gain = fitted.ci95.get("gain_degC_per_pct")
-    if not two or one.delta_bic <= _BEHIND or gain is None or all(holds(gain, each.model.gain_degC_per_pct) for each in two):
+    if not two or one.delta_bic <= _BEHIND or gain is None:
+        return fitted
+    if all(holds(gain, each.model.gain_degC_per_pct) for each in two):
         return fitted
     wider = {name: None if inside is None or name not in FIELDS else identified_interval(envelope(
         inside, [FIELDS[name](each.model) for each in two])) for name, inside in fitted.ci95.items()}

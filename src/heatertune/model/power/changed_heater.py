@@ -1,7 +1,7 @@
-"""Find the instant from which a log is not of the heater that it was of: a probe that fell out, another heater's power.
+"""Find the instant from which a log is not of the heater of its beginning: a probe that fell out, another heater.
 
-A heater is fitted to the beginning of the log. As long as it foretells the readings, it is that heater; the instant from
-which it does not, and never does again, is named with the option that cuts the log there.
+A heater is fitted to the beginning of the log. As long as it foretells the readings, it is that heater; the instant
+from which it does not, and never does again, is named with the option that cuts the log there.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _ROUNDS: Final = 3
 _FEWEST: Final = 5  # readings after the instant
 _BEGINS: Final = 2.0  # times the error of the fit, where a departure begins
 _BY_POWER: Final = 0.67  # of the span before the instant: the power moves it
-_LOUD, _CLOSE = 2.0, 0.01  # times the noise, and of the span: the error of a heater that explains its log
+_LOUD, _CLOSE = 2.0, 0.02  # times the noise, and of the span: the error of a heater that explains its log
 _COLDEST: Final = -60.0  # of rooms [°C]
 _LASTS: Final = 0.8  # share of the readings after the instant that depart
 
@@ -52,7 +52,7 @@ def refuse_changed(log: Log, problem: PowerProblem) -> None:
 
 
 def changed_at_s(problem: PowerProblem) -> float | None:
-    """Return the last instant at which the heater of the log's beginning explains it [s]; None: it always or never does.
+    """Return the last instant at which the heater of the log's beginning explains it [s]; None: always, or never.
 
     Args:
         problem: of one lag.
@@ -65,38 +65,37 @@ def changed_at_s(problem: PowerProblem) -> float | None:
 
 def _explained_until(problem: PowerProblem, share: float) -> float | None:
     """Return the instant until which a heater fitted to the first part of the log foretells it, or None."""
-    time, record = problem.readings.time_s, problem.readings.temperature_degC
-    end = float(time[0]) + share * float(np.ptp(time))
+    time = problem.readings.time_s
+    end: float | None = float(time[0]) + share * float(np.ptp(time))
     for _ in range(_ROUNDS):
-        rows = time <= end
-        if np.count_nonzero(rows) < MIN_SAMPLES or np.count_nonzero(~rows) < _FEWEST:
-            return None
-        begun = replace(problem, readings=_first(problem.readings, end))
-        if float(np.ptp(begun.readings.level_pct)) == 0.0:
-            return None
-        fit = begun.fit()
-        error = record[rows] - fit.simulated_degC
-        if fit.model is None or float(error @ error) > (1.0 - _EXPLAINED) * float(
-                np.sum((record[rows] - record[rows].mean()) ** 2)):
-            return None
-        if not _is_heater(begun, fit):
-            return None
-        apart = np.abs(record - np.asarray(fit.linear @ problem.basis(fit.vector)))
-        limit = max(_TIMES * float(np.sqrt(np.mean(error**2))), _LEAST * float(np.ptp(record[rows])))
-        beyond = apart > limit
-        places = [place for place in np.flatnonzero(beyond) if np.mean(beyond[place:place + _FEWEST]) >= _LASTS]
-        if not places:
-            return None
-        place = int(places[0])  # the first departure that the next readings do not make good
-        if float(np.mean(beyond[place:])) < _LASTS or float(apart[place:].max()) < _LARGE * float(np.ptp(record[rows])):
-            return None
-        while place > 0 and apart[place - 1] > _BEGINS * float(np.sqrt(np.mean(error**2))):
-            place -= 1  # back to where it begins to depart
-        before = float(time[max(place - 1, 0)])
-        if abs(before - end) <= 2.0 * float(np.median(np.diff(time))):
+        assert end is not None
+        before = _foretold_until(problem, end)
+        if before is None or abs(before - end) <= 2.0 * float(np.median(np.diff(time))):
             return before
         end = before
     return end
+
+
+def _foretold_until(problem: PowerProblem, end_s: float) -> float | None:
+    """Return the instant until which a heater fitted up to another one foretells the log; None: no heater, or always."""
+    time, record = problem.readings.time_s, problem.readings.temperature_degC
+    rows = time <= end_s
+    begun = replace(problem, readings=_first(problem.readings, end_s))
+    if np.count_nonzero(rows) < MIN_SAMPLES or np.count_nonzero(~rows) < _FEWEST or not np.ptp(begun.readings.level_pct):
+        return None
+    fit = begun.fit()
+    if fit.model is None or not _is_heater(begun, fit):
+        return None
+    span, error = float(np.ptp(record[rows])), float(np.sqrt(np.mean((record[rows] - fit.simulated_degC) ** 2)))
+    apart = np.abs(record - np.asarray(fit.linear @ problem.basis(fit.vector)))
+    beyond = apart > max(_TIMES * error, _LEAST * span)
+    places = [place for place in np.flatnonzero(beyond) if np.mean(beyond[place:place + _FEWEST]) >= _LASTS]
+    place = int(places[0]) if places else len(time)  # the first departure that the next readings do not make good
+    if not places or float(np.mean(beyond[place:])) < _LASTS or float(apart[place:].max()) < _LARGE * span:
+        return None
+    while place > 0 and apart[place - 1] > _BEGINS * error:
+        place -= 1  # back to where it begins to depart
+    return float(time[max(place - 1, 0)])
 
 
 def _is_heater(problem: PowerProblem, fit: PowerFit) -> bool:
@@ -105,8 +104,10 @@ def _is_heater(problem: PowerProblem, fit: PowerFit) -> bool:
     power = fit.linear[GAIN] * problem.basis(fit.vector)[GAIN]
     noise = float(np.sqrt(np.mean(np.diff(record, 2) ** 2) / 6.0))
     error = float(np.sqrt(np.mean((record - fit.simulated_degC) ** 2)))
-    return (float(np.ptp(power)) > _BY_POWER * float(np.ptp(record)) and error < max(_LOUD * noise, _CLOSE * float(
-        np.ptp(record))) and _COLDEST < float(fit.linear[AMBIENT]) < float(record.max()))
+    span = float(np.ptp(record))
+    return (float(np.ptp(power)) > _BY_POWER * span and error < max(_LOUD * noise, _CLOSE * span)
+            and error**2 < (1.0 - _EXPLAINED) * float(np.var(record))
+            and _COLDEST < float(fit.linear[AMBIENT]) < float(record.max()))
 
 
 def _first(readings: Readings, end_s: float) -> Readings:

@@ -29,8 +29,8 @@ from heatertune.model.values import HeaterModel
 
 __all__ = [
     "Bound", "ConstantPowerStretch", "bound_contradictions", "contradictions", "evidence_notes", "fall_bound",
-    "free_cooling", "is_open_loop", "noise_degC", "quiet_noise_degC", "regulation_remarks", "rise_bound", "saturated_heat_up",
-    "steady_swing", "switching_guess",
+    "free_cooling", "is_faster_than_rows", "is_open_loop", "noise_degC", "quiet_noise_degC", "regulation_remarks",
+    "rise_bound", "saturated_heat_up", "steady_swing", "switching_guess",
 ]
 
 
@@ -288,6 +288,8 @@ _INSTANTS: Final = 14  # tried for the end of the power
 _MOST_READINGS: Final = 20_000  # in which a swing is sought
 _READINGS: Final = 200  # of a log that constant power is fitted to
 _FEWEST_MEANS: Final = 100  # of a log that is smoothed to find its switchings
+_TURNS_OFTEN: Final = 0.4  # share of the rows at which the temperature turns
+_STEPS_AT_ONCE: Final = 4.0  # steps of the reading from row to row
 _FEWER_MOVES: Final = (3.0, 1.5)  # the same, if that finds none
 _FLAT: Final = 2.0  # standard deviations about a turning point that are one with it
 
@@ -348,6 +350,16 @@ def _swing_of(log: Log, size: int) -> OscillationStats | None:
         return None
     return OscillationStats(len(periods), float(np.mean(periods)), float(np.mean(y[places[1::2]])),
                             float(np.mean(y[places[::2]])))
+
+
+def is_faster_than_rows(log: Log) -> bool:
+    """Return whether the temperature goes up and down from row to row by far more than a step of its reading."""
+    late = log.temperature_degC[len(log.temperature_degC) // 2 :]
+    moves = np.diff(late)
+    moves = moves[moves != 0.0]
+    turns = float(np.mean(moves[1:] * moves[:-1] < 0.0)) if len(moves) > _TURNS else 0.0
+    step = float(np.min(np.diff(np.unique(log.temperature_degC))))
+    return turns > _TURNS_OFTEN and quiet_noise_degC(log) > _STEPS_AT_ONCE * step
 
 
 class SwitchingGuess(NamedTuple):

@@ -102,9 +102,10 @@ class Thermostat:
 Rows = npt.NDArray[np.intp]
 
 
-class _Problem(NamedTuple):
-    """Readings, whether the power is on at the first one, known ambient or None; and a change of full power: the
-    switching off that ends the stretch in which it lies, and its place in that stretch; the two powers [%].
+class _SwitchingProblem(NamedTuple):
+    """Readings, whether the power is on at first, known ambient or None, the powers [%], and a change of full power.
+
+    The change is given by the switching off that ends the stretch in which it lies, and its place in that stretch.
     """
 
     time_s: Array
@@ -124,7 +125,7 @@ class _Solution(NamedTuple):
     instants: Array
     linear: Array
     left: Array
-    problem: _Problem
+    problem: _SwitchingProblem
 
     @property
     def cost(self) -> float:
@@ -200,11 +201,16 @@ class TwoLevelFit:
     def explains(self) -> bool:
         """Whether the errors are those of the readings; with few rows to a switching the swing looks like noise."""
         loud, instants = _LOUD * self.noise_degC, self.best[0].instants
-        if len(self.log.time_s) < _MANY_ROWS * len(instants):
+        if not self.has_many_rows:
             swing = float(np.median(np.abs(np.diff(self.best[0].temperature_degC(instants)))))
             step = float(np.min(np.diff(np.unique(self.log.temperature_degC))))
             loud = min(loud, max(_LEFT * swing, step))
         return self.rmse_degC <= loud
+
+    @property
+    def has_many_rows(self) -> bool:
+        """Whether there are enough rows to a switching to tell the swing from noise."""
+        return len(self.log.time_s) >= _MANY_ROWS * len(self.best[0].instants)
 
     def is_better(self, rmse_degC: float, readings: int) -> bool:
         """Return whether it explains the log better than a continuous controller, by 10 BIC points.
@@ -268,7 +274,7 @@ def _fit(
         return None
     every = -(-len(log.time_s) // _MOST_READINGS)
     known = None if ambient_degC is None or ambient_degC[0] < ambient_degC[1] else ambient_degC[0]
-    problem = _Problem(log.time_s[::every], log.temperature_degC[::every], is_on, known, levels=levels)
+    problem = _SwitchingProblem(log.time_s[::every], log.temperature_degC[::every], is_on, known, levels=levels)
     solved = _solved(problem, instants)
     if ambient_degC is not None and known is None and solved and not (
             ambient_degC[0] <= solved[0].ambient_degC <= ambient_degC[1]):
@@ -296,8 +302,8 @@ def _demand_thresholds(log: Log, thermostat: Thermostat) -> None:
     low, high = float(log.temperature_degC.min()), float(log.temperature_degC.max())
     if not (low <= thermostat.low_degC and thermostat.high_degC <= high):
         raise InputError(
-            f"{log.name}: its readings, {low:g} to {high:g} °C, do not reach the thresholds {thermostat.low_degC:g} and "
-            f"{thermostat.high_degC:g} °C, so it does not show their switching; correct --thermostat, or leave it out")
+            f"{log.name}: its readings, {low:g} to {high:g} °C, do not reach the thresholds {thermostat.low_degC:g} "
+            f"and {thermostat.high_degC:g} °C, so it does not show their switching; correct --thermostat, or leave it out")
 
 
 def _is_even(log: Log, rows: Sequence[int], is_on: bool) -> bool:
@@ -310,7 +316,8 @@ def _is_even(log: Log, rows: Sequence[int], is_on: bool) -> bool:
         return False
     swing = float(np.mean(offs) - np.mean(ons))
     offs = offs[1:] if len(offs) > 2 else offs
-    return swing > 0.0 and max(float(np.ptp(offs)), float(np.ptp(ons))) / 2.0 <= _UNEVEN * swing + 2.0 * quiet_noise_degC(log)
+    scatter = max(float(np.ptp(offs)), float(np.ptp(ons))) / 2.0
+    return swing > 0.0 and scatter <= _UNEVEN * swing + 2.0 * quiet_noise_degC(log)
 
 
 def _steps(time: Array, instants: Array, lag: float, second: float) -> tuple[Array, Array]:
@@ -321,10 +328,11 @@ def _steps(time: Array, instants: Array, lag: float, second: float) -> tuple[Arr
     if second <= 0.0:
         return 1.0 - slow, np.where(is_after, slow / lag, 0.0)
     fast = np.exp(-since / second)
-    return (1.0 - (lag * slow - second * fast) / (lag - second)), np.where(is_after, (slow - fast) / (lag - second), 0.0)
+    both = lag - second
+    return 1.0 - (lag * slow - second * fast) / both, np.where(is_after, (slow - fast) / both, 0.0)
 
 
-def _basis(problem: _Problem, log_lag: float, ratio: float, instants: Array, begin: float) -> tuple[Array, Array]:
+def _basis(problem: _SwitchingProblem, log_lag: float, ratio: float, instants: Array, begin: float) -> tuple[Array, Array]:
     """Return the columns of the linear numbers, and the impulse response of each switching with its sign."""
     lag = math.exp(log_lag)
     signs = np.where((np.arange(len(instants)) % 2 == 0) == problem.is_on, -1.0, 1.0)
@@ -346,14 +354,14 @@ def _basis(problem: _Problem, log_lag: float, ratio: float, instants: Array, beg
     return np.column_stack(columns), -pulses * signs * (high - low)
 
 
-def _changes(problem: _Problem, instants: Array) -> Array:
+def _changes(problem: _SwitchingProblem, instants: Array) -> Array:
     """Return the instant at which full power changes, shape (1,)."""
     place = problem.changed_at
     assert place is not None
     return instants[place - 1 : place] * (1.0 - problem.share) + instants[place : place + 1] * problem.share
 
 
-def _evaluated(problem: _Problem, log_lag: float, ratio: float, instants: Array) -> tuple[_Solution, Array, Array]:
+def _evaluated(problem: _SwitchingProblem, log_lag: float, ratio: float, instants: Array) -> tuple[_Solution, Array, Array]:
     basis, pulses = _basis(problem, log_lag, ratio, instants, float(problem.time_s[0]))
     target = problem.temperature_degC - (problem.ambient_degC or 0.0)
     orthogonal, triangle = np.linalg.qr(basis)
@@ -411,7 +419,7 @@ def _slope(now: _Solution, by_lag: float, by_ratio: float) -> Array:
     return np.asarray((moved - still) / (by_lag + by_ratio))
 
 
-def _solved(problem: _Problem, instants: Array) -> list[_Solution]:
+def _solved(problem: _SwitchingProblem, instants: Array) -> list[_Solution]:
     """Return the fits of one lag and of two that heat, the best by BIC first; a change of the mains is tried."""
     length = float(np.ptp(problem.time_s))
     period = 2.0 * float(np.median(np.diff(instants))) if len(instants) > 1 else 0.2 * length
@@ -502,7 +510,7 @@ def _profiles(best: _Solution) -> tuple[list[_Solution], Array]:
     freedom = max((n - best.unknowns) * (1.0 - rho) / (1.0 + rho) / _repeats(best), 4.0)
     quantile = student_t(freedom)
     limit = best.cost * quantile**2 / freedom
-    _, orthogonal, pulses = _evaluated(best.problem, best.lag, best.ratio, best.instants)
+    pulses = _evaluated(best.problem, best.lag, best.ratio, best.instants)[2]
     columns = [_slope(best, 1e-4, 0.0), *([_slope(best, 0.0, 1e-4)] if best.ratio else [])]
     basis = _basis(best.problem, best.lag, best.ratio, best.instants, float(best.problem.time_s[0]))[0]
     jacobian = np.column_stack([basis, *columns, pulses])
@@ -513,7 +521,7 @@ def _profiles(best: _Solution) -> tuple[list[_Solution], Array]:
     # of the gain with the time constant held: the profile moves that
     held = np.linalg.pinv(np.delete(jacobian, width, axis=1).T @ np.delete(jacobian, width, axis=1))
     gain, ambient = quantile * np.sqrt(np.maximum(np.diag(held)[[0, width - 1]] * variance, 0.0))
-    found = []
+    found = list[_Solution]()
     for number, hold in enumerate(("lag", "ratio")[: 1 + (best.ratio > 0.0)]):
         deviation = float(np.clip(spread[width + number], 1e-4, 0.5))
         for side in (-1.0, 1.0):
@@ -621,9 +629,7 @@ def _by_thresholds(solution: _Solution, fit: TwoLevelFit, offs: Array, most_s: f
         # the last time at which it was surely not yet beyond, and the first at which it surely is
         highs.append(float(instant - grid[int(np.argmax(beyond >= -early))]))
         is_delayed = i > 0 and instant - before <= least + 2.0 * row and least > 0.0
-        if i > 0 and np.any(beyond >= late) and not is_delayed:
-            lows.append(float(instant - grid[int(np.argmax(beyond >= late))]) - row)
-        elif i == 0 and is_off and np.any(beyond >= late):
+        if np.any(beyond >= late) and not is_delayed and (i > 0 or is_off):
             lows.append(float(instant - grid[int(np.argmax(beyond >= late))]) - row)
     high = min([most_s, *highs]) + (0.0 if not highs else row * 0.25)
     low, high = max([0.0, *lows]), max(high, 0.0)
@@ -650,9 +656,9 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
     values["ultimate_gain_pct_per_degC"] = [_ultimate_gain(plant) for plant in members]
     ranges = {name: _hull(numbers) for name, numbers in values.items()}
     ambient = ranges["ambient_degC"]
-    assert ambient.low is not None and ambient.high is not None
-    ranges["ambient_degC"] = Interval(low=ambient.low - fit.ambient_margin_degC,
-                                      high=ambient.high + fit.ambient_margin_degC)
+    ranges["ambient_degC"] = Interval(
+        low=None if ambient.low is None else ambient.low - fit.ambient_margin_degC,
+        high=None if ambient.high is None else ambient.high + fit.ambient_margin_degC)
     is_open = any(math.exp(each.lag) > 0.5 * _LONGEST * float(np.ptp(each.problem.time_s)) for each in fit.profile)
     if is_open:
         for name in ("gain_degC_per_pct", "time_constant_s"):
@@ -669,8 +675,9 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
     rmse = float(np.sqrt(np.mean((log.temperature_degC - simulated) ** 2)))
     window = float(log.time_s[0]), float(log.time_s[-1])
     candidates = [Candidate(
-        model=model, log=log.name, window_s=window, law=_LAW if fit.switched_rows is None else _LOGGED, controller=_controller(solution, fit), fit_pct=share,
-        rmse_degC=rmse, delta_bic=solution.bic - best.bic, part=part) for model, solution, part in _ends(family, plant, best)]
+        model=model, log=log.name, window_s=window, law=_LAW if fit.switched_rows is None else _LOGGED,
+        controller=_controller(solution, fit), fit_pct=share, rmse_degC=rmse, delta_bic=solution.bic - best.bic,
+        part=part) for model, solution, part in _ends(family, plant, best)]
     notes = list(_notes(fit, dead))
     measures = {"ultimate_gain_pct_per_degC": _ultimate_gain, **COMBINATIONS}
     return FittedModel(
@@ -724,7 +731,9 @@ def _controller(solution: _Solution, fit: TwoLevelFit) -> dict[str, float]:
         return {"low_degC": fit.thermostat.low_degC, "high_degC": fit.thermostat.high_degC}
     first = 0 if solution.problem.is_on else 1
     offs, ons = (solution.temperature_degC(solution.instants[place::2]) for place in (first, 1 - first))
-    return {"lowest_degC": float(np.median(ons)), "highest_degC": float(np.median(offs))} if len(offs) and len(ons) else {}
+    if not len(offs) or not len(ons):
+        return {}
+    return {"lowest_degC": float(np.median(ons)), "highest_degC": float(np.median(offs))}
 
 
 def _notes(fit: TwoLevelFit, dead: _DeadTimes) -> Iterator[str]:
@@ -752,8 +761,8 @@ def _notes(fit: TwoLevelFit, dead: _DeadTimes) -> Iterator[str]:
 def _mains_notes(best: _Solution) -> Iterator[str]:
     if len(best.gains) > 1:
         yield (f"Full power changes by {100.0 * (best.gains[1] / best.gains[0] - 1.0):+.0f} % at "
-               f"{float(_changes(best.problem, best.instants)[0]):.0f} s (mains voltage, or an element that failed); the interval of the gain holds "
-               "both values.")
+               f"{float(_changes(best.problem, best.instants)[0]):.0f} s (mains voltage, or an element that failed); "
+               "the interval of the gain holds both values.")
 
 
 def _hull(values: Sequence[float]) -> Interval:
