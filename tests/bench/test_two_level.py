@@ -4,7 +4,9 @@ import re
 
 import pytest
 
+from heatertune.chain.stages import fit
 from heatertune.errors import InputError, OutOfRange
+from heatertune.model.temperature.two_level import Thermostat
 from heatertune.model.values import FitOutcome
 from tests.bench import two_level, whose_heater
 
@@ -38,16 +40,12 @@ def test_stated_thresholds_that_a_log_does_not_reach_are_refused_and_the_remedy_
 
 @pytest.mark.parametrize("numbers", [(20.0,), (60.0, 50.0), (50.0, 60.0, -1.0), (1.0, 2.0, 3.0, 4.0, 5.0)])
 def test_a_thermostat_is_two_thresholds_and_up_to_two_times(numbers):
-    from heatertune.model.temperature.two_level import Thermostat
-
     with pytest.raises(OutOfRange, match="thermostat"):
         Thermostat.stated(numbers)
 
 
 @pytest.mark.long
 def test_a_thermostat_is_not_stated_for_a_log_with_power():
-    from heatertune.chain.stages import fit
-
     drawn = two_level.draw(10)
     with pytest.raises(InputError, match="contains the power"):
         fit((drawn.time_s, drawn.temperature, drawn.power), thermostat=(50.0, 60.0))

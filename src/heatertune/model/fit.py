@@ -183,6 +183,8 @@ def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str]
 
 
 def _refuse_cooler(given: FitSettings) -> None:
+    if given.thermostat is not None:
+        raise InputError("--thermostat needs a single log without power, and no other controller; leave it out")
     if given.cooler:
         raise InputError("--cooler needs a single log that contains the power; fit it separately")
 

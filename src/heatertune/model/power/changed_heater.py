@@ -77,11 +77,12 @@ def _explained_until(problem: PowerProblem, share: float) -> float | None:
 
 
 def _foretold_until(problem: PowerProblem, end_s: float) -> float | None:
-    """Return the instant until which a heater fitted up to another one foretells the log; None: no heater, or always."""
+    """Return the instant until which a heater fitted up to another one foretells the log; None: never or always."""
     time, record = problem.readings.time_s, problem.readings.temperature_degC
     rows = time <= end_s
     begun = replace(problem, readings=_first(problem.readings, end_s))
-    if np.count_nonzero(rows) < MIN_SAMPLES or np.count_nonzero(~rows) < _FEWEST or not np.ptp(begun.readings.level_pct):
+    count = int(np.count_nonzero(rows))
+    if count < MIN_SAMPLES or len(rows) - count < _FEWEST or not np.ptp(begun.readings.level_pct):
         return None
     fit = begun.fit()
     if fit.model is None or not _is_heater(begun, fit):

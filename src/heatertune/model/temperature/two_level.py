@@ -303,7 +303,7 @@ def _demand_thresholds(log: Log, thermostat: Thermostat) -> None:
     if not (low <= thermostat.low_degC and thermostat.high_degC <= high):
         raise InputError(
             f"{log.name}: its readings, {low:g} to {high:g} °C, do not reach the thresholds {thermostat.low_degC:g} "
-            f"and {thermostat.high_degC:g} °C, so it does not show their switching; correct --thermostat, or leave it out")
+            f"and {thermostat.high_degC:g} °C, so it shows no switching; correct --thermostat, or leave it out")
 
 
 def _is_even(log: Log, rows: Sequence[int], is_on: bool) -> bool:
@@ -332,7 +332,9 @@ def _steps(time: Array, instants: Array, lag: float, second: float) -> tuple[Arr
     return 1.0 - (lag * slow - second * fast) / both, np.where(is_after, (slow - fast) / both, 0.0)
 
 
-def _basis(problem: _SwitchingProblem, log_lag: float, ratio: float, instants: Array, begin: float) -> tuple[Array, Array]:
+def _basis(
+    problem: _SwitchingProblem, log_lag: float, ratio: float, instants: Array, begin: float
+) -> tuple[Array, Array]:
     """Return the columns of the linear numbers, and the impulse response of each switching with its sign."""
     lag = math.exp(log_lag)
     signs = np.where((np.arange(len(instants)) % 2 == 0) == problem.is_on, -1.0, 1.0)
@@ -361,7 +363,9 @@ def _changes(problem: _SwitchingProblem, instants: Array) -> Array:
     return instants[place - 1 : place] * (1.0 - problem.share) + instants[place : place + 1] * problem.share
 
 
-def _evaluated(problem: _SwitchingProblem, log_lag: float, ratio: float, instants: Array) -> tuple[_Solution, Array, Array]:
+def _evaluated(
+    problem: _SwitchingProblem, log_lag: float, ratio: float, instants: Array
+) -> tuple[_Solution, Array, Array]:
     basis, pulses = _basis(problem, log_lag, ratio, instants, float(problem.time_s[0]))
     target = problem.temperature_degC - (problem.ambient_degC or 0.0)
     orthogonal, triangle = np.linalg.qr(basis)
@@ -748,7 +752,7 @@ def _notes(fit: TwoLevelFit, dead: _DeadTimes) -> Iterator[str]:
     yield (f"The power was not logged; {log.name} is two-level control: {count} switchings between full power and none "
            "were fitted together with the heater.")
     if fit.thermostat is None:
-        yield (f"The thresholds are not known, so a dead time between {dead.low:.3g} and {dead.high:.3g} s is possible; "
+        yield (f"The thresholds are not known, so the dead time may be {dead.low:.3g} to {dead.high:.3g} s; "
                "if you know at which temperatures the thermostat switches, state them: --thermostat LOW HIGH, with "
                "its minimum on and off times if it has any.")
     else:
