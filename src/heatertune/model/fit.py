@@ -30,12 +30,8 @@ from heatertune.model.statistics import envelope, holds, identified_interval
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
 from heatertune.model.temperature.evidence import is_faster_than_rows
 from heatertune.model.temperature.fit_temperature import fit_temperature
-from heatertune.model.temperature.two_level import (
-    Thermostat,
-    fit_logged_switchings,
-    fit_two_level,
-    two_level_model,
-)
+from heatertune.model.temperature.two_level import Thermostat, fit_logged_switchings, fit_two_level
+from heatertune.model.temperature.two_level_result import two_level_model
 from heatertune.model.values import FitOutcome, FittedModel, model_by_hand
 from heatertune.options import merge_options
 from heatertune.settings import FitSettings

@@ -11,8 +11,8 @@ switch off colder than on; the interval and the plausible heaters hold that.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -21,33 +21,29 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import Log
-from heatertune.model.diagnostics import Remark, findings_of, poor_remarks
-from heatertune.model.reduction import COMBINATIONS, FIELDS
 from heatertune.model.statistics import (
-    Interval,
     ar1_bic,
     autocorrelation,
-    fit_pct,
-    identified_interval,
     student_t,
 )
 from heatertune.model.temperature.evidence import quiet_noise_degC, switching_guess
-from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, HeaterModel, Residuals, TwoLag
+from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["Thermostat", "TwoLevelFit", "fit_logged_switchings", "fit_two_level", "two_level_model"]
+__all__ = ["LONGEST", "SwitchingSolution", "Thermostat", "TwoLevelFit", "change_s", "fit_logged_switchings",
+           "fit_two_level"]
 
 
 _MOST_READINGS: Final = 800
 _MOST_SWITCHINGS: Final = 60
 _ROWS: Final = 3.5  # fewest to a switching
-_FEWEST: Final = 3  # switchings, if the thresholds are not stated
+_FEWEST: Final = 5  # switchings, if the thresholds are not stated
 _STARTS: Final = 6  # time constants that descents start from
 _RATIOS: Final = (0.05, 0.25, 0.6)
 _PLACES: Final = 4  # stretches in which a change of full power is tried
 _SHARES: Final = (0.0, 0.25, 0.5, 0.75)  # of a stretch with the power on: full power changes there
 _EARLY: Final = (0.03, 0.1, 0.25)  # of the time constant, after the beginning: the heater begins to rise
 _LEAST_RATIO, _MOST_RATIO = 0.005, 0.98
-_LONGEST: Final = 30.0  # of the log's length, the longest time constant
+LONGEST: Final = 30.0  # of the log's length, the longest time constant
 _TRIES, _ITERATIONS = 12, 40
 _STEPS: Final = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0, 20.0)  # standard deviations, of a profile
 _NEAR: Final = 10.0  # BIC points
@@ -57,12 +53,7 @@ _DITHERED: Final = 0.45  # of the step of the readings, the error beyond which r
 _COLDEST: Final = -60.0  # of rooms [°C]
 _LOUD: Final = 2.5  # times the noise: a model that leaves more does not explain the log
 _UNEVEN: Final = 0.3  # of the swing: most deviation of the temperatures at which it turns
-_MOST_OF: Final = 0.9  # of the switchings, that come after the dead time
-_TRIGGERS: Final = 3.5  # standard deviations by which noise may switch early, of many readings
-_POOR: Final = 60.0
 _CONTINUOUS: Final = 7  # unknowns of a continuous controller and its heater, about
-_LAW: Final = "two-level control"
-_LOGGED: Final = "power logged, switched between its rows"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +108,7 @@ class _SwitchingProblem(NamedTuple):
     levels: tuple[float, float] = (0.0, 100.0)
 
 
-class _Solution(NamedTuple):
+class SwitchingSolution(NamedTuple):
     """ln time constant, ratio of the second lag (0: none), effective instants [s], linear numbers, residuals, BIC."""
 
     lag: float
@@ -129,14 +120,17 @@ class _Solution(NamedTuple):
 
     @property
     def cost(self) -> float:
+        """Sum of the squared errors [°C²]."""
         return float(self.left @ self.left)
 
     @property
     def unknowns(self) -> int:
+        """Number of fitted numbers."""
         return 1 + (self.ratio > 0.0) + len(self.instants) + len(self.linear)
 
     @property
     def bic(self) -> float:
+        """Criterion with first-order autoregressive errors."""
         return ar1_bic(self.left, self.unknowns)
 
     @property
@@ -147,6 +141,7 @@ class _Solution(NamedTuple):
 
     @property
     def ambient_degC(self) -> float:
+        """Temperature without power [°C]."""
         known = self.problem.ambient_degC
         return float(self.linear[-1]) if known is None else known
 
@@ -183,8 +178,8 @@ class TwoLevelFit:
     """
 
     log: Log
-    best: tuple[_Solution, ...]
-    profile: tuple[_Solution, ...]
+    best: tuple[SwitchingSolution, ...]
+    profile: tuple[SwitchingSolution, ...]
     gain_margin: float
     ambient_margin_degC: float
     instant_margin_s: float
@@ -346,7 +341,7 @@ def _basis(
     low, high = problem.levels
     columns = [low + (high - low) * power]
     if problem.changed_at is not None:
-        change = _steps(problem.time_s, _changes(problem, instants), lag, ratio * lag)[0][:, 0]
+        change = _steps(problem.time_s, change_s(problem, instants), lag, ratio * lag)[0][:, 0]
         columns.append(high * change + (high - low) * (steps[:, problem.changed_at :] @ signs[problem.changed_at :]))
     columns.append(np.exp(-since / lag))
     if ratio > 0.0:
@@ -356,7 +351,7 @@ def _basis(
     return np.column_stack(columns), -pulses * signs * (high - low)
 
 
-def _changes(problem: _SwitchingProblem, instants: Array) -> Array:
+def change_s(problem: _SwitchingProblem, instants: Array) -> Array:
     """Return the instant at which full power changes, shape (1,)."""
     place = problem.changed_at
     assert place is not None
@@ -365,7 +360,7 @@ def _changes(problem: _SwitchingProblem, instants: Array) -> Array:
 
 def _evaluated(
     problem: _SwitchingProblem, log_lag: float, ratio: float, instants: Array
-) -> tuple[_Solution, Array, Array]:
+) -> tuple[SwitchingSolution, Array, Array]:
     basis, pulses = _basis(problem, log_lag, ratio, instants, float(problem.time_s[0]))
     target = problem.temperature_degC - (problem.ambient_degC or 0.0)
     orthogonal, triangle = np.linalg.qr(basis)
@@ -373,15 +368,17 @@ def _evaluated(
     heat = np.full(len(instants), linear[0])
     if problem.changed_at is not None:
         heat[problem.changed_at :] += linear[1]
-    solution = _Solution(log_lag, ratio, instants, linear, target - basis @ linear, problem)
+    solution = SwitchingSolution(log_lag, ratio, instants, linear, target - basis @ linear, problem)
     return solution, orthogonal, pulses * heat
 
 
-def _descend(start: _Solution, iterations: int, *, hold_lag: bool = False, hold_ratio: bool = False) -> _Solution:
+def _descend(
+    start: SwitchingSolution, iterations: int, *, hold_lag: bool = False, hold_ratio: bool = False
+) -> SwitchingSolution:
     """Return where Levenberg's and Marquardt's descent ends; the linear numbers are projected out."""
     problem, damping = start.problem, 1e-3
     length = float(np.ptp(problem.time_s))
-    limits = math.log(float(np.median(np.diff(problem.time_s)))), math.log(_LONGEST * length)
+    limits = math.log(float(np.median(np.diff(problem.time_s)))), math.log(LONGEST * length)
     now, orthogonal, pulses = _evaluated(problem, start.lag, start.ratio, start.instants)
     for _ in range(iterations):
         free = [] if hold_lag else [_slope(now, 1e-4, 0.0)]
@@ -414,7 +411,7 @@ def _descend(start: _Solution, iterations: int, *, hold_lag: bool = False, hold_
     return now
 
 
-def _slope(now: _Solution, by_lag: float, by_ratio: float) -> Array:
+def _slope(now: SwitchingSolution, by_lag: float, by_ratio: float) -> Array:
     """Return the change of the simulation by ln time constant or ln ratio, the linear numbers kept."""
     ratio = now.ratio * math.exp(by_ratio)
     begin = float(now.problem.time_s[0])
@@ -423,14 +420,14 @@ def _slope(now: _Solution, by_lag: float, by_ratio: float) -> Array:
     return np.asarray((moved - still) / (by_lag + by_ratio))
 
 
-def _solved(problem: _SwitchingProblem, instants: Array) -> list[_Solution]:
+def _solved(problem: _SwitchingProblem, instants: Array) -> list[SwitchingSolution]:
     """Return the fits of one lag and of two that heat, the best by BIC first; a change of the mains is tried."""
     length = float(np.ptp(problem.time_s))
     period = 2.0 * float(np.median(np.diff(instants))) if len(instants) > 1 else 0.2 * length
     lags = np.geomspace(0.2 * period, max(1.5 * length, 2.0 * period), _STARTS)
-    found = list[_Solution]()
+    found = list[SwitchingSolution]()
     for ratios in ((0.0,), _RATIOS):
-        starts = [_Solution(math.log(lag), ratio, instants, np.empty(0), np.empty(0), problem)
+        starts = [SwitchingSolution(math.log(lag), ratio, instants, np.empty(0), np.empty(0), problem)
                   for lag in lags for ratio in ratios]
         tried = sorted((_descend(start, _TRIES) for start in starts), key=lambda each: each.cost)
         best = min((_descend(each, _ITERATIONS) for each in tried[:3]), key=lambda each: each.cost)
@@ -443,7 +440,7 @@ def _solved(problem: _SwitchingProblem, instants: Array) -> list[_Solution]:
     return sorted((each for each in found if min(each.gains) > 0.0), key=lambda each: each.bic)
 
 
-def _with_start(best: _Solution) -> _Solution:
+def _with_start(best: SwitchingSolution) -> SwitchingSolution:
     """Return the fit in which the heater is on from soon after the log begins, if that explains the log better.
 
     A log that begins as the heater is switched on shows its dead time before the first rise.
@@ -461,7 +458,7 @@ def _with_start(best: _Solution) -> _Solution:
     return later if later.bic < best.bic else best
 
 
-def _with_end(best: _Solution) -> _Solution:
+def _with_end(best: SwitchingSolution) -> SwitchingSolution:
     """Return the fit with one more switching near the end of the log, if that explains the log better.
 
     The last turn is not confirmed by a whole swing.
@@ -484,7 +481,7 @@ def _with_end(best: _Solution) -> _Solution:
     return later if later.bic < best.bic else best
 
 
-def _with_mains(best: _Solution) -> list[_Solution]:
+def _with_mains(best: SwitchingSolution) -> list[SwitchingSolution]:
     """Return the fits with one change of the heating power that explain the log better, or the fit without.
 
     The mains voltage, or an element of several, changes what full power is.
@@ -503,7 +500,7 @@ def _with_mains(best: _Solution) -> list[_Solution]:
     return near[:_PLACES] if least < best.bic - _NEAR else [best]
 
 
-def _profiles(best: _Solution) -> tuple[list[_Solution], Array]:
+def _profiles(best: SwitchingSolution) -> tuple[list[SwitchingSolution], Array]:
     """Return heaters that the log cannot tell from the best, and 95 % margins of gain (a share), ambient and instants.
 
     Profile likelihood of time constant and ratio, everything else fitted again; the noise is first-order
@@ -525,7 +522,7 @@ def _profiles(best: _Solution) -> tuple[list[_Solution], Array]:
     # of the gain with the time constant held: the profile moves that
     held = np.linalg.pinv(np.delete(jacobian, width, axis=1).T @ np.delete(jacobian, width, axis=1))
     gain, ambient = quantile * np.sqrt(np.maximum(np.diag(held)[[0, width - 1]] * variance, 0.0))
-    found = list[_Solution]()
+    found = list[SwitchingSolution]()
     for number, hold in enumerate(("lag", "ratio")[: 1 + (best.ratio > 0.0)]):
         deviation = float(np.clip(spread[width + number], 1e-4, 0.5))
         for side in (-1.0, 1.0):
@@ -535,7 +532,7 @@ def _profiles(best: _Solution) -> tuple[list[_Solution], Array]:
                             quantile * float(np.median(spread[-len(best.instants):]))])
 
 
-def _repeats(best: _Solution) -> float:
+def _repeats(best: SwitchingSolution) -> float:
     """Return how often the errors repeat: those of rounding are the same in each period, unless noise dithers them.
 
     White noise of half a step makes the errors of rounding independent (B. Widrow, I. Kollár, "Quantization Noise",
@@ -546,13 +543,13 @@ def _repeats(best: _Solution) -> float:
     return 1.0 if is_dithered else max(1.0, len(best.instants) / 2.0)
 
 
-def _side(best: _Solution, hold: str, deviation: float, limit: float) -> Iterator[_Solution]:
+def _side(best: SwitchingSolution, hold: str, deviation: float, limit: float) -> Iterator[SwitchingSolution]:
     """Yield the fits on one side of the best, up to the first beyond the limit."""
     now = best
     for step in _STEPS:
         by = step * deviation
         if hold == "lag":
-            start = now._replace(lag=min(best.lag + by, math.log(_LONGEST * float(np.ptp(best.problem.time_s)))))
+            start = now._replace(lag=min(best.lag + by, math.log(LONGEST * float(np.ptp(best.problem.time_s)))))
         else:
             start = now._replace(ratio=float(np.clip(best.ratio * math.exp(by), _LEAST_RATIO, _MOST_RATIO)))
         now = _descend(start, 8, hold_lag=hold == "lag", hold_ratio=hold == "ratio")
@@ -560,224 +557,3 @@ def _side(best: _Solution, hold: str, deviation: float, limit: float) -> Iterato
             yield now
         if now.cost - best.cost > limit:
             return
-
-
-class _DeadTimes(NamedTuple):
-    low: float
-    high: float
-
-
-def _dead_times(solution: _Solution, fit: TwoLevelFit) -> _DeadTimes:
-    """Return the shortest and the longest dead time that the thresholds, or their order, allow [s]."""
-    instants, problem = solution.instants, solution.problem
-    offs = instants[0 if problem.is_on else 1 :: 2]
-    stretches = np.diff(instants)
-    longest = float(np.median(stretches)) if len(stretches) else float(instants[0] - problem.time_s[0])
-    row = float(np.median(np.diff(fit.log.time_s)))
-    most = _longest_dead_time(solution, longest)
-    if fit.switched_rows is not None:
-        return _by_rows(solution, fit)
-    if fit.thermostat is None:
-        return _DeadTimes(0.0, most + row)
-    return _by_thresholds(solution, fit, offs, most + row)
-
-
-def _by_rows(solution: _Solution, fit: TwoLevelFit) -> _DeadTimes:
-    """Return the dead times by which the effective instants come after switchings between two rows [s]."""
-    rows, time = fit.switched_rows, fit.log.time_s
-    assert rows is not None
-    instants = solution.instants[-len(rows):]  # one more, if it began to rise after the log had begun
-    low = float(np.quantile(instants - time[rows], _MOST_OF)) - fit.instant_margin_s
-    high = float(np.quantile(instants - time[rows - 1], 1.0 - _MOST_OF)) + fit.instant_margin_s
-    if low > high:
-        low, high = high, low
-    return _DeadTimes(max(low, 0.0), max(high, 0.0))
-
-
-def _longest_dead_time(solution: _Solution, longest_s: float) -> float:
-    """Return the dead time at which it would switch off at the temperature at which it switches on [s]."""
-    instants, first = solution.instants, 0 if solution.problem.is_on else 1
-    offs, ons = instants[first::2], instants[1 - first :: 2]
-    ons = ons[1:] if first == 1 and len(ons) > 1 else ons  # the first one is from cold
-    if not len(ons) or not len(offs):
-        return longest_s
-    begin = float(solution.problem.time_s[0])
-    for late in np.linspace(0.0, longest_s, 81):
-        off, on = offs[offs - late > begin] - late, ons[ons - late > begin] - late
-        if len(off) and len(on) and (
-                np.mean(solution.temperature_degC(off)) < np.mean(solution.temperature_degC(on))):
-            return float(late)
-    return longest_s
-
-
-def _by_thresholds(solution: _Solution, fit: TwoLevelFit, offs: Array, most_s: float) -> _DeadTimes:
-    """Return the dead times by which each effective instant comes after the crossing of its threshold [s]."""
-    thermostat = fit.thermostat
-    assert thermostat is not None
-    instants, time = solution.instants, fit.log.time_s
-    row = float(np.median(np.diff(time)))
-    step = float(np.min(np.diff(np.unique(fit.log.temperature_degC))))
-    early, late = 0.5 * step + _TRIGGERS * fit.noise_degC, 0.5 * step + fit.noise_degC
-    lows, highs = [], []
-    for i, instant in enumerate(instants):
-        is_off = bool(np.any(offs == instant))
-        if instant <= time[0]:
-            continue
-        before = float(instants[i - 1]) if i else float(time[0])
-        least = (thermostat.least_on_s if is_off else thermostat.least_off_s)
-        grid = np.linspace(max(before, float(time[0])), float(instant), 241)
-        y = solution.temperature_degC(grid)
-        beyond = (y - thermostat.high_degC) if is_off else (thermostat.low_degC - y)
-        if not np.any(beyond >= -early):
-            continue
-        # the last time at which it was surely not yet beyond, and the first at which it surely is
-        highs.append(float(instant - grid[int(np.argmax(beyond >= -early))]))
-        is_delayed = i > 0 and instant - before <= least + 2.0 * row and least > 0.0
-        if np.any(beyond >= late) and not is_delayed and (i > 0 or is_off):
-            lows.append(float(instant - grid[int(np.argmax(beyond >= late))]) - row)
-    high = min([most_s, *highs]) + (0.0 if not highs else row * 0.25)
-    low, high = max([0.0, *lows]), max(high, 0.0)
-    if low > high:  # some switchings came later than the thresholds: a minimum time that was not stated
-        low = max(0.0, min(lows))
-    return _DeadTimes(min(low, high), high)
-
-
-def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, seen: Sequence[Candidate] = ()
-                    ) -> FittedModel:
-    """Return the fitted heater with its intervals, and heaters at their ends.
-
-    Args:
-        fit: of the log.
-        ambient_degC: stated bounds of the ambient [°C], or None.
-        seen: hypotheses of continuous controllers that were compared.
-    """
-    log, best = fit.log, fit.best[0]
-    family = list(_family(fit))
-    members = [plant for plant, *_ in family]
-    values = {name: [measure(plant) for plant in members] for name, measure in (FIELDS | COMBINATIONS).items()}
-    # without dead time two lags never lag by half a turn: the limit is a period of zero
-    values["ultimate_period_s"] = [each if math.isfinite(each) else 0.0 for each in values["ultimate_period_s"]]
-    values["ultimate_gain_pct_per_degC"] = [_ultimate_gain(plant) for plant in members]
-    ranges = {name: _hull(numbers) for name, numbers in values.items()}
-    ambient = ranges["ambient_degC"]
-    ranges["ambient_degC"] = Interval(
-        low=None if ambient.low is None else ambient.low - fit.ambient_margin_degC,
-        high=None if ambient.high is None else ambient.high + fit.ambient_margin_degC)
-    is_open = any(math.exp(each.lag) > 0.5 * _LONGEST * float(np.ptp(each.problem.time_s)) for each in fit.profile)
-    if is_open:
-        for name in ("gain_degC_per_pct", "time_constant_s"):
-            ranges[name] = replace(ranges[name], high=None)
-        ranges["ambient_degC"] = replace(ranges["ambient_degC"], low=None)
-    ci95: dict[str, Interval | None] = {name: identified_interval(ranges[name]) for name in FIELDS}
-    if ambient_degC is not None and ambient_degC[0] == ambient_degC[1]:
-        ci95["ambient_degC"] = None
-    dead = _dead_times(best, fit)
-    plant = best.plant(best.gains[0], 0.5 * (dead.low + dead.high))
-    simulated = best.temperature_degC(log.time_s)
-    share = fit_pct(log.temperature_degC, simulated)
-    outcome = _outcome(share, ci95) if fit.explains else FitOutcome.POOR_FIT
-    rmse = float(np.sqrt(np.mean((log.temperature_degC - simulated) ** 2)))
-    window = float(log.time_s[0]), float(log.time_s[-1])
-    candidates = [Candidate(
-        model=model, log=log.name, window_s=window, law=_LAW if fit.switched_rows is None else _LOGGED,
-        controller=_controller(solution, fit), fit_pct=share, rmse_degC=rmse, delta_bic=solution.bic - best.bic,
-        part=part) for model, solution, part in _ends(family, plant, best)]
-    notes = list(_notes(fit, dead))
-    measures = {"ultimate_gain_pct_per_degC": _ultimate_gain, **COMBINATIONS}
-    return FittedModel(
-        model=plant.half_rule(), outcome=outcome,
-        findings=findings_of([*([Remark("no-power", notes[0])] if fit.switched_rows is None else ()),
-                              *poor_remarks(outcome, share, log.name)]),
-        method="switching instants fitted together with the heater; profile likelihood",
-        ci95=ci95, candidates=tuple(candidates), hypotheses=(candidates[0], *seen),
-        combinations={name: (measure(plant), ranges[name]) for name, measure in measures.items()
-                      if math.isfinite(measure(plant))},
-        fit_pct=share, notes=tuple(notes),
-        residuals=Residuals(time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
-                            autocorrelation=autocorrelation(log.temperature_degC - simulated)))
-
-
-def _outcome(share: float, ci95: Mapping[str, Interval | None]) -> FitOutcome:
-    if share < _POOR:
-        return FitOutcome.POOR_FIT
-    names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
-    return FitOutcome.IDENTIFIED if all(ci95[name] is not None for name in names) else FitOutcome.COMBINATIONS_ONLY
-
-
-def _family(fit: TwoLevelFit) -> Iterator[tuple[HeaterModel, _Solution]]:
-    """Yield every heater that the log cannot tell from the best, at both ends of its dead time and gain."""
-    for solution in (*fit.best, *fit.profile):
-        dead = _dead_times(solution, fit)
-        for gain in solution.gains:
-            for factor in (1.0 - fit.gain_margin, 1.0, 1.0 + fit.gain_margin):
-                for late in dict.fromkeys(dead):
-                    yield solution.plant(max(gain * factor, 1e-6), late), solution
-
-
-def _ends(family: Sequence[tuple[HeaterModel, _Solution]], plant: HeaterModel, best: _Solution
-          ) -> Iterator[tuple[HeaterModel, _Solution, str]]:
-    """Yield the best heater, and those at the ends of what a loop feels: ultimate gain and period, gain, lag."""
-    yield plant, best, ""
-    chosen = list[int]()
-    for name, measure in {
-            "ultimate gain": _ultimate_gain, "ultimate period": COMBINATIONS["ultimate_period_s"],
-            "gain": FIELDS["gain_degC_per_pct"], "time constant": FIELDS["time_constant_s"]}.items():
-        numbers = [measure(model) for model, _ in family]
-        for end, place in (("low", int(np.argmin(numbers))), ("high", int(np.argmax(numbers)))):
-            if place not in chosen:
-                chosen.append(place)
-                yield *family[place], f"{name} at its {end} end"
-
-
-def _controller(solution: _Solution, fit: TwoLevelFit) -> dict[str, float]:
-    """Return the thresholds: as stated, or as the switchings show them without a dead time."""
-    if fit.thermostat is not None:
-        return {"low_degC": fit.thermostat.low_degC, "high_degC": fit.thermostat.high_degC}
-    first = 0 if solution.problem.is_on else 1
-    offs, ons = (solution.temperature_degC(solution.instants[place::2]) for place in (first, 1 - first))
-    if not len(offs) or not len(ons):
-        return {}
-    return {"lowest_degC": float(np.median(ons)), "highest_degC": float(np.median(offs))}
-
-
-def _notes(fit: TwoLevelFit, dead: _DeadTimes) -> Iterator[str]:
-    best, log = fit.best[0], fit.log
-    count = len(best.instants)
-    if fit.switched_rows is not None:
-        row = float(np.median(np.diff(log.time_s)))
-        yield (f"{log.name}: the power switches between two rows ({row:.3g} s), and the temperature shows when: the "
-               f"instants of {count} switchings were fitted together with the heater.")
-        yield from _mains_notes(best)
-        return
-    yield (f"The power was not logged; {log.name} is two-level control: {count} switchings between full power and none "
-           "were fitted together with the heater.")
-    if fit.thermostat is None:
-        yield (f"The thresholds are not known, so the dead time may be {dead.low:.3g} to {dead.high:.3g} s; "
-               "if you know at which temperatures the thermostat switches, state them: --thermostat LOW HIGH, with "
-               "its minimum on and off times if it has any.")
-    else:
-        yield (f"Its thresholds of {fit.thermostat.low_degC:g} and {fit.thermostat.high_degC:g} °C, as stated, leave a "
-               f"dead time between {dead.low:.3g} and {dead.high:.3g} s.")
-    yield from _mains_notes(best)
-    yield "If the heater had another power than full power and none, its gain is wrong by the same factor."
-
-
-def _mains_notes(best: _Solution) -> Iterator[str]:
-    if len(best.gains) > 1:
-        yield (f"Full power changes by {100.0 * (best.gains[1] / best.gains[0] - 1.0):+.0f} % at "
-               f"{float(_changes(best.problem, best.instants)[0]):.0f} s (mains voltage, or an element that failed); "
-               "the interval of the gain holds both values.")
-
-
-def _hull(values: Sequence[float]) -> Interval:
-    low, high = min(values), max(values)
-    return Interval(low=low, high=high if math.isfinite(high) else None)
-
-
-def _ultimate_gain(plant: HeaterModel) -> float:
-    """Return the gain of a P controller at the limit of stability [%/°C]; infinite without dead time."""
-    period = COMBINATIONS["ultimate_period_s"](plant)
-    if not math.isfinite(period):
-        return math.inf
-    omega = 2.0 * math.pi / period
-    return math.prod(math.hypot(1.0, omega * lag) for lag in plant.lags_s) / plant.gain_degC_per_pct
