@@ -150,8 +150,7 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
     measures = {"ultimate_gain_pct_per_degC": _ultimate_gain, **COMBINATIONS}
     return FittedModel(
         model=plant.half_rule(), outcome=outcome,
-        findings=findings_of([*([Remark("no-power", notes[0])] if fit.switched_rows is None else ()),
-                              *poor_remarks(outcome, share, log.name)]),
+        findings=findings_of([*_remarks(fit, notes[0]), *poor_remarks(outcome, share, log.name)]),
         method="switching instants fitted together with the heater; profile likelihood",
         ci95=ci95, candidates=tuple(candidates), hypotheses=(candidates[0], *seen),
         combinations={name: (measure(plant), ranges[name]) for name, measure in measures.items()
@@ -159,6 +158,14 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
         fit_pct=share, notes=tuple(notes),
         residuals=Residuals(time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
                             autocorrelation=autocorrelation(log.temperature_degC - simulated)))
+
+
+def _remarks(fit: TwoLevelFit, note: str) -> Iterator[Remark]:
+    """Yield the findings: that no power was logged, and, unless it is stated, that full power is assumed."""
+    if fit.switched_rows is None:
+        yield Remark("no-power", note)
+        if fit.thermostat is None:
+            yield Remark("two-level", f"{note} That it is full power is assumed; --thermostat LOW HIGH states it.")
 
 
 def _outcome(share: float, ci95: Mapping[str, Interval | None]) -> FitOutcome:
