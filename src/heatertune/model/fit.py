@@ -107,7 +107,8 @@ def _fit_unlogged(
     progress(f"{log.name}: fitting the switchings of two-level control")
     switched = fit_two_level(whole, ambient_degC=bounds, thermostat=thermostat)
     if thermostat is not None:
-        if switched is None or not (switched.explains or switched.has_many_rows):
+        few = switched is None or not switched.has_many_rows or is_faster_than_rows(whole)
+        if switched is None or (few and not switched.explains):
             raise InputError(f"{log.name}: its rows do not show the switchings at {thermostat.low_degC:g} and "
                              f"{thermostat.high_degC:g} °C; log at a shorter interval, ten rows or more to a period")
         return two_level_model(switched, bounds), ()
