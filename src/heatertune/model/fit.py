@@ -26,7 +26,7 @@ from heatertune.model.power.load_steps import is_sensible
 from heatertune.model.power.regressors import AMBIENT
 from heatertune.model.reduction import FIELDS
 from heatertune.model.relay_test import with_relay
-from heatertune.model.statistics import envelope, holds, identified_interval
+from heatertune.model.statistics import autocorrelation, envelope, holds, identified_interval
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
 from heatertune.model.temperature.evidence import is_faster_than_rows
 from heatertune.model.temperature.fit_temperature import fit_temperature
@@ -37,6 +37,7 @@ from heatertune.options import merge_options
 from heatertune.settings import FitSettings
 from heatertune.units import check
 
+_SWING_ROWS, _SWINGS = 5, -0.4  # half a period of a swing [rows], and the correlation after it
 _BEHIND = 10.0  # BIC points behind which one lag does not explain a log
 
 __all__ = ["fit", "fit_known", "fit_together", "model_by_hand"]
@@ -116,19 +117,33 @@ def _fit_unlogged(
     fitted = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
     best, readings = fitted.hypotheses[0], len(fitted.residuals.time_s) if fitted.residuals else len(used.time_s)
     if switched is None or not switched.explains or not switched.is_better(best.rmse_degC, readings):
-        return (_with_faster_swing(fitted, used) if fitted.outcome is FitOutcome.LAW_UNKNOWN else fitted), notes
+        return _with_faster_swing(fitted, used), notes
     return two_level_model(switched, bounds, fitted.hypotheses), ()
 
 
 def _with_faster_swing(fitted: FittedModel, log: Log) -> FittedModel:
-    """Return a fit with the finding that the rows are too far apart to show the swing, where they are."""
-    if not is_faster_than_rows(log):
+    """Return a fit with the finding that the rows are too far apart to show the swing, where they are.
+
+    Any controller explains a lasting swing of a few rows; what it identifies is then not the heater.
+    """
+    is_unknown = fitted.outcome is FitOutcome.LAW_UNKNOWN
+    if is_unknown and not is_faster_than_rows(log):
+        return fitted
+    if not is_unknown and not _swings_by_rows(log):
         return fitted
     message = (f"{log.name} goes up and down from row to row: its rows are too far apart to show how it is switched; "
                "log at a shorter interval, ten rows or more to a swing.")
     kept = tuple(each for each in fitted.findings if each.name not in ("not-regulated", "two-level"))
     return replace(fitted, findings=(*kept, Finding(name="faster-than-log", message=message)),
-                   notes=(message, *fitted.notes))
+                   notes=(message, *fitted.notes), outcome=FitOutcome.LAW_UNKNOWN, combinations={},
+                   ci95=dict.fromkeys(fitted.ci95))
+
+
+def _swings_by_rows(log: Log) -> bool:
+    """Return whether the later readings swing with a period of a few rows."""
+    late = log.temperature_degC[len(log.time_s) // 2 :]
+    late = late - late.mean()
+    return bool(np.ptp(late) > 0.0 and float(np.min(autocorrelation(late, _SWING_ROWS))) < _SWINGS)
 
 
 def _with_switchings(log: Log, fitted: FittedModel, bounds: Bounds | None) -> FittedModel:
