@@ -120,6 +120,11 @@ class FitSettings:
     sensor_delay_s: float = _time(0.0, "known delay of the sensor", "--sensor-delay", instead=("0", ""))
     log_pwm_period_s: float | None = _time(
         None, "PWM period of the heater while it was logged", "--log-pwm-period", instead=("the log's", ""))
+    thermostat: tuple[float, ...] | None = option(
+        None, float, "thresholds of the two-level control that made a log without power", unit="°C",
+        flag="--thermostat", metavar="X", several=True, label="thermostat", least=_COLDEST_DEGC,
+        help="LOW HIGH: the temperatures [°C] at which the two-level control of a log without power switches on and "
+             "off; then, if it has any, its minimum on and off times [s]")
     cooler: bool = option(False, bool, "the power cools: more power, lower temperature", flag="--cooler")
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Of logs without power that no tried law made none is called identified, and of none is a verdict PASS."""
+"""Of logs without power that no tried law made, nothing is identified but a thermostat's heater; no verdict is PASS."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,8 @@ from heatertune.log import read_log
 from heatertune.model.values import FitOutcome
 from tests.bench import blind
 
-OTHERS = [kind for kind, (_, law_is_tried) in blind.KINDS.items() if not law_is_tried]
+THERMOSTATS = ["thermostat", "slow thermostat"]
+OTHERS = [kind for kind, (_, law_is_tried) in blind.KINDS.items() if not law_is_tried and kind not in THERMOSTATS]
 
 
 def _fitted(case, folder):
@@ -25,6 +26,16 @@ def test_no_parameter_is_identified_and_the_verdict_is_blocked(kind, tmp_path):
     assert all(interval is None for interval in fitted.ci95.values())
     assert not fitted.combinations
     assert any(finding.kind.effect == "blocks" for finding in fitted.findings)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", THERMOSTATS)
+def test_what_is_said_of_a_thermostat_s_heater_is_true_and_the_verdict_is_blocked(kind, tmp_path):
+    # two-level control is a law of its own: its switchings are fitted, and full power is an assumption until stated
+    case = blind.make(kind, 7)
+    fitted = _fitted(case, tmp_path)
+    assert blind.outside(case, fitted) == []
+    assert any(finding.name == "two-level" for finding in fitted.findings)
 
 
 @pytest.mark.long

@@ -61,7 +61,8 @@ KINDS: Final[dict[str, FindingKind]] = {
         "add the power as a column: full power in % while the heater was on, else 0"),
     "two-level": FindingKind(
         "blocks", "the log looks like two-level control whose power was not logged",
-        "add the power as a column: full power in % while the heater was on, else 0"),
+        "state that it switches full power (--thermostat LOW HIGH), or add the power as a column: full power in % "
+        "while the heater was on, else 0"),
     "on-bound": FindingKind(
         "blocks", "a fitted parameter lies at a bound of its search",
         "log the power as well, or one open-loop step and its power"),

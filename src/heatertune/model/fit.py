@@ -25,13 +25,21 @@ from heatertune.model.power.known_controller import KnownController, compare, of
 from heatertune.model.power.load_steps import is_sensible
 from heatertune.model.power.regressors import AMBIENT
 from heatertune.model.power.side_effects import cleared, fit_two_way, in_its_room, with_loss
+from heatertune.model.reduction import FIELDS
 from heatertune.model.relay_test import with_relay
+from heatertune.model.statistics import autocorrelation, envelope, holds, identified_interval
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
+from heatertune.model.temperature.evidence import is_faster_than_rows
 from heatertune.model.temperature.fit_temperature import fit_temperature
+from heatertune.model.temperature.two_level import Thermostat, fit_logged_switchings, fit_two_level
+from heatertune.model.temperature.two_level_result import two_level_model
 from heatertune.model.values import FitOutcome, FittedModel, model_by_hand
 from heatertune.options import merge_options
 from heatertune.settings import FitSettings
 from heatertune.units import check
+
+_SWING_ROWS, _SWINGS = 5, -0.4  # half a period of a swing [rows], and the correlation after it
+_BEHIND = 10.0  # BIC points behind which one lag does not explain a log
 
 __all__ = ["fit", "fit_known", "fit_together", "model_by_hand"]
 
@@ -74,23 +82,108 @@ def fit(
         _refuse_disturbance(log)
         _demand_laws(log, laws)
         _refuse_bound(log, delays)
-        progress(f"{log.name}: fitting {len(laws)} controller laws inside the loop")
-        fitted = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
+        fitted, notes = _fit_unlogged(log, laws, bounds, given, seed, thorough, progress)
     else:
+        if given.thermostat is not None:
+            raise InputError(f"{log.name} contains the power, so its switchings are known: leave out --thermostat")
         used, bounds, side_notes = in_its_room(used, bounds)
         used, effect, loss = _cleared(used, progress)
         progress(f"{log.name}: fitting one and two lags to the logged power")
         fit_one = partial(_fit_logged, bounds=bounds, power_before_pct=given.power_before_pct, seed=seed, delays=delays)
         if used.cooling_pct is None:
-            fitted = with_relay(used, with_loss(fit_one(used), loss), ambient_degC=_single(bounds))
+            fitted = _with_switchings(used, with_loss(fit_one(used), loss), bounds)
+            fitted = with_relay(used, fitted, ambient_degC=_single(bounds))
         else:
             fitted, used = fit_two_way(used, fit_one)
         loop = loop_remarks(used)
+        fitted = _with_better_order(fitted) if loop else fitted
         notes += side_notes
         notes += tuple(remark.sentence for remark in loop)
         notes += () if effect is None else (effect.sentence,)
         fitted = replace(fitted, findings=(*fitted.findings, *findings_of(loop)), disturbance=effect)
     return _of_files(delays.apply_to(replace(fitted, notes=notes + fitted.notes), [used]), [log])
+
+
+def _fit_unlogged(
+    log: Log, laws: Sequence[ControllerLaw], bounds: Bounds | None, given: FitSettings, seed: int, thorough: bool,
+    progress: Callable[[str], object],
+) -> tuple[FittedModel, tuple[str, ...]]:
+    """Return the fit of a log without power, of two-level control if that is stated or explains it best, and notes."""
+    used, notes = _used(log, given.until_s)
+    whole = log if given.until_s is None else used  # a quick heat-up may look like a jump
+    thermostat = Thermostat.stated(given.thermostat)
+    progress(f"{log.name}: fitting the switchings of two-level control")
+    switched = fit_two_level(whole, ambient_degC=bounds, thermostat=thermostat)
+    if thermostat is not None:
+        few = switched is None or not switched.has_many_rows or is_faster_than_rows(whole)
+        if switched is None or (few and not switched.explains):
+            raise InputError(f"{log.name}: its rows do not show the switchings at {thermostat.low_degC:g} and "
+                             f"{thermostat.high_degC:g} °C; log at a shorter interval, ten rows or more to a period")
+        return two_level_model(switched, bounds), ()
+    progress(f"{log.name}: fitting {len(laws)} controller laws inside the loop")
+    fitted = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
+    best, readings = fitted.hypotheses[0], len(fitted.residuals.time_s) if fitted.residuals else len(used.time_s)
+    if switched is None or not switched.explains or not switched.is_better(best.rmse_degC, readings):
+        return _with_faster_swing(fitted, used), notes
+    return two_level_model(switched, bounds, fitted.hypotheses), ()
+
+
+def _with_faster_swing(fitted: FittedModel, log: Log) -> FittedModel:
+    """Return a fit with the finding that the rows are too far apart to show the swing, where they are.
+
+    Any controller explains a lasting swing of a few rows; what it identifies is then not the heater.
+    """
+    is_unknown = fitted.outcome is FitOutcome.LAW_UNKNOWN
+    if is_unknown and not is_faster_than_rows(log):
+        return fitted
+    if not is_unknown and not _swings_by_rows(log):
+        return fitted
+    message = (f"{log.name} goes up and down from row to row: its rows are too far apart to show how it is switched; "
+               "log at a shorter interval, ten rows or more to a swing.")
+    kept = tuple(each for each in fitted.findings if each.name not in ("not-regulated", "two-level"))
+    return replace(fitted, findings=(*kept, Finding(name="faster-than-log", message=message)),
+                   notes=(message, *fitted.notes), outcome=FitOutcome.LAW_UNKNOWN, combinations={},
+                   ci95=dict.fromkeys(fitted.ci95))
+
+
+def _swings_by_rows(log: Log) -> bool:
+    """Return whether the later readings swing with a period of a few rows."""
+    late = log.temperature_degC[len(log.time_s) // 2 :]
+    late = late - late.mean()
+    return bool(np.ptp(late) > 0.0 and float(np.min(autocorrelation(late, _SWING_ROWS))) < _SWINGS)
+
+
+def _with_switchings(log: Log, fitted: FittedModel, bounds: Bounds | None) -> FittedModel:
+    """Return the fit of a power that switches between rows instead, if it explains the log better."""
+    best = fitted.candidates[0]  # the working model: where two lags explain the log better, it is not that
+    switched = fit_logged_switchings(log, fitted.model.dead_time_s, ambient_degC=bounds)
+    if switched is None or not switched.explains or not switched.is_better(best.rmse_degC, len(log.time_s)):
+        return fitted
+    kept = tuple(finding for finding in fitted.findings if finding.name in ("one-level", "alias"))
+    model = two_level_model(switched, bounds)
+    return replace(model, findings=(*kept, *model.findings))
+
+
+def _with_better_order(fitted: FittedModel) -> FittedModel:
+    """Return the fit of a closed loop with intervals that hold what two lags say, if they explain it better than one.
+
+    A loop excites the heater where a second lag matters, and little at rest: one lag may then have any gain.
+    """
+    one = fitted.candidates[0]
+    two = [each for each in fitted.candidates if len(each.model.lags_s) > 1]
+    gain = fitted.ci95.get("gain_degC_per_pct")
+    if not two or one.delta_bic <= _BEHIND or gain is None:
+        return fitted
+    if all(holds(gain, each.model.gain_degC_per_pct) for each in two):
+        return fitted
+    wider = {name: None if inside is None or name not in FIELDS else identified_interval(envelope(
+        inside, [FIELDS[name](each.model) for each in two])) for name, inside in fitted.ci95.items()}
+    note = ("Two lags explain the log better, with another gain, so one lag does not identify it: the intervals hold "
+            "both, and the plausible heaters too.")
+    is_open = any(wider.get(name) is None for name in ("gain_degC_per_pct", "time_constant_s"))
+    is_identified = fitted.outcome is FitOutcome.IDENTIFIED and not is_open
+    return replace(fitted, ci95=wider, notes=(*fitted.notes, note), outcome=fitted.outcome if is_identified
+                   or fitted.outcome is not FitOutcome.IDENTIFIED else FitOutcome.COMBINATIONS_ONLY)
 
 
 def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str], object]) -> FittedModel:
@@ -110,6 +203,8 @@ def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str]
 
 
 def _refuse_cooler(given: FitSettings) -> None:
+    if given.thermostat is not None:
+        raise InputError("--thermostat needs a single log without power, and no other controller; leave it out")
     if given.cooler:
         raise InputError("--cooler needs a single log that contains the power; fit it separately")
 

@@ -225,6 +225,7 @@ def _reach(model: HeaterModel, relay: TwoLevelRelay) -> tuple[float, float]:
 Rows = npt.NDArray[np.intp]
 
 _PERIODS = 2  # least number of whole ones
+_LEAST_STEP = 2.0  # % of power: a P controller answers a step of the reading by less
 _SPREAD = 0.25  # of the swing: how far the temperatures at equal switches may lie apart
 _PASSED = 1.2  # times the distance of the thresholds: a smaller swing may have been switched by a clock
 _CLOCK = 2.0  # sampling intervals: then the periods differ by more
@@ -361,6 +362,8 @@ def find_relay(log: Log, *, ambient_degC: float | None = None) -> RelayRecord | 
     if len(off) > _PERIODS + 1:  # the first swing still remembers the heat-up
         off = off[1:]
     if len(off) <= _PERIODS:
+        return None
+    if abs(float(power[off[0]] - power[off[0] - 1])) < _LEAST_STEP:
         return None
     on = on[(on > off[0]) & (on < off[-1])]
     y = log.temperature_degC

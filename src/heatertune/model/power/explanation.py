@@ -23,6 +23,7 @@ from heatertune.errors import InputError
 from heatertune.log.values import MIN_SAMPLES, Log
 from heatertune.model.diagnostics import Remark
 from heatertune.model.outliers import replace_outliers, without_outliers
+from heatertune.model.power.changed_heater import refuse_changed
 from heatertune.model.power.feedback import WRONG_SIGN, demand_cause, explains, follows_temperature, is_feedback
 from heatertune.model.power.load_steps import bic_of, refit_all, with_events, without_events
 from heatertune.model.power.nonlinear import Bend, judged_linear
@@ -506,8 +507,12 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
         refuse_opened(log, thin)
     if doubt and not doubt.startswith(WRONG_SIGN) and any(map(explains, *way)):
         doubt = ""
+    if doubt:
+        refuse_changed(log, thin)
     (problems, fits), bend, untold = judged_linear(without_events(way), way)
     if any(fit.model is None for fit in fits):
+        refuse_opened(log, thin)
+        refuse_changed(log, thin)
         raise InputError(f"{log.name}: no heater explains the log, as something else than the power moved its "
                          "temperature; log steps of the power from rest, each until it rests")
     return Explanation(
@@ -524,6 +529,7 @@ def _demand_cause(log: Log, problem: PowerProblem, fit: PowerFit, alias: str) ->
         if alias:
             raise InputError(f"{log.name}: {alias}") from refused
         refuse_opened(log, problem)
+        refuse_changed(log, problem)
         raise
 
 

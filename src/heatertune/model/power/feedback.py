@@ -148,7 +148,7 @@ def _projected(errors: Array, sensitivities: Array) -> Array:
 
 
 #: how a doubt begins that no fit of a heater settles
-WRONG_SIGN = "a cooler"
+WRONG_SIGN = "a power of the opposite sign"
 
 
 _CAUSALITY_READINGS = 500

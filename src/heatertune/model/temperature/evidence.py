@@ -29,8 +29,8 @@ from heatertune.model.values import HeaterModel
 
 __all__ = [
     "Bound", "ConstantPowerStretch", "bound_contradictions", "contradictions", "evidence_notes", "fall_bound",
-    "free_cooling", "is_open_loop", "noise_degC", "regulation_remarks", "rise_bound", "saturated_heat_up",
-    "steady_swing",
+    "free_cooling", "is_faster_than_rows", "is_open_loop", "noise_degC", "quiet_noise_degC", "regulation_remarks",
+    "rise_bound", "saturated_heat_up", "steady_swing", "switching_guess",
 ]
 
 
@@ -212,6 +212,14 @@ def noise_degC(log: Log) -> float:
     return float(max(np.std(np.diff(y, 2)) / np.sqrt(6.0), step / np.sqrt(12.0)))
 
 
+def quiet_noise_degC(log: Log) -> float:
+    """Return the noise by the usual second difference [°C]: a few turns between two rows are no noise."""
+    y = log.temperature_degC
+    step = float(np.min(np.diff(np.unique(y))))
+    usual = 1.4826 * float(np.median(np.abs(np.diff(y, 2)))) / math.sqrt(6.0)
+    return min(noise_degC(log), max(usual, step / math.sqrt(12.0)))
+
+
 def _exponential(log: Log, first: int, last: int, quiet: float) -> ConstantPowerStretch | None:
     """Return the one-lag curves that fit some readings as well as the best (95 %), None if none is within the noise."""
     y, elapsed = log.temperature_degC[first : last + 1], log.time_s[first : last + 1] - log.time_s[first]
@@ -279,6 +287,11 @@ _AS_WELL: Final = 1.15  # times the error of the controller that explains the lo
 _INSTANTS: Final = 14  # tried for the end of the power
 _MOST_READINGS: Final = 20_000  # in which a swing is sought
 _READINGS: Final = 200  # of a log that constant power is fitted to
+_FEWEST_MEANS: Final = 100  # of a log that is smoothed to find its switchings
+_TURNS_OFTEN: Final = 0.4  # share of the rows at which the temperature turns
+_STEPS_AT_ONCE: Final = 4.0  # steps of the reading from row to row
+_FEWER_MOVES: Final = (3.0, 1.5)  # the same, if that finds none
+_FLAT: Final = 2.0  # standard deviations about a turning point that are one with it
 
 
 class OscillationStats(NamedTuple):
@@ -337,6 +350,64 @@ def _swing_of(log: Log, size: int) -> OscillationStats | None:
         return None
     return OscillationStats(len(periods), float(np.mean(periods)), float(np.mean(y[places[1::2]])),
                             float(np.mean(y[places[::2]])))
+
+
+def is_faster_than_rows(log: Log) -> bool:
+    """Return whether the temperature goes up and down from row to row by far more than a step of its reading."""
+    late = log.temperature_degC[len(log.temperature_degC) // 2 :]
+    moves = np.diff(late)
+    moves = moves[moves != 0.0]
+    turns = float(np.mean(moves[1:] * moves[:-1] < 0.0)) if len(moves) > _TURNS else 0.0
+    step = float(np.min(np.diff(np.unique(log.temperature_degC))))
+    return turns > _TURNS_OFTEN and quiet_noise_degC(log) > _STEPS_AT_ONCE * step
+
+
+class SwitchingGuess(NamedTuple):
+    """Where two-level control seems to switch: instants [s], rows of the log, and whether it is on at first."""
+
+    instants: Array
+    rows: tuple[int, ...]
+    is_on: bool
+
+
+def _most_turns(log: Log, least_degC: float) -> tuple[npt.NDArray[np.intp], int]:
+    """Return the turning points of the means over as many readings as show most of them, and how many that are."""
+    best, chosen, size = np.empty(0, dtype=np.intp), 1, 1
+    while size <= max(1, len(log.time_s) // _FEWEST_MEANS):
+        y = _smoothed(log, size)[1]
+        places = _turning_points(y, max(least_degC / math.sqrt(size), _LEAST_MOVE * float(np.ptp(y))))
+        if len(places) > len(best):
+            best, chosen = places, size
+        size *= 2
+    return best, chosen
+
+
+def switching_guess(log: Log) -> SwitchingGuess:
+    """Return the turning points of a log, with as much smoothing as shows most of them."""
+    usual = quiet_noise_degC(log)
+    for moves in (_MOVES, *_FEWER_MOVES):  # few rows to a swing: it is its own "noise"
+        best, chosen = _most_turns(log, moves * usual)
+        if len(best) >= _TURNS:
+            break
+    time, y = _smoothed(log, chosen)
+    noise = usual / math.sqrt(chosen)
+    inner = [int(place) for place in best[:-1] if place > 1]  # the last extreme is that of the log's end
+    if not inner:
+        return SwitchingGuess(np.empty(0), (), bool(y[-1] > y[0]))
+    is_on = bool(y[inner[0]] > y[0])
+    ends = [0, *inner, len(y) - 1]
+    instants, rows = [], []
+    for number, (before, place, after) in enumerate(zip(ends, ends[1:], ends[2:], strict=False)):
+        is_high = (number % 2 == 0) == is_on
+        beyond = y[before:after + 1] - y[place] if is_high else y[place] - y[before:after + 1]
+        flat = before + np.flatnonzero(beyond >= -_FLAT * noise)
+        # a heater at rest is switched on at the end of its rest
+        middle = int(flat[-1]) if number == 0 and not is_high else int(np.median(flat))
+        instants.append(float(time[middle]))
+        rows.append(min(place * chosen + chosen // 2, len(log.time_s) - 1))
+    kept = [i for i, instant in enumerate(instants) if i == 0 or instant > instants[i - 1]]
+    return SwitchingGuess(np.array(instants)[kept], tuple(rows), is_on) if len(kept) == len(instants) else (
+        SwitchingGuess(time[inner], tuple(rows), is_on))
 
 
 def is_open_loop(log: Log, rmse_degC: float) -> bool:

@@ -1,0 +1,68 @@
+"""The long run is `python tests/bench/two_level.py`, and `python tests/bench/whose_heater.py`."""
+
+import re
+
+import pytest
+
+from heatertune.chain.stages import fit
+from heatertune.errors import InputError, OutOfRange
+from heatertune.model.temperature.two_level import Thermostat
+from heatertune.model.values import FitOutcome
+from tests.bench import two_level, whose_heater
+
+
+@pytest.mark.parametrize("seed", [2, 9, 51, 72])
+@pytest.mark.long
+def test_the_heater_behind_a_thermostat_lies_within_its_intervals_without_power(seed):
+    drawn = two_level.draw(seed)
+    for options in ({}, {"thermostat": (drawn.low, drawn.high, *drawn.least)}):
+        verdict = two_level.fit_text(drawn, drawn.text(False), **options)
+        assert verdict.intervals, verdict.message
+        assert all(holds for _, holds in verdict.intervals), verdict.intervals
+
+
+@pytest.mark.parametrize("seed", [10, 41, 55])
+@pytest.mark.long
+def test_switchings_between_rows_do_not_make_the_gain_too_small(seed):
+    drawn = two_level.draw(seed)
+    verdict = two_level.fit_text(drawn, drawn.text(True))
+    assert verdict.outcome == FitOutcome.IDENTIFIED.name
+    assert all(holds for _, holds in verdict.intervals), verdict.intervals
+
+
+@pytest.mark.long
+def test_stated_thresholds_that_a_log_does_not_reach_are_refused_and_the_remedy_works():
+    drawn = two_level.draw(9)
+    refused = two_level.fit_text(drawn, drawn.text(False), thermostat=(drawn.low + 500.0, drawn.high + 500.0))
+    assert "correct --thermostat, or leave it out" in refused.message
+    assert two_level.fit_text(drawn, drawn.text(False)).outcome != "refused"
+
+
+@pytest.mark.parametrize("numbers", [(20.0,), (60.0, 50.0), (50.0, 60.0, -1.0), (1.0, 2.0, 3.0, 4.0, 5.0)])
+def test_a_thermostat_is_two_thresholds_and_up_to_two_times(numbers):
+    with pytest.raises(OutOfRange, match="thermostat"):
+        Thermostat.stated(numbers)
+
+
+@pytest.mark.long
+def test_a_thermostat_is_not_stated_for_a_log_with_power():
+    drawn = two_level.draw(10)
+    with pytest.raises(InputError, match="contains the power"):
+        fit((drawn.time_s, drawn.temperature, drawn.power), thermostat=(50.0, 60.0))
+
+
+@pytest.mark.parametrize("kind", ["opens", "probe"])
+@pytest.mark.parametrize("way", whose_heater.WAYS)
+@pytest.mark.long
+def test_the_instant_from_which_it_is_another_heater_is_named_and_the_cut_log_is_fitted(kind, way):
+    drawn = whose_heater.draw(kind, way, 1)
+    word, message = whose_heater.verdict_of(kind, drawn)
+    assert word == "told and cut", message
+    assert abs(float(re.search(r"--until ([\d.]+)", message)[1]) - drawn.at) < 0.05 * drawn.length
+
+
+@pytest.mark.parametrize("kind", ["reset", "second"])
+@pytest.mark.long
+def test_a_reset_or_a_second_heater_does_not_make_a_wrong_gain(kind):
+    word, message = whose_heater.verdict_of(kind, whose_heater.draw(kind, "loop", 0))
+    assert word == "fitted", message
