@@ -6,7 +6,8 @@ from array import array
 import numpy as np
 import pytest
 
-from heatertune.compiled import check, compile_function, dispatch, loader, numba_compiler
+from heatertune.compiled import compile_function, dispatch, loader, numba_compiler
+from heatertune.compiled import plain_functions as check
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof import simulate
 from heatertune.proof.loop import in_loop, run_loop

@@ -15,7 +15,7 @@ from heatertune.cli import main as command
 from heatertune.codec import decode, encode
 from heatertune.errors import HeatertuneError
 from heatertune.live.write.rollback import written_in
-from heatertune.proof.write_comparison import WriteHistory
+from heatertune.proof.difference import WriteHistory
 from heatertune.report.as_left_section import written_brief
 from tests.bench.sessions import folder_in
 

@@ -27,8 +27,8 @@ QUICK = ("--target", "s7-300", "--method", "simc", "--setpoint", 45, "--spec", "
 def logs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("plant") / "logs"
     (folder / "line 2").mkdir(parents=True)
-    # a power that may be one row late may be one row more of dead time: at 5 s Ms of SIMC's τc = θ would leave its limit
-    # of 2 with it; at 1 s its loop e^(−1.1·s)/(2·s), in units of θ, has 1.68
+    # a power that may be two rows late may be two rows more of dead time: at 5 s Ms of SIMC's τc = θ would leave its limit
+    # of 2 with it; at 1 s its loop e^(−1.2·s)/(2·s), in units of θ, has 1.77
     (folder / "oven.csv").write_text(heater_log(0.5, 1, interval_s=1))
     (folder / "line 2" / "dryer.csv").write_text(heater_log(0.7, 2, interval_s=1))
     (folder / "line 2" / "weak.csv").write_text(heater_log(0.2, 3))  # cannot hold 45 °C

@@ -35,7 +35,7 @@ def _noted(fitted, words):
 def test_a_clean_log_is_told_nothing_it_does_not_have():
     fitted = fit(_made())
     assert fitted.outcome is FitOutcome.IDENTIFIED
-    assert all(note.startswith("The power column may be one row") for note in fitted.notes)  # no log shows that
+    assert all(note.startswith("The power may have changed up to 2 rows") for note in fitted.notes)  # no log shows that
     assert [c.law for c in fitted.candidates] == ["power logged"] * len(fitted.candidates)
 
 

@@ -73,7 +73,7 @@ def test_a_power_column_that_is_a_row_off_leaves_the_true_dead_time_possible(for
         # two lags answer later than one by the second lag: the half rule adds half of it to the dead time
         effective = case.heater.dead + 0.5 * float(-1.0 / case.heater.a[1, 1])
         assert max(plant.half_rule().dead_time_s for plant in fitted.plants) >= effective
-        assert any("one row" in note for note in fitted.notes)
+        assert any("a row late" in note for note in fitted.notes)
 
 
 def test_a_longest_dead_time_that_the_user_knows_bounds_a_row_more():

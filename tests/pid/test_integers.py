@@ -10,8 +10,7 @@ import pytest
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.linear_check import control_margins, loop_transfer_function
-from heatertune.pid.sampled_loop import iae_load, margins
+from heatertune.pid.sampled_loop import control_margins, iae_load, loop_transfer_function, margins
 from heatertune.pid.search.integers import Integers, best_integers, bounds_of, norms
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for

@@ -5,8 +5,16 @@ import pytest
 
 from heatertune.model.values import Fopdt, TwoLag
 from heatertune.pid import sampled_loop as response
-from heatertune.pid.linear_check import control_margins, loop_transfer_function
-from heatertune.pid.sampled_loop import dominant_time_s, iae_load, iae_setpoint, loop_response, margins, respond
+from heatertune.pid.sampled_loop import (
+    control_margins,
+    dominant_time_s,
+    iae_load,
+    iae_setpoint,
+    loop_response,
+    loop_transfer_function,
+    margins,
+    respond,
+)
 from heatertune.pid.values import PidDesign
 
 PLANTS = {

@@ -41,6 +41,9 @@ class TenthsRoom:
     def again_degC(self, _words):
         return None
 
+    def forgets_degC(self, _words):
+        return None
+
     def check_ramp(self, words):
         assert words.ramp is None or isinstance(words.ramp.step, int)
 

@@ -12,8 +12,8 @@ from heatertune.errors import OutOfRange, UnknownName
 from heatertune.model.values import Fopdt
 from heatertune.plc.cpu.one_bit.machine import OneBitState
 from heatertune.proof import Actuator, Interlock, Scenario, TemperatureStep, prove_models, simulate
+from heatertune.proof.acceptance import _BITS, INTERLOCKS, _scan
 from heatertune.proof.criteria import LoopLimits
-from heatertune.proof.interlock import _BITS, INTERLOCKS, _scan
 from heatertune.proof.kernel import LOAD, Events, ScanClock, SetpointProgram, TraceArrays, run
 from heatertune.proof.meter import no_meter
 from heatertune.proof.plant import plant_from

@@ -13,8 +13,8 @@ from heatertune.errors import OutOfRange
 from heatertune.model.values import Fopdt
 from heatertune.pid.values import Margins
 from heatertune.proof import Actuator, Criterion, Load, LoopLimits, Scenario, TemperatureStep, Trace
+from heatertune.proof.acceptance import Interlock
 from heatertune.proof.criteria import worst_of
-from heatertune.proof.interlock import Interlock
 from heatertune.proof.scenario import Mains, NewSetpoint, Phase, PlcPower, SetpointRampEvent
 
 PERIOD = 0.05

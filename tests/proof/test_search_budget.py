@@ -4,10 +4,10 @@ import pytest
 
 from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.plc import Scaling
-from heatertune.proof import prove, search_budget
+from heatertune.proof import prove
+from heatertune.proof import runs as search_budget
 from heatertune.proof.redesign import DesignRequest, find_passing_design
-from heatertune.proof.runs import judged_once
-from heatertune.proof.search_budget import SearchBudget, count_scans
+from heatertune.proof.runs import SearchBudget, count_scans, judged_once
 from heatertune.settings import Conditions, TuneSettings
 
 #: the plain optimum at Ms 2 overshoots; other gains and a setpoint ramp mend it

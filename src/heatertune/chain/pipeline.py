@@ -38,6 +38,7 @@ from heatertune.proof import Proof
 from heatertune.proof.as_left import AS_LEFT_SCHEMA, AsLeft, as_left
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.proof.design_request import DesignRequest, DesignResult
+from heatertune.proof.difference import WRITTEN_SCHEMA, WriteHistory
 from heatertune.proof.document import ComparisonView, ProofView, check_document
 from heatertune.proof.feed_forward import FeedForwardProof, PlainLoop, prove_feed_forward
 from heatertune.proof.heaters import holding_heaters
@@ -46,7 +47,6 @@ from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA, certificate, demand_same_words, read_words, words_of
-from heatertune.proof.write_comparison import WRITTEN_SCHEMA, WriteHistory
 from heatertune.settings import FeedForwardSettings, FitSettings, ReadSettings
 from heatertune.writing import write_files
 

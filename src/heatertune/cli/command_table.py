@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from heatertune.proof.write_comparison import WriteHistory
+    from heatertune.proof.difference import WriteHistory
 
 __all__ = ["COMMAND_MODULES", "FIRST_OPTIONS", "Command", "command", "current_options", "written_in"]
 

@@ -18,7 +18,7 @@ from heatertune.settings import FeedForwardSettings, ReadSettings, SampleSetting
 from heatertune.writing import write_files
 
 if TYPE_CHECKING:
-    from heatertune.proof.write_comparison import WriteHistory
+    from heatertune.proof.difference import WriteHistory
 
 __all__ = [
     "EXPORT_DB_EXAMPLE", "FEED_FORWARD_EXAMPLE", "REPORT_EXAMPLE", "VERIFY_EXAMPLE", "add_export_db",

@@ -119,7 +119,7 @@ def _run_tune(settings: argparse.Namespace) -> int:
         proven.ideal, notes=(*proven.ideal.notes, *proven.notes))
     loop = fitted if settings.target is None else loop_fit(fitted, common.target(settings), common.scaling(settings))
     if settings.second_opinion:
-        from heatertune.pid.linear_check import second_opinion
+        from heatertune.pid.sampled_loop import second_opinion
 
         design = replace(design, notes=(*design.notes, second_opinion(loop.plants, design)))
     others = alternatives(loop, design)

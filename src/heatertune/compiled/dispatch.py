@@ -24,7 +24,7 @@ from types import FunctionType
 from typing import Any, Final, Literal, TypeVar, cast
 
 from heatertune.cache import folder, is_as_imported
-from heatertune.compiled import check
+from heatertune.compiled import plain_functions as check
 from heatertune.compiled.loader import MISSED, Code, Kinds, entry, host, kinds_of, signature_text
 from heatertune.compiled.plain_functions import callees, plainly
 from heatertune.errors import InputError
@@ -137,7 +137,7 @@ def compile_function(function: _Plain, *, calls: bool = False) -> _Plain:
 
 @remember
 def tricks_hold() -> bool:
-    """Return whether machine code may be called directly: the check of this process, see `heatertune.compiled.check`.
+    """Return whether machine code may be called directly: the check of this process, see `plain_functions`.
 
     Where it fails, for whatever reason, all functions take Numba's own path.
     """

@@ -18,11 +18,18 @@ from pathlib import Path
 from typing import Final
 
 from heatertune.errors import LogError
-from heatertune.log.decimal_commas import join_decimals
 from heatertune.log.formats import BINARY_FORMATS, TEXT_FORMATS
 from heatertune.log.formats.containers import decompress
 from heatertune.log.formats.format_table import FormatTable, NumberedLines
-from heatertune.log.quantities import is_number, is_quantity, plain_quantities, role_of, says_nothing, stamp
+from heatertune.log.quantities import (
+    is_number,
+    is_quantity,
+    join_decimals,
+    plain_quantities,
+    role_of,
+    says_nothing,
+    stamp,
+)
 from heatertune.units import count
 from heatertune.writing import read_bytes
 

@@ -18,7 +18,7 @@ from heatertune.errors import LogError
 from heatertune.log.cells import Sheet, is_number
 from heatertune.log.columns import Columns, cell_error
 from heatertune.log.quantities import on_or_off
-from heatertune.log.unnamed_columns import quoted
+from heatertune.log.side_columns import quoted
 from heatertune.log.values import MIN_SAMPLES
 from heatertune.units import count
 

@@ -35,8 +35,13 @@ from heatertune.log.quantities import (
     stamp,
     unit_in_name,
 )
-from heatertune.log.side_columns import add_side_columns, is_cooling, is_fan
-from heatertune.log.unnamed_columns import demand_no_likely_power, demand_own_temperature
+from heatertune.log.side_columns import (
+    add_side_columns,
+    demand_no_likely_power,
+    demand_own_temperature,
+    is_cooling,
+    is_fan,
+)
 
 __all__ = [
     "ASSUMED", "CLOCK_UNITS", "NO_COLUMN", "TIME_UNITS", "Columns", "cell_error", "choose_column",

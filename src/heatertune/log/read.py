@@ -43,10 +43,8 @@ from heatertune.log.columns import (
 from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
 from heatertune.log.power_range import Power, power_of
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
-from heatertune.log.second_file import with_power_rows
-from heatertune.log.side_columns import SIDE_ROLES, is_cooling
-from heatertune.log.tags import TagSelection, TagTable, by_tags
-from heatertune.log.unnamed_columns import quoted
+from heatertune.log.side_columns import SIDE_ROLES, is_cooling, quoted
+from heatertune.log.tags import TagSelection, TagTable, by_tags, with_power_rows
 from heatertune.log.values import (
     ABSOLUTE_ZERO_DEGC,
     BUILT_IN,

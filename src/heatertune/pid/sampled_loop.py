@@ -8,6 +8,8 @@ lag is a first-order mode after a hold; a dead time of d samples and a fraction 
 
 Also time responses to load and setpoint, their integrals and TRdom (plain Python for a few, machine code for a search,
 the same results), and the exact margins. Plants, frequencies and responses are cached and read-only.
+
+The same sampled loop in python-control, as an independent check of margins and linear responses.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -28,10 +30,11 @@ from heatertune.model.values import HeaterModel, TwoLag
 from heatertune.pid.values import Margins, PidDesign
 
 __all__ = [
-    "SampledPlant", "combine_responses", "controller_response", "crossings", "dominant_time_s", "encloses_nothing",
-    "frequencies", "horizon", "iae_load", "iae_setpoint", "itae_load", "loop_response", "margins", "noise_gain",
-    "part_responses", "parts_seen", "plant_and_controller_response", "plant_seen", "respond", "sample_plant",
-    "sensitivity_peaks", "worst",
+    "SampledPlant", "combine_responses", "control_margins", "controller_response", "crossings", "dominant_time_s",
+    "encloses_nothing", "frequencies", "horizon", "iae_load", "iae_setpoint", "itae_load", "loop_response",
+    "loop_transfer_function", "margins", "noise_gain", "part_responses", "parts_seen",
+    "plant_and_controller_response", "plant_seen", "respond", "sample_plant", "second_opinion", "sensitivity_peaks",
+    "worst",
 ]
 
 
@@ -347,3 +350,61 @@ def crossings(loop: Complex, *, sampled: bool = True) -> tuple[float, float]:
         at = float(phase[k] + share * (phase[k + 1] - phase[k]))
         margin = min(margin, math.degrees(at) + 180.0)
     return gain, margin
+
+
+_MOST_DELAY = 100  # samples of dead time
+
+
+def loop_transfer_function(model: HeaterModel, design: PidDesign) -> Any:
+    """Return L(z) = G(z)·C(z) as a python-control TransferFunction with dt = TA, dead time as powers of z."""
+    import control
+
+    ta = design.sample_time_s
+    plant = sample_plant(model, ta)
+    z = control.tf([1.0, 0.0], [1.0], ta)
+    modes = [
+        control.tf([now, before], [1.0, -pole], ta)
+        for pole, now, before in zip(plant.poles, plant.now, plant.before, strict=True)
+    ]
+    shift = control.tf([1.0], np.append(1.0, np.zeros(plant.delay + 1)), ta)
+    parts = control.tf([1.0], [1.0], ta)
+    if math.isfinite(design.integral_time_s):
+        parts = parts + (ta / design.integral_time_s) * z / (z - 1.0)
+    if design.derivative_time_s > 0.0:
+        past = design.derivative_filter
+        parts = parts + ((1.0 - past) * design.derivative_time_s / ta) * (z - 1.0) / (z - past)
+    return sum(modes[1:], modes[0]) * shift * (design.gain_pct_per_degC * parts)
+
+
+def control_margins(model: HeaterModel, design: PidDesign) -> Margins | None:
+    """Return the margins by python-control: poles, frequency response and `stability_margins`.
+
+    None if the dead time spans so many samples that the polynomials lose all digits. It does not treat a crossing at
+    half the sampling frequency, where L is real, as a gain margin.
+    """
+    if sample_plant(model, design.sample_time_s).delay > _MOST_DELAY:
+        return None
+    import control
+
+    loop = loop_transfer_function(model, design)
+    omega = np.geomspace(1e-5, math.pi / design.sample_time_s, 4000)
+    response = loop(np.exp(1j * omega * design.sample_time_s))
+    gain, phase, *_ = control.stability_margins((np.abs(response), np.degrees(np.angle(response)), omega))
+    closed = control.feedback(loop, 1)
+    if float(np.max(np.abs(closed.poles()))) >= 1.0:
+        return Margins(ms=math.inf, mt=math.inf, gain_margin=float(gain), phase_margin_deg=float(phase))
+    ms = float(np.max(1.0 / np.abs(1.0 + response)))
+    mt = float(np.max(np.abs(response / (1.0 + response))))
+    return Margins(ms=ms, mt=mt, gain_margin=float(gain), phase_margin_deg=float(phase))
+
+
+def second_opinion(plants: Sequence[HeaterModel], design: PidDesign) -> str:
+    """Compare Ms with python-control on the heater with the largest Ms, as a sentence."""
+    if design.sample_time_s == 0.0:
+        return "Not compared with python-control, which has no exact dead time for continuous loops."
+    own = [margins(plant, design).ms for plant in plants]
+    at = max(range(len(own)), key=own.__getitem__)
+    theirs = control_margins(plants[at], design)
+    if theirs is None:
+        return "Not compared with python-control: the dead time spans too many samples for its polynomials."
+    return f"python-control calculates Ms = {theirs.ms:.5g}, heatertune {own[at]:.5g}."

@@ -6,9 +6,8 @@ from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from heatertune.plc.pwm import Actuator, pid_compact, pulsegen
-    from heatertune.proof.acceptance import Acceptance, Coverage
+    from heatertune.proof.acceptance import Acceptance, Coverage, Interlock
     from heatertune.proof.criteria import Criterion, LoopLimits
-    from heatertune.proof.interlock import Interlock
     from heatertune.proof.loop import simulate
     from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, replay
     from heatertune.proof.monte_carlo.quantiles import SampleProof, prove_samples
@@ -37,11 +36,10 @@ __all__ = [
 
 __getattr__, __dir__ = lazy_attributes(__name__, {
     "plc.pwm": ("Actuator", "pid_compact", "pulsegen"),
-    "proof.acceptance": ("Acceptance", "Coverage"),
+    "proof.acceptance": ("Acceptance", "Coverage", "Interlock"),
     "proof.criteria": ("Criterion", "LoopLimits"),
     "proof.prove_words": ("prove",),
     "proof.pictures": ("simulate_wish",),
-    "proof.interlock": ("Interlock",),
     "proof.loop": ("simulate",),
     "proof.proof": ("Proof", "RunResult", "prove_models"),
     "proof.monte_carlo.quantiles": ("SampleProof", "prove_samples"),

@@ -16,8 +16,8 @@ from heatertune.plc.word_selection import WordChoice, choose_words, tune_for_wor
 from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
+from heatertune.proof.acceptance import demand_none
 from heatertune.proof.heaters import ROOM_DEGC
-from heatertune.proof.interlock import demand_none
 from heatertune.proof.prove_words import setpoints_for, told_of_aim, tune_settings_for
 from heatertune.proof.refine import refine
 from heatertune.proof.repetition import files_of, recorded_conditions

@@ -20,9 +20,9 @@ from heatertune.errors import DocumentError
 from heatertune.pid.document import BoostView, RampView
 from heatertune.plc import Scaling
 from heatertune.plc.pwm import Actuator
+from heatertune.proof.acceptance import Interlock
 from heatertune.proof.criteria import CRITERIA, CRITERION, LIMITS, CriterionKind, CriterionView, LoopLimits
 from heatertune.proof.heaters import RATED_ONLY, MainsScenario
-from heatertune.proof.interlock import Interlock
 from heatertune.proof.scenario import Scenario, kinds_of, phases_of
 from heatertune.proof.specification import Specification
 from heatertune.proof.verdict import (

@@ -20,6 +20,7 @@ from heatertune.plc.pwm import INSTANT_S, Actuator
 from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import single, to_single
 from heatertune.plc.words import Words
+from heatertune.proof.acceptance import Interlock
 from heatertune.proof.criteria import (
     CRITERION,
     Criterion,
@@ -27,7 +28,6 @@ from heatertune.proof.criteria import (
     columns_of,
     meter_for,
 )
-from heatertune.proof.interlock import Interlock
 from heatertune.proof.kernel import LoopBatch, SetpointProgram, TraceArrays, asked_now, run, run_all
 from heatertune.proof.meter import Meter, no_meter
 from heatertune.proof.phase_statistics import CriterionTable, rests_of, table_from

@@ -24,11 +24,10 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
-from heatertune.proof.acceptance import Acceptance, Coverage, Run
+from heatertune.proof.acceptance import Acceptance, Coverage, Interlock, Run
 from heatertune.proof.criteria import Criterion, LoopLimits, band_of, criteria_of_words, worst_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, with_digest
 from heatertune.proof.heaters import MainsScenario, mains_label
-from heatertune.proof.interlock import Interlock
 from heatertune.proof.long_outage import JUDGED, OVERSHOOTS, LongOutage, OutageTiming, heat_up, lengthen, nights_of
 from heatertune.proof.runs import AllRuns, Runs
 from heatertune.proof.scenario import Scenario

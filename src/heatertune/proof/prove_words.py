@@ -17,7 +17,7 @@ from heatertune.plc.controller import with_cooler
 from heatertune.plc.inputs import has_ends
 from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
 from heatertune.processors import ProgressCallback
-from heatertune.proof.acceptance import Acceptance, Coverage, Run
+from heatertune.proof.acceptance import Acceptance, Coverage, Interlock, Run
 from heatertune.proof.criteria import LoopLimits, band_of
 from heatertune.proof.heaters import (
     MAINS_POWERS,
@@ -34,7 +34,6 @@ from heatertune.proof.heaters import (
     scale_power,
     unreachable_findings,
 )
-from heatertune.proof.interlock import Interlock
 from heatertune.proof.loop import MOST_SCANS
 from heatertune.proof.proof import Proof, prove_models
 from heatertune.proof.spec_file import specification_of

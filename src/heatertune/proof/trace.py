@@ -15,8 +15,8 @@ from heatertune.heater.exact import advance, area, turning_times
 from heatertune.model.values import HeaterModel
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
+from heatertune.proof.acceptance import Interlock
 from heatertune.proof.criteria import Criterion
-from heatertune.proof.interlock import Interlock
 from heatertune.proof.scenario import Scenario, phases_of
 from heatertune.show import NotebookDisplay
 

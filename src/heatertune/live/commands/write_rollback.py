@@ -154,7 +154,7 @@ def _of_plan(settings: argparse.Namespace, wanted: WriteRequest, plan: WritePlan
 
 def _of_block(difference: Mapping[str, Any]) -> dict[str, Any]:
     """Return what differs without what no block tells, or the program around writes."""
-    from heatertune.proof.write_comparison import IN_BLOCK
+    from heatertune.proof.difference import IN_BLOCK
 
     terms = [term for term in difference["terms"] if term["name"] in IN_BLOCK]
     words = [word for word in difference["words"] if not word["written"]]

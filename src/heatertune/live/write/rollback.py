@@ -21,10 +21,9 @@ from heatertune.live.write.write_record import MOST_WRITES, Budget, Lines, Write
 from heatertune.live.write.writer import WriteEnd, WriteOutcome, Writer
 from heatertune.plc import Words
 from heatertune.plc.ramp import Number
-from heatertune.proof.difference import Side, difference
+from heatertune.proof.difference import IN_BLOCK, Outcome, Passage, Quantity, Side, Watch, WriteHistory, difference
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import words_in, words_of
-from heatertune.proof.write_comparison import IN_BLOCK, Outcome, Passage, Quantity, Watch, WriteHistory
 
 __all__ = [
     "Before", "became", "before_of", "inspect_write", "not_proven", "record_outcome", "rolled_back", "stands",

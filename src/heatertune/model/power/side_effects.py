@@ -1,26 +1,196 @@
-"""What acts on the temperature next to the heater: a cooler's power, a fan that multiplies the loss, a moving room."""
+"""What acts on the temperature next to the heater: a cooler's power, a fan that multiplies the loss, a moving room.
+
+A fan or a flow that multiplies the heat loss: found by the log, and taken out of its readings.
+
+dx/dt = (k·u(t − L) − (1 + m·f(t − L′))·x)/T above ambient, with a second lag behind it, f from 0 at the calm level to 1
+at the strong one. Against it stand the same heater without the effect, and with f as equivalent power. For given lags,
+delays and m the readings are linear in the rest (variable projection); the interval of m is that of the linearised
+problem with AR(1) errors.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from heatertune.arrays import Array
+from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.log.values import Log
 from heatertune.model.diagnostics import Remark, findings_of
 from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect, LossEffect
-from heatertune.model.power.disturbance_fit import TAILS_PCT, cooling_effect, without_disturbance
-from heatertune.model.power.loss_fit import without_loss
-from heatertune.model.statistics import Interval, hull
+from heatertune.model.power.disturbance_fit import TAILS_PCT, ar1_covariance, cooling_effect, without_disturbance
+from heatertune.model.statistics import Interval, ar1_bic, hull
 from heatertune.model.temperature.closed_loop import Bounds
 from heatertune.model.values import Candidate, FittedModel, HeaterModel
 
-__all__ = ["cleared", "fit_two_way", "in_its_room", "with_loss"]
+__all__ = ["cleared", "fit_two_way", "in_its_room", "with_loss", "without_loss"]
+
+
+_GRID: Final = 2000  # intervals of the simulation
+_READINGS: Final = 400  # averaged, of the search
+_NORMAL: Final = 1.96  # of a 95 % interval
+_SURE: Final = 10.0  # BIC points
+_FAR: Final = 3.0  # times the log's length: the longest lag
+_SMALL: Final = 1e-4  # step of a difference quotient, of the unknown's range
+_LEAST, _MOST = 0.02, 40.0  # of m
+
+
+class _Inputs(NamedTuple):
+    """Power and fan, 0…1, as running sums over a uniform grid, and how many of its intervals a reading averages."""
+
+    time_s: Array
+    energy: Array
+    blown: Array
+    merged: int
+    measured: Array
+    length_s: float
+
+
+class _LossSolution(NamedTuple):
+    """A least-squares solution: lag, dead time, ratio of the lags, delay of the fan [s], ln m; the linear part."""
+
+    z: Array
+    linear: Array
+    residuals: Array
+    bic: float
+
+
+def without_loss(log: Log, name: str, side: Array) -> tuple[Log, LossEffect] | None:
+    """Return a log as if a fan had always been at its calm level, and the effect; None if the loss is not multiplied.
+
+    Args:
+        log: with power.
+        name: of the fan, for messages.
+        side: its level, shape (n,).
+    """
+    calm, strong = np.percentile(side, TAILS_PCT).tolist()
+    if not strong > calm:
+        return None
+    inputs = _inputs(log, np.clip((side - calm) / (strong - calm), 0.0, 1.0))
+    none, load, loss = (_searched(inputs, kind) for kind in ("none", "load", "loss"))
+    if loss.bic > min(load.bic, none.bic) - _SURE or loss.linear[0] <= 0.0:
+        return None
+    factor, spread = math.exp(loss.z[4]), _spread(inputs, loss)
+    effect = LossEffect(
+        column=name, factor=factor, factor_ci95=(factor * math.exp(-spread), factor * math.exp(spread)), calm=calm,
+        strong=strong, delta_bic=none.bic - loss.bic, delta_bic_as_power=load.bic - loss.bic)
+    still = inputs._replace(blown=np.zeros(len(inputs.blown)))
+    moved = (_columns(inputs, loss.z, "loss", whole=True) - _columns(still, loss.z, "loss", whole=True)) @ loss.linear
+    middle = inputs.time_s[:-1] + 0.5 * np.diff(inputs.time_s)
+    return replace(log, temperature_degC=log.temperature_degC - np.interp(log.time_s, middle, moved)), effect
+
+
+def _inputs(log: Log, side: Array) -> _Inputs:
+    """Return the held signals on a uniform grid, finer than the readings where these are few."""
+    assert log.power_pct is not None
+    time = log.time_s - log.time_s[0]
+    count = max(_READINGS, min(_GRID, len(time)) // _READINGS * _READINGS)
+    grid = np.linspace(0.0, time[-1], count + 1)
+    steps = np.diff(time)
+    sums = [np.interp(grid, time, np.concatenate([[0.0], np.cumsum(values[:-1] * steps)]))
+            for values in (log.power_pct, side)]
+    readings = np.concatenate([[0.0], np.cumsum(0.5 * (log.temperature_degC[1:] + log.temperature_degC[:-1]) * steps)])
+    ends = grid[:: count // _READINGS]
+    measured = np.diff(np.interp(ends, time, readings)) / np.diff(ends)
+    return _Inputs(log.time_s[0] + grid, sums[0], sums[1], count // _READINGS, measured, float(time[-1]))
+
+
+def _mean(sums: Array, time: Array, delay: float) -> Array:
+    """Return the mean of a held signal over each interval, so much earlier; before the log it is as at its start."""
+    since, rate = time - time[0] - delay, (sums[1] - sums[0]) / (time[1] - time[0])
+    total = np.interp(since, time - time[0], sums) + np.minimum(since, 0.0) * rate
+    return np.asarray(np.diff(total) / np.diff(time))
+
+
+def _simulate(step: float, lag: float, second: float, power: Array, side: Array, fan: Array, out: Array) -> None:
+    """Fill out (4, n): what power, fan as power, and the two initial states do, as means over the intervals."""
+    for row in range(4):
+        x = 1.0 if row == 2 else 0.0
+        y = 1.0 if row == 3 else 0.0
+        for i in range(len(power)):
+            rate = (1.0 + side[i]) / lag
+            drive = power[i] if row == 0 else fan[i] if row == 1 else 0.0
+            end = drive / (1.0 + side[i])
+            fast, slow = math.exp(-rate * step), math.exp(-step / second)
+            apart = 1.0 - rate * second
+            if abs(apart) < 1e-6:
+                apart = 1e-6
+            later = end + (y - end) * slow + (x - end) * (fast - slow) / apart
+            out[row, i] = 0.5 * (y + later)
+            x = end + (x - end) * fast
+            y = later
+
+
+def _columns(inputs: _Inputs, z: Array, kind: str, *, whole: bool = False) -> Array:
+    """Return the columns of the linear part, shape (readings, 4 or 5), or over the whole grid."""
+    lag, dead, ratio, delay = math.exp(z[0]), z[1], z[2], z[3]
+    power = _mean(inputs.energy, inputs.time_s, dead)
+    fan = _mean(inputs.blown, inputs.time_s, delay)
+    out = np.empty((4, len(power)))
+    side = math.exp(z[4]) * fan if kind == "loss" else np.zeros(len(fan))
+    compile_function(_simulate)(float(inputs.time_s[1] - inputs.time_s[0]), lag, ratio * lag, power, side, fan, out)
+    means = out if whole else out.reshape(4, -1, inputs.merged).mean(axis=2)
+    rows = [means[0], np.ones(means.shape[1]), means[2], means[3]] + ([means[1]] if kind == "load" else [])
+    return np.column_stack(rows)
+
+
+def _searched(inputs: _Inputs, kind: str) -> _LossSolution:
+    """Return the best fit of a kind: "none", "load" (the fan as power) or "loss" (it multiplies the loss)."""
+    from scipy.optimize import least_squares
+
+    shortest = inputs.length_s / _READINGS
+    bounds = np.array([(math.log(shortest), math.log(_FAR * inputs.length_s)), (0.0, inputs.length_s / 4.0),
+                       (0.01, 0.98), (0.0, inputs.length_s / 4.0), (math.log(_LEAST), math.log(_MOST))])
+    free = {"none": [0, 1, 2], "load": [0, 1, 2, 3], "loss": [0, 1, 2, 3, 4]}[kind]
+
+    def full(part: Array, start: Array) -> Array:
+        z = start.copy()
+        z[free] = part
+        return z
+
+    def left(part: Array, start: Array) -> Array:
+        columns = _columns(inputs, full(part, start), kind)
+        return np.asarray(columns @ np.linalg.lstsq(columns, inputs.measured, rcond=None)[0] - inputs.measured)
+
+    starts = sorted(_starts(bounds), key=lambda z: float(np.sum(left(z[free], z) ** 2)))[:3]
+    tried = [(least_squares(left, z[free], bounds=bounds[free].T, x_scale=np.ptp(bounds[free], axis=1), max_nfev=60,
+                            args=(z,)), z) for z in starts]
+    best, start = min(tried, key=lambda pair: float(pair[0].cost))
+    z = full(best.x, start)
+    columns = _columns(inputs, z, kind)
+    linear = np.asarray(np.linalg.lstsq(columns, inputs.measured, rcond=None)[0], dtype=np.float64)
+    residuals = np.asarray(columns @ linear - inputs.measured)
+    return _LossSolution(z, linear, residuals, ar1_bic(residuals, len(free) + columns.shape[1]))
+
+
+def _starts(bounds: Array) -> Iterator[Array]:
+    for lag in np.linspace(bounds[0, 0], bounds[0, 1], 9)[1:-1]:
+        for dead in (0.005, 0.05, 0.2):
+            for ratio in (0.02, 0.3):
+                for size in (0.3, 2.0):
+                    yield np.array([lag, dead * bounds[1, 1], ratio, dead * bounds[3, 1], math.log(size)])
+
+
+def _spread(inputs: _Inputs, fit: _LossSolution) -> float:
+    """Return half the 95 % interval of ln m."""
+    base = _columns(inputs, fit.z, "loss")
+    slopes = []
+    for place in range(len(fit.z)):
+        moved = fit.z.copy()
+        size = _SMALL * max(abs(moved[place]), 1.0 if place != 2 else 0.1)
+        moved[place] += size
+        slopes.append((_columns(inputs, moved, "loss") - base) @ fit.linear / size)
+    matrix = np.column_stack([*slopes, base])
+    norms = np.linalg.norm(matrix, axis=0)
+    norms[norms == 0.0] = 1.0
+    covariance = ar1_covariance(matrix / norms, fit.residuals) / np.outer(norms, norms)
+    return min(_NORMAL * math.sqrt(max(float(covariance[4, 4]), 0.0)), 5.0)
 
 
 _SENSOR_DEGC: Final = 1.0  # error of a room's sensor, and of its place

@@ -146,7 +146,7 @@ class SwitchingSolution(NamedTuple):
         return float(self.linear[-1]) if known is None else known
 
     def temperature_degC(self, time_s: Array) -> Array:
-        """Return the simulated temperature at some instants [°C]."""
+        """Return the simulated temperature at instants of shape (n,) [°C], shape (n,)."""
         basis, _ = _basis(self.problem._replace(time_s=time_s), self.lag, self.ratio, self.instants,
                           float(self.problem.time_s[0]))
         return np.asarray(basis @ self.linear + (self.problem.ambient_degC or 0.0))

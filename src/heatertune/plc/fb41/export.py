@@ -32,9 +32,8 @@ from heatertune.plc.fb41.step import ContCAssumptions, ContCParameters, ContCSta
 from heatertune.plc.fb41.words import FIELDS, parameters_of, reading_periphery
 from heatertune.plc.feed_forward import FeedForward, FeedForwardHooks
 from heatertune.plc.firmware.text import blank_matches
-from heatertune.plc.pasted_list import PastedNames, put_pasted, unread_lines
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import ReadBack, WordCollector
+from heatertune.plc.readback import PastedNames, ReadBack, WordCollector, put_pasted, unread_lines
 from heatertune.plc.single_precision import single
 from heatertune.plc.words import FORMATS, Certificate, Words
 

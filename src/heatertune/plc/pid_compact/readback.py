@@ -7,11 +7,21 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
-from heatertune.plc.pasted_list import PastedNames, put_pasted, unread_lines
 from heatertune.plc.pid_compact.export import CALL, LOAD, LOOKED_AT, ROLLBACK, assignments, call, load, rollback
 from heatertune.plc.pid_compact.words import BlockTags
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import ReadBack, WordCollector, first_unlike, lines_of, real_of, whole_of, wrong
+from heatertune.plc.readback import (
+    PastedNames,
+    ReadBack,
+    WordCollector,
+    first_unlike,
+    lines_of,
+    put_pasted,
+    real_of,
+    unread_lines,
+    whole_of,
+    wrong,
+)
 from heatertune.plc.single_precision import single
 from heatertune.plc.targets import COOLING
 from heatertune.plc.words import WordField, Words

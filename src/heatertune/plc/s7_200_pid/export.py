@@ -25,11 +25,10 @@ from heatertune.plc.cpu.s7_200.io_and_cycle import SWITCH, clock, cycle_ms, head
 from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, difference, is_program, loads
 from heatertune.plc.firmware.text import blank_matches
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
-from heatertune.plc.pasted_list import PastedNames, put_pasted, unread_lines
 from heatertune.plc.print.statements import setpoint_ramp
 from heatertune.plc.print.stl import networks, ramp_begins
 from heatertune.plc.ramp import Number
-from heatertune.plc.readback import ReadBack, WordCollector, wrong
+from heatertune.plc.readback import PastedNames, ReadBack, WordCollector, put_pasted, unread_lines, wrong
 from heatertune.plc.s7_200_pid.step import STEP, measure
 from heatertune.plc.s7_200_pid.words import FIELDS, FULL, NO_INTEGRAL, RANGES, SETPOINT, TABLE
 from heatertune.plc.single_precision import single

@@ -12,8 +12,8 @@ from heatertune.options import merge_options
 from heatertune.pid.search.robust import spreads_of
 from heatertune.plc import Words, controller_for
 from heatertune.proof import LoopLimits, Proof, SampleRequest, SampleSpread, prove_samples, replay
+from heatertune.proof.acceptance import demand_none
 from heatertune.proof.heaters import holding_heaters
-from heatertune.proof.interlock import demand_none
 from heatertune.proof.monte_carlo.quantiles import SampleProof, hardest_setting
 from heatertune.proof.pictures import trace_series
 from heatertune.proof.prove_words import actuator_for, course_for, limits_of, setpoints_for

@@ -44,8 +44,7 @@ from heatertune.proof.redesign.design_changes import (
     unwinds,
 )
 from heatertune.proof.redesign.suggestion import Suggestion, passing_told
-from heatertune.proof.runs import judged_once
-from heatertune.proof.search_budget import MOST_SCANS, SearchBudget
+from heatertune.proof.runs import MOST_SCANS, SearchBudget, judged_once
 from heatertune.proof.setpoint_ramp import BY_RAMP
 from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.worst_runs import NOTICEABLE, RunScreen, WorstRuns

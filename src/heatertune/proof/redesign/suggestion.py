@@ -33,8 +33,8 @@ from heatertune.proof.nearest_specification import (
 )
 from heatertune.proof.proof import Proof
 from heatertune.proof.redesign.design_changes import COARSE, broken, calmest_pwm
+from heatertune.proof.runs import SearchBudget
 from heatertune.proof.scenario import NewSetpoint
-from heatertune.proof.search_budget import SearchBudget
 from heatertune.proof.verdict import BREAKS_NONE
 from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import TuneSettings
