@@ -48,9 +48,12 @@ def _dead_times(solution: SwitchingSolution, fit: TwoLevelFit) -> _DeadTimes:
 
 def _by_rows(solution: SwitchingSolution, fit: TwoLevelFit) -> _DeadTimes:
     """Return the dead times by which the effective instants come after switchings between two rows [s]."""
-    rows, time = fit.switched_rows, fit.log.time_s
+    rows, time, power = fit.switched_rows, fit.log.time_s, fit.log.power_pct
     assert rows is not None
-    instants = solution.instants[-len(rows):]  # one more, if it began to rise after the log had begun
+    assert power is not None
+    # one more at the beginning, if it began to rise after the log had begun; the fit may also have one more at the end
+    first = int(solution.problem.is_on != bool(power[0] == power.max()))
+    instants = solution.instants[first:first + len(rows)]
     low = float(np.quantile(instants - time[rows], _MOST_OF)) - fit.instant_margin_s
     high = float(np.quantile(instants - time[rows - 1], 1.0 - _MOST_OF)) + fit.instant_margin_s
     if low > high:
