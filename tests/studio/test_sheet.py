@@ -10,7 +10,7 @@ from tests.studio.conftest import MALFORMED
 
 from heatertune.log import read_log
 from heatertune.settings import FitSettings
-from heatertune.studio.sheet_card import IGNORED, DroppedFile, change_sheet, preview, sheet
+from heatertune.studio.sheet_card import IGNORED, DroppedFile, answers_to, change_sheet, preview, sheet
 from heatertune.studio.wording import for_page
 
 CSV = "time [s];T [°C];power [%];room\n" + "".join(
@@ -126,3 +126,28 @@ def test_the_preview_says_what_it_shows():
     assert f"Temperature from {log.temperature_degC.min():.4g} to {log.temperature_degC.max():.4g} °C in 195 s" in text
     assert text.count("<polyline") == 2
     assert np.ptp(log.time_s) == 195.0
+
+
+@pytest.mark.parametrize(("power", "answer", "last_pct"), [
+    # 4–20 mA: 12 mA are half the power; a S7's output word: 13,824 of 27,648 likewise; a name with a space is chosen whole
+    ("output [mA],4,12", "--power-levels 4 20", 50.0), ("output,0,13824", "--power-full-scale 27648", 50.0),
+    ("Valve pos [%],0,50", "--power-column Valve pos [%]", 50.0),
+])
+def test_what_a_message_asks_for_is_answered_by_one_choice(power, answer, last_pct):
+    name, low, high = power.split(",")
+    rows = "".join(f"{10 * k},{20 + 0.3 * k:.1f},{low if k < 20 else high}\n" for k in range(60))
+    dropped = DroppedFile.of("oven.csv", f"time [s],oven [°C],{name}\n{rows}".encode())
+    assert answer in answers_to(dropped.problem), dropped.problem
+    assert f'value="{answer}"' in sheet(dropped)
+    answered = change_sheet(dropped, "answer", 0, answer)
+    assert answered.log is not None, answered.problem
+    assert answered.log.power_pct[-1] == pytest.approx(last_pct)
+
+
+def test_a_message_without_a_value_has_no_answer():
+    assert answers_to("no column is a temperature (a, b); expected --temperature-column NAME or N") == {}
+    assert answers_to("") == {}
+    assert list(answers_to("expected --time-unit s, ms, min, h or d")) == [f"--time-unit {unit}" for unit in ("s", "ms", "min", "h", "d")]
+    assert answers_to("(--skip-empty leaves such rows out)") == {"--skip-empty": {"skip_empty": True}}
+    unknown = DroppedFile.of("empty.csv", b"")
+    assert change_sheet(unknown, "answer", 0, "--power-levels 4 20").problem == unknown.problem

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -26,6 +27,7 @@ from heatertune.log.on_change import is_quality
 from heatertune.log.quantities import role_of
 from heatertune.log.tags import TagSelection, places
 from heatertune.log.values import Log
+from heatertune.options import Option, options_of
 from heatertune.report.html import bullets, text_of
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.studio.controls import NUMBER_SEEN
@@ -234,12 +236,15 @@ def change_sheet(dropped: DroppedFile, change: str, place: int, value: str) -> D
 
     Args:
         dropped: the file.
-        change: "column", "tag" (its role), a field of `SheetAssumptions`, or one of `_SAID`.
+        change: "column", "tag" (its role), "answer" (one of `answers_to`), a field of `SheetAssumptions`, or one of
+            `_SAID`.
         place: of the column or tag.
         value: as typed or chosen.
     """
     if change in ("column", "tag"):
         return dropped.with_role(place, value, tag=change == "tag")
+    if change == "answer":
+        return dropped.read(**answers_to(dropped.problem).get(value, {}))
     try:
         if change in SheetAssumptions.__slots__:
             return dropped.assume(**{change: _number_sheet(value)})
@@ -247,6 +252,48 @@ def change_sheet(dropped: DroppedFile, change: str, place: int, value: str) -> D
         return dropped.read(**{option: meant(value)})
     except HeatertuneError as refused:
         return dropped.with_problem(refused)
+
+
+_WORD: Final = re.compile(r"""\"[^\"]*\"|'[^']*'|[^\s,;()]+""")
+_NAMED_OPTION: Final = re.compile(
+    rf"(--[a-z]+(?:-[a-z]+)*)\b(?: with the [^(]*\(([^)]*)\?\)|((?:[ ,]+(?:or )?(?!-+[a-z])(?:{_WORD.pattern}))*))")
+_PLACEHOLDER: Final = re.compile(r"[A-Z]+")
+
+
+def answers_to(problem: str) -> dict[str, dict[str, Any]]:
+    """Return the options of the reader that a message names together with their values, as the user would type them.
+
+    Args:
+        problem: the message, empty if there is none.
+
+    Returns:
+        Option and value → field of `ReadSettings` and its value.
+    """
+    flags = {one.flag: one for one in options_of(ReadSettings).values()}
+    found: dict[str, dict[str, Any]] = {}
+    for flag, candidates, rest in _NAMED_OPTION.findall(problem):
+        if (one := flags.get(flag)) is not None:
+            for words in [[each] for each in candidates.split(" or ")] if candidates else [_WORD.findall(rest)]:
+                found |= {f"{flag} {typed}".strip(): {one.name: value} for typed, value in _values(one, words)}
+    return found
+
+
+def _values(one: Option, words: Sequence[str]) -> list[tuple[str, Any]]:
+    """Return what is typed for an option, and the value, of the words that follow its name."""
+    plain = [word.strip("'\",.:") for word in words]
+    try:
+        if one.kind is bool:
+            return [("", True)]
+        if one.pair:
+            return [(" ".join(plain[:2]), (float(plain[0]), float(plain[1])))] if len(plain) > 1 else []
+        if one.choices:
+            named = [word for word in plain if word in one.choices]
+            return [(word, word) for word in named]
+        if not plain or _PLACEHOLDER.fullmatch(plain[0]):
+            return []
+        return [(plain[0], plain[0] if one.kind is str else one.kind(plain[0]))]
+    except ValueError:  # words of the sentence
+        return []
 
 
 def _number_sheet(text: str) -> float | None:
@@ -398,7 +445,10 @@ def sheet(dropped: DroppedFile) -> str:
 
 def _told(dropped: DroppedFile) -> str:
     if dropped.problem:
-        return f'<p class="error" role="alert">error: {text_of(for_page(dropped.problem))}</p>'
+        answers = {answer: for_page(answer) for answer in answers_to(dropped.problem)}
+        chosen = "" if not answers else _select(
+            "answer to the message", "answer", 0, {"": "choose", **answers}, "", label="Answer")
+        return f'<p class="error" role="alert">error: {text_of(for_page(dropped.problem))}</p>{chosen}'
     assert dropped.log is not None
     time = dropped.log.time_s
     line = (f"{len(time)} readings every {float(np.median(np.diff(time))):.4g} s, "
