@@ -292,7 +292,7 @@ def _():
     cells = table(run, ("time [s]", "Temp", "Heater [%]"), point)
     for row in cells[401:]:
         row[1] = point(1.8 * float(row[1]) + 32)
-    return "oven.csv", text(cells), OVEN, {"--until": "780", "--temperature-unit": "degC"}, "jump"
+    return "oven.csv", text(cells), OVEN, {"--until": "780", "--temperature-unit": "degC"}, "another unit"
 
 
 @writes("two delimiters", "messy")

@@ -47,8 +47,8 @@ def refuse_changed(log: Log, problem: PowerProblem) -> None:
     if instant_s is not None:
         raise InputError(
             f"{log.name}: up to t={instant_s:.4g} s a heater explains the temperature, and from then on it does not "
-            "answer the power as before (a probe that fell out or was moved, a second heater, a load?); cut the log "
-            f"there: --until {instant_s:.4g}")
+            "answer the power as before (a probe that fell out or was moved, another unit, a second heater, a load?); "
+            f"cut the log there: --until {instant_s:.4g}")
 
 
 def changed_at_s(problem: PowerProblem) -> float | None:
