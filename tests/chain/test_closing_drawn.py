@@ -147,7 +147,7 @@ def test_the_command_exports_what_samples_passed_and_every_page_says_so(tmp_path
     (tmp_path / "zone.csv").write_text(heater_log(0.5, 1))
     asked = ["design", str(tmp_path / "zone.csv"), "--target", "weg", "--samples", "100", "--out", str(tmp_path / "out"), "--verbose"]
     assert main(asked) == 0
-    told = "of 100 samples keep every limit under anti_windup = none"  # the setting under which the fewest do: 99 of 100
+    told = "100 of 100 samples keep every limit under every setting"  # a dead time that may be two rows longer makes it calm
     assert told in capsys.readouterr().out
     assert told in (tmp_path / "out" / "weg_pid_call.st").read_text(encoding="utf-8")
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
