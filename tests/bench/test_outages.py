@@ -112,19 +112,19 @@ def test_the_heater_that_is_the_hardest_in_a_part_of_the_range_is_found_where_it
 
     if target == "s7-200":
         # it has no limit of the output and no boost: after an open circuit at 27.2 °C, which 5 % of the power hold, nothing ends
-        # full power in time where a width applies a cycle of 32 s late; the judge sees it
-        assert [finding.name for finding in design.proof.diagnostics.findings] == ["low-outage"]
+        # full power in time where a width applies a cycle late; the judge sees it, and none over a smaller range
+        assert "low-outage" in [finding.name for finding in design.proof.diagnostics.findings]
         assert most(low_overshoots) > 1.0
-        assert design.passes_with == ("--assume", "width_applies=this_cycle")
-        design = find_passing_design(fitted, replace(wanted, conditions=replace(wanted.conditions, switches={"width_applies": "this_cycle"})))
+        assert design.passes_with == ("--setpoint", "34.92 37.5")
+        lowest, highest = 34.92, 37.5
     else:
         # a few degrees above the room an open circuit overshoots by more than at 20.2 °C, which the room nearly has; the judge sees it
         assert "low-outage" in [finding.name for finding in design.proof.diagnostics.findings]
         lowest = 23.0
         assert most(low_overshoots) > 1.0
-        assert design.passes_with == ("--setpoint", "31.3 35")
-        lowest = 31.3
-        design = find_passing_design(fitted, replace(wanted, conditions=replace(wanted.conditions, setpoint_degC=(lowest, 35.0))))
+        assert design.passes_with == ("--setpoint", "27.6 35")
+        lowest, highest = 27.6, 35.0
+    design = find_passing_design(fitted, replace(wanted, conditions=replace(wanted.conditions, setpoint_degC=(lowest, highest))))
     assert design.proof.verdict == "PASS"
     assert most(changes) < SHORT_SLACK
     assert most(low_overshoots) < SHORT_SLACK

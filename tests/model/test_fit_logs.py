@@ -73,7 +73,7 @@ def test_two_logs_give_the_true_heater_in_narrower_intervals_than_either_alone(t
     for name, true in TRUTH.items():
         found = together.ci95[name]
         assert found.low <= true <= found.high
-        late = TIME[1] - TIME[0] if name == "dead_time_s" else 0.0  # by which the power columns of all may be late
+        late = 2.0 * (TIME[1] - TIME[0]) if name == "dead_time_s" else 0.0  # by which the powers of all may be late
         for log in together.logs:
             assert found.high - late - found.low < log.ci95[name].high - log.ci95[name].low
     assert together.ci95["ambient_degC"].low <= AMBIENT <= together.ci95["ambient_degC"].high

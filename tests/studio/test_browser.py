@@ -199,7 +199,7 @@ def _sheet_is_read_changed_and_used(page, step_log):
     roles.nth(2).focus()
     roles.nth(2).select_option("ignored")
     card.get_by_label("constant power in percent, if known").wait_for()
-    assert roles.nth(2).evaluate("e => e === document.activeElement"), "the keyboard keeps its place"
+    page.wait_for_function("e => e === document.activeElement", arg=roles.nth(2).element_handle())  # the keyboard keeps its place
     roles.nth(2).select_option("power")
     full = card.get_by_label("reading at full power")
     full.fill("20")
