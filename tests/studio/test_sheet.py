@@ -148,6 +148,6 @@ def test_a_message_without_a_value_has_no_answer():
     assert answers_to("no column is a temperature (a, b); expected --temperature-column NAME or N") == {}
     assert answers_to("") == {}
     assert list(answers_to("expected --time-unit s, ms, min, h or d")) == [f"--time-unit {unit}" for unit in ("s", "ms", "min", "h", "d")]
-    assert answers_to("(--skip-empty leaves such rows out)") == {"--skip-empty": {"skip_empty": True}}
+    assert answers_to("(--skip-empty leaves such rows out)") == {"--skip-empty": ("skip_empty", True)}
     unknown = DroppedFile.of("empty.csv", b"")
     assert change_sheet(unknown, "answer", 0, "--power-levels 4 20").problem == unknown.problem

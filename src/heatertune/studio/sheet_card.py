@@ -11,6 +11,7 @@ import re
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
+from operator import methodcaller
 from pathlib import Path
 from typing import Any, Final
 
@@ -244,7 +245,8 @@ def change_sheet(dropped: DroppedFile, change: str, place: int, value: str) -> D
     if change in ("column", "tag"):
         return dropped.with_role(place, value, tag=change == "tag")
     if change == "answer":
-        return dropped.read(**answers_to(dropped.problem).get(value, {}))
+        answers = answers_to(dropped.problem)
+        return dropped.read(**dict([answers[value]])) if value in answers else dropped
     try:
         if change in SheetAssumptions.__slots__:
             return dropped.assume(**{change: _number_sheet(value)})
@@ -260,7 +262,7 @@ _NAMED_OPTION: Final = re.compile(
 _PLACEHOLDER: Final = re.compile(r"[A-Z]+")
 
 
-def answers_to(problem: str) -> dict[str, dict[str, Any]]:
+def answers_to(problem: str) -> dict[str, tuple[str, object]]:
     """Return the options of the reader that a message names together with their values, as the user would type them.
 
     Args:
@@ -269,31 +271,30 @@ def answers_to(problem: str) -> dict[str, dict[str, Any]]:
     Returns:
         Option and value → field of `ReadSettings` and its value.
     """
-    flags = {one.flag: one for one in options_of(ReadSettings).values()}
-    found: dict[str, dict[str, Any]] = {}
+    flags = {option.flag: option for option in options_of(ReadSettings).values()}
+    found: dict[str, tuple[str, object]] = {}
     for flag, candidates, rest in _NAMED_OPTION.findall(problem):
-        if (one := flags.get(flag)) is not None:
-            for words in [[each] for each in candidates.split(" or ")] if candidates else [_WORD.findall(rest)]:
-                found |= {f"{flag} {typed}".strip(): {one.name: value} for typed, value in _values(one, words)}
+        if (option := flags.get(flag)) is not None:
+            for words in map(str.split, candidates.split(" or ")) if candidates else [_WORD.findall(rest)]:
+                found |= {f"{flag} {text}".strip(): (option.name, value) for text, value in _values(option, words)}
     return found
 
 
-def _values(one: Option, words: Sequence[str]) -> list[tuple[str, Any]]:
-    """Return what is typed for an option, and the value, of the words that follow its name."""
-    plain = [word.strip("'\",.:") for word in words]
+def _values(option: Option, words: Sequence[str]) -> list[tuple[str, object]]:
+    """Return what is typed for an option, and its value, of the words that follow its name."""
+    plain = [*map(methodcaller("strip", "'\",.:"), words)]
+    if option.kind is bool:
+        return [("", True)]
+    if option.choices:
+        return [(word, word) for word in plain if word in option.choices]
+    texts = plain[:2 if option.pair else 1]
     try:
-        if one.kind is bool:
-            return [("", True)]
-        if one.pair:
-            return [(" ".join(plain[:2]), (float(plain[0]), float(plain[1])))] if len(plain) > 1 else []
-        if one.choices:
-            named = [word for word in plain if word in one.choices]
-            return [(word, word) for word in named]
-        if not plain or _PLACEHOLDER.fullmatch(plain[0]):
-            return []
-        return [(plain[0], plain[0] if one.kind is str else one.kind(plain[0]))]
+        values = tuple(map(option.kind, texts))
     except ValueError:  # words of the sentence
         return []
+    if not option.pair:
+        return [(text, value) for text, value in zip(texts, values, strict=True) if not _PLACEHOLDER.fullmatch(text)]
+    return [(" ".join(texts), values)]
 
 
 def _number_sheet(text: str) -> float | None:
