@@ -69,3 +69,15 @@ def test_a_time_zone_in_one_file_alone_is_refused(tmp_path):
     (tmp_path / "p.csv").write_text("time,power_pct\n2026-03-09T20:00:00,0\n2026-03-09T20:00:13,50\n", encoding="utf-8")
     with pytest.raises(LogError, match="a time zone in both files or in none"):
         read_log(tmp_path / "t.csv", power_log=str(tmp_path / "p.csv"))
+
+
+def test_rows_of_one_second_are_all_kept_and_a_second_run_is_refused(tmp_path):
+    times = [k // 2 for k in range(80)]  # two readings in each second of a coarse clock
+    (tmp_path / "t.csv").write_text("time_s,temp_C\n" + "".join(f"{t},{20 + 0.5 * k}\n" for k, t in enumerate(times)), encoding="utf-8")
+    (tmp_path / "p.csv").write_text("time_s,power_pct\n0,0\n5,60\n", encoding="utf-8")
+    log = read_log(tmp_path / "t.csv", power_log=str(tmp_path / "p.csv"))
+    assert {20 + 0.5 * k for k in range(80)} <= set(log.temperature_degC.tolist())
+    # line 42 is the first of the second run: the names, 40 rows, and it
+    (tmp_path / "t.csv").write_text(WAYS["seconds"][0] + WAYS["seconds"][0].partition("\n")[2], encoding="utf-8")
+    with pytest.raises(LogError, match=r"t\.csv, line 42.*backwards.*one run in each"):
+        read_log(tmp_path / "t.csv", power_log=str(tmp_path / "p.csv"))

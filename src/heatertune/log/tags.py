@@ -551,19 +551,23 @@ def with_power_rows(sheet: Sheet, powers: Sheet, asked: ReadSettings) -> tuple[S
         powers, {"temperature": power + 1, "power": NO_COLUMN, "setpoint": NO_COLUMN}), None)
     at_s, power_s = _common_s(sheet, own, powers, other, asked.time_unit)
     time, width = own.index["time"], len(sheet.rows[0])
-    row_at = {instant: [*row, ""] for instant, row in zip(at_s.tolist(), sheet.rows, strict=True)}
-    line_at = dict(zip(at_s.tolist(), sheet.lines, strict=True))
+    instants, lines, rows = at_s.tolist(), [*sheet.lines], [[*row, ""] for row in sheet.rows]
+    first = {instant: k for k, instant in reversed([*enumerate(instants)])}
     for instant, row, line in zip(power_s.tolist(), powers.rows, powers.lines, strict=True):
-        blank = [row[other.index["time"]] if i == time else "" for i in range(width + 1)]
-        row_at.setdefault(instant, blank)[width] = row[power]
-        line_at.setdefault(instant, line)
-    order = sorted(row_at)
+        k = first.get(instant)
+        if k is None or rows[k][width]:  # else of a reading's own row
+            k = len(rows)
+            rows.append([row[other.index["time"]] if i == time else "" for i in range(width + 1)])
+            instants.append(instant)
+            lines.append(line)
+        rows[k][width] = row[power]
+    order = np.argsort(instants, kind="stable").tolist()
     name = powers.header[power] if powers.header and role_of(powers.header[power]) == "power" else "power"
     unit = powers.units[power] if powers.units else ""
     return replace(
         sheet, header=(*sheet.header, name) if sheet.header else (), repairs=repairs,
         units=(*(sheet.units or ("",) * width), unit) if sheet.units or unit else (),
-        rows=[row_at[instant] for instant in order], lines=[line_at[instant] for instant in order],
+        rows=[rows[k] for k in order], lines=[lines[k] for k in order],
     ), replace(asked, power_column=str(width + 1), date_column=None)
 
 
@@ -603,6 +607,11 @@ def _common_s(sheet: Sheet, own: Columns, powers: Sheet, other: Columns, unit: s
     both = replace(sheet, rows=[sheet.rows[0], row], lines=[sheet.lines[0], powers.lines[0]])
     begins = np.diff(seconds(both, own, unit, None, [])[0])[0]
     at_s, power_s = (seconds(each, place, unit, None, [])[0] for each, place in ((sheet, own), (powers, other)))
+    for each, place, time in ((sheet, own, at_s), (powers, other, power_s)):
+        if len(back := np.flatnonzero(np.diff(time) < 0.0)):
+            raise LogError("the time goes backwards", file=each.file, line=each.lines[back[0] + 1],
+                           column=place.names["time"], value=each.rows[back[0] + 1][place.index["time"]],
+                           expected="one run in each of the two files, in the order of its time")
     at_s, power_s = at_s - at_s[0], np.round(power_s - power_s[0] + begins, 6)
     if power_s[0] > at_s[-1] or power_s[-1] < -_NEAR * at_s[-1]:
         raise LogError("powers from another time than the temperatures", file=powers.file, line=powers.lines[0],
