@@ -246,7 +246,7 @@ _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _SAMPLE = 50  # lines looked at to find the separator
 _FEW_LINES: Final = 20
 _SEPARATOR_LINE: Final = re.compile(r'[" ]*sep=[;,\t|][" ]*', re.IGNORECASE)  # written by spreadsheets
-_MOST_SHARED: Final = 4096  # different cells of a column
+_MOST_TEXTS: Final = 4096  # different cells of a column
 _MARKS: Final = ("\t", ";", "|", ",")
 _ALIKE: Final = 0.05
 _MOST_WORDS: Final = 0.6
@@ -523,19 +523,19 @@ def _split(path: Path, lines: Sequence[int], texts: list[str], separator: str | 
         texts = [_one_mark(text, separator) for text in texts]
     reader = csv.reader(_taken(texts), delimiter=separator[-1], skipinitialspace=True)
     try:
-        shared: list[dict[str, str]] = []
-        return [_shared(row, shared) for row in reader]
+        texts_of: list[dict[str, str]] = []
+        return [_strip_cells(row, texts_of) for row in reader]
     except csv.Error as problem:
         raise LogError(str(problem), file=path, line=lines[reader.line_num - 1]) from problem
 
 
-def _shared(row: list[str], shared: list[dict[str, str]]) -> list[str]:
-    """Return the stripped cells of a row; a cell that its column has had before is held once."""
-    shared += ({} for _ in range(len(row) - len(shared)))
+def _strip_cells(row: list[str], texts_of: list[dict[str, str]]) -> list[str]:
+    """Return the stripped cells of a row; equal cells of a column are one object, `texts_of` holds those of each."""
+    texts_of += ({} for _ in range(len(row) - len(texts_of)))
     cells = []
-    for cell, known in zip(row, shared, strict=False):
+    for cell, texts in zip(row, texts_of, strict=False):
         text = cell.strip()
-        cells.append(known.setdefault(text, text) if len(known) < _MOST_SHARED else known.get(text, text))
+        cells.append(texts.setdefault(text, text) if len(texts) < _MOST_TEXTS else texts.get(text, text))
     return cells
 
 

@@ -576,14 +576,14 @@ def _power_place(powers: Sheet, asked: ReadSettings) -> int:
     if asked.power_column is not None:
         return choose_column(powers, "power", asked.power_column)
     names = powers.header or tuple(f"{i + 1}" for i in range(len(powers.rows[0])))
-    places_ = [i for i, name in enumerate(powers.header) if role_of(name) == "power"] or [
+    candidates = [i for i, name in enumerate(powers.header) if role_of(name) == "power"] or [
         i for i, name in enumerate(names) if role_of(name) != "time" and (i > 0 or powers.header)
         and (all(is_number(row[i]) for row in powers.rows) or on_or_off([row[i] for row in powers.rows]))]
-    if len(places_) != 1:
-        found = f"no column is a power ({', '.join(names)})" if not places_ else (
-            f"several columns may be the power ({', '.join(names[i] for i in places_)})")
+    if len(candidates) != 1:
+        found = f"no column is a power ({', '.join(names)})" if not candidates else (
+            f"several columns may be the power ({', '.join(names[i] for i in candidates)})")
         raise LogError(found, file=powers.file, expected="--power-column with a column of this file")
-    return places_[0]
+    return candidates[0]
 
 
 def _common_s(sheet: Sheet, own: Columns, powers: Sheet, other: Columns, unit: str | None) -> tuple[Array, Array]:
