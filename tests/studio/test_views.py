@@ -7,6 +7,7 @@ import re
 import zipfile
 from dataclasses import replace
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,11 @@ from heatertune import chain
 from heatertune.model.statistics import Interval
 from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 from heatertune.plc.keyed_entry import typed_words
+from heatertune.proof.verdict import verdict_details, verdict_line
 from heatertune.report.plots import LOOK
 from heatertune.studio import charts, views
 from heatertune.studio.loop_settings import StudioSettings, first_look, full_proof
-from heatertune.studio.picture import picture_of
+from heatertune.studio.picture import parts_of, picture_of
 from heatertune.studio.session import FrontDesign, PinnedDesign
 from heatertune.studio.sheet_card import DroppedFile
 from heatertune.studio.work import export_zip, report_page
@@ -285,3 +287,37 @@ def test_what_differs_from_the_first_design_is_marked(heater, look):
     text = views.comparison_html([PinnedDesign(name="A", look=look, verdict="PASS"), PinnedDesign(name="B", look=other, verdict="PASS")])
     assert "<td>1.6</td><td><mark>1.3</mark></td>" in text
     assert "<td>PI</td><td>PI</td>" in text
+
+
+def test_the_banner_is_short_and_nothing_of_the_verdict_is_lost_under_it(proof):
+    assert len(views.verdict_text("PASS", proof)) < 160  # two lines of the page
+    line, folded = verdict_line(proof.to_document()), " ".join(Cells(views.conditions(proof)).cells)
+    parts = verdict_details(proof.to_document())
+    assert parts
+    assert line.endswith("; ".join(parts))
+    assert all(views.for_page(part)[1:] in folded for part in parts)
+    assert views.conditions(None) == ""
+
+
+def test_each_event_has_a_number_and_no_two_numbers_of_a_line_meet(proof):
+    picture = picture_of(proof)
+    names = [name for name, *_ in charts.zooms(picture)]
+    assert len(set(names)) == len(names)
+    lines = charts._lines_of_numbers(picture)
+    width = float(picture.place(picture.parts[-1].end_s))
+    for line in set(lines.values()):
+        places = [float(picture.place(picture.parts[number - 1].begin_s)) for number in lines if lines[number] == line]
+        assert all(later - earlier >= 0.05 * width for earlier, later in pairwise(places))
+
+
+def test_a_kept_design_has_its_events_where_the_picture_has_them(heater, look, proof):
+    slow = first_look(heater, StudioSettings(ms=1.2))
+    pin, picture = PinnedDesign(name="A", look=slow, verdict="proving…"), picture_of(proof)
+    time, temperature = charts._aligned(pin, picture)
+    assert np.all(np.diff(time) >= 0.0)
+    own = parts_of(slow.proof.nominal, slow.proof)
+    assert [part.name for part in own] == [part.name for part in picture.parts]
+    for mine, there in zip(own, picture.parts, strict=True):
+        inside = (time >= there.begin_s) & (time < there.end_s)
+        begins = slow.proof.nominal.temperature_at(np.array([mine.begin_s]), before=True)[0]
+        assert temperature[inside][0] == pytest.approx(begins, abs=0.1)

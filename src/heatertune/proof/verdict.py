@@ -20,8 +20,8 @@ from heatertune.units import count
 __all__ = [
     "ASSUMED", "BREAKS_NONE", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "FitDiagnostics", "FitDiagnosticsView",
     "blocking_findings", "closing_text", "combined_verdict", "derived_verdict", "extent", "relaxed_clause",
-    "relaxed_of", "sample_lines", "samples_told", "switching_lines", "told_by_kind", "told_of", "verdict_first",
-    "verdict_line", "verdict_of_samples",
+    "relaxed_of", "sample_lines", "samples_told", "switching_lines", "told_by_kind", "told_of",
+    "verdict_brief", "verdict_details", "verdict_first", "verdict_line", "verdict_of_samples",
 ]
 
 #: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use
@@ -40,6 +40,9 @@ ASSUMED: Final = {
 
 #: how many samples to ask for
 _MORE: Final = [number * 10**size for size in range(2, 7) for number in (1, 2, 5)]
+
+#: reasons that a short sentence names
+_NAMED: Final = 3
 
 #: what is asked of a proof first
 FIRST: Final = ("verdict", "relaxed_limits", "target", "setpoint_degC", "specification", "words", "criteria")
@@ -147,11 +150,27 @@ def blocking_findings(proof: Document) -> list[Mapping[str, Any]]:
 
 def verdict_line(proof: Document) -> str:
     """Return the verdict of a proof's document as one line: where, on how many heaters, why not, and what is told."""
-    parts = [f"{proof['verdict']} {''.join(f'{part}, ' for part in [relaxed_clause(proof)] if part)}{extent(proof)}"]
+    parts = [_head(proof)]
     parts += [f"not kept: {', '.join(broken)}"] if (broken := _broken(proof)) else []
-    parts += sample_lines(proof)
-    parts += [closing_text(finding, proof, f" ({finding['name']}): ") for finding in blocking_findings(proof)]
-    return "; ".join([*parts, *told_of(proof), *switching_lines(proof)])
+    return "; ".join([*parts, *verdict_details(proof)])
+
+
+def verdict_brief(proof: Document) -> str:
+    """Return the same in one short sentence: the reasons by name, at most three of them."""
+    reasons = [*_broken(proof), *(f"open: {finding['name'].replace('-', ' ')}" for finding in blocking_findings(proof))]
+    more = [f"{len(reasons) - _NAMED} more"] if len(reasons) > _NAMED else []
+    return f"{_head(proof)}{': ' if reasons else ''}{', '.join([*reasons[:_NAMED], *more])}"
+
+
+def verdict_details(proof: Document) -> list[str]:
+    """Return what a proof's document leaves open, each with what closes it, and the conditions it holds under."""
+    blocking = [closing_text(finding, proof, f" ({finding['name']}): ") for finding in blocking_findings(proof)]
+    return [*sample_lines(proof), *blocking, *told_of(proof), *switching_lines(proof)]
+
+
+def _head(proof: Document) -> str:
+    relaxed = relaxed_clause(proof)
+    return f"{proof['verdict']} {f'{relaxed}, ' if relaxed else ''}{extent(proof)}"
 
 
 def closing_text(finding: Document, proof: Document, between: str = "; ") -> str:

@@ -114,7 +114,7 @@ def _table(samples: Mapping[str, Any]) -> str:
     return f'<table class="drawn"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
 
 
-_LOOP_CARD_HEIGHT_PX: Final = 470
+_LOOP_CARD_HEIGHT_PX: Final = 500
 _KEPT: Final = 8
 _REST_S: Final = 0.3  # a verdict is read first; a design that moved on by then wants no picture of all its runs
 #: of the last proofs; every window shows the same ones
@@ -389,7 +389,9 @@ class Page:
         self._progress = ui.label().classes("card wide").props("role=status data-field=progress")
         self._live = LiveCard(self.work, self._read)
         self._sheet = SheetCard(self._use, self._hold)
-        self._verdict = ui.label().classes("card verdict wide").props("role=status aria-live=polite data-field=verdict")
+        with ui.element("div").classes("card verdict wide").props("data-field=banner") as self._banner:
+            self._verdict = ui.label().props("role=status aria-live=polite data-field=verdict")
+            self._conditions = html().props("data-field=conditions")
         with ui.element("div").classes("card mend wide").props("role=status data-field=mend") as self._mend:
             self._mend_told = ui.label().props("data-field=mend-told")
             with ui.element("div").classes("actions"):
@@ -402,9 +404,10 @@ class Page:
         """Build what is seen once there is a design."""
         self._left = LeftCard(self.work.put_trace_away)
         self._loop = LoopCard()
-        with card("Words for the controller, as its tool shows them", "data-field=words", wide=True):
+        with card("Words for the controller, as its tool shows them", "data-field=words", wide=True) as parameters:
             self._words = html()
             self._build_actions()
+        parameters.classes("parameters")
         with card("What rounding did"):
             self._rounding = html()
         with card("Log and model"):
@@ -567,7 +570,8 @@ class Page:
         proof = None if session.error else session.proof
         self._verdict.set_text(views.verdict_text(verdict, proof, last=session.look is not None))
         judged = verdict in ("PASS", "FAIL", NOT_PROVEN)
-        self._verdict.classes(remove="pass fail not-proven", add=verdict.lower().replace(" ", "-") if judged else "")
+        self._banner.classes(remove="pass fail not-proven", add=verdict.lower().replace(" ", "-") if judged else "")
+        self._conditions.set_content(views.conditions(proof))
         self._zip.set_enabled(not session.is_computing and (verdict == "PASS" or (judged and bool(self._force.value))))
         self._report.set_enabled(judged and not session.is_computing)
         self._optimum.set_enabled(session.fitted is not None and not session.is_awaited and not session.has_design)

@@ -17,7 +17,7 @@ from heatertune.pid.search.robust import interval_ends
 from heatertune.report.plots import LOOK
 from heatertune.studio.live_log import RecordedTrace
 from heatertune.studio.loop_settings import LoopView
-from heatertune.studio.picture import Line, Picture, course_of, downsample, step_corners, straight
+from heatertune.studio.picture import Line, Picture, course_of, downsample, parts_of, step_corners, straight
 from heatertune.studio.session import PinnedDesign
 
 __all__ = ["Options", "heater_chart", "key_of", "live_charts", "log_chart", "loop_chart", "zooms"]
@@ -47,6 +47,10 @@ _POINTED_AT: Final = """found => { const x = found[0].axisValue, instant = %s;
     s => `${s.name}: <b>${at(s.data).toFixed(1)} ${s.yAxisIndex ? "%%" : "°C"}</b>`);
   return [`${instant(x)} s`, ...rows].join("<br>"); }"""
 _BAND: Final = 1.96  # of a normal distribution, 95 %
+_FAILING_PX: Final = 2.6  # width of the line of the run that breaks a limit
+_APART: Final = 0.06  # of the axis: room for a number of two digits in a picture of a telephone
+_LINES_OF_NUMBERS: Final = 3
+_LINE_PX: Final = 12
 
 
 def log_chart(log: Log, fitted: FittedModel) -> Options:
@@ -112,18 +116,20 @@ def loop_chart(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] 
     proof = look.proof
     nominal = proof.nominal
     words = _over(picture, "nominal run", course_of(nominal, proof), "realised", pieces=_POINTED)
+    words["z"] = 4  # over the worst run
     lines = [words]
     if picture.worst is not None:
-        lines.append(_over(picture, "worst run", picture.worst[1], "worst"))
+        worst = _over(picture, picture.called, picture.worst[1], "worst")
+        if picture.fails:  # what a FAIL is about comes first
+            worst |= {"z": 5, "lineStyle": {**worst["lineStyle"], "width": _FAILING_PX, "type": "solid"}}
+        lines.append(worst)
     if look.wish is not None:
         lines.append(_over(picture, "unrounded wish", course_of(look.wish, proof), "ideal"))
     for pin, kind in zip(pinned, _PIN_LINES, strict=False):
-        held = course_of(pin.look.proof.nominal, pin.look.proof)
-        lines.append(_over(picture, f"design {pin.name}", held, "other", kind=kind, color=_PIN))
+        lines.append(_over(picture, f"design {pin.name}", _aligned(pin, picture), "other", kind=kind, color=_PIN))
     values = np.concatenate([[point[1] for point in line["data"]] for line in lines] + [y for _, y in picture.crowd])
     low, high = float(values.min()), float(values.max())
     room = 0.06 * (high - low)
-    words["z"] = 4  # over the worst run
     words["markArea"] = _walls(picture, low - room, high + room)
     words["markLine"] = _setpoint_and_parts(picture)
     asked = step_corners(nominal.time_s, nominal.power_asked_pct)
@@ -142,18 +148,21 @@ def zooms(picture: Picture) -> list[tuple[str, float, float]]:
     """Return the parts of the story that the picture can be zoomed to: name, begin and end on its axis."""
     begins = picture.place([part.begin_s for part in picture.parts]).tolist()
     ends = [*begins[1:], float(picture.place(picture.parts[-1].end_s))]
-    found = zip((part.name for part in picture.parts), begins, ends, strict=True)
+    names = (f"{number} {part.name}" for number, part in enumerate(picture.parts, 1))
+    found = zip(names, begins, ends, strict=True)
     return [("whole story", 0.0, ends[-1]), *((name, begin, end - 1e-3 * (end - begin)) for name, begin, end in found)]
 
 
 def key_of(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()) -> list[tuple[str, str, str]]:
     """Return what the lines of the loop's picture are: name, colour and SVG dashes."""
     names = [("nominal run", "realised")]
-    names += [] if picture.worst is None else [(f"worst run: {picture.worst[0]}", "worst")]
+    if picture.worst is not None:
+        names.insert(0 if picture.fails else 1, (f"{picture.called}: {picture.worst[0]}", "worst"))
     names += [] if look.wish is None else [("unrounded wish", "ideal")]
     names += [(f"all {picture.runs} runs", "other")] if picture.runs > 1 else []
     pins = [(f"design {pin.name}", _PIN, "6 4") for pin in pinned]
-    return [*((name, _CROWD if kind == "other" else LOOK[kind]["color"], _DASHES.get(kind, ""))
+    solid = {"worst"} if picture.fails else set[str]()
+    return [*((name, _CROWD if kind == "other" else LOOK[kind]["color"], "" if kind in solid else _DASHES.get(kind, ""))
               for name, kind in names), *pins]
 
 
@@ -164,6 +173,20 @@ def _over(
     across, values = picture.place(line[0]), line[1]
     kept = straight(across, values, within or _WITHIN * float(np.ptp(values)), pieces)
     return _line(name, across[kept], values[kept], look, **other)
+
+
+def _aligned(pin: PinnedDesign, picture: Picture) -> Line:
+    """Return the nominal run of a design that was kept, each event where it is in the picture."""
+    proof = pin.look.proof
+    time, temperature = course_of(proof.nominal, proof)
+    own = parts_of(proof.nominal, proof)
+    if [part.name for part in own] != [part.name for part in picture.parts]:  # another story
+        return time, temperature
+    pieces = [(time >= part.begin_s) & (time < part.end_s) & (time < part.begin_s + there.end_s - there.begin_s)
+              for part, there in zip(own, picture.parts, strict=True)]
+    moved = [time[piece] - part.begin_s + there.begin_s
+             for piece, part, there in zip(pieces, own, picture.parts, strict=True)]
+    return np.concatenate(moved), np.concatenate([temperature[piece] for piece in pieces])
 
 
 def _crowd(picture: Picture) -> Options:
@@ -188,16 +211,36 @@ def _walls(picture: Picture, low: float, high: float) -> Options:
 
 
 def _setpoint_and_parts(picture: Picture) -> Options:
-    """Return the setpoint of each part, and where each part begins, by name."""
+    """Return the setpoint of each part, where each part begins, by number, and where a time at rest is left out."""
     ink, data = LOOK["limit"]["color"], list[Any]()
-    for part in picture.parts:
+    lines = _lines_of_numbers(picture)
+    for number, part in enumerate(picture.parts, 1):
         begin, end = (round(float(picture.place(instant)), 1) for instant in (part.begin_s, part.end_s))
         data.append([{"coord": [begin, part.setpoint_degC], "lineStyle": {"type": "dotted"}},
                      {"coord": [end, part.setpoint_degC]}])
         if part.begin_s > 0.0:
+            line = lines.get(number)
             data.append({"xAxis": begin, "lineStyle": {"type": "solid", "width": 1, "opacity": 0.5}, "label": {
-                "show": True, "formatter": part.name, "position": "insideEndTop", "color": _INK, "fontSize": 11}})
+                "show": line is not None, "formatter": str(number), "position": "end", "color": _INK, "opacity": 1,
+                "fontSize": 11, "distance": 2 + _LINE_PX * (line or 0)}})
+    for begin, _ in picture.torn:
+        data.append({"xAxis": round(float(picture.place(begin)), 1), "lineStyle": {"opacity": 0}, "label": {
+            "show": True, "formatter": "//", "position": "start", "color": _INK, "opacity": 1, "fontSize": 11,
+            "distance": 1}})
     return {"silent": True, "symbol": "none", "lineStyle": {"color": ink}, "label": {"show": False}, "data": data}
+
+
+def _lines_of_numbers(picture: Picture) -> dict[int, int]:
+    """Return number of a part → in which line above the picture it stands; one that finds no room is left out."""
+    ends = [-math.inf] * _LINES_OF_NUMBERS
+    room = _APART * float(picture.place(picture.parts[-1].end_s))
+    lines = dict[int, int]()
+    for number, part in enumerate(picture.parts, 1):
+        place = float(picture.place(part.begin_s))
+        free = next((line for line, end in enumerate(ends) if place >= end), None)
+        if free is not None:
+            lines[number], ends[free] = free, place + room
+    return lines
 
 
 def _instants(picture: Picture, end_s: float) -> list[float]:
@@ -220,8 +263,8 @@ def _two_grids(lines: Sequence[Options], picture: Picture, *, end_s: float) -> O
     axis_y, pointed = upper["yAxis"], f"p => ({_instant_of(picture)})(p.value) + ' s'"
     left, right = 52, 14
     return upper | {
-        "grid": [{"left": left, "right": right, "top": 26, "height": 250, "outerBoundsMode": "none"},
-                 {"left": left, "right": right, "top": 316, "height": 80, "outerBoundsMode": "none"}],
+        "grid": [{"left": left, "right": right, "top": 58, "height": 250, "outerBoundsMode": "none"},
+                 {"left": left, "right": right, "top": 348, "height": 80, "outerBoundsMode": "none"}],
         "xAxis": [axis_x | {"name": "", "axisLabel": {"show": False}, "axisTick": {"show": False},
                             "axisPointer": {"label": {"show": False}}},
                   axis_x | {"gridIndex": 1, "axisPointer": {"label": {":formatter": pointed}}}],

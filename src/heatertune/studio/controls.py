@@ -43,7 +43,7 @@ new MutationObserver(() => studio.paint()).observe(
   document, {subtree: true, childList: true, attributeFilter: ['data-heard', 'data-computing']});
 </script>"""
 _LOOK: Final = """
-html.stale :is([data-field=verdict], [data-field=words], [data-field=as-left], [data-field=drawn]) {
+html.stale :is([data-field=banner], [data-field=words], [data-field=as-left], [data-field=drawn]) {
   background: #ececec; border-color: #767676; }
 html.stale :is(.verdict, [data-field=words] :is(th, td, code),
     :is([data-field=as-left], [data-field=drawn]) :is(th, td, p, li)) {

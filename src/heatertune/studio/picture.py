@@ -148,6 +148,7 @@ class Picture:
         walls: its limits.
         parts: of the story, as the nominal run lives through them.
         torn: times at rest that are left out, from and to [s].
+        fails: whether the worst run breaks a limit.
     """
 
     crowd: tuple[Line, ...]
@@ -156,6 +157,12 @@ class Picture:
     walls: tuple[Wall, ...]
     parts: tuple[PicturePart, ...]
     torn: tuple[tuple[float, float], ...]
+    fails: bool = False
+
+    @property
+    def called(self) -> str:
+        """What the worst run is called."""
+        return "failing run" if self.fails else "worst run"
 
     def place(self, time: npt.ArrayLike) -> Array:
         """Return where instants [s], of any shape, stand in the picture: what is torn out has no width."""
@@ -179,8 +186,9 @@ def picture_of(proof: Proof, before_run: Callable[[], object] = bool) -> Picture
         lines[line[0].tobytes() + line[1].tobytes()] = line
     run = proof.worst_run
     worst = None if run == 0 else (proof.runs[run].label, course_of(proof.worst, proof))
+    fails = worst is not None and proof.verdict == "FAIL"
     return Picture(crowd=tuple(lines.values()), runs=len(proof.runs), worst=worst, walls=tuple(walls_of(proof, run)),
-                   parts=tuple(parts_of(proof.nominal, proof)), torn=gone)
+                   parts=tuple(parts_of(proof.nominal, proof)), torn=gone, fails=fails)
 
 
 def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS) -> Line:

@@ -14,7 +14,7 @@ from heatertune.plc import controller_for
 from heatertune.plc.keyed_entry import FIRST, THEN, KeyedEntry, typed_words
 from heatertune.proof import Proof
 from heatertune.proof.ripple_and_wear import life
-from heatertune.proof.verdict import verdict_line
+from heatertune.proof.verdict import verdict_brief, verdict_details
 from heatertune.report.html import Markup, bullets, table, text_of
 from heatertune.report.text import criterion_value, figure, model_rows
 from heatertune.studio.loop_settings import LoopView
@@ -24,8 +24,8 @@ from heatertune.studio.wording import for_page
 from heatertune.terms import the_term
 
 __all__ = [
-    "comparison_html", "criteria", "diagnosis", "duration_text", "export_name", "in_words", "key", "notes",
-    "proving_text", "rounding", "sentence", "verdict_text", "words",
+    "comparison_html", "conditions", "criteria", "diagnosis", "duration_text", "export_name", "in_words", "key",
+    "notes", "proving_text", "rounding", "sentence", "verdict_text", "words",
 ]
 
 _PARTS = (("K", "gain_pct_per_degC", "%/°C"), ("TN", "integral_time_s", "s"), ("TV", "derivative_time_s", "s"),
@@ -137,7 +137,16 @@ def verdict_text(verdict: str, proof: Proof | None, *, last: bool = False) -> st
         if verdict == "proving…":
             return proving_text("")
         return "No design for these settings; what is seen is the last one." if last else "No design yet: drop a log."
-    return f"{for_page(verdict_line(proof.to_document()))}."
+    return f"{for_page(verdict_brief(proof.to_document()))}."
+
+
+def conditions(proof: Proof | None) -> str:
+    """Return what a proof leaves open and the conditions it holds under, as HTML to unfold; "" where there is none."""
+    parts = [] if proof is None else verdict_details(proof.to_document())
+    if not parts:
+        return ""
+    sentences = bullets([f"{for_page(part)[:1].upper()}{for_page(part)[1:]}." for part in parts])
+    return f"<details><summary>Reasons and conditions ({len(parts)})</summary>{sentences}</details>"
 
 
 def sentence(proof: Proof, switch_kind: str) -> str:
@@ -171,16 +180,16 @@ def key(names: Sequence[tuple[str, str, str]]) -> str:
         f'<li><svg width="34" height="10" aria-hidden="true"><line x1="0" y1="5" x2="34" y2="5" stroke="{color}" '
         f'stroke-width="2" stroke-dasharray="{dashes}"/></svg>{text_of(name)}</li>' for name, color, dashes in names)
     wall = ('<li><svg width="34" height="12" aria-hidden="true"><rect width="34" height="12" class="wall"/></svg>'
-            "no run may be here</li>")
+            "no run may be here</li><li>// time at rest left out</li>")
     return f'<ul class="key">{shown}{wall}</ul>'
 
 
 def in_words(picture: Picture, runs: int) -> str:
     """Return the picture's numbers as a table: what the nominal run does in each part of the story."""
-    rows = [[part.name, duration_text(part.begin_s), figure(part.setpoint_degC), figure(part.highest_degC),
-             figure(part.lowest_degC),
+    rows = [[f"{number} {part.name}", duration_text(part.begin_s), figure(part.setpoint_degC),
+             figure(part.highest_degC), figure(part.lowest_degC),
              "never" if part.within_s is None else f"in {duration_text(part.within_s - part.begin_s)}"]
-            for part in picture.parts]
+            for number, part in enumerate(picture.parts, 1)]
     told = f"The nominal run of {runs}" if runs > 1 else "The nominal run"
     heads = ("part", "from", "asked", "most", "least", "settled")
     return f"<p>{told}, part by part; temperatures in °C:</p>" + table(heads, rows, numeric=(2, 3, 4))
