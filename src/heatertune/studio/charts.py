@@ -119,10 +119,7 @@ def loop_chart(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] 
     words["z"] = 4  # over the worst run
     lines = [words]
     if picture.worst is not None:
-        worst = _over(picture, picture.called, picture.worst[1], "worst")
-        if picture.fails:  # what a FAIL is about comes first
-            worst |= {"z": 5, "lineStyle": {**worst["lineStyle"], "width": _FAILING_PX, "type": "solid"}}
-        lines.append(worst)
+        lines.append(_worst(picture, picture.worst[1]))
     if look.wish is not None:
         lines.append(_over(picture, "unrounded wish", course_of(look.wish, proof), "ideal"))
     for pin, kind in zip(pinned, _PIN_LINES, strict=False):
@@ -155,15 +152,13 @@ def zooms(picture: Picture) -> list[tuple[str, float, float]]:
 
 def key_of(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()) -> list[tuple[str, str, str]]:
     """Return what the lines of the loop's picture are: name, colour and SVG dashes."""
-    names = [("nominal run", "realised")]
+    names = [("nominal run", LOOK["realised"]["color"], "")]
     if picture.worst is not None:
-        names.insert(0 if picture.fails else 1, (f"{picture.called}: {picture.worst[0]}", "worst"))
-    names += [] if look.wish is None else [("unrounded wish", "ideal")]
-    names += [(f"all {picture.runs} runs", "other")] if picture.runs > 1 else []
-    pins = [(f"design {pin.name}", _PIN, "6 4") for pin in pinned]
-    solid = {"worst"} if picture.fails else set[str]()
-    return [*((name, _CROWD if kind == "other" else LOOK[kind]["color"], "" if kind in solid else _DASHES.get(kind, ""))
-              for name, kind in names), *pins]
+        worst = f"{picture.called}: {picture.worst[0]}", LOOK["worst"]["color"], "" if picture.fails else _DASHES["worst"]
+        names.insert(0 if picture.fails else 1, worst)
+    names += [] if look.wish is None else [("unrounded wish", LOOK["ideal"]["color"], _DASHES["ideal"])]
+    names += [(f"all {picture.runs} runs", _CROWD, "")] if picture.runs > 1 else []
+    return [*names, *((f"design {pin.name}", _PIN, "6 4") for pin in pinned)]
 
 
 def _over(
@@ -173,6 +168,14 @@ def _over(
     across, values = picture.place(line[0]), line[1]
     kept = straight(across, values, within or _WITHIN * float(np.ptp(values)), pieces)
     return _line(name, across[kept], values[kept], look, **other)
+
+
+def _worst(picture: Picture, line: Line) -> Options:
+    """Return the line of the worst run; what a FAIL is about comes first."""
+    worst = _over(picture, picture.called, line, "worst")
+    if picture.fails:
+        worst |= {"z": 5, "lineStyle": {**worst["lineStyle"], "width": _FAILING_PX, "type": "solid"}}
+    return worst
 
 
 def _aligned(pin: PinnedDesign, picture: Picture) -> Line:
