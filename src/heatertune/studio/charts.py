@@ -154,7 +154,8 @@ def key_of(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()
     """Return what the lines of the loop's picture are: name, colour and SVG dashes."""
     names = [("nominal run", LOOK["realised"]["color"], "")]
     if picture.worst is not None:
-        worst = f"{picture.called}: {picture.worst[0]}", LOOK["worst"]["color"], "" if picture.fails else _DASHES["worst"]
+        dashes = "" if picture.fails else _DASHES["worst"]
+        worst = f"{picture.called}: {picture.worst[0]}", LOOK["worst"]["color"], dashes
         names.insert(0 if picture.fails else 1, worst)
     names += [] if look.wish is None else [("unrounded wish", LOOK["ideal"]["color"], _DASHES["ideal"])]
     names += [(f"all {picture.runs} runs", _CROWD, "")] if picture.runs > 1 else []
