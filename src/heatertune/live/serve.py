@@ -114,9 +114,9 @@ class FaultyLink:
 
     def _answered(self, pair: _Pair) -> None:
         reply = self._received(pair, pair.server)
-        if not reply or self._plc.link("black-hole") is not None or self._plc.link("lost-reply") is not None:
+        if not reply or any(self._plc.link(name) is not None for name in ("black-hole", "lost-reply", "late-request")):
             return
-        late = self._plc.link("late-reply")
+        late = self._plc.link("late-reply") or self._plc.link("duplicate")
         if late is None and not pair.late:
             self._sent(pair, pair.client, reply)
         else:  # nor does a later reply overtake

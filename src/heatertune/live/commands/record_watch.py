@@ -60,12 +60,15 @@ def add_record(commands: Any) -> None:
 
 def _run_record(settings: argparse.Namespace) -> int:
     from heatertune.live.controller_block import places_given
+    from heatertune.live.hold import Hold
     from heatertune.live.recorder import RecordingSetup, record
 
     address = address_of(settings.address)
     how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append,
                          timeout_s=settings.timeout, pwm_period_s=_pwm_period_s(settings.design))
     places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
+    if unended := Hold(address).message():
+        tell(unended)
     shown_notes: list[str] = []
     with asked_to_end() as asked:
         def shown(so_far: RecordingState) -> None:
@@ -230,8 +233,8 @@ def add_watch(commands: Any) -> None:
 
 def _run_watch(settings: argparse.Namespace) -> int:
     from heatertune.live.controller_block import places_of
+    from heatertune.live.hold import Hold
     from heatertune.live.loop_watch import BandWatch, others_there
-    from heatertune.live.plc_state import PlcState
     from heatertune.live.recorder import RecordingSetup, record
     from heatertune.live.write.proven_words import read_proven
 
@@ -242,7 +245,7 @@ def _run_watch(settings: argparse.Namespace) -> int:
     log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
     beside, monitored = BandWatch(proven), _monitored(settings.monitor, proven)
     others, unknown = others_there(proven, address)
-    open_experiment = PlcState(address).message()
+    unended = Hold(address).message()
     with asked_to_end() as asked:
         so_far = record(address, log, places, RecordingSetup(
             every_s=None if monitored is None else min(1.0, 0.5 * monitored.view.scan_s), for_s=settings.for_s,
@@ -253,11 +256,11 @@ def _run_watch(settings: argparse.Namespace) -> int:
         others, unknown = others_there(proven, address)
     unmoved = _unmoved(beside, so_far)
     well = beside.seen.readings > 0 and beside.seen.well and not unmoved  # who has seen nothing knows nothing
-    open_experiment = open_experiment or PlcState(address).message()  # one may have begun meanwhile
+    unended = unended or Hold(address).message()  # one may have begun meanwhile
     well = well and not others and (monitored is None or not monitored.messages()) and not so_far.trouble
-    well = well and not open_experiment
+    well = well and not unended
     seen = beside.seen.to_document()
-    seen["messages"] = [*(line for line in (open_experiment, others, unmoved) if line), *seen["messages"]]
+    seen["messages"] = [*(line for line in (unended, others, unmoved) if line), *seen["messages"]]
     document = {"schema": "heatertune/watch/2", "address": address.text, "log": str(log), "rows": so_far.rows,
                 "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well,
                 "words_not_compared": unknown or None, **seen,

@@ -5,15 +5,15 @@ Reads are repeated after a failure; a write is sent once.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
 from heatertune.live.block_memory import Signal, bytes_of, field_of
 from heatertune.live.client.connection import Address, Client, ClosesOnExit, connect, told_by
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
+from heatertune.live.hold import HOST, Clock
 from heatertune.live.simulator_status import RUNS, SimulatorStatus
 from heatertune.plc import Controller, Words, controller_for
 from heatertune.plc.ramp import Number
@@ -221,11 +221,13 @@ class LinkSettings:
         tries: connections that are tried, one after the other, where one is lost.
         pause_s: before each but the first [s].
         timeout_s: after which an answer is lost [s].
+        clock: of this machine.
     """
 
     tries: int = 5
     pause_s: float = 1.0
     timeout_s: float = 2.0
+    clock: Clock = field(default_factory=lambda: HOST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,7 +253,13 @@ class BlockSnapshot:
 
 
 class Peer(ClosesOnExit):
-    """A PLC; it is connected to when it is first asked."""
+    """A PLC; it is connected to when it is first asked.
+
+    Attributes:
+        address: of the PLC.
+        standing: what is there.
+        clock: of this machine.
+    """
 
     def __init__(self, address: Address, standing: BlockImage, interval_s: float,
                  link: LinkSettings | None = None) -> None:
@@ -265,6 +273,7 @@ class Peer(ClosesOnExit):
         """
         self.address, self.standing, self._interval_s = address, standing, interval_s
         self._link, self._client = link or LinkSettings(), None
+        self.clock = self._link.clock
         self._simulated: bool | None = None
 
     _client: Client | None
@@ -277,7 +286,7 @@ class Peer(ClosesOnExit):
         """
         for number in range(self._link.tries):
             if number:
-                time.sleep(self._link.pause_s)
+                self.clock.sleep(self._link.pause_s)
             try:
                 return self._look()
             except PlcRefused:
@@ -291,7 +300,7 @@ class Peer(ClosesOnExit):
         client, at = self._connected(), self.standing
         content = at.read(client)
         told = self._told(client)
-        seen = time.monotonic() if told is None else told.intervals * told.interval_s
+        seen = self.clock.now_s() if told is None else told.intervals * told.interval_s
         return BlockSnapshot(content, at.values(content), told, seen)
 
     def _told(self, client: Client) -> SimulatorStatus | None:
@@ -326,20 +335,20 @@ class Peer(ClosesOnExit):
             LinkError: as `look`.
         """
         if since.status is None:
-            time.sleep(scans * self._interval_s)
+            self.clock.sleep(scans * self._interval_s)
             return self.look()
-        ends = time.monotonic() + max(_LEAST_WAIT_S, 2.0 * scans * self._interval_s)
+        ends = self.clock.now_s() + max(_LEAST_WAIT_S, 2.0 * scans * self._interval_s)
         while True:
             look = self.look()
             if look.status is None or look.status.scans - since.status.scans >= scans or not runs(look):
                 return look
-            if time.monotonic() > ends:
+            if self.clock.now_s() > ends:
                 return look
-            time.sleep(_SOON_S)
+            self.clock.sleep(_SOON_S)
 
     def pause(self) -> None:
         """Wait until the next look is worth its while."""
-        time.sleep(_SOON_S if self._simulated else 0.5 * self._interval_s)
+        self.clock.sleep(_SOON_S if self._simulated else 0.5 * self._interval_s)
 
     def close(self) -> None:
         """Close the connection, if there is one."""

@@ -20,7 +20,7 @@ from typing import Any, Final
 from heatertune.codec import plain
 from heatertune.errors import DocumentError, InputError
 from heatertune.live.client.connection import Address, ClosesOnExit
-from heatertune.live.plc_state import state_folder
+from heatertune.live.hold import state_folder
 from heatertune.writing import read_bytes, settle
 
 __all__ = [
