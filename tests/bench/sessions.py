@@ -362,7 +362,8 @@ def session(target, protocol, made, chance, place):
             last = words_in(plc.plc.memory.image(), kind)
     after = {**before, **{n: v for n, v in proven.words.values.items() if n in before}}
     story = Story(kind, witness.scan_s, done, before, after, events, last, faults)
-    wrong = [*judged(story), *(one for log in logs for one in log.judged(witness.shown, witness.scan_s))]
+    wrong = [*judged(story), *(one for log in logs for one in log.judged(witness.shown, witness.scan_s)
+                                  if not any(fault.name == "cached" for fault in faults))]  # a copy is of another scan
     took = {"rows": sum(log.rows for log in logs), **took_back(story, done, times)}
     said = f"{target} {protocol} {timed} {armed}: {done.end.outcome}"
     return done.end.outcome.value, took, [f"{said}: {one}; {done.end.message}" for one in wrong]
@@ -457,7 +458,7 @@ def judged(story):  # noqa: C901, PLR0912 - a list of what must hold
     if outcome == "done" and not gateway and any(words_in(looks[-1][-1], kind)[name] != after[name] for name in before):
         yield f"done, but there stands {words_in(looks[-1][-1], kind)}"
     for name in before:
-        if not (device and outcome == "partly done") and last[name] not in {before[name], after[name]} | others[name]:
+        if not (device and outcome in ("partly done", "unknown")) and last[name] not in {before[name], after[name]} | others[name]:
             yield f"{name} = {last[name]} is nobody's"
         if outcome in ("not done", "rolled back") and name in mine and mine[name] == last[name] == after[name] != before[name]:
             yield f"{name} = {last[name]} was left behind"

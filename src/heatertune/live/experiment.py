@@ -383,7 +383,7 @@ class _Hand:
         """Send a put, and see that it stands there; until then the way back on the disk says that it may arrive."""
         mode = self._whole.mode
         try:
-            self._hold.sending()
+            self._hold.note_request()
         except InputError as problem:
             self.end("output", str(problem))
             return
@@ -391,12 +391,12 @@ class _Hand:
         self._hold.send(partial(mode.write_cells, client, self._put))
         found = mode.cells(client)
         if found == self._put:
-            self._hold.seen()
+            self._hold.note_stored()
         elif found == before:
             self.end("hand", f"{power:g} % was accepted, but does not stand there")
         else:
             self._hold.add_own(mode.place[1], found)
-            self._hold.seen()
+            self._hold.note_stored()
             self.end("hand", f"the device keeps other values than were written for {power:g} %: a limit of its own, or "
                              "somebody else has changed them just now")
 

@@ -284,7 +284,7 @@ class Hold:
         if self._way_back is not None and self._way_back.sent_s != sent_s:
             self._save(replace(self._way_back, sent_s=sent_s))
 
-    def sending(self) -> None:
+    def note_request(self) -> None:
         """Note that a request is sent now.
 
         Raises:
@@ -293,16 +293,16 @@ class Hold:
         self._before_s, self._lost_s = self._lost_s, self.clock.now_s()
         self._note(self._lost_s)
 
-    def refused(self) -> None:
+    def note_refusal(self) -> None:
         """Note that the request was not carried out."""
         self._lost_s = self._before_s
         self._forget_sent()
 
-    def answered(self) -> None:
+    def note_answer(self) -> None:
         """Note that the request has its answer; what it wrote has still to be seen."""
         self._unseen_s, self._lost_s = self._lost_s, self._before_s
 
-    def seen(self) -> None:
+    def note_stored(self) -> None:
         """Note that what an answered request wrote was seen in the PLC."""
         self._unseen_s = None
         self._forget_sent()
@@ -398,15 +398,15 @@ class Hold:
                     outcome = False
                 elif found != part.before:
                     with suppress(InputError):  # the way back is sent though the disk takes nothing
-                        self.sending()
+                        self.note_request()
                     self.send(partial(client.write, way_back.number, part.start, part.before))
                     if client.read(*place) != part.before:
                         return None
-                    self.seen()
+                    self.note_stored()
         return outcome
 
     def send(self, write: Callable[[], object]) -> None:
-        """Send a request that `sending` has noted.
+        """Send a request that `note_request` has noted.
 
         Args:
             write: sends it.
@@ -418,9 +418,9 @@ class Hold:
         try:
             write()
         except (PlcRefused, LinkDown):
-            self.refused()
+            self.note_refusal()
             raise
-        self.answered()
+        self.note_answer()
 
 
 def utc_now() -> str:

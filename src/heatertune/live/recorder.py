@@ -78,6 +78,7 @@ class RecordingState:
         last: the latest look.
         interval_s: of the PLC's scans, whose count is the log's clock [s]; None: this machine's clock is.
         trouble: of the link just now, empty where there is none.
+        tells_new: see `heatertune.live.poller.Poller`.
         notes: what others did to the file meanwhile, one sentence each: it does not hold all rows.
     """
 
@@ -87,6 +88,7 @@ class RecordingState:
     last: Snapshot | None = None
     interval_s: float | None = None
     trouble: str = ""
+    tells_new: bool = False
     notes: list[str] = field(default_factory=list)
 
 
@@ -289,7 +291,7 @@ class _Rows:
             look = self._looked(shown, ended)
             if look is not None:
                 self._take(look)
-            self.so_far.torn = self._looking.torn
+            self.so_far.torn, self.so_far.tells_new = self._looking.torn, self._looking.tells_new
             shown(self.so_far)
             if look is not None and self._enough():
                 break

@@ -273,7 +273,9 @@ def _run_watch(settings: argparse.Namespace) -> int:
 def _unmoved(beside: BandWatch, so_far: RecordingState) -> str:
     """Return that nothing is known, for nothing that was read has changed and no counter says that it is new."""
     seen = beside.seen
-    if so_far.interval_s is not None or seen.readings == 0 or seen.still_s < min(seen.seconds, beside.window_s):
+    if so_far.interval_s is not None or so_far.tells_new or seen.readings == 0:
+        return ""
+    if seen.still_s < min(seen.seconds, beside.window_s):
         return ""
     return (f"{_NOT_JUDGED}: nothing that was read has changed for {seen.still_s:.4g} s, and no counter is read: a CPU "
             "that stands, a frozen sensor and a loop at rest look the same. Watch for longer")

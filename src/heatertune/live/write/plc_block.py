@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
 from heatertune.live.block_memory import Signal, bytes_of, field_of
-from heatertune.live.client.connection import Address, Client, ClosesOnExit, connect, told_by
+from heatertune.live.client.connection import Address, Client, ClosesOnExit, SignOfLife, connect, told_by
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
 from heatertune.live.hold import HOST, Clock
 from heatertune.live.simulator_status import RUNS, SimulatorStatus
@@ -211,6 +211,7 @@ def _spans(block: ServedBlock) -> tuple[tuple[int, int], ...]:
 
 _SOON_S: Final = 0.002  # between two looks at a simulator, whose time may go fast
 _LEAST_WAIT_S: Final = 5.0
+_NOTHING_TOLD: Final = SignOfLife()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,12 +240,20 @@ class BlockSnapshot:
         values: the words in them.
         told: the simulator's own block; None: this is none.
         time_s: of the plant where the simulator tells it, else of this machine [s].
+        life: what the protocol tells of the CPU, where this is no simulator.
     """
 
     content: bytes
     values: Mapping[str, Number]
     status: SimulatorStatus | None
     time_s: float
+    life: SignOfLife = _NOTHING_TOLD
+
+    def is_new(self, last: BlockSnapshot) -> bool | None:
+        """Return whether this is of another scan than the last look, None where nothing tells."""
+        if self.status is not None and last.status is not None:
+            return bool(self.status.scans != last.status.scans)
+        return self.life.is_new(last.life)
 
     def to_document(self) -> dict[str, Any]:
         """Return it as a record has it."""
@@ -301,7 +310,8 @@ class Peer(ClosesOnExit):
         content = at.read(client)
         told = self._told(client)
         seen = self.clock.now_s() if told is None else told.intervals * told.interval_s
-        return BlockSnapshot(content, at.values(content), told, seen)
+        life = client.sign_of_life() if told is None else _NOTHING_TOLD
+        return BlockSnapshot(content, at.values(content), told, seen, life)
 
     def _told(self, client: Client) -> SimulatorStatus | None:
         if self._simulated is False:
@@ -359,4 +369,4 @@ class Peer(ClosesOnExit):
 
 def runs(look: BlockSnapshot) -> bool | None:
     """Return whether the CPU runs, None where nobody tells."""
-    return None if look.status is None else bool(look.status.status & RUNS)
+    return look.life.runs if look.status is None else bool(look.status.status & RUNS)

@@ -232,14 +232,14 @@ def _bits(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot) -> Ite
 def _moves(looks: tuple[BlockSnapshot, BlockSnapshot]) -> Check:
     first, second = looks
     name = "CPU"
-    if second.status is None or first.status is None:
-        moved = first.content != second.content
-        return Check(name, True if moved else None, "the block moves" if moved else
-                     "nothing in the block moved in two scans: look whether it runs")
-    if not runs(second):
+    if runs(second) is False:
         return Check(name, False, "is in STOP")
-    moved = second.status.scans > first.status.scans
-    return Check(name, moved, "runs, a simulator" if moved else "says that it runs, but no scan came")
+    new = second.is_new(first)
+    if second.status is None or first.status is None:
+        moved = first.content != second.content if new is None else new
+        return Check(name, True if moved or runs(second) else None, "the block moves" if moved else "says that it runs"
+                     if runs(second) else "nothing in the block moved in two scans: look whether it runs")
+    return Check(name, new, "runs, a simulator" if new else "says that it runs, but no scan came")
 
 
 def interval_found(standing: BlockImage, look: BlockSnapshot, said: Declared) -> tuple[float | None, str]:

@@ -172,7 +172,7 @@ class Writer:
         """
         look = self.looks[-1]
         written = {name: before.values[name] for name in self._standing.own}
-        if look.status is not None or self._standing.with_words(look.content, written) != before.content:
+        if look.is_new(before) or self._standing.with_words(look.content, written) != before.content:
             return ended
         return WriteEnd(WriteOutcome.UNWATCHED, f"{ended.message}, but nothing else in the block has moved since: a "
                         "copy in a gateway and a CPU that stands look the same", ended.stands)
@@ -283,7 +283,7 @@ class Writer:
         with suppress(*((InputError,) if back else ())):
             self.record.write_line("writing", **part.to_document())
             self._budget.count(part.names)
-            self._hold.sending()
+            self._hold.note_request()
         try:
             self._hold.send(partial(self.peer.write, part, part.after))
         except (PlcRefused, LinkDown) as problem:
@@ -312,7 +312,7 @@ class Writer:
             raise _Stopped(f"the device keeps {kept}: a limit of its own, or a scale")
 
         if not change.pending:
-            self._hold.seen()
+            self._hold.note_stored()
 
     def _own_stored(self, change: _Change) -> None:
         """Have the way back on the disk hold what the device keeps, too."""
@@ -378,7 +378,7 @@ class Writer:
         others = self._unlike(look.values, change.before)
         seen = f"; besides, somebody has changed the words: {others}" if others else ""
         if not change.pending:
-            self._hold.seen()
+            self._hold.note_stored()
         if not change.tried:
             return WriteEnd(WriteOutcome.NOT_DONE, f"{why}; nothing that was written stands there{seen}", look.values)
         return WriteEnd(WriteOutcome.ROLLED_BACK, f"{why}; what was written is taken back{seen}", look.values)
