@@ -20,9 +20,11 @@ __all__ = ["S7Client", "open_client"]
 #: what fits into one message of 240 bytes, the smallest that PLCs agree to, both ways
 _MOST: Final = 212
 
-#: system status list of operating modes: its number, the byte of its record with the present one, and RUN (S7-300/400
-#: system functions, SZL-ID W#16#xy24)
-_MODES, _MODE_AT, _RUN = 0x0424, 3, 8
+#: system status list of operating modes (S7-300/400 system functions, SZL-ID W#16#xy24): its number, and where the
+#: present one stands, behind length and number of the records in the low half of a byte
+_MODES, _MODE_AT = 0x0424, 7
+#: a mode → whether the CPU is in RUN; those of a redundant pair are not known here
+_RUNS: Final = {8: True, **dict.fromkeys((1, 2, 3, 4, 5, 6, 7, 10), False)}
 
 logging.getLogger("snap7").addHandler(logging.NullHandler())  # errors tell what happened
 
@@ -72,7 +74,7 @@ class S7Client(RequestConnection):
             except (S7ProtocolError, RuntimeError) as problem:
                 raise self._refused(what, str(problem)) from None
             record = bytes(found.Data[: found.Header.LengthDR])
-            return record[_MODE_AT] & 0x0F == _RUN if len(record) > _MODE_AT else None
+            return _RUNS.get(record[_MODE_AT] & 0x0F) if len(record) > _MODE_AT else None
 
         if not self._tells_mode:
             return SignOfLife()
