@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from types import SimpleNamespace
 
 import pytest
-from tests.bench import signals
+from tests.bench import cuts, signals
 from tests.bench.gateway import Gateway
 from tests.bench.outage import Door, Experiment, Network, why_not
 from tests.live.conftest import PROTOCOLS, words_of
@@ -411,3 +411,20 @@ def test_signals_at_random_moments_leave_the_plc_as_it_was_or_to_the_named_comma
         place.mkdir()
         sent, wrong = signals.run(random.Random(number), place)
         assert not wrong, sent
+
+
+@pytest.mark.long(seconds=40)
+def test_a_network_that_is_cut_at_a_request_leaves_what_is_reported(tmp_path, monkeypatch):
+    """`python -m tests.bench.cuts` makes 500, over OPC UA, too."""
+    for name in ("LATE_S", "RETRY_S", "_PAUSES_S"):
+        monkeypatch.setattr(hold, name, getattr(hold, name))
+    monkeypatch.setattr(cuts.recorder, "_PAUSES_S", cuts.recorder._PAUSES_S)
+    monkeypatch.setattr(cuts.writer, "_PAUSE_S", cuts.writer._PAUSE_S)
+    made, hit = cuts.prepared(tmp_path), 0
+    for number, cut in enumerate(cuts.sweep(12, random.Random(3), ("modbus", "s7"), {"experiment": 16, "write": 20, "rollback": 8})):
+        place = tmp_path / str(number)
+        place.mkdir()
+        wrong, at = cuts.run(made, cut, place)
+        assert not wrong, cut
+        hit += bool(at)
+    assert hit >= 8
